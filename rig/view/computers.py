@@ -165,13 +165,12 @@ def values(lanes: LaneBlock, i: int) -> NDArray[np.float64]:
     return np.column_stack([rows["surface"] * _SCALES, rows[CLOCK]])
 
 
-def ranges(lanes: LaneBlock) -> dict[str, tuple[float, float]]:
-    """Return the axes of commands, deg or share, and of clocks, frames, by their names of NAMES."""
-    of = lanes["computer"]["health"] != Health.ABSENT
-    every = [values(lanes, i)[of[:, i]] for i in range(len(COMPUTERS))]
-    together = np.concatenate(every) if every else np.zeros((0, len(NAMES)))
-    spans = [2.0 if name.endswith("_rad") else 0.1 for name in NAMES]
-    return {name: spanned(together[:, i], span) for i, (name, span) in enumerate(zip(NAMES, spans, strict=True))}
+def ranges(lanes: LaneBlock, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
+    """Return the axes of what NAMES names: of commands in a ``part`` of the rows, deg or share; of clocks, frames."""
+    fitted = [i for i in range(len(COMPUTERS)) if (lanes["computer"]["health"][:, i] != Health.ABSENT).any()]
+    every = np.stack([values(lanes, i) for i in fitted]) if fitted else np.zeros((1, len(lanes), len(NAMES)))
+    axes = {name: every[:, slice(None) if name == CLOCK else part, i].ravel() for i, name in enumerate(NAMES)}
+    return {name: spanned(drawn, 2.0 if name.endswith("_rad") else 0.1) for name, drawn in axes.items()}
 
 
 def entities(lanes: LaneBlock) -> Iterator[Entity]:

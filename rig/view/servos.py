@@ -101,10 +101,10 @@ def values(servos: LaneBlock, i: int) -> NDArray[np.float64]:
     return np.concatenate(columns, axis=1)
 
 
-def ranges(servos: LaneBlock) -> dict[str, tuple[float, float]]:
-    """Return the axis of the position of each surface, deg, by its topic."""
+def ranges(servos: LaneBlock, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
+    """Return the axis of the position of each surface in a ``part`` of the rows, deg, by its topic."""
     wanted = [i for i, name in enumerate(NAMES) if name == "ram" or name.startswith(("asked", "lvdt"))]
-    return {topic(surface): spanned(values(servos, i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
+    return {topic(surface): spanned(values(servos[part], i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
 
 
 def columns(servos: LaneBlock, i: int) -> Iterator[tuple[str, Field, NDArray[Any]]]:

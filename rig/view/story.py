@@ -200,7 +200,7 @@ def look(facts: Facts, rows: Block, rate_hz: float, ended: bool, moved: LaneBloc
     for of, span_s in ((servos, seen.coils_s), (computers, seen.lanes_s)):
         if has_part(moved, of.SHOWN.part):
             first, last = (round(s * rate_hz) for s in span_s or (0.0, end_s))
-            ranges |= of.ranges(moved[first : last + 1])
+            ranges |= of.ranges(moved, slice(first, last + 1))
     if decisive is not None:
         span_s = decisive_s(decisive.onset_s, decisive.isolated_s, end_s)
         first, last = (int(np.searchsorted(rows["frame"], s * rate_hz)) for s in span_s)
