@@ -26,6 +26,7 @@ from rig.cli.recorded import thresholds, vote
 from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, recover, replay
 from rig.cli.score import report, score
+from rig.cli.search import search
 from rig.cli.studies import study
 from rig.cli.unit import unit_app
 from rig.cli.view import view, watch
@@ -52,7 +53,7 @@ _COMMANDS: Final = {
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
     REFERENCE: (signals, bench),
-    MANY: (check, league),
+    MANY: (check, search, league),
 }
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
