@@ -1,0 +1,268 @@
+"""Four computers measured with every fault of theirs: single ones, one lane after the other, the program of all.
+
+Four lanes with servo actuators in light turbulence; the onset, the lane and the surface of a fault are drawn.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import permutations, product
+from pathlib import Path
+from statistics import median
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from figures import table
+from figures.actuators import AIRCRAFT, flown, transient
+from rig.assess import Score, score
+from rig.campaign.flying import CampaignFlight
+from rig.frame import COMPUTERS, INDEX, State
+from rig.record.computers import ComputerFinder, is_engaged
+
+FOUR: Final = "computers.count=4"
+ONE_ROUND: Final = "computers.exchange_rounds=1"
+LIMITS: Final = (0.5, 10.0)  # g, deg/s
+DOES: Final = ("does='offset', offset=0.1", "does='hardover'", "does='stuck'")
+DOES_ALL: Final = (*DOES, "does='oscillation', amplitude=0.1, frequency_hz=2.0")
+SAYS: Final = ("says='zero'", "says='last'", "says='scale', factor=0.8", "says='offset', offset=0.05")
+LINKS: Final = (
+    "kind='link_loss'",
+    "kind='link_frozen'",
+    "kind='link_corrupt'",
+    "kind='link_lie', offset_thresholds=5.0",
+)
+LANE: Final = "signal='computer.{lane}'"
+SINGLE: Final = {  # what a row of the table is about: its faults
+    "computer stops": [f"kind='computer_stop', {LANE}"],
+    "stops for 1 s": [f"kind='computer_stop', {LANE}, duration_s=1.0"],
+    "clock gains 10 %": [f"kind='clock_drift', {LANE}, drift_ppm=100000.0"],
+    "command wrong": [f"kind='wrong_command', {LANE}, surface='{{surface}}', {does}" for does in DOES_ALL],
+    "output off": [f"kind='dac', {LANE}, surface='{{surface}}', {does}" for does in DOES_ALL],
+    "input off": [f"kind='adc', {LANE}, {says}" for says in SAYS],
+    "program damaged": [f"kind='checksum', {LANE}, factor=0.9"],
+    "link, one way": [f"{kind}, signal='ccdl.{{lane}}-{{other}}'" for kind in LINKS],
+    "link, a node": [f"{kind}, signal='ccdl.{{lane}}'" for kind in (*LINKS, f"{LINKS[-1]}, different=true")],
+    "a bus": ["kind='power_loss', signal='bus.{bus}'"],
+}
+
+
+def four(aircraft: str, *sets: str) -> CampaignFlight:
+    """Fly an aircraft with four lanes and servos."""
+    return flown(aircraft, FOUR, *sets)
+
+
+def beginning(faults: Sequence[tuple[str, float]]) -> str:
+    """Return the override of faults, each with its onset, s."""
+    return f"faults=[{', '.join(f'{{{fault}, start_s={start_s}}}' for fault, start_s in faults)}]"
+
+
+def findings(flight: CampaignFlight) -> ComputerFinder:
+    """Return who was failed, and why the back-up flies."""
+    finder = ComputerFinder(flight.scenario.rate_hz)
+    assert flight.lanes is not None
+    finder.find(flight.lanes)
+    return finder
+
+
+# Single faults.
+
+
+class Outcome(NamedTuple):
+    """What became of one fault."""
+
+    lost: bool
+    off: tuple[float, float]  # g, deg/s
+    found_by: str  # nothing: nobody
+    after_s: float
+    others: int  # lanes and channels failed that the fault is not on
+
+
+def lanes_single(onsets: str = "10") -> None:
+    """Print who finds each single fault, after how long, and what the aircraft feels of it."""
+    rng = np.random.default_rng(34)
+    clean = {
+        (name, seed): four(name, "duration_s=12", f"seed={seed}", "faults=[]")
+        for name in AIRCRAFT
+        for seed in range(int(onsets))
+    }
+    heads = [
+        "fault",
+        "flights",
+        "lost",
+        "g, at most",
+        "deg/s, at most",
+        "found by",
+        "s after, median, longest",
+        "missed",
+        "others failed",
+    ]
+    table(
+        heads,
+        (
+            _row(name, [_single(fault, *of, clean[of], rng) for fault in kinds for of in clean])
+            for name, kinds in SINGLE.items()
+        ),
+    )
+
+
+def _single(fault: str, aircraft: str, seed: int, clean: CampaignFlight, rng: np.random.Generator) -> Outcome:
+    lane, other = rng.permutation(len(COMPUTERS))[:2]
+    surface = ("elevator", "aileron", "rudder")[rng.integers(3)]
+    start_s = int(rng.integers(300, 900)) / 100.0
+    text = fault.format(lane=COMPUTERS[lane], other=COMPUTERS[other], surface=surface, bus=1 + rng.integers(2))
+    flight = four(aircraft, "duration_s=12", f"seed={seed}", beginning([(text, start_s)]))
+    found = scored(flight)
+    one = next(each for each in found.faults if each.channel is None)
+    by = "" if one.outcome != "detected" else one.resolver or ""
+    after = (one.delay_from_onset_frames or 0) / flight.scenario.rate_hz
+    others = len(found.false_alarms) + len(found.wrong_isolations)
+    return Outcome(not flight.verdict.survived, transient(flight, clean, start_s), by, after, others)
+
+
+def scored(flight: CampaignFlight) -> Score:
+    """Return the score of a flight."""
+    return score(flight.scenario, flight.rows, clean=flight.clean, lanes=flight.lanes)
+
+
+def _row(name: str, flights: Sequence[Outcome]) -> list[str]:
+    by = Counter(each.found_by for each in flights if each.found_by)
+    after = [each.after_s for each in flights if each.found_by]
+    g, rate = np.max([each.off for each in flights], axis=0)
+    return [
+        name,
+        str(len(flights)),
+        str(sum(each.lost for each in flights)),
+        f"{g:.3f}",
+        f"{rate:.2f}",
+        ", ".join(f"{test} {count}" for test, count in by.most_common()),
+        f"{median(after):.2f}, {max(after):.2f}",
+        str(len(flights) - len(after)),
+        str(sum(each.others for each in flights)),
+    ]
+
+
+# One lane after the other.
+
+LAST: Final = {  # of each of four lanes in turn
+    "command": "kind='wrong_command', signal='computer.{lane}', surface='elevator', does='hardover'",
+    "stop": "kind='computer_stop', signal='computer.{lane}'",
+    "link": "kind='link_loss', signal='ccdl.{lane}'",
+    "output": "kind='dac', signal='computer.{lane}', surface='elevator', does='hardover'",
+}
+
+
+def lanes_in_a_row() -> None:
+    """Print all orders of four faults that take lane after lane: the lanes that are left, and why the back-up flies."""
+    heads = [
+        "third fault, of two lanes",
+        "flights",
+        "engaged",
+        "back-up because",
+        "survived",
+        "g after the last, at most",
+    ]
+    heads += ["deg/s"]
+    orders = [(name, order) for name, order in product(AIRCRAFT, permutations(LAST))]
+    found = [(order[2], *_in_a_row(name, order)) for name, order in orders]
+    table(heads, (_rows_of(third, [each[1:] for each in found if each[0] == third]) for third in LAST))
+
+
+def _in_a_row(aircraft: str, order: Sequence[str]) -> tuple[str, str, bool, tuple[float, float]]:
+    sure = "computers.wrap_around.coverage=1"
+    faults = [(LAST[kind].format(lane=COMPUTERS[i]), 4.0 + 3.0 * i) for i, kind in enumerate(order)]
+    flight = four(aircraft, "duration_s=40", sure, beginning(faults))
+    assert flight.lanes is not None
+    counts = is_engaged(flight.lanes).sum(axis=1)
+    left = [counts[0], *counts[1:][np.diff(counts) != 0]]
+    backup = findings(flight).backup
+    why = "never" if backup is None else backup[1]
+    before = four(aircraft, "duration_s=40", sure, beginning(faults[:3]))
+    return "-".join(map(str, left)), why, flight.verdict.survived, transient(flight, before, faults[3][1])
+
+
+def _rows_of(third: str, found: Sequence[tuple[str, str, bool, tuple[float, float]]]) -> list[str]:
+    left, why = (
+        ", ".join(f"{name}: {n}" for name, n in Counter(each[k] for each in found).most_common()) for k in (0, 1)
+    )
+    g, rate = np.max([each[3] for each in found], axis=0)
+    return [third, str(len(found)), left, why, str(sum(each[2] for each in found)), f"{g:.2f}", f"{rate:.1f}"]
+
+
+# The program of all.
+
+
+def lanes_software() -> None:
+    """Print flights in which all lanes compute the same wrong command: who finds it, with and without the pilot."""
+    heads = [
+        "aircraft",
+        "elevator off by, deg",
+        "found by",
+        "lanes failed",
+        "not commanded",
+        "back-up commanded after 2 s",
+    ]
+    table(heads, (_software(name, offset) for name, offset in product(AIRCRAFT, (-0.035, 0.1))))
+
+
+def _software(aircraft: str, offset: float) -> list[str]:
+    fault = f"kind='software', signal='computer.all', surface='elevator', does='offset', offset={offset}"
+    order = "computers.commands=[{at_s=7.0, do='backup'}]"
+    alone, helped = (four(aircraft, "duration_s=40", beginning([(fault, 5.0)]), *sets) for sets in ((), (order,)))
+    one, failures = scored(alone).faults[0], len(findings(alone).failures)
+    found = "nobody" if one.outcome == "missed" else str(one.resolver)
+    return [aircraft, f"{np.degrees(offset):.1f}", found, str(failures), became(alone), became(helped)]
+
+
+def became(flight: CampaignFlight) -> str:
+    """Return the pitch angle at the end of a flight, or when it was lost."""
+    pitch = np.degrees(flight.rows["truth"][-1, INDEX["pitch_angle"]])
+    end_s = flight.verdict.frames / flight.scenario.rate_hz
+    return f"flies, {pitch:.1f} deg up" if flight.verdict.survived else f"lost at {end_s:.1f} s"
+
+
+# A lying link and a sensor.
+
+
+def lanes_asymmetric() -> None:
+    """Print flights with a link that lies and a sensor that is off in which good lanes fail different channels."""
+    table(["rounds", "flights", "good lanes failed different channels"], (_asymmetric(rounds) for rounds in (1, 2)))
+
+
+def _asymmetric(rounds: int) -> list[str]:
+    names = [name for name in INDEX if name not in ("stick_pitch", "stick_roll", "pedal")]
+    ways = [(i, f"ccdl.{COMPUTERS[i]}-{COMPUTERS[j]}", "") for i, j in permutations(range(4), 2)]
+    nodes = [(i, f"ccdl.{COMPUTERS[i]}", ", different=true") for i in range(4)]
+    flights = [(*lie, c, name) for lie in (*ways, *nodes) for c in range(4) if c != lie[0] for name in names]
+    return [str(rounds), str(len(flights)), str(sum(_parted(rounds, *flight) for flight in flights))]
+
+
+def _parted(rounds: int, liar: int, link: str, more: str, channel: int, name: str) -> bool:
+    """Return True if lanes other than the liar have failed different channels of a signal after half a second."""
+    lie = f"kind='link_lie', signal='{link}', offset_thresholds=5.0{more}"
+    off = f"kind='offset', signal='{name}', channels=[{channel + 1}], offset_thresholds=10.0"
+    sets = [f"computers.exchange_rounds={rounds}", "actuators.model=lag", "duration_s=1"]
+    flight = four("f16", *sets, beginning([(lie, 0.3), (off, 0.3)]))
+    assert flight.lanes is not None
+    failed = flight.lanes["computer"]["state"][-1][:, INDEX[name]] == State.FAILED
+    good = [lane for lane in range(4) if lane != liar]
+    return bool((failed[good] != failed[good[0]]).any())
+
+
+# Pairs, from a campaign.
+
+
+def lanes_losses(folder: str) -> None:
+    """Print what a campaign of pairs of faults lost: a row for each pair, with the lanes that were left."""
+    runs = pl.read_parquet(Path(folder) / "runs" / "*.parquet")
+    lost = runs.filter(~pl.col("survived")).sort("run")
+    pairs = Counter((row["first"], row["second"]) for row in lost.iter_rows(named=True))
+    table(
+        ["first", "second", "lost", "of"], ([*pair, str(n), str(_flown(runs, pair))] for pair, n in pairs.most_common())
+    )
+
+
+def _flown(runs: pl.DataFrame, pair: tuple[str, str]) -> int:
+    return runs.filter((pl.col("first") == pair[0]) & (pl.col("second") == pair[1])).height
