@@ -8,6 +8,8 @@ from rig.assess.context import Context
 from rig.assess.lane_outcome import LINK, RELAYS
 from rig.assess.record import FaultScore
 from rig.faults.places import OF_LANES, site
+from rig.frame import ActuatorMonitor
+from rig.record.actuators import monitor_name
 from rig.units.quantities import duration
 
 _BY: Final = {
@@ -15,6 +17,7 @@ _BY: Final = {
     RELAYS: "the relays, which outvoted it",
     "vote of commands": "the vote of commands",
     "clock": "the other lanes, for its clock",
+    **{monitor_name(one): f"the monitor {monitor_name(one)} of its servo channel" for one in ActuatorMonitor},
 }
 
 

@@ -51,6 +51,17 @@ FIGURES: Final = {  # name: its module
         ("servo_response", "servo_picture", "servo_healthy", "servo_single", "servo_several", "servo_cost"),
         "actuators",
     ),
+    **dict.fromkeys(
+        ("lanes_single", "lanes_in_a_row", "lanes_software", "lanes_asymmetric", "lanes_losses"),
+        "lanes",
+    ),
+    **dict.fromkeys(
+        (
+            *("lanes_before", "lanes_healthy", "lanes_flight_44", "lanes_picture"),
+            *("lanes_cost", "lanes_compile", "lanes_log"),
+        ),
+        "lanes_whole",
+    ),
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
     **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures")},

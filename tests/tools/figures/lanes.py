@@ -6,7 +6,7 @@ Four lanes with servo actuators in light turbulence; the onset, the lane and the
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import permutations, product
 from pathlib import Path
 from statistics import median
@@ -16,11 +16,11 @@ import numpy as np
 import polars as pl
 
 from figures import table
-from figures.actuators import AIRCRAFT, flown, transient
+from figures.actuators import AIRCRAFT, ONSET_S, flown, transient
 from rig.assess import Score, score
 from rig.campaign.flying import CampaignFlight
 from rig.frame import COMPUTERS, INDEX, State
-from rig.record.computers import ComputerFinder, is_engaged
+from rig.record.computers import ComputerFinder, is_engaged, test_name
 
 FOUR: Final = "computers.count=4"
 ONE_ROUND: Final = "computers.exchange_rounds=1"
@@ -115,11 +115,18 @@ def _single(fault: str, aircraft: str, seed: int, clean: CampaignFlight, rng: np
     text = fault.format(lane=COMPUTERS[lane], other=COMPUTERS[other], surface=surface, bus=1 + rng.integers(2))
     flight = four(aircraft, "duration_s=12", f"seed={seed}", beginning([(text, start_s)]))
     found = scored(flight)
-    one = next(each for each in found.faults if each.channel is None)
-    by = "" if one.outcome != "detected" else one.resolver or ""
-    after = (one.delay_from_onset_frames or 0) / flight.scenario.rate_hz
+    by, after_s = _found(flight, found, start_s)
     others = len(found.false_alarms) + len(found.wrong_isolations)
-    return Outcome(not flight.verdict.survived, transient(flight, clean, start_s), by, after, others)
+    return Outcome(not flight.verdict.survived, transient(flight, clean, start_s), by, after_s, others)
+
+
+def _found(flight: CampaignFlight, found: Score, start_s: float) -> tuple[str, float]:
+    """Return who found the flight's fault, and after how long: of one in samples, who failed its lane."""
+    one, rate_hz = next((each for each in found.faults if each.channel is None), None), flight.scenario.rate_hz
+    if one is not None:
+        return one.resolver or "", (one.delay_from_onset_frames or 0) / rate_hz
+    failures = findings(flight).failures
+    return (test_name(failures[0].test), failures[0].frame / rate_hz - start_s) if failures else ("", 0.0)
 
 
 def scored(flight: CampaignFlight) -> Score:
@@ -128,7 +135,6 @@ def scored(flight: CampaignFlight) -> Score:
 
 
 def _row(name: str, flights: Sequence[Outcome]) -> list[str]:
-    by = Counter(each.found_by for each in flights if each.found_by)
     after = [each.after_s for each in flights if each.found_by]
     g, rate = np.max([each.off for each in flights], axis=0)
     return [
@@ -137,7 +143,7 @@ def _row(name: str, flights: Sequence[Outcome]) -> list[str]:
         str(sum(each.lost for each in flights)),
         f"{g:.3f}",
         f"{rate:.2f}",
-        ", ".join(f"{test} {count}" for test, count in by.most_common()),
+        counted(each.found_by for each in flights if each.found_by),
         f"{median(after):.2f}, {max(after):.2f}",
         str(len(flights) - len(after)),
         str(sum(each.others for each in flights)),
@@ -146,81 +152,97 @@ def _row(name: str, flights: Sequence[Outcome]) -> list[str]:
 
 # One lane after the other.
 
-LAST: Final = {  # of each of four lanes in turn
+LOSSES: Final = {  # of each of four lanes in turn
     "command": "kind='wrong_command', signal='computer.{lane}', surface='elevator', does='hardover'",
     "stop": "kind='computer_stop', signal='computer.{lane}'",
     "link": "kind='link_loss', signal='ccdl.{lane}'",
     "output": "kind='dac', signal='computer.{lane}', surface='elevator', does='hardover'",
 }
+SURE: Final = "computers.wrap_around.coverage=1"  # else one in twenty outputs is not seen
+
+
+class Row(NamedTuple):
+    """What became of four lanes that were lost one after the other."""
+
+    engaged: str  # their number, up to the back-up
+    backup: str  # why it flies
+    survived: bool
+    off: tuple[float, float]  # g, deg/s, after the last fault
 
 
 def lanes_in_a_row() -> None:
-    """Print all orders of four faults that take lane after lane: the lanes that are left, and why the back-up flies."""
-    heads = [
-        "third fault, of two lanes",
-        "flights",
-        "engaged",
-        "back-up because",
-        "survived",
-        "g after the last, at most",
-    ]
-    heads += ["deg/s"]
-    orders = [(name, order) for name, order in product(AIRCRAFT, permutations(LAST))]
-    found = [(order[2], *_in_a_row(name, order)) for name, order in orders]
-    table(heads, (_rows_of(third, [each[1:] for each in found if each[0] == third]) for third in LAST))
+    """Print all orders of four faults that take lane after lane, A first: how many are left, why the back-up flies."""
+    heads = ["wrong command is", "flights", "lanes engaged", "back-up flies because", "survived"]
+    heads += ["g after the last, of those", "deg/s"]
+    found = [(order, _in_a_row(name, order)) for name, order in product(AIRCRAFT, permutations(LOSSES))]
+    rows: list[list[str]] = []
+    for place, word in enumerate(("first", "second", "third", "last")):
+        rows.append([word, *_sums([row for order, row in found if order[place] == "command"])])
+    table(heads, rows)
 
 
-def _in_a_row(aircraft: str, order: Sequence[str]) -> tuple[str, str, bool, tuple[float, float]]:
-    sure = "computers.wrap_around.coverage=1"
-    faults = [(LAST[kind].format(lane=COMPUTERS[i]), 4.0 + 3.0 * i) for i, kind in enumerate(order)]
-    flight = four(aircraft, "duration_s=40", sure, beginning(faults))
-    assert flight.lanes is not None
-    counts = is_engaged(flight.lanes).sum(axis=1)
-    left = [counts[0], *counts[1:][np.diff(counts) != 0]]
+def _in_a_row(aircraft: str, order: Sequence[str]) -> Row:
+    faults = [(LOSSES[kind].format(lane=COMPUTERS[i]), 4.0 + 3.0 * i) for i, kind in enumerate(order)]
+    flight, before = (four(aircraft, "duration_s=40", SURE, beginning(faults[:n])) for n in (4, 3))
     backup = findings(flight).backup
-    why = "never" if backup is None else backup[1]
-    before = four(aircraft, "duration_s=40", sure, beginning(faults[:3]))
-    return "-".join(map(str, left)), why, flight.verdict.survived, transient(flight, before, faults[3][1])
+    assert flight.lanes is not None
+    counts = is_engaged(flight.lanes[: None if backup is None else backup[0] + 1]).sum(axis=1)
+    left = [counts[0], *counts[1:][np.diff(counts) != 0]]
+    why = "it does not" if backup is None else backup[1]
+    return Row("-".join(map(str, left)), why, flight.verdict.survived, transient(flight, before, faults[3][1]))
 
 
-def _rows_of(third: str, found: Sequence[tuple[str, str, bool, tuple[float, float]]]) -> list[str]:
-    left, why = (
-        ", ".join(f"{name}: {n}" for name, n in Counter(each[k] for each in found).most_common()) for k in (0, 1)
-    )
-    g, rate = np.max([each[3] for each in found], axis=0)
-    return [third, str(len(found)), left, why, str(sum(each[2] for each in found)), f"{g:.2f}", f"{rate:.1f}"]
+def _sums(rows: Sequence[Row]) -> list[str]:
+    engaged, backup = (counted(of) for of in zip(*(row[:2] for row in rows), strict=True))
+    survivors = [row.off for row in rows if row.survived]
+    off = [f"{g:.2f}" for g in np.max(survivors, axis=0)] if survivors else ["", ""]
+    return [str(len(rows)), engaged, backup, f"{len(survivors)} of {len(rows)}", *off]
+
+
+def counted(names: Iterable[str]) -> str:
+    """Return names and how often each is there, the most frequent first."""
+    return ", ".join(f"{name} {count}" for name, count in Counter(names).most_common())
 
 
 # The program of all.
+
+ORDERED_S: Final = (0.2, 0.5, 1.0, 2.0)  # after the onset
 
 
 def lanes_software() -> None:
     """Print flights in which all lanes compute the same wrong command: who finds it, with and without the pilot."""
     heads = [
         "aircraft",
-        "elevator off by, deg",
+        "elevator",
         "found by",
         "lanes failed",
-        "not commanded",
-        "back-up commanded after 2 s",
+        "no command",
+        *(f"back-up after {s} s" for s in ORDERED_S),
     ]
-    table(heads, (_software(name, offset) for name, offset in product(AIRCRAFT, (-0.035, 0.1))))
+    table(heads, (_software(name, does) for name, does in product(AIRCRAFT, DOES[:2])))
 
 
-def _software(aircraft: str, offset: float) -> list[str]:
-    fault = f"kind='software', signal='computer.all', surface='elevator', does='offset', offset={offset}"
-    order = "computers.commands=[{at_s=7.0, do='backup'}]"
-    alone, helped = (four(aircraft, "duration_s=40", beginning([(fault, 5.0)]), *sets) for sets in ((), (order,)))
-    one, failures = scored(alone).faults[0], len(findings(alone).failures)
-    found = "nobody" if one.outcome == "missed" else str(one.resolver)
-    return [aircraft, f"{np.degrees(offset):.1f}", found, str(failures), became(alone), became(helped)]
+def _software(aircraft: str, does: str) -> list[str]:
+    faults = beginning([(f"kind='software', signal='computer.all', surface='elevator', {does}", ONSET_S)])
+    orders = [f"computers.commands=[{{at_s={ONSET_S + after_s}, do='backup'}}]" for after_s in ORDERED_S]
+    clean = four(aircraft, "duration_s=40", "faults=[]")
+    flights = [four(aircraft, "duration_s=40", faults, *sets) for sets in ((), *((order,) for order in orders))]
+    outcome = scored(flights[0]).faults[0].outcome
+    failed = sum(len(findings(flight).failures) for flight in flights)
+    told = "off by 5.7 deg" if "offset" in does else "hardover"
+    return [
+        aircraft,
+        told,
+        "nobody" if outcome == "missed" else outcome,
+        str(failed),
+        *(_became(flight, clean) for flight in flights),
+    ]
 
 
-def became(flight: CampaignFlight) -> str:
-    """Return the pitch angle at the end of a flight, or when it was lost."""
-    pitch = np.degrees(flight.rows["truth"][-1, INDEX["pitch_angle"]])
-    end_s = flight.verdict.frames / flight.scenario.rate_hz
-    return f"flies, {pitch:.1f} deg up" if flight.verdict.survived else f"lost at {end_s:.1f} s"
+def _became(flight: CampaignFlight, clean: CampaignFlight) -> str:
+    if not flight.verdict.survived:
+        return f"lost after {flight.verdict.frames / flight.scenario.rate_hz - ONSET_S:.1f} s"
+    return f"flies, {transient(flight, clean)[0]:.2f} g"
 
 
 # A lying link and a sensor.

@@ -172,7 +172,7 @@ def _flight_44(clocks: str, integrators: str, flight: CampaignFlight) -> list[st
     )
     commands, between, lead = *apart(flight), computers(flight)["clock_lead"][-1]
     largest = f"{commands.max():.1f}", f"{between.max():.3f}", f"{np.percentile(between, 99):.3f}"
-    return [clocks, integrators, "; ".join(failed) or "none", *largest, f"{np.ptp(lead):.2g}"]
+    return [clocks, integrators, "; ".join(failed) or "none", *largest, f"{round(float(np.ptp(lead)), 6):g}"]
 
 
 def apart(flight: CampaignFlight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
