@@ -12,7 +12,7 @@ from lanes_flown import FOUR, ONSET, Flown, flown
 
 from rig import scenario
 from rig.errors import BadInput
-from rig.frame import COMPUTERS, INDEX, Health, LaneTest
+from rig.frame import COMPUTERS, INDEX, Health, LaneTest, State
 from rig.loop import Rig
 
 SERVO = 'actuators.model="servo"'
@@ -69,6 +69,19 @@ def test_a_clock_that_gains_is_accused_when_it_has_been_out_of_its_window():
     assert flight.lanes["clock_lead"][61, 2] == pytest.approx(0.1)
     assert out_from(flight, "C") == (66, LaneTest.CLOCK)
     assert [out_from(flight, name) for name in ("A", "B", "D")] == [None] * 3
+
+
+def test_a_lane_that_was_failed_for_its_clock_relays_no_old_words():
+    """C is ahead and reads the others a frame late; when B stops, C's relays would leave no majority for D's words."""
+    drift = '{kind="clock_drift", signal="computer.C", drift_ppm=150000.0, start_s=0.6}'
+    stop = '{kind="computer_stop", signal="computer.B", start_s=0.8}'
+    flight = flown(seconds=1.2, sets=(f"faults=[{drift}, {stop}]", EXACT))
+    assert out_from(flight, "C") == (66, LaneTest.CLOCK) and out_from(flight, "B") == (81, LaneTest.WATCHDOG)
+    assert (flight.lanes["clock_lead"][80:, 2] > 0.2).all()  # the exchange's window
+    for lane in (0, 3):
+        held, sampled = flight.bus["channels"][80:, lane], flight.rows["channels"][80:]
+        assert (held[..., [0, 3]] == sampled[..., [0, 3]]).all()
+    assert (flight.lanes["state"][-1, 0, INDEX["pitch_rate"]][[0, 3]] == State.OK).all()
 
 
 @pytest.mark.parametrize(

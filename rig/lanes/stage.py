@@ -28,7 +28,7 @@ from rig.computer.redundancy.discrete import DiscreteData
 from rig.computer.redundancy.manager import ManagerData
 from rig.faults import FaultData, break_computers, corrupt_commands
 from rig.faults.parts import ComputerPart
-from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, S, lane_rows
+from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, LaneTest, S, lane_rows
 from rig.kernels import kernel
 from rig.lanes.backup import PLACE, fly_backup
 from rig.lanes.clock import ClockData, clocks, run_on, sample_early
@@ -176,6 +176,7 @@ def join(lanes):
     for i in range(lanes.fitted):
         lane = lanes.health.lane[i]
         lanes.running[i], lanes.counted[i] = lane["running"], is_engaged(lane)
+        lanes.links.relays[i] = lane["failed_for"] != LaneTest.CLOCK  # it relays words of the frame before
         if lane["joins"] != 0:
             leader = other_engaged(i, lanes)
             if leader != NOBODY:

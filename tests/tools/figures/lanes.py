@@ -36,8 +36,7 @@ LINKS: Final = (
 )
 LANE: Final = "signal='computer.{lane}'"
 SINGLE: Final = {  # what a row of the table is about: its faults
-    "computer stops": [f"kind='computer_stop', {LANE}"],
-    "stops for 1 s": [f"kind='computer_stop', {LANE}, duration_s=1.0"],
+    "computer stops": [f"kind='computer_stop', {LANE}{end}" for end in ("", ", duration_s=1.0")],
     "clock gains 10 %": [f"kind='clock_drift', {LANE}, drift_ppm=100000.0"],
     "command wrong": [f"kind='wrong_command', {LANE}, surface='{{surface}}', {does}" for does in DOES_ALL],
     "output off": [f"kind='dac', {LANE}, surface='{{surface}}', {does}" for does in DOES_ALL],
@@ -210,39 +209,24 @@ ORDERED_S: Final = (0.2, 0.5, 1.0, 2.0)  # after the onset
 
 
 def lanes_software() -> None:
-    """Print flights in which all lanes compute the same wrong command: who finds it, with and without the pilot."""
-    heads = [
-        "aircraft",
-        "elevator",
-        "found by",
-        "lanes failed",
-        "no command",
-        *(f"back-up after {s} s" for s in ORDERED_S),
-    ]
-    table(heads, (_software(name, does) for name, does in product(AIRCRAFT, DOES[:2])))
+    """Print flights in which the program of all lanes drives the elevator hard over, with and without the pilot."""
+    print("; ".join(map(_software, AIRCRAFT)))
 
 
-def _software(aircraft: str, does: str) -> list[str]:
-    faults = beginning([(f"kind='software', signal='computer.all', surface='elevator', {does}", ONSET_S)])
+def _software(aircraft: str) -> str:
+    faults = beginning([("kind='software', signal='computer.all', surface='elevator'", ONSET_S)])
     orders = [f"computers.commands=[{{at_s={ONSET_S + after_s}, do='backup'}}]" for after_s in ORDERED_S]
     clean = four(aircraft, "duration_s=40", "faults=[]")
-    flights = [four(aircraft, "duration_s=40", faults, *sets) for sets in ((), *((order,) for order in orders))]
-    outcome = scored(flights[0]).faults[0].outcome
-    failed = sum(len(findings(flight).failures) for flight in flights)
-    told = "off by 5.7 deg" if "offset" in does else "hardover"
-    return [
-        aircraft,
-        told,
-        "nobody" if outcome == "missed" else outcome,
-        str(failed),
-        *(_became(flight, clean) for flight in flights),
-    ]
+    alone, *helped = (four(aircraft, "duration_s=40", faults, *sets) for sets in ((), *((order,) for order in orders)))
+    outcome, failed = scored(alone).faults[0].outcome, len(findings(alone).failures)
+    told = [f"{s} s {_became(flight, clean)}" for s, flight in zip(ORDERED_S, helped, strict=True)]
+    return f"{aircraft} {outcome}, {failed} lanes failed, {_became(alone, clean)}, back-up after {', '.join(told)}"
 
 
 def _became(flight: CampaignFlight, clean: CampaignFlight) -> str:
     if not flight.verdict.survived:
-        return f"lost after {flight.verdict.frames / flight.scenario.rate_hz - ONSET_S:.1f} s"
-    return f"flies, {transient(flight, clean)[0]:.2f} g"
+        return f"lost at {flight.verdict.frames / flight.scenario.rate_hz - ONSET_S:.1f} s"
+    return f"flies with {transient(flight, clean)[0]:.2f} g"
 
 
 # A lying link and a sensor.
@@ -250,15 +234,16 @@ def _became(flight: CampaignFlight, clean: CampaignFlight) -> str:
 
 def lanes_asymmetric() -> None:
     """Print flights with a link that lies and a sensor that is off in which good lanes fail different channels."""
-    table(["rounds", "flights", "good lanes failed different channels"], (_asymmetric(rounds) for rounds in (1, 2)))
+    told = "; ".join(f"{_asymmetric(rounds)} with {word}" for rounds, word in ((1, "one round"), (2, "two")))
+    print(f"good lanes failed different channels in {told}")
 
 
-def _asymmetric(rounds: int) -> list[str]:
+def _asymmetric(rounds: int) -> str:
     names = [name for name in INDEX if name not in ("stick_pitch", "stick_roll", "pedal")]
     ways = [(i, f"ccdl.{COMPUTERS[i]}-{COMPUTERS[j]}", "") for i, j in permutations(range(4), 2)]
     nodes = [(i, f"ccdl.{COMPUTERS[i]}", ", different=true") for i in range(4)]
     flights = [(*lie, c, name) for lie in (*ways, *nodes) for c in range(4) if c != lie[0] for name in names]
-    return [str(rounds), str(len(flights)), str(sum(_parted(rounds, *flight) for flight in flights))]
+    return f"{sum(_parted(rounds, *flight) for flight in flights)} of {len(flights)} flights"
 
 
 def _parted(rounds: int, liar: int, link: str, more: str, channel: int, name: str) -> bool:
@@ -276,15 +261,20 @@ def _parted(rounds: int, liar: int, link: str, more: str, channel: int, name: st
 # Pairs, from a campaign.
 
 
-def lanes_losses(folder: str) -> None:
-    """Print what a campaign of pairs of faults lost: a row for each pair, with the lanes that were left."""
-    runs = pl.read_parquet(Path(folder) / "runs" / "*.parquet")
-    lost = runs.filter(~pl.col("survived")).sort("run")
-    pairs = Counter((row["first"], row["second"]) for row in lost.iter_rows(named=True))
-    table(
-        ["first", "second", "lost", "of"], ([*pair, str(n), str(_flown(runs, pair))] for pair, n in pairs.most_common())
-    )
+def lanes_pairs(folder: str) -> None:
+    """Print what a campaign of pairs of faults lost, and in how many flights it failed what was healthy."""
+    runs, alarms = (pl.read_parquet(Path(folder) / name / "*.parquet") for name in ("runs", "alarms"))
+    lost = runs.filter(~pl.col("survived"))
+    pairs = counted(f"{first}, then {second}" for first, second in lost.select("first", "second").iter_rows())
+    print(f"lost {lost.height} of {runs.height} {pairs}; with something healthy failed: {counted(_healthy(alarms))}")
 
 
-def _flown(runs: pl.DataFrame, pair: tuple[str, str]) -> int:
-    return runs.filter((pl.col("first") == pair[0]) & (pl.col("second") == pair[1])).height
+def _healthy(alarms: pl.DataFrame) -> list[str]:
+    """Return what healthy was failed in each of the flights in which something was."""
+    found = []
+    for (_,), rows in alarms.group_by("run", maintain_order=True):
+        names = rows["signal"].to_list()
+        lane, coil = (any(name.startswith(f"{of}.") for name in names) for of in ("computer", "actuator"))
+        what = "a lane" if lane else "a coil" if coil else "a lane's samples" if len(names) > len(INDEX) else "a sensor"
+        found.append(what)
+    return found
