@@ -13,6 +13,7 @@ from lanes_flown import FOUR, ONSET, Flown, flown
 from rig import scenario
 from rig.errors import BadInput
 from rig.frame import COMPUTERS, INDEX, Health, LaneTest, State
+from rig.lanes.health import shut_off
 from rig.loop import Rig
 
 SERVO = 'actuators.model="servo"'
@@ -139,7 +140,7 @@ def blocks(*sets: str) -> tuple[Any, Any]:
     """Rows, and those of servos and computers, of an F-16's flight with servos."""
     from rig.loop import frames
 
-    rig, rows, lanes = Rig(scenario.load(None, [*sets, SERVO, FOUR, "faults.0.start_s=0.1"])), [], []
+    rig, rows, lanes = Rig(scenario.load(None, [*sets, SERVO, FOUR])), [], []
     for block, _ in frames(rig, rig.scenario):
         rows.append(block.copy())
         lanes += rig.lanes(len(block))
@@ -154,6 +155,18 @@ def test_valves_of_a_lane_that_is_out_are_shut_and_open_again_when_it_is_back():
     engaged = np.isin(out, (Health.ENGAGED, Health.SUSPECT))
     assert (shut[:, :, 0] == ~engaged[:, None]).all() and not shut[:, :, 1:].any()
     assert not lanes["actuator"]["failed_by"].any()
+
+
+def test_no_surface_is_bypassed_while_the_back_up_takes_over_from_the_last_lane():
+    """D alone is left, and fails itself in frame 32: its channels are shut off when the back-up drives all four."""
+    orders = ", ".join(f'{{at_s=0.2, do="disengage", lane="{lane}"}}' for lane in "ABC")
+    fault = f"faults=[{{{DAC.format(0.05)}, start_s=0.3}}]"
+    _, lanes = blocks(f"computers.commands=[{orders}]", "duration_s=1", "faults=[]", *SURE, fault)
+    leads, shut = lanes["computer"]["leads"], lanes["actuator"]["valve"]
+    assert leads[20:33, 3].all() and not leads[33:].any()
+    assert lanes["computer"]["health"][32:, 3].tolist() == [Health.FAILED] * 68
+    assert (shut[20:33] == [[1, 1, 1, 0]]).all() and not shut[33:].any()
+    assert (shut_off(lanes) == shut[:, 0]).all() and not lanes["actuator"]["bypassed"].any()
 
 
 ONE_BY_ONE = """faults=[
