@@ -6,8 +6,9 @@ from league_flights import RATE_HZ, white, white_signal
 from scipy.stats import chi2
 
 from rig.errors import BadInput
-from rig.league.calibration import calibrate, isolations, require_time
+from rig.league.calibration import calibrate, require_time
 from rig.league.entrants import BIASED, OURS, Entrant, entrants, fails_nobody, levels
+from rig.league.flown import isolations
 
 
 def test_the_parity_limits_of_white_noise_are_those_of_chi_square_with_a_degree_less_than_samples():

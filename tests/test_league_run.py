@@ -15,7 +15,8 @@ from rig.campaign.run import run as fly
 from rig.cli.main import app
 from rig.errors import BadInput
 from rig.league.entrants import entrants
-from rig.league.run import Asked, run
+from rig.league.prepared import Asked
+from rig.league.run import run
 from rig.util.progress import listening
 
 

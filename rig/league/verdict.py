@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from scipy.stats import poisson
 
+from rig.assess.words import PRIOR
 from rig.league.entrants import BIASED, OURS, SHIPPED
 from rig.league.outcomes import ALL
 from rig.thresholds.holdout import OVER
@@ -15,14 +16,12 @@ Row = dict[str, Any]
 _OURS: Final = (OURS, BIASED, SHIPPED)
 
 
-def verdict(
-    table: Sequence[Row], differences: Sequence[Row], second: Sequence[Row], silent: Sequence[str]
-) -> list[str]:
-    """Return the sentences, the losses of ours first.
+def verdict(result: Mapping[str, Any]) -> list[str]:
+    """Return the sentences on ``result``, as of run.py: the losses of ours first.
 
-    second : counts in a second healthy campaign; silent : entrants that fail nobody
     A loss or a lead is one whose 95 % interval leaves out zero.
     """
+    table, differences, silent = result["table"], result["differences"], result["silent"]
     rivals = [row for row in differences if row["entrant"] not in (*silent, *_OURS)]
     among = [row for row in differences if row["entrant"] in _OURS and row["ours"] == OURS]
     lines: list[str] = []
@@ -30,7 +29,9 @@ def verdict(
         lines += _losses([row for row in rivals if row["ours"] == ours], ours)
     lines += _leads([row for row in rivals if row["kind"] == ALL])
     lines += _among(among)
-    return [*lines, *_wrong(table, silent), *_votes(differences, silent), *_over_budget(second)]
+    lines += [*_wrong(table, silent), *_before(table, silent), *_votes(differences, silent)]
+    lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
+    return [*lines, *_lost(result["lost_differences"])]
 
 
 def _where(row: Row) -> str:
@@ -72,6 +73,14 @@ def _wrong(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
             yield f"{row['entrant']} fails a healthy channel for the fault in {share:.2g} % of {_where(row)}"
 
 
+def _before(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
+    """Yield who fails a healthy channel because a reference jumps."""
+    for row in table:
+        if (row["kind"], row["reference"]) == (ALL, "jumping") and row[PRIOR] and row["entrant"] not in silent:
+            share = 100 * row[PRIOR] / row["trials"]
+            yield f"{row['entrant']} fails a channel before the fault in {share:.2g} % of {_where(row)}"
+
+
 def _votes(rows: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
     """Yield how those that fail nobody vote, against ours as designed."""
     for row in rows:
@@ -81,6 +90,24 @@ def _votes(rows: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
                 f"{row['entrant']} fails nobody: its largest vote error is smaller than that of {OURS} in "
                 f"{smaller:.0f} %, larger in {larger:.0f} % of {_where(row)}"
             )
+
+
+def _transients(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield whom bursts shorter than the persistence make fail somebody."""
+    for row in rows:
+        if row["failed"]:
+            bursts = f"{row['failed']} of {row['bursts']} bursts of {row['frames']} frames"
+            yield (
+                f"{row['entrant']} FAILS A CHANNEL FOR A TRANSIENT: {row['signal']}: {bursts} and "
+                f"{row['thresholds']:g} thresholds"
+            )
+
+
+def _lost(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield who loses aircraft more or less often than ours, in closed loop."""
+    for row in rows:
+        if row["kind"] == ALL and (row["low"] > 0.0 or row["high"] < 0.0):
+            yield f"{row['entrant']} against {row['ours']}: {_where(row)}: it loses {_points(row)} of the aircraft"
 
 
 def _over_budget(second: Sequence[Row]) -> Iterator[str]:
