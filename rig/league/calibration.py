@@ -17,9 +17,18 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.config import SignalConfig
 from rig.errors import BadInput
-from rig.league.entrants import BIASED, Entrant, Level, OfSignal, designed_values, fails_nobody, levels
+from rig.league.entrants import (
+    BIASED,
+    Entrant,
+    Level,
+    OfSignal,
+    designed_values,
+    fails_nobody,
+    levels,
+    with_settings_of,
+)
 from rig.league.flown import exceeded, failing, isolations
-from rig.league.healthy import Flight, Healthy
+from rig.league.healthy import Flight, Healthy, measured
 from rig.thresholds.design import DataBlock, Design, Grid, Threshold, designs, from_tail
 from rig.thresholds.distances import in_use
 from rig.thresholds.lasting import Rule
@@ -39,16 +48,16 @@ class Calibrated:
 
     entrant: str
     signal: str
-    values: dict[str, float] = field(default_factory=dict)  # as entrants.manager takes them
+    values: dict[str, Any] = field(default_factory=dict)  # as entrants.manager takes them
     shown: dict[str, float] = field(default_factory=dict)  # in thresholds, or as a rival has them
     keys: dict[str, Any] = field(default_factory=dict)  # of ours, the table of the signal in a scenario
     clusters: int | None = None  # events that the tail is fitted to
     shape: float | None = None
     extrapolation: float | None = None  # how many times longer the data would be for one event at the budget
     seen: int | None = None  # false isolations in the calibration's own flights
-    three: dict[str, float] | None = None  # the level that three calibration flights exceed
+    three: dict[str, Any] | None = None  # the level that three calibration flights exceed
     three_flights: int | None = None  # which can be more
-    others: list[tuple[float, dict[str, float]]] = field(default_factory=list)  # other budgets, and values for them
+    others: list[tuple[float, dict[str, Any]]] = field(default_factory=list)  # other budgets, and values for them
     notes: list[str] = field(default_factory=list)
 
 
@@ -69,18 +78,22 @@ def calibrate(
 
     others : budgets for a curve, which an entrant may miss
     """
-    flights, asked = healthy.flights[signal.name], levels(entrant, signal)
+    flights, given = healthy.flights[signal.name], measured(entrant, signal, healthy)
+    signal = with_settings_of(signal, entrant, given)
+    asked = levels(entrant, signal)
     if not asked and not entrant.designed:
         seen = None if fails_nobody(entrant, signal) else isolations(entrant, signal, {}, flights)
-        return Calibrated(entrant.name, signal.name, seen=seen)
+        return Calibrated(entrant.name, signal.name, given, seen=seen)
     made = _design if entrant.designed else _levels
     found = made(entrant, signal, healthy, (budget_per_h, *others))
     three = exceeded(entrant, signal, found.values, flights)
     return replace(
         found,
+        values={**given, **found.values},
+        others=[(budget, {**given, **values}) for budget, values in found.others],
         extrapolation=extrapolation(budget_per_h, healthy.hours),
         seen=isolations(entrant, signal, found.values, flights),
-        three=None if three is None else three[0],
+        three=None if three is None else {**given, **three[0]},
         three_flights=None if three is None else three[1],
     )
 

@@ -25,6 +25,14 @@ from rig.util.trust import Trust
 
 OURS: Final = DEFAULT
 BIASED, SHIPPED = f"{OURS} bias", f"{OURS} shipped"
+UNBOUNDED: Final = "unbounded"
+VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of rivals, named behind one: "cusum 60 guess"
+    "guess": {"ties": "guess"},
+    UNBOUNDED: {"bounded": False},  # as published; outside the verdict
+    "middle": {"vote": "middle"},
+    "60": {"limit": 60.0},
+    "120": {"limit": 120.0},
+}
 _THRESHOLDS: Final = ("threshold", "threshold_triplex", "threshold_duplex")
 INTEGRAL_S: Final = 2.0  # of "selection": its integral, in deviations times seconds
 _DESIGNED: Final = tuple(
@@ -32,7 +40,7 @@ _DESIGNED: Final = tuple(
     for name in PARAMS.names or ()
     if name.startswith(("threshold", "outlier_threshold", "bias_", "slow_", "filter_", "persistence", "singular"))
 )
-Values = Mapping[str, float]  # of settings by name
+Values = Mapping[str, Any]  # of settings by name
 
 
 class Level(NamedTuple):
@@ -49,6 +57,7 @@ class Entrant(NamedTuple):
 
     name: str
     manager: str
+    variant: tuple[str, ...] = ()  # of VARIANTS
 
     @property
     def is_ours(self) -> bool:
@@ -90,16 +99,37 @@ def entrants(managers: str) -> list[Entrant]:
     """Return the rows for names with commas between, ours always the first.  BadInput: a name, or one twice."""
     names = [name.strip() for name in managers.split(",") if name.strip()]
     for name in names:
-        if ":" in name:
-            calibrated_number(name)
-        elif name not in MANAGERS:
-            raise BadInput(f"--managers: unknown manager, {choices(name, MANAGERS)}")
         if names.count(name) > 1:
             raise BadInput(f"--managers: {name}: given more than once")
-    others = [Entrant(name, name) for name in names if name != OURS]
+    others = [_entrant(name) for name in names if name != OURS]
     if not others:
         raise BadInput(f"--managers: name one or more besides {OURS}, of {', '.join(MANAGERS[1:])}, or module:name")
     return [*(Entrant(name, OURS) for name in (OURS, BIASED, SHIPPED)), *others]
+
+
+def _entrant(name: str) -> Entrant:
+    if ":" in name:
+        calibrated_number(name)
+        return Entrant(name, name)
+    manager, *variant = name.split()
+    if manager not in MANAGERS:
+        raise BadInput(f"--managers: unknown manager, {choices(manager, MANAGERS)}")
+    kind = manager_kind(manager).settings
+    for word in variant:
+        if word not in VARIANTS:
+            raise BadInput(f"--managers: {name}: unknown variant, {choices(word, VARIANTS)}")
+        if kind is None or not set(VARIANTS[word]) <= set(kind.model_fields) - set(kind.levels):
+            raise BadInput(f"--managers: {name}: {manager} has no variant {word!r}")
+    return Entrant(name, manager, tuple(variant))
+
+
+def with_settings_of(signal: OfSignal, entrant: Entrant, settings: Values) -> OfSignal:
+    """Return the signal with ``settings`` of a rival in its table; as it is for another manager."""
+    if entrant.manager not in RIVALS:
+        return signal
+    own = getattr(signal.rivals, entrant.manager).of(signal.name).model_copy(update=dict(settings))
+    told = signal.rivals.model_copy(update={entrant.manager: own.model_copy(update={"signals": {}})})
+    return signal._replace(rivals=told)
 
 
 def levels(entrant: Entrant, signal: OfSignal) -> list[Level]:
@@ -141,8 +171,7 @@ def manager(entrant: Entrant, signal: OfSignal, values: Values, channels: int | 
     params = signal.params.copy()
     params["fitted"] = channels or signal.fitted
     if entrant.manager in RIVALS:
-        own = getattr(signal.rivals, entrant.manager).of(signal.name).model_copy(update=dict(values))
-        told = signal.rivals.model_copy(update={entrant.manager: own.model_copy(update={"signals": {}})})
+        told = with_settings_of(signal, entrant, values).rivals
         return Manager(entrant.manager, with_settings(params, entrant.manager, told, [signal.name]))
     for name, value in values.items():
         if entrant.manager == "selection":

@@ -49,7 +49,7 @@ class Flier:
         signal, rows = of_cell(made), list[dict[str, Any]]()
         values = drawn_values(made, unit.trials, Generator(SFC64(streams_of(unit)[0])))
         for trial in range(unit.trials):
-            scenario = _scenario(self._plan, unit, trial, values)
+            scenario = flight_scenario(self._plan, unit, trial, values)
             for entrant in self._told.entrants:
                 mine = self._told.calibrated[entrant.name, signal.name]
                 rows.append({"trial": trial, "entrant": entrant.name, **_flown(scenario, entrant, signal, mine, made)})
@@ -69,7 +69,9 @@ def shared_out(units: Sequence[Batch], flights: int) -> list[Batch]:
     return [Batch(unit.number, 0, each, unit.seed) for unit in firsts]
 
 
-def _scenario(plan: Plan, unit: Batch, trial: int, values: dict[tuple[int, str], NDArray[np.float64]]) -> Scenario:
+def flight_scenario(
+    plan: Plan, unit: Batch, trial: int, values: dict[tuple[int, str], NDArray[np.float64]]
+) -> Scenario:
     """Return the scenario of one flight, before anybody's manager."""
     run = plan[unit.number]
     state = np.random.SeedSequence(unit.seed, spawn_key=(_SEED, unit.number, trial)).generate_state(1, np.uint64)

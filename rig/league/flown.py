@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rig.campaign.statistics import poisson
 from rig.computer.redundancy.managers import RIVALS
-from rig.league.entrants import Entrant, OfSignal, Values, fails_nobody, manager
+from rig.league.entrants import Entrant, OfSignal, Values, fails_nobody, levels, manager
 from rig.league.healthy import Flight
 from rig.league.own_class import voted
 from rig.thresholds.monitored import failures, four
@@ -77,8 +77,8 @@ def flights_failing(entrant: Entrant, signal: OfSignal, values: Values, flights:
 
 
 def exceeded(
-    entrant: Entrant, signal: OfSignal, values: dict[str, float], flights: Sequence[Flight]
-) -> tuple[dict[str, float], int] | None:
+    entrant: Entrant, signal: OfSignal, values: Values, flights: Sequence[Flight]
+) -> tuple[dict[str, Any], int] | None:
     """Return the largest level, ``values`` times a factor, that FLIGHTS flights or more exceed, and their number.
 
     None where a sixteenth of it is not enough.
@@ -87,7 +87,7 @@ def exceeded(
     counts: dict[int, int] = {}
 
     def enough(step: int) -> bool:
-        counts[step] = flights_failing(entrant, signal, scaled(entrant, values, step), flights)
+        counts[step] = flights_failing(entrant, signal, scaled(entrant, signal, values, step), flights)
         return counts[step] >= FLIGHTS
 
     if not enough(high):
@@ -95,14 +95,14 @@ def exceeded(
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
-    return scaled(entrant, values, high), counts[high]
+    return scaled(entrant, signal, values, high), counts[high]
 
 
-def scaled(entrant: Entrant, values: dict[str, float], step: int) -> dict[str, float]:
-    """Return the levels times 2^(-step / 16); of ours the thresholds and outlier thresholds alone."""
+def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dict[str, Any]:
+    """Return the levels times 2^(-step / 16); of ours the thresholds and outlier thresholds."""
     factor = 2.0 ** (-step / 16.0)
-    levels = ("threshold", "outlier_threshold") if entrant.is_ours else ("",)
-    return {name: value * factor if name.startswith(levels) else value for name, value in values.items()}
+    names = tuple(level.name for level in levels(entrant, signal)) or ("threshold", "outlier_threshold")
+    return {name: value * factor if name.startswith(names) else value for name, value in values.items()}
 
 
 def transients(

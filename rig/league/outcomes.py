@@ -26,13 +26,14 @@ def table(rows: pl.DataFrame) -> list[dict[str, Any]]:
     """Return one row for each group and entrant, groups in order, entrants as they were given.
 
     outcomes are counts; delays of the isolated, s; ``peak``: largest vote error, thresholds, median over the trials;
-    ``lost``: aircraft lost, of flights; ``sizes``: that are isolated with a probability, see ``sizes``
+    ``lost``: aircraft lost, of flights; ``sizes``: with the reference as flown, see the function
     """
     found = _counts(rows)
     for row in found:
         row["sizes"] = None
     if "lost" not in rows.columns:
-        groups = rows.filter(pl.col("size").is_not_null()).group_by([*GROUP, "entrant"], maintain_order=True)
+        sized = rows.filter(pl.col("size").is_not_null() & (pl.col("reference") == STATES[0]))
+        groups = sized.group_by([*GROUP, "entrant"], maintain_order=True)
         by_key = {key: sizes(part) for key, part in groups}
         for row in found:
             row["sizes"] = by_key.get(tuple(row[name] for name in (*GROUP, "entrant")))

@@ -86,7 +86,7 @@ def voted(
     with with_values(name, values):
         for first in range(0, pieces, S):
             part = slice(first, min(first + S, pieces))
-            own = load_manager(name, np.repeat(params, part.stop - first), Trust(named=name))
+            own = load_manager(name, np.repeat(params, S), Trust(named=name))
             try:
                 _vote(own, {key: each[part] for key, each in read.items()}, failed[part], votes[part])
             except ManagerFailed as error:
@@ -95,7 +95,10 @@ def voted(
 
 
 def _vote(own: OwnManager, read: Mapping[str, NDArray[Any]], failed: NDArray[np.bool_], votes: Floats) -> None:
-    """Fill a block of rows, vote it row by row, and keep what was voted; again until the frames end."""
+    """Fill a block of rows, vote it row by row, and keep what was voted; again until the frames end.
+
+    Signals beyond the pieces are the first piece once more.
+    """
     pieces, frames = votes.shape
     block = new_block(_ROWS)
     block["reference"] = block["second_reference"] = np.nan
@@ -106,7 +109,8 @@ def _vote(own: OwnManager, read: Mapping[str, NDArray[Any]], failed: NDArray[np.
         count = min(_ROWS, frames - first)
         block["frame"][:count] = np.arange(first, first + count)
         for key, values in read.items():
-            block[key][:count, :pieces] = np.moveaxis(values[:, first : first + count], 0, 1)
+            some = np.moveaxis(values[:, first : first + count], 0, 1)
+            block[key][:count, :pieces], block[key][:count, pieces:S] = some, some[:, :1]  # a row has S signals
         for k in range(count):
             own.step(block, bus, fcc, k)
         here = slice(first, first + count)

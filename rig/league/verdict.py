@@ -8,8 +8,9 @@ from typing import Any, Final
 from scipy.stats import poisson
 
 from rig.assess.words import PRIOR
-from rig.league.entrants import BIASED, OURS, SHIPPED
+from rig.league.entrants import BIASED, OURS, SHIPPED, UNBOUNDED
 from rig.league.outcomes import ALL
+from rig.league.trials import STATES
 from rig.thresholds.holdout import OVER
 
 Row = dict[str, Any]
@@ -22,14 +23,14 @@ def verdict(result: Mapping[str, Any]) -> list[str]:
     A loss or a lead is one whose 95 % interval leaves out zero.
     """
     table, differences, silent = result["table"], result["differences"], result["silent"]
-    rivals = [row for row in differences if row["entrant"] not in (*silent, *_OURS)]
-    among = [row for row in differences if row["entrant"] in _OURS and row["ours"] == OURS]
+    rivals = [row for row in differences if row["entrant"] not in (*silent, *_OURS) and UNBOUNDED not in row["entrant"]]
     lines: list[str] = []
     for ours in (OURS, BIASED):
         lines += _losses([row for row in rivals if row["ours"] == ours], ours)
-    lines += _leads([row for row in rivals if row["kind"] == ALL])
-    lines += _among(among)
-    lines += [*_wrong(table, silent), *_before(table, silent), *_votes(differences, silent)]
+    plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
+    lines += _leads([row for row in plain if row in rivals])
+    lines += _among([row for row in plain if row["entrant"] in _OURS and row["ours"] == OURS])
+    lines += [*_wrong(table, silent), *_before(table, silent), *_votes(plain, silent)]
     lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
     return [*lines, *_lost(result["lost_differences"])]
 
@@ -56,13 +57,13 @@ def _losses(rows: Sequence[Row], ours: str) -> Iterator[str]:
 def _leads(rows: Sequence[Row]) -> Iterator[str]:
     for row in rows:
         if row["high"] < 0.0:
-            yield f"{row['ours']} is ahead of {row['entrant']}: {_where(row)}: it isolates {_points(row)}"
+            yield f"{row['ours']} is ahead of {row['entrant']}: {_where(row)}: the rival isolates {_points(row)}"
 
 
 def _among(rows: Sequence[Row]) -> Iterator[str]:
     """Yield how ours as shipped and with learned biases differ from ours as designed."""
     for row in rows:
-        if row["kind"] == ALL:
+        if row["ours"] == OURS:
             yield f"{row['entrant']} against {OURS}: {_where(row)}: it isolates {_points(row)}"
 
 
@@ -84,7 +85,7 @@ def _before(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
 def _votes(rows: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
     """Yield how those that fail nobody vote, against ours as designed."""
     for row in rows:
-        if row["kind"] == ALL and row["entrant"] in silent and row["ours"] == OURS:
+        if row["entrant"] in silent and row["ours"] == OURS:
             smaller, larger = (100 * row[name] / row["trials"] for name in ("peak_smaller", "peak_larger"))
             yield (
                 f"{row['entrant']} fails nobody: its largest vote error is smaller than that of {OURS} in "
