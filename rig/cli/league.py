@@ -11,6 +11,7 @@ from typer import Argument, Option
 from rig.cli.common import Json, Seed, Workers, emit
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
+from rig.errors import BadInput
 from rig.util.outputs import require_apart, require_page
 
 _MANAGERS: Final = "cross-channel,cusum,glr,parity,innovation,selection,median"
@@ -56,14 +57,17 @@ def _size(row: dict[str, Any], place: int) -> float | None:
 
 def league(
     campaign: Annotated[
-        str, Argument(metavar="FILE|NAME", help="A campaign of faults, its file or bundled name.", show_default=False)
-    ],
+        str | None,
+        Argument(metavar="FILE|NAME", help="A campaign of faults, its file or bundled name.", show_default=False),
+    ] = None,
     healthy: Annotated[
-        Path, Option(metavar="HEALTHY", help="Healthy flights: a flown campaign with its logs.", show_default=False)
-    ],
+        Path | None,
+        Option(metavar="HEALTHY", help="Healthy flights: a flown campaign with its logs.", show_default=False),
+    ] = None,
     out: Annotated[
-        Path, Option(metavar="DIR", help="Folder of the league; a begun one is continued.", show_default=False)
-    ],
+        Path | None,
+        Option(metavar="DIR", help="Folder of the league; a begun one is continued.", show_default=False),
+    ] = None,
     managers: Annotated[str, Option(metavar="NAME,NAME...", help="Who takes part; ours always does.")] = _MANAGERS,
     budget: Annotated[float, Option(metavar="RATE", help="False isolations an hour and signal.")] = 0.01,
     second: Annotated[
@@ -75,14 +79,37 @@ def league(
     plot: Annotated[
         Path | None, Option(metavar="FILE", help="The pictures as a page: .html.", show_default=False)
     ] = None,
+    recordings: Annotated[
+        list[Path] | None,
+        Option(metavar="INPUT", help="In place of all that: healthy recordings, a half each.", show_default=False),
+    ] = None,
+    config: Annotated[
+        Path | None, Option(metavar="CONFIG", help="Their settings, as for rig vote.", show_default=False)
+    ] = None,
+    align: Annotated[bool, Option("--align", help="Take constant delays and offsets off their channels.")] = False,
+    repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False,
     seed: Seed = 0,
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
     """Calibrate managers to one budget of false isolations, and give all of them the same faults."""
+    from rig.league.entrants import entrants
+
+    if recordings:
+        given = {"CAMPAIGN": campaign, "--healthy": healthy, "--out": out, "--second": second, "--plot": plot}
+        if refused := [name for name, value in given.items() if value is not None]:
+            raise BadInput(f"--recordings: a league of recordings has no {refused[0]}")
+        if config is None:
+            raise BadInput("--recordings: needs --config, the settings of rig vote")
+        _recordings(recordings, config, managers, align, repair_time, as_json)
+        return
+    if campaign is None or healthy is None or out is None:
+        missing = next(
+            name for name, value in (("CAMPAIGN", campaign), ("--healthy", healthy), ("--out", out)) if value is None
+        )
+        raise BadInput(f"rig league: {missing} is needed, or --recordings with --config")
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
-    from rig.league.entrants import entrants
     from rig.league.prepared import Asked
     from rig.league.run import run
 
@@ -97,6 +124,46 @@ def league(
 
             write(plot, result)
     emit(as_json, result, lambda: _show(result))
+
+
+def _recordings(inputs: list[Path], config: Path, managers: str, align: bool, repair_time: bool, as_json: bool) -> None:
+    """Run a league of recordings and print it."""
+    from rig.league.entrants import entrants
+    from rig.league.recorded import league as of_recordings
+    from rig.recordings.alignment import AlignOptions
+    from rig.thresholds.config import start
+    from rig.thresholds.data import load
+
+    settings, _ = start(config)
+    rivals = entrants(managers)
+    with working("reading", not as_json):
+        data = load(inputs, settings, str(config), repair_time, AlignOptions() if align else None)
+        result = of_recordings(data, settings, rivals)
+    emit(as_json, result, lambda: _show_recordings(result))
+
+
+def _show_recordings(result: dict[str, Any]) -> None:
+    """Print false isolations, and the table of all kinds and of each, by signal."""
+    line(f"{result['hours']:.3g} h; each half calibrates to no false isolation, and is tested by the other")
+    names = dict.fromkeys(row["entrant"] for row in result["levels"])
+    false = [
+        {"entrant": name, "false": sum(row["false"] for row in result["levels"] if row["entrant"] == name)}
+        for name in names
+    ]
+    table(false, (Column("manager", "entrant"), Column("false isolations in the tested halves", "false")))
+    for signal in dict.fromkeys(row["signal"] for row in result["table"]):
+        rows = [row for row in result["table"] if row["signal"] == signal]
+        _show_kinds(signal, rows, _OUTCOMES[:7], all_kinds=True, told="")
+    line()
+    differ = [row for row in result["differences"] if row["kind"] == "all" and row["ours"] == "cross-channel"]
+    table(
+        differ,
+        (
+            *(Column("signal", "signal"), Column("manager", "entrant"), Column("trials", "trials")),
+            Column("isolated, less ours", lambda row: 100 * row["value"], "+.1f", "points"),
+            Column("95 %", lambda row: f"{100 * row['low']:.1f} to {100 * row['high']:.1f}"),
+        ),
+    )
 
 
 def _show(result: dict[str, Any]) -> None:
@@ -126,12 +193,18 @@ def _show(result: dict[str, Any]) -> None:
         line(sentence)
 
 
-def _show_kinds(title: str, rows: list[dict[str, Any]], columns: Sequence[Column], all_kinds: bool) -> None:
+def _show_kinds(
+    title: str,
+    rows: list[dict[str, Any]],
+    columns: Sequence[Column],
+    all_kinds: bool,
+    told: str = "; sizes and vote error in thresholds",
+) -> None:
     """Print one table for each kind, or of all kinds together alone."""
     for kind in dict.fromkeys(row["kind"] for row in rows):
         if all_kinds or kind == "all":
             line()
-            line(f"{title}, {'all kinds' if kind == 'all' else kind}; sizes and vote error in thresholds")
+            line(f"{title}, {'all kinds' if kind == 'all' else kind}{told}")
             table([row for row in rows if row["kind"] == kind], columns)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -83,19 +83,25 @@ def exceeded(
 
     None where a sixteenth of it is not enough.
     """
-    low, high = -1, _STEPS  # steps that are too large a level, and small enough
     counts: dict[int, int] = {}
 
     def enough(step: int) -> bool:
         counts[step] = flights_failing(entrant, signal, scaled(entrant, signal, values, step), flights)
         return counts[step] >= FLIGHTS
 
-    if not enough(high):
+    at = first_enough(enough, _STEPS)
+    return None if at is None else (scaled(entrant, signal, values, at), counts[at])
+
+
+def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
+    """Return the first of the steps 0 to ``last`` from which on it is ``enough``; None where the last is not."""
+    if not enough(last):
         return None
+    low, high = -1, last
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
-    return scaled(entrant, signal, values, high), counts[high]
+    return high
 
 
 def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dict[str, Any]:

@@ -97,7 +97,9 @@ def _transients(rows: Sequence[Row]) -> Iterator[str]:
     """Yield whom bursts shorter than the persistence make fail somebody."""
     for row in rows:
         if row["failed"]:
-            bursts = f"{row['failed']} of {row['bursts']} bursts of {row['frames']} frames"
+            bursts = (
+                f"{row['failed']} of {row['bursts']} bursts of {row['frames']} frame{'s' if row['frames'] > 1 else ''}"
+            )
             yield (
                 f"{row['entrant']} FAILS A CHANNEL FOR A TRANSIENT: {row['signal']}: {bursts} and "
                 f"{row['thresholds']:g} thresholds"
