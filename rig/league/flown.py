@@ -21,6 +21,7 @@ Frames = NDArray[np.int64]
 POOLED: Final = "all"  # signals together
 FLIGHTS: Final = 3  # that exceed the level at which a second campaign is counted
 _STEPS: Final = 64  # of a factor of 2^(1/16), down to a sixteenth
+_STRIDE: Final = 8
 BURSTS: Final = (1, 3, 7)  # frames
 SIZES: Final = (10.0, 100.0)  # thresholds
 _EVERY, _AFTER, _MOST = 500, 200, 24  # frames from burst to burst, frames in which one counts, flights
@@ -94,10 +95,14 @@ def exceeded(
 
 
 def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
-    """Return the first of the steps 0 to ``last`` from which on it is ``enough``; None where the last is not."""
-    if not enough(last):
+    """Return the first of the steps 0 to ``last`` at which it is ``enough``; None where it is at none.
+
+    In strides first: far below its level a monitor may fail nobody again, where no two channels agree.
+    """
+    low, high = -1, next((step for step in range(0, last + 1, _STRIDE) if enough(step)), None)
+    if high is None:
         return None
-    low, high = -1, last
+    low = high - _STRIDE if high else low
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
