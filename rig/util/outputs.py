@@ -19,7 +19,7 @@ LEAGUE: Final = "league.json"  # and that of a league
 _OWN: Final = {  # files of such a folder that are nobody else's, by their path in it
     CAMPAIGN: re.compile(r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap"),
     TRIALS: re.compile(r"trials\.json|\w+\.parquet"),
-    LEAGUE: re.compile(r"(league|levels|result)\.json|lock|units/\d+-\d+\.parquet"),
+    LEAGUE: re.compile(r"(league|levels|result)\.json|lock|(units|flights)/\d+-\d+\.parquet"),
 }
 _DATA: Final = (".csv", ".parquet", ".mcap", ".json")  # endings of what is read where an input is a folder
 
