@@ -9,6 +9,10 @@ kinds = { hardover = 0.5, drift = 0.5 }
 kinds_source = "assumed"
 false_isolations_per_channel_hour = 1e-9   # in place of what the campaign counted
 false_isolations_source = "..."
+box_per_hour = 1e-5            # faults of the box that carries one channel, all its signals together
+box_source = "..."
+manoeuvre_every_h = 0.5        # time between manoeuvres; without it none is flown before the end
+manoeuvre_source = "..."
 
 [[layers]]                     # what is not flown: in series with the signal
 name = "computers"
@@ -47,6 +51,10 @@ class SignalRates(Settings):
     # Of healthy channels; where it is not given, the campaign's hours say it, which are few below level 4.
     false_isolations_per_channel_hour: float | None = Field(default=None, ge=0, le=1)
     false_isolations_source: str = Field(default=ASSUMED, min_length=1)
+    box_per_hour: float = Field(default=0.0, ge=0, le=1)
+    box_source: str = Field(default=ASSUMED, min_length=1)
+    manoeuvre_every_h: float | None = Field(default=None, gt=0, le=1e4)
+    manoeuvre_source: str = Field(default=ASSUMED, min_length=1)
 
     @field_validator("per_hour")
     @classmethod
