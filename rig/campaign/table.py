@@ -27,7 +27,12 @@ from rig.record.flight_summary import Peaks
 WALL_CLOCK: Final = ("wall_s", "replies")  # no part of what must be the same in every run of a campaign
 COUNTED: Final = ("failed_with_box", "failed_by_rule")  # in ``alarms`` too, which are hashed
 OF_SERVOS: Final = tuple(servos.RUNS)  # in ``digest`` too
-ADDED: Final = ("replies", *COUNTED, *OF_SERVOS)  # columns that parts of older versions lack; they are then empty
+ADDED: Final = (
+    "replies",
+    *COUNTED,
+    *OF_SERVOS,
+    "wrong_vote_first",
+)  # columns that parts of older versions lack; they are then empty
 
 RUNS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -75,10 +80,11 @@ FAULTS: Final[dict[str, Any]] = {
     "pattern": pl.String,
     "good_before": pl.Int64,
     "latent_before": pl.Int64,
-    "vote_above_threshold_s": pl.Float64,  # these four from its onset to the next one on the signal
+    "vote_above_threshold_s": pl.Float64,  # these five from its onset to the next one on the signal
     "vote_error_max": pl.Float64,
     "vote_kept": pl.Boolean,
     "lost_s": pl.Float64,
+    "wrong_vote_first": pl.Boolean,  # before the signal was declared lost
 }
 ALARMS: Final[dict[str, Any]] = {
     "run": pl.Int64,

@@ -62,7 +62,7 @@ def tree(
     read = read_rates(rates)
     name, _ = read.of(signal, str(rates))
     with working("building the tree", not as_json):
-        model = read_model(folders, read, name, channels, str(rates))
+        model = read_model(folders, read, name, channels, min(flights), str(rates))
         not_kept = {f"{good} good": model.next_fault(good) for good in range(channels, 0, -1)}
         result = solve(signal_tree(model), transitions(model), flights, not_kept)
     write(result, out, chain, svg)

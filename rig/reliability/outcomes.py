@@ -17,7 +17,9 @@ import polars as pl
 from numpy.random import Generator
 
 from rig.errors import BadInput
+from rig.frame import CHANNELS
 from rig.reliability.chain import Floats
+from rig.reliability.tally import LATENT
 
 KEPT, KNOWN, KNOWN_LOST, BAD, BAD_LOST = range(5)  # outcomes; ..._LOST: with the aircraft
 OUTCOMES: Final = 5
@@ -38,12 +40,18 @@ class Outcomes:
 
 
 def outcomes(
-    counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng: Generator | None, draws: int = 1
+    counts: pl.DataFrame,
+    kinds: Mapping[str, float],
+    source: str,
+    rng: Generator | None,
+    draws: int = 1,
+    level: float = 1.0,
 ) -> Outcomes:
     """Draw the outcomes of every cell in ``counts``, a table of cells of one signal (docs/reliability.md).
 
     kinds : share of each kind of fault; a cell of single faults must have them all, else BadInput names it
     rng   : None for the mean of every distribution instead of draws
+    level : the chance that no manoeuvre lies between two faults of a flight, 1 where the rates file says nothing
     """
     flown = counts.select(pl.col(WHERE_FLOWN).is_null().all()).row(0) != (True, True)
     result = Outcomes({}, {}, {}, {}, [], flown)
@@ -51,7 +59,7 @@ def outcomes(
     for (design, good), cell in sorted(counts.group_by("design", "good_before"), key=lambda item: item[0]):
         place = str(design), int(good)  # pyright: ignore[reportArgumentType]  # columns of text and whole numbers
         shares = _shares(cell, kinds, place, source)
-        result.draws[place] = _cell(cell, shares, lost, rng, draws)
+        result.draws[place] = _conditions(cell, shares, lost, rng, draws, level ** (CHANNELS - place[1]))
         result.trials[place] = int(cell["trials"].sum())
         result.seen[place] = int((cell["trials"] - cell["kept"]).sum())
         if bool((cell.group_by("kind").agg(pl.col("trials").sum())["trials"] == 0).any()):
@@ -75,6 +83,27 @@ def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: CellKey, sour
         )
     total = sum(shares.values())
     return {kind: share / total for kind, share in shares.items()}
+
+
+def _conditions(
+    cell: pl.DataFrame,
+    shares: Mapping[str, float],
+    lost: tuple[Floats, Floats],
+    rng: Generator | None,
+    draws: int,
+    level: float,
+) -> Floats:
+    """Draw (draws, OUTCOMES) of one cell: with all faults in level flight by the chance of that, else otherwise.
+
+    First faults, and what was not flown in both, are taken together as they were flown.
+    """
+    latent = pl.col("condition") == LATENT
+    parts = cell.filter(latent), cell.filter(~latent)
+    both = all(set(shares) <= set(part["kind"]) for part in parts)
+    if not both or int(cell["good_before"][0]) == CHANNELS:
+        return _cell(cell, shares, lost, rng, draws)
+    in_level, otherwise = (_cell(part, shares, lost, rng, draws) for part in parts)
+    return level * in_level + (1.0 - level) * otherwise
 
 
 def _cell(

@@ -56,6 +56,10 @@ class SignalRates(Settings):
     manoeuvre_every_h: float | None = Field(default=None, gt=0, le=1e4)
     manoeuvre_source: str = Field(default=ASSUMED, min_length=1)
 
+    def level(self, hours: float) -> float:
+        """Return the chance that a second fault of a flight comes before the next manoeuvre, 1 where none is given."""
+        return 1.0 if self.manoeuvre_every_h is None else min(1.0, self.manoeuvre_every_h / hours)
+
     @field_validator("per_hour")
     @classmethod
     def _rates(cls, rates: list[float]) -> list[float]:

@@ -89,12 +89,12 @@ class Result:
 
 
 def results(
-    flown: Cells, signal: str, given: SignalRates, cases: Iterable[Case], layers: Sequence[Layer] = ()
+    flown: Cells, signal: str, given: SignalRates, cases: Sequence[Case], layers: Sequence[Layer] = ()
 ) -> list[Result]:
-    """Compute one manager in all ``cases``.  BadInput names a kind of fault that was not flown."""
+    """Compute one manager in all ``cases``, of one flight time.  BadInput names a kind of fault that was not flown."""
     counts = flown.counts.filter(pl.col("signal") == signal).sort("design", "good_before", "kind", "condition")
     rng = np.random.default_rng(SEED)
-    drawn = outcomes(counts, given.kinds, flown.manager, rng, DRAWS)
+    drawn = outcomes(counts, given.kinds, flown.manager, rng, DRAWS, given.level(cases[0].hours))
     phi = false_isolations(flown.false_isolations.filter(pl.col("signal") == signal), rng)
     if given.false_isolations_per_channel_hour is not None:
         phi = dict.fromkeys(phi, np.full(DRAWS, given.false_isolations_per_channel_hour))

@@ -19,9 +19,12 @@ from rig.safety.open_psa import require_name
 from rig.safety.signal_tree import SignalModel
 
 
-def read_model(folders: Sequence[Path], rates: Rates, signal: str, channels: int, source: str) -> SignalModel:
+def read_model(
+    folders: Sequence[Path], rates: Rates, signal: str, channels: int, hours: float, source: str
+) -> SignalModel:
     """Return the model of a signal with so many channels.
 
+    hours  : of a flight, for the chance that its faults all come between two manoeuvres
     source : the rates file.  BadInput: several rates, several managers, a cell that was not flown, a layer whose name
     cannot be one in XML.
     """
@@ -34,7 +37,7 @@ def read_model(folders: Sequence[Path], rates: Rates, signal: str, channels: int
     flown = _one_manager(folders)
     require(flown, signal, channels, given, ", ".join(map(str, folders)))
     counts = flown.counts.filter(pl.col("signal") == signal)
-    known = outcomes(counts, given.kinds, flown.manager, None)
+    known = outcomes(counts, given.kinds, flown.manager, None, level=given.level(hours))
     per_hour, beta = given.per_hour[0], given.beta[0]
     return SignalModel(
         signal,
