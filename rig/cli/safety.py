@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option, echo
 
-from rig.cli.common import Json, comma_list, emit
+from rig.cli.common import Json, Seed, Sets, Workers, comma_list, emit
 from rig.cli.reliability import RatesFile, SignalName, reliability_app
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
+from rig.errors import BadInput
+from rig.util.interrupt import CODE
 from rig.util.outputs import require_apart
+from rig.util.progress import tell
 
 if TYPE_CHECKING:
+    from rig.campaign.run import Result
+    from rig.safety.cutsets import Counts, CutSet
     from rig.safety.tree_result import TreeResult
 
-MOST_HOURS = 1e5
+MOST_HOURS: Final = 1e5
+MOST_ORDER: Final = 3
+ORDER: Final = "Faults of a sequence, 1 to 3."
+CONDITIONS: Final = "manoeuvre-settled,manoeuvre-near,level-settled,level-then-manoeuvre-settled"
 _AT = (
     Column("hours", "hours", "g"),
     Column("tree", "tree", ".6g"),
@@ -75,3 +84,73 @@ def _show(result: TreeResult) -> None:
     most = max((abs(each.differs) for each in result.at), default=0.0)
     line(f"static tree: {result.static}, differs from the chain by at most {100 * most:.2g} %")
     line("not kept: " + ", ".join(f"{good} {chance:.3g}" for good, chance in result.not_kept.items()))
+
+
+@reliability_app.command()
+def cutsets(
+    out: Annotated[
+        Path, Option(metavar="DIR", help="Folder of the flights; a begun one is continued.", show_default=False)
+    ],
+    signal: Annotated[str, Option(metavar="SIGNAL", help="As in rig signals.")] = "pitch_rate",
+    aircraft: Annotated[str, Option(metavar="NAME", help="As in rig aircraft list.")] = "f16",
+    order: Annotated[int, Option(metavar="N", help=ORDER)] = 3,
+    flights: Annotated[int, Option(metavar="N", help="Of each sequence in each condition.", min=1, max=10_000)] = 20,
+    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="Conditions and gaps.")] = CONDITIONS,
+    seed: Seed = 0,
+    workers: Workers = 2,
+    sets: Sets = None,
+    as_json: Json = False,
+) -> None:
+    """Fly all sequences of up to three faults of a signal, and print the sets that lose it."""
+    from rig.overrides import parse_set
+    from rig.safety.cutset_plan import Asked, fly, require
+    from rig.safety.cutsets import minimal, of_folder
+
+    if not 1 <= order <= MOST_ORDER:
+        raise BadInput(
+            f"--order {order}: must be from 1 to {MOST_ORDER}: four are all channels, and nearly all sequences lose"
+        )
+    named = tuple(dict.fromkeys(part.strip() for part in conditions.split(",")))
+    asked = Asked(aircraft, signal, order, flights, named, seed, dict(map(parse_set, sets or ())))
+    require(asked)
+    with working("flying the sequences", not as_json, steps=True):
+        results = fly(asked, out, workers, report=lambda done, count: tell("flights", done, count))
+    _stop_if_interrupted(results)
+    _, counted = of_folder(out)
+    found = minimal(asked, counted)
+    emit(as_json, {"out": str(out), **asked.as_dict(), **_sets_of(counted, found)}, lambda: _show_sets(counted, found))
+
+
+def _stop_if_interrupted(results: Sequence[Result]) -> None:
+    last = results[-1]
+    if last.interrupted:
+        echo(f"stopped: {last.done} of {last.runs} flights of {last.out.name}; the same command goes on", err=True)
+        raise Exit(CODE + last.signal)
+
+
+def _sets_of(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> dict[str, Any]:
+    """Return the minimal sets, and how many sequences and flights there are of each condition."""
+    flown = {name: {"sequences": len(of), "flights": sum(c.flown for c in of.values())} for name, of in counted.items()}
+    return {"flown": flown, "sets": [each.as_dict() for each in found]}
+
+
+_SETS = (
+    *(Column("condition", "condition"), Column("gap", "gap"), Column("modes by onset", lambda s: ", ".join(s.modes))),
+    Column("lost", lambda s: f"{s.whole.lost} of {s.whole.flown}"),
+    Column("95 %", lambda s: "{:.3f} to {:.3f}".format(*s.as_dict()["interval"])),
+    Column("wrong vote first", "whole.wrong_vote", worth=7),
+    Column("aircraft lost", "whole.aircraft_lost", worth=8),
+    Column("orders that never lose", lambda s: sum(c.lost == 0 for c in s.orders.values()) or "", worth=6),
+)
+
+
+def _show_sets(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> None:
+    """Print what was flown, and the minimal sets."""
+    for name, of in counted.items():
+        lost = sum(each.lost for each in of.values())
+        line(
+            f"{name}: {len(of)} sequences, {lost} of {sum(each.flown for each in of.values())} flights lose the signal"
+        )
+    line()
+    table(found, _SETS)
+    line("minimal: the lower end of its interval is above the upper ends of all its proper subsets")
