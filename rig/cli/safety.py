@@ -20,6 +20,7 @@ from rig.util.progress import tell
 
 if TYPE_CHECKING:
     from rig.campaign.run import Result
+    from rig.safety.confirm import Row
     from rig.safety.cutsets import Counts, CutSet
     from rig.safety.tree_result import TreeResult
 
@@ -103,6 +104,7 @@ def cutsets(
 ) -> None:
     """Fly all sequences of up to three faults of a signal, and print the sets that lose it."""
     from rig.overrides import parse_set
+    from rig.safety.confirm import write_sets
     from rig.safety.cutset_plan import Asked, fly, require
     from rig.safety.cutsets import minimal, of_folder
 
@@ -118,7 +120,59 @@ def cutsets(
     _stop_if_interrupted(results)
     _, counted = of_folder(out)
     found = minimal(asked, counted)
-    emit(as_json, {"out": str(out), **asked.as_dict(), **_sets_of(counted, found)}, lambda: _show_sets(counted, found))
+    whole = {**asked.as_dict(), **_sets_of(counted, found)}
+    write_sets(out, whole)
+    emit(as_json, {"out": str(out), **whole}, lambda: _show_sets(counted, found))
+
+
+@reliability_app.command()
+def confirm(
+    folder: Annotated[Path, Argument(metavar="DIR", help="A folder of rig reliability cutsets.", show_default=False)],
+    aircraft: Annotated[
+        str | None, Option(metavar="NAME,NAME...", help="To fly the sets on.", show_default="the folder's")
+    ] = None,
+    points: Annotated[
+        str, Option(metavar="NAME,NAME...", help="Flight points of them.", show_default="each aircraft's own")
+    ] = "",
+    flights: Annotated[int, Option(metavar="N", help="Of each sequence.", min=1, max=10_000)] = 20,
+    seed: Annotated[int, Option(metavar="N", help="Other than the enumeration's.", min=0, max=2**63 - 1)] = 1,
+    workers: Workers = 2,
+    as_json: Json = False,
+) -> None:
+    """Fly every order and subset of the minimal sets again, with new seeds, and print what disagrees first."""
+    from rig.safety import confirm as again
+    from rig.safety.cutset_plan import read_asked
+
+    asked, found = read_asked(folder), again.claims(folder)
+    if not found:
+        raise BadInput(f"{folder}: no minimal set to confirm")
+    names = [part.strip() for part in (aircraft or asked.aircraft).split(",")]
+    made = again.plans(asked, found, names, [part.strip() for part in points.split(",") if part.strip()], flights, seed)
+    with working("flying the sets again", not as_json, steps=True):
+        results = again.fly(folder, made, workers, report=lambda done, count: tell("flights", done, count))
+    _stop_if_interrupted(results)
+    compared = again.rows(folder, asked.signal, found, made)
+    again.write_rows(folder, compared)
+    data = {"folder": str(folder), "rows": [row.as_dict() for row in compared]}
+    data |= {"agree": sum(row.agrees for row in compared), "disagree": sum(not row.agrees for row in compared)}
+    emit(as_json, data, lambda: _show_confirmed(compared))
+
+
+_CONFIRMED = (
+    Column("", lambda row: "" if row.agrees else "disagrees"),
+    *(Column("aircraft", lambda row: f"{row.aircraft} {row.point}".strip()), Column("condition", "condition", worth=7)),
+    Column("modes by onset", lambda row: ", ".join(row.modes)),
+    Column("enumerated", lambda row: f"{row.before[0]} of {row.before[1]}"),
+    *(Column("again", lambda row: f"{row.again[0]} of {row.again[1]}"), Column("shows", "shows", worth=8)),
+    Column("Fisher", "p_value", ".2g", worth=8),
+)
+
+
+def _show_confirmed(rows: Sequence[Row]) -> None:
+    """Print the rows, and how many agree."""
+    table(rows, _CONFIRMED)
+    disagree = sum(not row.agrees for row in rows)
+    line(f"{len(rows)} rows: {len(rows) - disagree} agree, {disagree} disagree (Fisher's exact test, 0.01 / rows)")
 
 
 def _stop_if_interrupted(results: Sequence[Result]) -> None:

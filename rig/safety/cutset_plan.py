@@ -121,7 +121,7 @@ def begin(out: Path, about: dict[str, Any]) -> None:
     """Make the folder, or find that it was asked the same before.  BadInput names what differs."""
     path = out / CUTSETS
     if is_file(path):
-        was = _read(path)
+        was = read_json(path)
         for key, value in about.items():
             if was.get(key) != value:
                 raise BadInput(f"--out {out}: holds other flights: {key} was {was.get(key)}, is {value}")
@@ -132,7 +132,8 @@ def begin(out: Path, about: dict[str, Any]) -> None:
     write_whole(path, json.dumps(about, indent=1).encode())
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON file of a folder of cut sets.  BadInput: it is damaged, or of another version."""
     try:
         about = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
@@ -147,7 +148,7 @@ def read_asked(out: Path) -> Asked:
     path = out / CUTSETS
     if not is_file(path):
         raise BadInput(f"{out}: no folder of cut sets: {CUTSETS} is missing; rig reliability cutsets --out makes one")
-    about = _read(path)
+    about = read_json(path)
     try:
         asked = Asked(
             **{**{key: about[key] for key in Asked.__dataclass_fields__}, "conditions": tuple(about["conditions"])}

@@ -77,16 +77,21 @@ class CutSet:
     modes: Modes  # by onset, of the order that loses the most
     whole: Counted
     orders: dict[Modes, Counted]
+    subsets: dict[Modes, Counted]  # all orders of its proper subsets
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        orders = [{"modes": list(modes), **counted.as_dict()} for modes, counted in self.orders.items()]
+        orders, parts = (
+            [{"modes": list(modes), **counted.as_dict()} for modes, counted in of.items()]
+            for of in (self.orders, self.subsets)
+        )
         return {
             "modes": list(self.modes),
             "condition": self.condition,
             "gap": self.gap,
             **self.whole.as_dict(),
             "orders": orders,
+            "subsets": parts,
         }
 
 
@@ -160,10 +165,18 @@ def _minimal(condition: str, counts: Counts) -> Iterator[CutSet]:
     sets, when = by_set(counts), CONDITIONS[condition]
     ends = {modes: jeffreys(total(orders).lost, total(orders).flown) for modes, orders in sets.items()}
     for modes, orders in sets.items():
-        above = max((ends[part][1] for part in subsets(modes) if part in ends), default=0.0)
+        within = sorted(part for part in subsets(modes) if part in ends)
+        above = max((ends[part][1] for part in within), default=0.0)
         if ends[modes][0] > above:
             worst = max(orders, key=lambda order: orders[order].lost / orders[order].flown)
-            yield CutSet(when.name, when.gap, worst, total(orders), orders)
+            yield CutSet(
+                when.name,
+                when.gap,
+                worst,
+                total(orders),
+                orders,
+                {o: c for part in within for o, c in sets[part].items()},
+            )
 
 
 def subsets(modes: Sequence[str]) -> set[Modes]:

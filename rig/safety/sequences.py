@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
@@ -94,8 +94,3 @@ def flights(
     name = hashlib.sha256("; ".join([when.slug, signal, *sequence]).encode()).digest()
     rng = np.random.default_rng(SeedSequence(seed, spawn_key=tuple(name[:8])))
     return [faults(signal, sequence, channels, when, rng) for _ in range(count)]
-
-
-def orders(modes: Modes) -> list[Modes]:
-    """Return the different orders of a set of modes."""
-    return sorted(set(permutations(modes)))
