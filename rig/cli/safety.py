@@ -15,7 +15,7 @@ from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
 from rig.util.interrupt import CODE
-from rig.util.outputs import require_apart
+from rig.util.outputs import require_apart, require_page
 from rig.util.progress import tell
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 MOST_HOURS: Final = 1e5
 MOST_ORDER: Final = 3
+HOURS: Final = "1,10,100,1000"
 ORDER: Final = "Faults of a sequence, 1 to 3."
 CONDITIONS: Final = "manoeuvre-settled,manoeuvre-near,level-settled,level-then-manoeuvre-settled"
 _AT = (
@@ -46,7 +47,7 @@ def tree(
     rates: RatesFile,
     out: Annotated[Path, Option(metavar="FILE", help="The tree, Open-PSA XML.", show_default=False)],
     channels: Annotated[int, Option(metavar="N", help="Channels of the signal.", min=1, max=4)] = 4,
-    hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = "1,10,100,1000",
+    hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = HOURS,
     signal: SignalName = None,
     chain: Annotated[
         Path | None, Option(metavar="FILE", help="The same model as a chain, TOML.", show_default=False)
@@ -56,27 +57,29 @@ def tree(
 ) -> None:
     """Write the loss of a signal as a fault tree, and the same model as a chain beside it."""
     from rig.reliability.rates import read_rates
+    from rig.safety.tree_result import write
+
+    require_apart({"--out": out, "--chain": chain, "--svg": svg}, [*folders, rates])
+    name, _ = read_rates(rates).of(signal, str(rates))
+    with working("building the tree", not as_json):
+        result = _tree(folders, rates, name, channels, hours)
+    write(result, out, chain, svg)
+    emit(as_json, {"out": str(out), "signal": name, "channels": channels, **result.as_dict()}, lambda: _show(result))
+
+
+def _tree(folders: Sequence[Path], rates: Path, signal: str, channels: int, hours: str) -> TreeResult:
+    """Return the tree of a signal beside its chain; ``hours`` as the option gives them."""
+    from rig.reliability.rates import read_rates
     from rig.safety.signal_chain import transitions
     from rig.safety.signal_tree import signal_tree
     from rig.safety.tree_input import read_model
-    from rig.safety.tree_result import solve, write
+    from rig.safety.tree_result import solve
 
-    require_apart({"--out": out, "--chain": chain, "--svg": svg}, [*folders, rates])
-    flights = comma_list(
-        "--hours",
-        hours,
-        f"hours above 0 and at most {MOST_HOURS:g}",
-        float,
-        lambda h: isfinite(h) and 0 < h <= MOST_HOURS,
-    )
-    read = read_rates(rates)
-    name, _ = read.of(signal, str(rates))
-    with working("building the tree", not as_json):
-        model = read_model(folders, read, name, channels, min(flights), str(rates))
-        not_kept = {f"{good} good": model.next_fault(good) for good in range(channels, 0, -1)}
-        result = solve(signal_tree(model), transitions(model), flights, not_kept)
-    write(result, out, chain, svg)
-    emit(as_json, {"out": str(out), "signal": name, "channels": channels, **result.as_dict()}, lambda: _show(result))
+    allowed = f"hours above 0 and at most {MOST_HOURS:g}"
+    flights = comma_list("--hours", hours, allowed, float, lambda h: isfinite(h) and 0.0 < h <= MOST_HOURS)
+    model = read_model(folders, read_rates(rates), signal, channels, min(flights), str(rates))
+    not_kept = {f"{good} good": model.next_fault(good) for good in range(channels, 0, -1)}
+    return solve(signal_tree(model), transitions(model), flights, not_kept)
 
 
 def _show(result: TreeResult) -> None:
@@ -173,6 +176,59 @@ def _show_confirmed(rows: Sequence[Row]) -> None:
     table(rows, _CONFIRMED)
     disagree = sum(not row.agrees for row in rows)
     line(f"{len(rows)} rows: {len(rows) - disagree} agree, {disagree} disagree (Fisher's exact test, 0.01 / rows)")
+
+
+@reliability_app.command()
+def fmea(
+    folders: Annotated[
+        list[Path], Argument(metavar="DIR...", help="Flown campaigns with single faults.", show_default=False)
+    ],
+    rates: RatesFile,
+    out: Annotated[Path, Option(metavar="FILE", help="A table, .csv, or a page, .html.", show_default=False)],
+    as_json: Json = False,
+) -> None:
+    """Write failure modes and effects of all items, each line with the flights that show it."""
+    from rig.reliability.rates import read_rates
+    from rig.safety.fmea import lines
+    from rig.safety.fmea_file import require_ending, shown, write
+
+    require_apart({"--out": out}, [*folders, rates])
+    require_ending(out)
+    with working("gathering the lines", not as_json):
+        made = lines(folders, read_rates(rates), str(rates))
+    write(made, out)
+    emit(as_json, {"out": str(out), "lines": [each.as_dict() for each in made]}, lambda: line(f"{shown(made)}: {out}"))
+
+
+@reliability_app.command()
+def report(
+    sets: Annotated[Path, Argument(metavar="DIR", help="A folder of rig reliability cutsets.", show_default=False)],
+    cells: Annotated[
+        list[Path], Option(metavar="DIR", help="Flown campaign reliability or trials; repeatable.", show_default=False)
+    ],
+    faults: Annotated[
+        list[Path], Option(metavar="DIR", help="Flown campaigns of single faults; repeatable.", show_default=False)
+    ],
+    rates: RatesFile,
+    out: Annotated[Path, Option(metavar="FILE", help="The page, HTML.", show_default=False)],
+    channels: Annotated[int, Option(metavar="N", help="Channels of the signal.", min=1, max=4)] = 4,
+    hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = HOURS,
+    signal: SignalName = None,
+) -> None:
+    """Write sets, tree, chain, FMEA and confirmation as one page."""
+    from rig.reliability.rates import read_rates
+    from rig.safety.assumptions import assumptions
+    from rig.safety.case_page import write_case
+    from rig.safety.fmea import lines
+
+    require_apart({"--out": out}, [sets, *cells, *faults, rates])
+    require_page("--out", out)
+    read = read_rates(rates)
+    name, _ = read.of(signal, str(rates))
+    with working("writing the safety case", enabled=True):
+        result = _tree(cells, rates, name, channels, hours)
+        write_case(sets, name, result, lines(faults, read, str(rates)), assumptions(read, name, result), out)
+    line(f"safety case: {out}")
 
 
 def _stop_if_interrupted(results: Sequence[Result]) -> None:

@@ -99,8 +99,8 @@ def fly(asked: Asked, out: Path, workers: int, report: Report | None = None) -> 
 
     BadInput, before anything is written: ``out`` holds something else, or was asked otherwise.
     """
-    begin(out, asked.as_dict())
     plans = {condition: plan(asked, condition) for condition in asked.conditions}
+    begin(out, asked.as_dict())
     return fly_all(plans, out, workers, report)
 
 
