@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,6 +26,7 @@ from rig.safety.sequences import REFERENCE
 
 NOT_FLOWN: Final = "not flown"
 ASSIGN: Final = "to be assigned"
+SIZED: Final = ("offset", "drift", "noise", "oscillation", "spikes")  # kinds with a size in thresholds
 SMALL: Final = 4.0  # thresholds: up to there a size is small
 PHASES: Final = ("phase", "condition", "manoeuvre")  # columns that may say what was flown
 FUNCTIONS: Final = {
@@ -135,29 +135,24 @@ def _groups(folder: Folder) -> Iterator[_Group]:
     if rows.is_empty():
         raise BadInput(f"{folder.path}: no flight of it has a single fault")
     rows = rows.with_columns(phase=pl.col(phase).cast(pl.String) if phase else pl.lit("as flown"))
-    rows = rows.with_columns(pl.Series("band", [_band(folder, *row) for row in _sizes(rows)], dtype=pl.String))
+    rows = rows.with_columns(pl.Series("band", _bands(folder, rows), dtype=pl.String))
     for (item, kind, band, name), part in rows.group_by("signal", "kind", "band", "phase"):
         mode = f"{kind}, {band}" if band else str(kind)
         yield _Group(folder.path, str(item), mode, str(kind), str(name), part.sort("run"))
 
 
-def _sizes(rows: pl.DataFrame) -> Iterator[tuple[Any, ...]]:
-    return rows.select("run", "signal", "kind", "magnitude").iter_rows()
+def _bands(folder: Folder, rows: pl.DataFrame) -> list[str]:
+    """Return the size band of every fault on a channel of a signal, in thresholds of its aircraft; "" for others."""
+    firsts = rows.group_by("aircraft").agg(pl.col("run").min()).iter_rows()
+    of_aircraft = {name: folder.plan[run].scenario().redundancy.signals for name, run in firsts}
+    columns = rows.select("aircraft", "signal", "kind", "magnitude").iter_rows()
+    return [_band(magnitude, kind, of_aircraft[name], signal) for name, signal, kind, magnitude in columns]
 
 
-def _band(folder: Folder, run: int, signal: str, kind: str, magnitude: float | None) -> str:
-    """Return the size band of a fault on a channel of a signal, in thresholds; no text for others."""
-    if magnitude is None or signal not in INDEX or kind not in ("offset", "drift", "noise", "oscillation", "spikes"):
+def _band(magnitude: float | None, kind: str, settings: Any, signal: str) -> str:
+    if magnitude is None or signal not in INDEX or kind not in SIZED:
         return ""
-    settings = _settings(folder, folder.plan[run].aircraft).redundancy.signals
     return "small" if magnitude <= SMALL * float(getattr(settings, signal).threshold) else "large"
-
-
-@cache
-def _settings(folder: Folder, aircraft: str) -> Any:
-    """Return a scenario of an aircraft of a campaign, for its thresholds."""
-    first = next(n for n in range(len(folder.plan)) if folder.plan[n].aircraft == aircraft)
-    return folder.plan[first].scenario()
 
 
 def _flown(group: _Group, rates: Rates) -> Line:
