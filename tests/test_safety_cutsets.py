@@ -246,3 +246,38 @@ def test_damaged_sets_are_one_line(tmp_path: Path):
         with pytest.raises(BadInput, match=r"sets\.json: is damaged"):
             confirm.claims(tmp_path)
     assert json.loads((tmp_path / SETS).read_text())  # left as it was
+
+
+RATES = """
+[pitch_rate]
+per_hour = [1e-3]
+source = "a test"
+kinds = { stuck = 0.5, offset = 0.5 }
+"""
+
+
+def test_the_tree_of_a_folder_of_cut_sets_is_of_its_minimal_sets(rig_command, tmp_path: Path):
+    folder, rates = tmp_path / "sets", tmp_path / "rates.toml"
+    rates.write_text(RATES)
+    begin(folder, ASKED.as_dict())
+    claimed(folder, {"stuck, offset": [15, 20], "offset, stuck": [5, 20]}, {"stuck": [0, 20], "offset": [0, 20]})
+    command = ("reliability", "tree", str(folder), "--rates", str(rates), "--out", str(tmp_path / "tree.xml"))
+    code, out, err = rig_command(*command, "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert told["not_kept"] == {"offset, stuck": 0.5} and told["static"] == "upper bound"
+    # Two of four channels fail, in different modes by half, and lose by half.
+    assert told["chain"]["1"] == pytest.approx(6 * 1e-6 * 0.5 * 0.5, rel=0.01)
+
+
+def test_a_top_event_that_nothing_reaches_is_refused(rig_command, tmp_path: Path):
+    folder, rates = tmp_path / "sets", tmp_path / "rates.toml"
+    rates.write_text(RATES)
+    begin(folder, ASKED.as_dict())
+    claimed(folder, {"stuck, offset": [0, 20], "offset, stuck": [0, 20]}, {})
+    command = ("reliability", "tree", str(folder), "--rates", str(rates), "--out", str(tmp_path / "tree.xml"))
+    code, _, err = rig_command(*command)
+    assert code == 2 and "nothing reaches the top event" in err and not (tmp_path / "tree.xml").exists()
+    rates.write_text(RATES.replace("pitch_rate", "roll_rate"))
+    code, _, err = rig_command(*command)
+    assert code == 2 and "cut sets of pitch_rate, not of roll_rate" in err

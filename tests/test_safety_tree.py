@@ -5,9 +5,10 @@ import re
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import product
+from itertools import permutations, product
 from math import comb, exp
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import outside
@@ -21,6 +22,7 @@ from rig.reliability.chain import solve_file
 from rig.reliability.rates import Layer
 from rig.reliability.tally import Cells
 from rig.safety.fault_tree import FaultTree, cut_sets, direct_sum, probability
+from rig.safety.mode_tree import ModeModel, mode_chain, mode_tree
 from rig.safety.open_psa import open_psa
 from rig.safety.signal_chain import chain_file, lost, transitions
 from rig.safety.signal_tree import SignalModel, signal_tree
@@ -45,8 +47,8 @@ def model(n: int = 4, per_hour: float = LAMBDA, beta: float = 0.0, **given) -> S
 
 
 # Single then pair lost 227 of 300 flights, pair then single 42 of 300.
-ORDER_DECIDES = {"single": {4: 0.0, 3: 0.0, 2: 42 / 300}, "alike": {4: 0.0, 3: 227 / 300, 2: 1.0}}
-NEAR_DECIDES = {"single": {4: 0.0, 3: 0.0, 2: 0.1}, "near": {4: 1.0, 3: 0.0, 2: 0.0}}
+ORDER_DECIDES: dict[str, Any] = {"single": {4: 0.0, 3: 0.0, 2: 42 / 300}, "alike": {4: 0.0, 3: 227 / 300, 2: 1.0}}
+NEAR_DECIDES: dict[str, Any] = {"single": {4: 0.0, 3: 0.0, 2: 0.1}, "near": {4: 1.0, 3: 0.0, 2: 0.0}}
 
 
 def differences(of: SignalModel, tree: FaultTree | None = None) -> list[float]:
@@ -226,6 +228,37 @@ def test_the_chain_file_gives_the_probability_of_the_chain(tmp_path: Path):
     steps = transitions(CASES["layer"])
     (tmp_path / "chain.toml").write_text(chain_file(steps, 10.0, "a test"))
     assert solve_file(tmp_path / "chain.toml").of_death == pytest.approx(lost(steps, 10.0), rel=1e-12)
+
+
+# Two stuck in level flight and any third, in every order: a fifth of the faults are stuck.
+OTHERS = {"hardover": 0.2e-3, "offset": 0.2e-3, "drift": 0.2e-3, "dropout": 0.2e-3}
+TWINS = ModeModel(
+    "pitch_rate",
+    4,
+    {"stuck": 0.2e-3, **OTHERS},
+    {order: 1.0 for third in ("stuck", *OTHERS) for order in set(permutations(("stuck", "stuck", third)))},
+)
+
+
+def test_modes_of_a_channel_as_separate_events_are_an_upper_bound():
+    found = solve(mode_tree(TWINS), mode_chain(TWINS), HOURS, {})
+    assert found.static == "upper bound"
+    assert [100 * each.differs for each in found.at] == pytest.approx([0.07, 0.7, 6.0, 18.0], rel=0.15)
+
+
+def test_stuck_twins_are_what_the_chain_of_hardovers_leaves_out():
+    without = ModeModel("pitch_rate", 4, TWINS.per_hour, {})
+    assert lost(mode_chain(without), 1.0) == pytest.approx(9.98e-13, rel=1e-3)
+    assert lost(mode_chain(TWINS), 1.0) == pytest.approx(4.2e-10, rel=0.02)
+    # By hand: 4 lambda^3 of three failed, times the chance that two or three of them are stuck.
+    assert lost(mode_chain(TWINS), 1.0) == pytest.approx(4e-9 * (3 * 0.2**2 * 0.8 + 0.2**3), rel=0.01)
+
+
+def test_each_order_has_its_own_chance_in_the_chain_and_their_mean_in_the_tree():
+    orders = {("stuck", "offset"): 0.9, ("offset", "stuck"): 0.1}
+    of = ModeModel("pitch_rate", 3, {"stuck": 1e-4, "offset": 3e-4}, orders)
+    assert of.sets() == {("offset", "stuck"): 0.5}
+    assert solve(mode_tree(of), mode_chain(of), (1.0,), {}).at[0].differs == pytest.approx(0.0, abs=1e-3)
 
 
 RATES = """

@@ -42,7 +42,11 @@ _AT = (
 def tree(
     folders: Annotated[
         list[Path],
-        Argument(metavar="DIR...", help="Flown campaigns or trials of one manager.", show_default=False),
+        Argument(
+            metavar="DIR...",
+            help="Flown campaigns or trials of one manager, or one folder of cut sets.",
+            show_default=False,
+        ),
     ],
     rates: RatesFile,
     out: Annotated[Path, Option(metavar="FILE", help="The tree, Open-PSA XML.", show_default=False)],
@@ -70,13 +74,21 @@ def tree(
 def _tree(folders: Sequence[Path], rates: Path, signal: str, channels: int, hours: str) -> TreeResult:
     """Return the tree of a signal beside its chain; ``hours`` as the option gives them."""
     from rig.reliability.rates import read_rates
+    from rig.safety.mode_tree import mode_chain, mode_tree, read_mode_model
     from rig.safety.signal_chain import transitions
     from rig.safety.signal_tree import signal_tree
     from rig.safety.tree_input import read_model
     from rig.safety.tree_result import solve
+    from rig.util.files import is_file
+    from rig.util.outputs import CUTSETS
 
     allowed = f"hours above 0 and at most {MOST_HOURS:g}"
     flights = comma_list("--hours", hours, allowed, float, lambda h: isfinite(h) and 0.0 < h <= MOST_HOURS)
+    if len(folders) == 1 and is_file(folders[0] / CUTSETS):
+        given = read_rates(rates).signals[signal]
+        sets = read_mode_model(folders[0], given, signal, channels, min(flights), str(rates))
+        named = {", ".join(modes): chance for modes, chance in sets.sets().items()}
+        return solve(mode_tree(sets), mode_chain(sets), flights, named)
     model = read_model(folders, read_rates(rates), signal, channels, min(flights), str(rates))
     not_kept = {f"{good} good": model.next_fault(good) for good in range(channels, 0, -1)}
     return solve(signal_tree(model), transitions(model), flights, not_kept)
