@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 from lxml import html
 
+from rig.cli import safety
 from rig.errors import BadInput
 from rig.reliability.rates import Rates, read_rates
 from rig.safety import fmea
@@ -268,6 +269,12 @@ def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates:
     text = " ".join(html.parse(str(page)).getroot().text_content().split())
     assert "14 flights of 7 sequences" in text and "Static tree: exact" in text and "rig reliability confirm" in text
     assert html.parse(str(page)).xpath("//svg//text")
+    called: list[Any] = []
+    monkeypatch.setattr(safety, "_fly_campaign", lambda name, out, *more: called.append((name, str(out))))
+    monkeypatch.setattr(safety, "cutsets", lambda out, signal, **more: called.append((signal, more["flights"])))
+    monkeypatch.setattr(safety, "confirm", lambda folder, **more: called.append(folder))
+    code, _, _ = rig_command(*arguments, "--fly", "--flights", "2")
+    assert code == 0 and called == [("reliability", "a"), ("fmea", "C"), ("pitch_rate", 2), sets]
     other = tmp_path / "other"
     begin(other, Asked("f16", "roll_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict())
     code, _, err = rig_command(*arguments[:2], str(other), *arguments[3:])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
@@ -15,7 +16,7 @@ from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
 from rig.util.interrupt import CODE
-from rig.util.outputs import require_apart, require_page
+from rig.util.outputs import SETS, require_apart, require_page
 from rig.util.progress import tell
 
 if TYPE_CHECKING:
@@ -226,6 +227,11 @@ def report(
     channels: Annotated[int, Option(metavar="N", help="Channels of the signal.", min=1, max=4)] = 4,
     hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = HOURS,
     signal: SignalName = None,
+    fly: Annotated[bool, Option("--fly", help="Fly first what is missing, the sets again too.")] = False,
+    flights: Annotated[int, Option(metavar="N", help="With --fly, of each sequence.", min=1, max=10_000)] = 20,
+    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="With --fly, of the sets.")] = CONDITIONS,
+    sets_of: Sets = None,
+    workers: Workers = 2,
 ) -> None:
     """Write sets, tree, chain, FMEA and confirmation as one page."""
     from rig.reliability.rates import read_rates
@@ -237,10 +243,29 @@ def report(
     require_page("--out", out)
     read = read_rates(rates)
     name, _ = read.of(signal, str(rates))
+    if fly:
+        for campaign, folder in (("reliability", cells[0]), ("fmea", faults[0])):
+            _fly_campaign(campaign, folder, sets_of, workers)
+        cutsets(sets, name, flights=flights, conditions=conditions, workers=workers, sets=sets_of)
+        if json.loads((sets / SETS).read_text())["sets"]:
+            confirm(sets, flights=flights, workers=workers)
     with working("writing the safety case", enabled=True):
         result = _tree(cells, rates, name, channels, hours)
         write_case(sets, name, result, lines(faults, read, str(rates)), assumptions(read, name, result), out)
     line(f"safety case: {out}")
+
+
+def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) -> None:
+    """Fly what is missing of a bundled campaign."""
+    from rig.campaign.config import find, read
+    from rig.campaign.plan import Plan
+    from rig.campaign.run import run
+    from rig.overrides import parse_set
+
+    plan = Plan(read(name, dict(map(parse_set, sets or ()))), str(find(name)))
+    with working(f"flying {name}", enabled=True, steps=True):
+        told = lambda progress: tell(f"flights of {name}", progress.done, progress.runs)  # noqa: E731
+        _stop_if_interrupted([run(plan, out, workers=workers, report=told)])
 
 
 def _stop_if_interrupted(results: Sequence[Result]) -> None:

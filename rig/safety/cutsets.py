@@ -2,7 +2,7 @@
 
 A flight is lost by what came first: a wrong vote, or an announced loss of the signal.  A set is minimal when the lower
 end of its interval lies above the upper ends of those of all its proper subsets.
-Source: docs/reliability.md, 'Cut sets'; Jeffreys' interval as in Brown, Cai and DasGupta (2001).
+Source: docs/safety.md, 'Cut sets'; Jeffreys' interval as in Brown, Cai and DasGupta (2001).
 """
 
 from __future__ import annotations

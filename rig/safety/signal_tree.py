@@ -3,7 +3,7 @@
 Events are the first failure of each channel, of each box, and of each fixed pair of channels (common cause); `not kept
 with g good` is a plain probability.  A tree has no order, so where a single fault and a pair meet, each order is an
 event of probability p x P(order), with P(order) one half: right to first order of the rates.
-Source: docs/reliability.md, 'The fault tree'; coverage as an event, Dugan and Trivedi (1989).
+Source: docs/safety.md, 'Fault tree'; coverage as an event, Dugan and Trivedi (1989).
 """
 
 from __future__ import annotations
