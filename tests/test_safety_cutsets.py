@@ -178,7 +178,7 @@ def test_bad_options_of_cutsets_are_one_line(rig_command, tmp_path: Path, option
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 99}', '{"format": 1}'])
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 99}', '{"format": 1}', '{"format": 1, "aircraft": 3}'])
 def test_a_damaged_folder_is_one_line(rig_command, tmp_path: Path, text: str):
     (tmp_path / CUTSETS).write_text(text)
     code, _, err = rig_command("reliability", "confirm", str(tmp_path))
@@ -197,8 +197,9 @@ def test_a_foreign_folder_and_an_enumeration_that_did_not_end_are_refused(rig_co
 
 def claimed(folder: Path, orders: dict[str, list[int]], parts: dict[str, list[int]]) -> list[confirm.Claim]:
     rows = [[{"modes": name.split(", "), "lost": lost} for name, lost in of.items()] for of in (orders, parts)]
-    one = {"condition": "level then manoeuvre", "gap": "settled", "modes": ["stuck", "offset"]}
-    confirm.write_sets(folder, {"format": 1, "sets": [{**one, "orders": rows[0], "subsets": rows[1]}]})
+    one = dict.fromkeys(confirm.SHOWN, 0)
+    one |= {"condition": "level then manoeuvre", "gap": "settled", "modes": ["stuck", "offset"]}
+    confirm.write_sets(folder, {"format": 1, "flown": {}, "sets": [{**one, "orders": rows[0], "subsets": rows[1]}]})
     return confirm.claims(folder)
 
 
@@ -241,7 +242,8 @@ def test_new_flights_are_of_every_order_and_subset_on_every_aircraft_and_point(t
 
 
 def test_damaged_sets_are_one_line(tmp_path: Path):
-    for text in ('{"format": 1}', '{"format": 1, "sets": [{"orders": 3}]}', '{"format": 1, "sets": [{}]}'):
+    whole = {"format": 1, "flown": {}, "sets": [dict.fromkeys(confirm.SHOWN, 0)]}
+    for text in ('{"format": 1}', '{"format": 1, "flown": {}, "sets": [{"orders": 3}]}', json.dumps(whole)):
         (tmp_path / SETS).write_text(text)
         with pytest.raises(BadInput, match=r"sets\.json: is damaged"):
             confirm.claims(tmp_path)

@@ -7,13 +7,12 @@ from pathlib import Path
 
 from rig.errors import BadInput
 from rig.report.page import write_page
-from rig.safety.cutset_plan import read_asked, read_json
+from rig.safety.confirm import read_rows, read_sets
+from rig.safety.cutset_plan import read_asked
 from rig.safety.fmea import Line
 from rig.safety.fmea_file import shown, titles
 from rig.safety.tree_picture import picture
 from rig.safety.tree_result import TreeResult
-from rig.util.files import is_file
-from rig.util.outputs import CONFIRMED, SETS
 
 
 def write_case(
@@ -26,9 +25,7 @@ def write_case(
     asked = read_asked(sets)
     if asked.signal != signal:
         raise BadInput(f"{sets}: cut sets of {asked.signal}, the tree is of {signal}")
-    if not is_file(sets / SETS):
-        raise BadInput(f"{sets}: {SETS} is missing: rig reliability cutsets --out {sets} was not flown to its end")
-    found = read_json(sets / SETS)
+    found, again = read_sets(sets), read_rows(sets)
     flown = ", ".join(
         f"{name}: {of['flights']} flights of {of['sequences']} sequences" for name, of in found["flown"].items()
     )
@@ -46,5 +43,5 @@ def write_case(
         lines=[line.as_dict() for line in lines],
         head=titles(),
         shown=shown(lines),
-        rows=read_json(sets / CONFIRMED)["rows"] if is_file(sets / CONFIRMED) else [],
+        rows=again,
     )

@@ -26,6 +26,8 @@ from rig.util.files import is_file
 from rig.util.outputs import CONFIRMED, SETS
 
 LEVEL: Final = 0.01
+SHOWN: Final = ("modes", "condition", "gap", "lost", "interval", "wrong_vote_first", "announced_first", "aircraft_lost",
+                "orders", "subsets")  # fmt: skip # of a set, in sets.json
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,15 +71,35 @@ def write_sets(out: Path, found: dict[str, Any]) -> None:
     write_whole(out / SETS, json.dumps(found, indent=1).encode())
 
 
-def claims(out: Path) -> list[Claim]:
-    """Read the minimal sets of a folder.  BadInput: they were not written, or are damaged."""
+def read_sets(out: Path) -> dict[str, Any]:
+    """Read the minimal sets of a folder as they were written.  BadInput: they were not, or are damaged."""
     path = out / SETS
     if not is_file(path):
         raise BadInput(f"{out}: {SETS} is missing: rig reliability cutsets --out {out} was not flown to its end")
     data = read_json(path)
+    lacking = [key for key, kind in (("flown", dict), ("sets", list)) if not isinstance(data.get(key), kind)]
+    lacking += [key for each in data.get("sets", []) for key in SHOWN if not isinstance(each, dict) or key not in each]
+    if lacking:
+        raise BadInput(f"{path}: is damaged: {lacking[0]} is missing")
+    return data
+
+
+def read_rows(out: Path) -> list[dict[str, Any]]:
+    """Read how the sets were flown again; none where they were not.  BadInput: the file is damaged."""
+    path = out / CONFIRMED
+    rows = read_json(path).get("rows") if is_file(path) else []
+    keys = ("aircraft", "point", "condition", "p_value", "agrees", "shows", "modes", "of_set", "before", "again")
+    if not isinstance(rows, list) or not all(isinstance(row, dict) and set(keys) <= set(row) for row in rows):
+        raise BadInput(f"{path}: is damaged: its rows are not those of rig reliability confirm")
+    return rows
+
+
+def claims(out: Path) -> list[Claim]:
+    """Return the minimal sets of a folder with the counts that they rest on.  BadInput as of ``read_sets``."""
+    path, data = out / SETS, read_sets(out)
     try:
         return [_claim(each) for each in data["sets"]]
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, StopIteration) as error:
         raise BadInput(f"{path}: is damaged: {' '.join(str(error).split())[:80]}") from None
 
 

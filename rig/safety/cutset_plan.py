@@ -28,6 +28,12 @@ BATCH: Final = 40
 LATERAL: Final = ("roll_rate", "yaw_rate", "lateral_load_factor", "angle_of_sideslip", "stick_roll", "pedal",
                   "roll_angle", "heading")  # fmt: skip
 AMPLITUDE: Final = 0.3  # of the stick, of the 3-2-1-1
+_TYPES: Final = {
+    **dict.fromkeys(("aircraft", "signal"), str),
+    **dict.fromkeys(("order", "flights", "seed"), int),
+    "conditions": list,
+    "set": dict,
+}
 Report = Callable[[int, int], None]  # flights done, of how many
 
 
@@ -149,11 +155,9 @@ def read_asked(out: Path) -> Asked:
     if not is_file(path):
         raise BadInput(f"{out}: no folder of cut sets: {CUTSETS} is missing; rig reliability cutsets --out makes one")
     about = read_json(path)
-    try:
-        asked = Asked(
-            **{**{key: about[key] for key in Asked.__dataclass_fields__}, "conditions": tuple(about["conditions"])}
-        )
-        require(asked, str(path))
-    except (KeyError, TypeError) as error:
-        raise BadInput(f"{path}: is damaged: {error}") from None
+    for key, kind in _TYPES.items():
+        if not isinstance(about.get(key), kind) or isinstance(about.get(key), bool):
+            raise BadInput(f"{path}: is damaged: {key} is missing, or not a {kind.__name__}")
+    asked = Asked(**{**{key: about[key] for key in _TYPES}, "conditions": tuple(map(str, about["conditions"]))})
+    require(asked, str(path))
     return asked
