@@ -23,8 +23,8 @@ from rig.cli.common import GROUP
 from rig.cli.fly import bench, fly
 from rig.cli.league import league
 from rig.cli.recorded import thresholds, vote
-from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, recover, replay
+from rig.cli.safety import reliability_app
 from rig.cli.score import report, score
 from rig.cli.search import search
 from rig.cli.studies import study
