@@ -35,6 +35,7 @@ ADDED: Final = (
     *COUNTED,
     *OF_SERVOS,
     *MEASURED,
+    "wrong_vote_first",
 )  # columns that parts of older versions lack; they are then empty
 
 RUNS: Final[dict[str, Any]] = {
@@ -84,10 +85,11 @@ FAULTS: Final[dict[str, Any]] = {
     "pattern": pl.String,
     "good_before": pl.Int64,
     "latent_before": pl.Int64,
-    "vote_above_threshold_s": pl.Float64,  # these four from its onset to the next one on the signal
+    "vote_above_threshold_s": pl.Float64,  # these five from its onset to the next one on the signal
     "vote_error_max": pl.Float64,
     "vote_kept": pl.Boolean,
     "lost_s": pl.Float64,
+    "wrong_vote_first": pl.Boolean,  # before the signal was declared lost
 }
 ALARMS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -132,11 +134,7 @@ _ORDER: Final = {
 
 def varied_columns(plan: Plan) -> dict[str, Any]:
     """Return the columns of what varies: a key of the scenario or a group of cases each, typed by all their values."""
-    values: dict[str, set[type]] = {}
-    for choice in plan.choices:
-        for key, value in choice.items():
-            values.setdefault(key, set()).add(type(value))
-    return {key: _type(types) for key, types in values.items() if key not in RUNS}
+    return {key: _type(types) for key, types in plan.value_types().items() if key not in RUNS}
 
 
 def _type(types: set[type]) -> Any:
@@ -159,10 +157,10 @@ def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
     columns = schema(plan, table)
     if table == "runs":
         rows = [{**plan.choices[row["run"]], **row} for row in rows]
-    return pl.DataFrame([{n: _cell(row.get(n), kind) for n, kind in columns.items()} for row in rows], schema=columns)
+    return pl.DataFrame([{n: cell(row.get(n), kind) for n, kind in columns.items()} for row in rows], schema=columns)
 
 
-def _cell(value: Any, kind: Any) -> Any:
+def cell(value: Any, kind: Any) -> Any:
     """Convert a value of a column; one that varies may be of several kinds, and is then written as JSON."""
     as_it_is = value is None or isinstance(value, str) or kind != pl.String
     return value if as_it_is else json.dumps(value, sort_keys=True)
