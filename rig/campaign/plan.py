@@ -22,7 +22,19 @@ from rig.util.versions import versions
 
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
 # What looks at flights, or hands them out, decides nothing in them.
-ROOMS = ("bench", "campaign", "cli", "design", "public", "recordings", "reliability", "replay", "studies", "view")
+ROOMS = (
+    "bench",
+    "campaign",
+    "cli",
+    "design",
+    "public",
+    "recordings",
+    "reliability",
+    "replay",
+    "safety",
+    "studies",
+    "view",
+)
 BESIDE = (*ROOMS, "league", "search", "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
 FLIES = ("campaign/flying.py", "campaign/requirements.py", "campaign/rows.py", "campaign/worker.py")
 

@@ -35,6 +35,7 @@ ADDED: Final = (
     *COUNTED,
     *OF_SERVOS,
     *MEASURED,
+    "wrong_vote_first",
 )  # columns that parts of older versions lack; they are then empty
 
 RUNS: Final[dict[str, Any]] = {
@@ -84,10 +85,11 @@ FAULTS: Final[dict[str, Any]] = {
     "pattern": pl.String,
     "good_before": pl.Int64,
     "latent_before": pl.Int64,
-    "vote_above_threshold_s": pl.Float64,  # these four from its onset to the next one on the signal
+    "vote_above_threshold_s": pl.Float64,  # these five from its onset to the next one on the signal
     "vote_error_max": pl.Float64,
     "vote_kept": pl.Boolean,
     "lost_s": pl.Float64,
+    "wrong_vote_first": pl.Boolean,  # before the signal was declared lost
 }
 ALARMS: Final[dict[str, Any]] = {
     "run": pl.Int64,

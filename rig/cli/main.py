@@ -23,8 +23,8 @@ from rig.cli.common import GROUP
 from rig.cli.fly import bench, fly
 from rig.cli.league import league
 from rig.cli.recorded import thresholds, vote
-from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, recover, replay
+from rig.cli.safety import reliability_app
 from rig.cli.score import report, score
 from rig.cli.search import search
 from rig.cli.studies import study
@@ -108,14 +108,16 @@ def main() -> None:
 @contextmanager
 def _standard_output() -> Iterator[None]:
     """Raise RigError where what the block prints cannot be written: a full disk, a closed pipe."""
+    out = sys.stdout  # None where there is none
     try:
         yield
-        sys.stdout.flush()
+        if out is not None:
+            out.flush()
     except OSError as error:
-        if error.filename is not None:  # of a file, which its writer should have reported
+        if out is None or error.filename is not None:  # of a file, which its writer should have reported
             raise
         with suppress(OSError):
-            sys.stdout.close()  # or Python would write the rest when it ends, and fail again
+            out.close()  # or Python would write the rest when it ends, and fail again
         sys.stdout = None
         raise RigError(f"standard output: cannot be written: {error.strerror}") from None
 

@@ -120,6 +120,7 @@ def _show(scored: Scored) -> None:
     _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
     _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
     table(cells.actuator_rows(score, scenario.rate_hz), columns(*cells.ACTUATORS, worth=_WORTH), MOST_LINES)
+    table(cells.computer_rows(score, scenario.rate_hz), columns(*cells.COMPUTERS, worth=_WORTH), MOST_LINES)
     if score.episodes:
         table(cells.resolver_rows(score), columns(*cells.RESOLVERS, worth=_WORTH))
         line(

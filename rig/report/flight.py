@@ -19,6 +19,7 @@ from rig.frame import INDEX, SIGNALS
 from rig.log import LogFile, scenario_of
 from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
+from rig.report import computers
 from rig.report import figures as draw
 from rig.report.actuators import happened, of_actuator
 from rig.report.course import Course
@@ -62,7 +63,7 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
 def _course(log: LogFile, faults: int) -> Course:
     course = Course(faults)
     for block in log.blocks():
-        course.add(block.rows)
+        course.add(block.rows, block.lanes)
         tell("looking for what happened", course.frames, log.frames)
     return course
 
@@ -84,9 +85,11 @@ def _figures(
     """Draw the pictures, by the id of their element, in the order of the page."""
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
     surfaces = happened(scored) if "actuator" in log.lanes else []
-    gathered = _gathered(log, scored, shown, [(one.begin, one.end) for one in (*moments, *surfaces)])
+    lanes = computers.happened(scored, log.events)
+    stretches = [*moments, *surfaces, *([lanes] if lanes else [])]
+    gathered = _gathered(log, scored, shown, [(one.begin, one.end) for one in stretches])
     labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
-    found = {"timeline": timeline(lanes)} if (lanes := spans(course, rate_hz, shown, labels)) else {}
+    found = {"timeline": timeline(states)} if (states := spans(course, rate_hz, shown, labels)) else {}
     for one in moments:
         rows, acts = gathered.stretches[one.begin, one.end].rows, acting[one.signal][one.begin : one.end]
         about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
@@ -95,6 +98,9 @@ def _figures(
         found[f"signal-{name}"] = draw.of_flight(gathered.signals[name], rate_hz, name, acting[name])
     for one in surfaces:
         found[f"actuator-{one.surface}"] = of_actuator(gathered.stretches[one.begin, one.end], scored, one)
+    if lanes is not None:
+        found["computers"] = timeline(computers.states(course, rate_hz, scored.scenario.computers.count))
+        found["commands"] = computers.commands(gathered.stretches[lanes.begin, lanes.end], scored, lanes)
     found["votes"] = draw.vote_errors(gathered.errors, _thresholds(scored, shown))
     found["surfaces"] = draw.surfaces(gathered.surfaces)
     return found
@@ -146,6 +152,7 @@ def _about(log: LogFile, scored: Scored, names: Sequence[str], moments: Sequence
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _said(one, rate_hz)) for one in moments],
         "actuators": happened(scored) if "actuator" in log.lanes else [],
+        "computers": computers.happened(scored, log.events),
         "signals": names[:MOST_SIGNALS],
         "left_out": names[MOST_SIGNALS:],
         "limits": _limits(scored, names[:MOST_SIGNALS]),
@@ -213,6 +220,7 @@ def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], li
     found = [
         ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
         ("Channels of actuators", cells.ACTUATORS, cells.actuator_rows(score, rate_hz)),
+        ("Computers and links", cells.COMPUTERS, cells.computer_rows(score, rate_hz)),
         ("Healthy channels that were failed", cells.ISOLATIONS, cells.isolation_rows(score, rate_hz)),
         ("Patterns without a majority", cells.RESOLVERS, cells.resolver_rows(score)),
         ("Votes", cells.VOTES, cells.vote_rows(score, rate_hz)),
