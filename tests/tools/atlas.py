@@ -19,7 +19,7 @@ from statistics import median
 from typing import Any, Final
 
 import numpy as np
-from atlas_page import write
+from atlas_page import name_of, write
 from search_here import REQUIREMENT, plan_of, search_here, space
 
 from rig import aircraft
@@ -82,7 +82,7 @@ def search(job: tuple[Cell, int]) -> dict[str, Any]:
 
 
 def simplify(found: dict[str, Any]) -> str:
-    """Make the scenario of a cell simple by flights, write it to faults/worst/; return its name and on how many seeds."""
+    """Make a cell's scenario simple by flights, and write it; return its name and on how many seeds it violates."""
     cell = tuple(found[key] for key in ("manager", "aircraft", "signal", "faults"))
     plan = plan_of(space(*cell), found["trials"])
     first = found["trials"] + SEEDS
@@ -97,12 +97,6 @@ def simplify(found: dict[str, Any]) -> str:
     path.parent.mkdir(exist_ok=True)
     write_scenario(path, plan, simple)
     return f"{path.name}: {simple.violations} of {len(many)}"
-
-
-def name_of(found: dict[str, Any]) -> str:
-    """Return the name of a cell's scenario."""
-    manager = found["manager"].replace("-", "_")
-    return f"{found['aircraft']}_{found['signal']}_{found['faults']}_{manager}"
 
 
 def _flown(table: dict[str, Any], seed: int, requirements: Any) -> tuple[float, bool, str]:
@@ -124,17 +118,16 @@ def why(scenario: Scenario, rows: Block, instant_s: float) -> str:
     off = abs(float(rows["voted"][frame, INDEX[signal]] - rows["truth"][frame, INDEX[signal]]))
     times = off / getattr(scenario.redundancy.signals, signal).threshold
     begin = f"at {instant_s:.1f} s the vote is off by {times:.2g} thresholds"
-    lost = " and the aircraft is lost" if len(rows) < scenario.frames else ""
+    lost = ", the aircraft is lost" if len(rows) < scenario.frames else ""
     if healthy:
-        return f"{begin}: healthy channel {_listed(healthy)} failed, the faulty ones agree{lost}"
+        return f"{begin}: healthy {_listed(healthy)} failed, as the faulty ones agree{lost}"
     if failed:
-        left = len(faulty) - len(failed)
-        return f"{begin}: {_listed(failed)} failed, {left} faulty still voted{lost}"
-    return f"{begin}: nobody is failed{lost}"
+        return f"{begin}: {_listed(failed)} failed, {len(faulty) - len(failed)} faulty in the vote{lost}"
+    return f"{begin}: no channel failed{lost}"
 
 
 def _listed(channels: list[int]) -> str:
-    return " and ".join(map(str, channels))
+    return f"channel{'s' if len(channels) > 1 else ''} {' and '.join(map(str, channels))}"
 
 
 def _brief(faults: list[dict[str, Any]]) -> str:
@@ -156,7 +149,7 @@ def main() -> None:
     given = parser.parse_args()
     done = json.loads(given.results.read_text()) if given.results.exists() else {}
     if given.what == "page":
-        write(list(done.values()), ROOT, {name_of(each) for each in done.values()})
+        write([{**each, "seeds": SEEDS} for each in done.values()], ROOT, SEEDS)
         return
     if given.what == "scenarios":
         with Pool(given.workers) as pool:
