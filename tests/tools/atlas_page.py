@@ -89,9 +89,13 @@ def _cell(row: Row, x: float, y: float, names: Sequence[str]) -> str:
     link = f"../faults/worst/{name}.toml" if name in names else f"worst.md#{row['manager']}-{row['aircraft']}"
     edge = f'stroke="{ink}" stroke-width="1.5"' if name in names else 'stroke="none"'
     box = f'<rect x="{x + 1}" y="{y + 1}" width="{WIDTH - 2}" height="{HEIGHT - 2}" rx="3" fill="{fill}" {edge}/>'
-    text = f'<text x="{x + WIDTH / 2}" y="{y + HEIGHT / 2 + 5}" style="fill:{ink}">{margin:.3g}</text>'
+    text = f'<text x="{x + WIDTH / 2}" y="{y + HEIGHT / 2 + 5}" style="fill:{ink}">{_short(margin)}</text>'
     title = escape(f"{row['scenario']}: {row['why']}")
     return f'<a href="{link}"><title>{title}</title>{box}{text}</a>'
+
+
+def _short(margin: float) -> str:
+    return f"{margin:.2f}" if abs(margin) < 1.0 else f"{margin:.1f}"
 
 
 def _text(x: float, y: float, text: str, kind: str) -> str:
