@@ -29,7 +29,7 @@ def test_one_violates_when_it_is_flown(path: Path):
 def test_the_page_and_the_picture_lead_to_every_scenario():
     page, picture = ((ROOT / "docs" / name).read_text() for name in ("worst.md", "worst.svg"))
     for path in WORST:
-        assert f"](../faults/worst/{path.name})" in page and f'href="../faults/worst/{path.name}"' in picture
+        assert f"| `{path.stem}` |" in page and f'href="../faults/worst/{path.name}"' in picture
     assert picture.count("<a href=") == 108
 
 

@@ -150,5 +150,5 @@ def scenarios(names: Sequence[str], root: Path) -> str:
     for name in names:
         first = (root / "faults" / "worst" / f"{name}.toml").read_text(encoding="utf-8").splitlines()
         title = next(line for line in first if line.startswith("title")).partition('"')[2].rstrip('"')
-        lines.append(f"| [`{name}`](../faults/worst/{name}.toml) | {title} |")
+        lines.append(f"| `{name}` | {title} |")
     return "\n".join(lines)
