@@ -124,17 +124,23 @@ def _cause(servo: Any, c: int) -> str:
 
 
 def _placed(faults: list[Fault]) -> NDArray[Any]:
-    """Return (A,) PLACED of the faults on servos: each of its channels, or once on what they share."""
+    """Return (A,) PLACED of the faults on servos: each of its channels, or once on what they share.
+
+    One of a lane's output converter sits on the channel that it drives.
+    """
     on = [(i, fault, channel) for i, fault in enumerate(faults) for _, channel in channels_of(fault) or [("", 0)]]
     records = np.zeros(len(on), PLACED)
     records["channel"] = records["bypassed_at"] = NEVER
     records["acted_at"] = LONG_AGO
     for n, (record, (i, fault, channel)) in enumerate(zip(records, on, strict=True)):
-        where = site(fault.signal)
-        record["fault"], record["number"], record["valve"] = n, i, fault.effect.part == Part.VALVE_STUCK
-        record["surfaces"] = 1 << number(fault.signal) if where == "actuator" else _ALL
-        record["channel"] = channel - 1 if where == "actuator" and channel else NEVER
-    return records[[site(fault.signal) in OF_SERVOS for _, fault, _ in on]]
+        record["fault"], record["number"] = n, i
+        place, here = fault.signal, site(fault.signal) == "actuator"
+        if fault.drives is not None:
+            place, channel, here = f"actuator.{fault.drives[0]}", fault.drives[1], True
+        record["valve"] = site(fault.signal) in OF_SERVOS and fault.effect.part == Part.VALVE_STUCK
+        record["surfaces"] = 1 << number(place) if here else _ALL
+        record["channel"] = channel - 1 if here and channel else NEVER
+    return records[[site(fault.signal) in OF_SERVOS or fault.drives is not None for _, fault, _ in on]]
 
 
 def _blank_servos() -> NDArray[Any]:

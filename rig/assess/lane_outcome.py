@@ -64,7 +64,8 @@ class LaneOutcome:
         onset = fault.onset_frame
         if fault.channel is not None or site(fault.signal) not in OF_LANES or onset is None or not self._seen:
             return fault
-        found = min(self._found(fault.signal, onset), default=None)
+        of_servo = [(fault.failed_frame, fault.resolver or "")] if fault.failed_frame is not None else []
+        found = min([*self._found(fault.signal, onset), *of_servo], default=None)
         if found is None:
             return replace(fault, outcome="missed", word=fault_word(True, False, True), peak_error=None)
         return replace(

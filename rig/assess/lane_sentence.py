@@ -9,6 +9,8 @@ from rig.assess.context import Context
 from rig.assess.lane_outcome import LINK, RELAYS
 from rig.assess.record import FaultScore
 from rig.faults.places import OF_LANES, site
+from rig.frame import ActuatorMonitor
+from rig.record.actuators import monitor_name
 from rig.units.quantities import duration, seconds
 
 _BY: Final = {
@@ -16,6 +18,7 @@ _BY: Final = {
     RELAYS: "the relays, which outvoted it",
     "vote of commands": "the vote of commands",
     "clock": "the other lanes, for its clock",
+    **{monitor_name(one): f"the monitor {monitor_name(one)} of its servo channel" for one in ActuatorMonitor},
 }
 
 

@@ -43,6 +43,7 @@ class Window:
     error_max: float  # of the vote, unit of the signal
     kept: bool  # the vote: within its threshold at the end, and before but for a monitor's time
     lost_s: float  # at level 0
+    wrong_vote_first: bool  # whether the vote was not kept before the signal was declared lost
 
 
 @dataclass(frozen=True, slots=True)

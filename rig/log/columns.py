@@ -124,6 +124,8 @@ def name(column: Column) -> str:
     """Return the column's name in a table."""
     if isinstance(column, LaneColumn) and column.part == "actuator":
         return ".".join([column.owner, column.field, *(str(i + 1) for i in column.index[1:])])
+    if isinstance(column, LaneColumn):
+        return f"{column.owner}.{column.name}"
     if column.field in _NUMBERED:
         return f"{column.owner}{_NUMBERED[column.field]}.{column.channel}"
     if column.field.removeprefix("discrete_") in ("ilm", "valid"):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rig.assess import cells
 from rig.assess.of_log import Scored, score_log
 from rig.assess.record import Yardstick
+from rig.assess.requirements import plain
 from rig.computer.redundancy.managers import manager_kind
 from rig.frame import INDEX, SIGNALS
 from rig.log import LogFile, scenario_of
@@ -23,6 +24,7 @@ from rig.report import figures as draw
 from rig.report.actuators import happened, of_actuator
 from rig.report.course import Course
 from rig.report.gathered import Gathered, Gathering, Stretch
+from rig.report.margins import Margins
 from rig.report.moments import Moment, affected, limit, moment, signals_of
 from rig.report.page import DASH, write_page
 from rig.report.timeline import spans, timeline
@@ -36,21 +38,25 @@ MOST_ROWS: Final = 300  # of a table
 QUIETEST: Final = 4  # signals whose vote's error is drawn where nothing happened to any
 
 
-def report(path: Path, out: Path) -> dict[str, Any]:
+def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str, Any]:
     """Write the report of the log at ``path`` to ``out``; what it says as plain data.
+
+    requirements : bundled sets and files, beside those of the scenario
 
     The log is gone through block by block, as often as is asked of it.  BadInput or BadLog, one line: no log of
     ``rig fly``, no verdict.
     """
     log = LogFile.open(path)
     scored = score_log(path, Yardstick(), twin=False, log=log)
+    margins = Margins.of(log, scored.scenario, requirements)
     course = _course(log, len(scored.scenario.faults))
     names = affected(scored, course)
     moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
-    drawn = _figures(log, scored, course, names[:MOST_SIGNALS], moments)
-    about = _about(log, scored, names, moments)
+    drawn = _figures(log, scored, course, names[:MOST_SIGNALS], moments) | margins.figures()
+    about = {**_about(log, scored, names, moments), "requirements": margins.rows(), "unmeasured": margins.remark}
     write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
+    told |= {"requirements": [plain(one) for one in margins.verdicts]} if margins.verdicts else {}
     return {"report": str(out), **told, **scored.as_dict()}
 
 
