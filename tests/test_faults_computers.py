@@ -86,7 +86,7 @@ def test_a_lane_that_was_failed_for_its_clock_relays_no_old_words():
 
 
 def test_a_lane_that_lies_beside_a_silent_one_takes_no_channel_of_the_good_ones_along():
-    """B is silent; D tells each something else, and leaves no majority until it is failed, within signals' persistence."""
+    """B is silent; D, who lies, leaves no majority until it is failed: within a signal's persistence."""
     lie = '{kind="link_lie", signal="ccdl.D", offset_thresholds=5.0, different=true, start_s=0.3}'
     loss = '{kind="link_loss", signal="ccdl.B", start_s=0.1}'
     flight = flown(seconds=0.6, sets=(f"faults=[{loss}, {lie}]", EXACT))
