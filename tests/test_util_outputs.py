@@ -41,6 +41,7 @@ COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["view", "q.mcap", "b.mcap"], "--screenshot", ("q.mcap", "b.mcap", OWN[0])),
     (["campaign", "report", "C"], "--out", OWN),
     (["reliability", "run", "C", "T", "--rates", "r.toml"], "--report", ("r.toml", OWN[0], "T/trials.json")),
+    (["league", "reliability", "--healthy", "C", "--out", "L"], "--plot", ("C/campaign.json",)),
     (["aircraft", "design", "f16_own"], "--out", ("f16_own/aircraft.toml",)),
 )
 # These write under new names in a folder.
