@@ -8,6 +8,7 @@ Source: docs/safety.md, 'Confirming'; Fisher (1922).
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -131,7 +132,10 @@ def plans(
             for condition in dict.fromkeys(claim.condition for claim in found):
                 of_condition = [claim for claim in found if claim.condition == condition]
                 wanted = sorted({each for claim in of_condition for each in claim.sequences}, key=lambda s: (len(s), s))
-                made["-".join(filter(None, (name, point, condition)))] = plan(new, condition, wanted, "confirm")
+                folder = re.sub(
+                    r"[^\w.-]", "_", "-".join(filter(None, (name, point, condition)))
+                )  # an aircraft may be a path
+                made[folder] = plan(new, condition, wanted, "confirm")
     return made
 
 
