@@ -39,6 +39,13 @@ COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["view", "q.mcap", "b.mcap"], "--screenshot", ("q.mcap", "b.mcap", OWN[0])),
     (["campaign", "report", "C"], "--out", OWN),
     (["reliability", "run", "C", "T", "--rates", "r.toml"], "--report", ("r.toml", OWN[0], "T/trials.json")),
+    (["reliability", "tree", "C", "--rates", "r.toml"], "--out", ("r.toml", OWN[0])),
+    (["reliability", "fmea", "C", "--rates", "r.toml"], "--out", ("r.toml", OWN[0])),
+    (
+        ["reliability", "report", "S", "--cells", "C", "--faults", "C", "--rates", "r.toml"],
+        "--out",
+        ("r.toml", OWN[0], "S/sets.json"),
+    ),
     (["aircraft", "design", "f16_own"], "--out", ("f16_own/aircraft.toml",)),
 )
 # These write under new names in a folder.
@@ -47,6 +54,7 @@ FOLDERS: tuple[list[str], ...] = (
     ["campaign", "run", "s.toml"],
     ["aircraft", "new", "mine", "--base", "c172x"],
     ["reliability", "trials", "reliability", "--runs", "1"],
+    ["reliability", "cutsets"],
     ["league", "reliability", "--healthy", "C"],
     ["study", "ding2015"],
 )
@@ -85,7 +93,7 @@ SPELLINGS: dict[str, Callable[[str], str]] = {
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with inputs: what is in them does not matter, they are not read."""
     monkeypatch.chdir(tmp_path)
-    for name in (*FILES, *OWN, "T/trials.json", "T/cells.parquet"):
+    for name in (*FILES, *OWN, "T/trials.json", "T/cells.parquet", "S/cutsets.json", "S/sets.json"):
         path = Path(name)
         path.parent.mkdir(exist_ok=True, parents=True)
         path.write_text(f"this is {name}")

@@ -32,7 +32,7 @@ SHOWN: Final = ("modes", "condition", "gap", "lost", "interval", "wrong_vote_fir
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One sequence: what the enumeration counted, and what came of the new flights."""
+    """One sequence: what the enumeration counted, and what the new flights lost."""
 
     aircraft: str
     point: str  # "" for the aircraft's own
