@@ -19,7 +19,16 @@ from rig.cli import main as cli
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
-TUTORIALS = ("first-flight", "own-scenario", "own-voter", "own-unit", "own-aircraft", "recorded-data", "campaign")
+TUTORIALS = (
+    "first-flight",
+    "own-scenario",
+    "own-voter",
+    "own-unit",
+    "own-aircraft",
+    "recorded-data",
+    "campaign",
+    "own-league",
+)
 PAGES = [README, *(ROOT / "docs" / "tutorials" / f"{name}.md" for name in (*TUTORIALS, "reliability", "safety-case"))]
 # How a command begins: why it is only parsed here, by its --help.
 PARSED = {

@@ -124,6 +124,7 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
             zip(_DISCRETE_NAMES, (records.discretes["wrong_votes"] / scenario.rate_hz).tolist(), strict=True)
         ),
         actuators={} if outcome.actuators is None else outcome.actuators.scores(),
+        computers=None if outcome.computers is None else outcome.computers.score(),
         evidence=Evidence(outcome.params, bool(records.flight["unit"][0]), frozenset(names), outcome.kept.of),
     )
 

@@ -105,10 +105,7 @@ def _varied(plan: Plan, number: int) -> dict[tuple[int, str], Vary]:
 def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trials:
     """So many trials of a cell; the rows of their streams are drawn by ``refill``."""
     s = made.one.signal
-    values = {}
-    for place, vary in made.varied.items():
-        value = valuer(vary)
-        values[place] = np.array([value(share) for share in rng.random(trials).tolist()])
+    values = drawn_values(made, trials, rng)
     drawn = Drawn(values, rng.random((trials, len(made.faults.schedule))) < 0.5)
     schedule, targets = records(made, drawn)
     onset = schedule["first"][:, made.tested]
@@ -139,12 +136,23 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
         truth=np.ascontiguousarray(recording.truth[:, s]),
         reference=np.ascontiguousarray(recording.reference[:, s]),
         second=np.ascontiguousarray(recording.second_reference[:, s]),
+        reference_step=np.zeros(trials),
+        reference_from=np.zeros(trials, np.int64),
         sensors=sensors[:, None],
         noise=np.empty((rows, 1, CHANNELS), np.float32),
         schedule=schedule,
         targets=targets,
         normal=np.empty((rows, noisy)),
     )
+
+
+def drawn_values(made: Cell, trials: int, rng: Generator) -> dict[tuple[int, str], Values]:
+    """Return what varies in so many trials, (T,) each: the first that ``draw`` takes of its random numbers."""
+    values: dict[tuple[int, str], Values] = {}
+    for place, vary in made.varied.items():
+        value = valuer(vary)
+        values[place] = np.array([value(share) for share in rng.random(trials).tolist()])
+    return values
 
 
 def refill(trials: Trials, noise: Generator, normal: Generator) -> None:
