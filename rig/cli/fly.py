@@ -22,7 +22,7 @@ from rig.units.quantities import moment
 from rig.util.progress import tell
 
 if TYPE_CHECKING:
-    from rig.assess.requirements import Verdict
+    from rig.assess.requirements import MeasuredConclusion, Verdict
     from rig.flight.assembly import Flight
     from rig.flight.frame_cost import Bench
     from rig.record.event import Event
@@ -73,7 +73,6 @@ def fly(
     from rig.assess.conclusion import next_commands
     from rig.assess.requirements import MeasuredConclusion, plain, violated
     from rig.flight.assembly import fly as fly_scenario
-    from rig.unit.unit import running
     from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
@@ -97,13 +96,20 @@ def fly(
             live=keyboard(watch and (realtime or realtime_factor is not None)),
             outcome=outcome,
         )
-        with running(unit if outcome.needs_twin else None) as tested:
-            verdicts = outcome.verdicts(flight.log, tested, allow_code or bool(sets))
+        verdicts = _verdicts(outcome, flight, unit, allow_code or bool(sets))
     measured = {"requirements": [plain(one) for one in verdicts]} if outcome.requirements else {}
     told = lambda: {"conclusion": flight.conclusion, **measured, "next": next_commands(flight)}  # noqa: E731
     emit(as_json, lambda: {**flight.summary(), **told()}, lambda: show_flight(flight, verdicts=verdicts))
     if strict and violated(verdicts):
         raise Exit(1)
+
+
+def _verdicts(outcome: MeasuredConclusion, flight: Flight, unit: Path | None, allow_code: bool) -> tuple[Verdict, ...]:
+    """Return the verdicts of a flight; the unit that flew it flies its twin where that is named."""
+    from rig.unit.unit import running
+
+    with running(unit if outcome.needs_twin else None) as tested:
+        return outcome.verdicts(flight.log, tested, allow_code)
 
 
 class Watching:
