@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from rig.view.stream import Stream
 
 FEW: Final = 3
+_OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (failed by \w+|readmitted)")
 LOOK_S: Final = 0.1  # between two looks for a viewer, or for Ctrl-C
 FlightSeed = Annotated[int | None, Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)]
 Rerun = Annotated[
@@ -196,13 +198,28 @@ def _verdict(flight: Flight) -> None:
 
 def _events(events: Iterable[Event]) -> Iterator[Event]:
     """Yield the events; more than FEW of one frame that say the same of several signals as one."""
-    for (about, *_), group in groupby(events, lambda event: (event.text.partition(": ")[2], event.frame, event.name)):
-        several = list(group)
-        if about and len(several) > FEW:
-            names = ", ".join(event.text.partition(": ")[0] for event in several[:FEW])
-            yield replace(several[0], text=f"{about}: {len(several)} signals, {names} ...")
-        else:
-            yield from several
+    for _, of_frame in groupby(events, lambda event: event.frame):
+        alike: dict[object, list[tuple[str, Event]]] = {}
+        for i, event in enumerate(of_frame):
+            signal, about = _said_of(event)
+            alike.setdefault((event.name, about) if about else i, []).append((signal, event))
+        for several in alike.values():
+            if len(several) <= FEW:
+                yield from (event for _, event in several)
+                continue
+            _, first = several[0]
+            names = ", ".join(signal for signal, _ in several[:FEW])
+            yield replace(first, text=f"{_said_of(first)[1]}: {len(several)} signals, {names} ...")
+
+
+def _said_of(event: Event) -> tuple[str, str]:
+    """Return the signal of an event, and what it says of it or of its channel; "" where it says no such thing."""
+    from rig.frame import DISCRETE_INDEX, INDEX
+
+    if channel := _OF_CHANNEL.fullmatch(event.text):
+        return channel[1], f"channel {channel[2]} {channel[3]}"
+    signal, _, about = event.text.partition(": ")
+    return (signal, about) if signal in INDEX or signal in DISCRETE_INDEX else ("", "")
 
 
 def _timing(flight: Flight) -> None:
