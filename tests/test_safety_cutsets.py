@@ -227,6 +227,15 @@ def test_a_set_whose_chances_are_swapped_between_two_orders_is_named(monkeypatch
     assert rows[0].shows == "p < 0.12 only"  # 0 of 20 shows no more
 
 
+def test_sets_of_two_conditions_are_compared_each_with_its_own_flights(monkeypatch, tmp_path: Path):
+    found = claimed(tmp_path, {"stuck": [20, 20]}, {})
+    found += [replace(found[0], condition="manoeuvre-settled", sequences={("stuck",): (0, 20)})]
+    truth = {f"f16-{LATENT}": Counted(20, 20), "f16-manoeuvre-settled": Counted(20)}
+    monkeypatch.setattr(confirm, "of_campaign", lambda folder, signal: {("stuck",): truth[folder.name]})
+    rows = confirm.rows(tmp_path, "pitch_rate", found, confirm.plans(ASKED, found, ["f16"], [], 20, 7))
+    assert [(row.condition, row.agrees) for row in rows] == [(LATENT, True), ("manoeuvre-settled", True)]
+
+
 def test_new_flights_are_of_every_order_and_subset_on_every_aircraft_and_point(tmp_path: Path):
     found = claimed(
         tmp_path, {"stuck, offset": [9, 20], "offset, stuck": [3, 20]}, {"stuck": [0, 20], "offset": [0, 20]}

@@ -53,6 +53,7 @@ COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["view", "q.mcap", "b.mcap"], "--screenshot", ("q.mcap", "b.mcap", OWN[0])),
     (["campaign", "report", "C"], "--out", OWN),
     (["reliability", "run", "C", "T", "--rates", "r.toml"], "--report", ("r.toml", OWN[0], "T/trials.json")),
+    (["league", "reliability", "--healthy", "C", "--out", "L"], "--plot", ("C/campaign.json",)),
     (["aircraft", "design", "f16_own"], "--out", ("f16_own/aircraft.toml",)),
     (["league", "reliability", "--healthy", "C", "--out", "new"], "--plot", (OWN[0], LEAGUE[2])),
     (TREE, "--out", ("r.toml", OWN[0], "S/sets.json")),
