@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import polars as pl
 import pytest
 
+from rig.aircraft import folder
 from rig.campaign.folder import open_folder
 from rig.campaign.table import sha256
 from rig.errors import BadInput
@@ -248,6 +250,14 @@ def test_new_flights_are_of_every_order_and_subset_on_every_aircraft_and_point(t
         confirm.plans(ASKED, found, ["f16"], [], 5, ASKED.seed)
     (at_point,) = confirm.plans(ASKED, found, ["f16"], ["10000ft_m08"], 5, 7).values()
     assert at_point[0].scenario().flight_point == "10000ft_m08"
+
+
+def test_flights_of_an_aircraft_of_ones_own_stay_in_the_folder(tmp_path: Path):
+    found = claimed(tmp_path, {"stuck, offset": [9, 20], "offset, stuck": [3, 20]}, {"stuck": [0, 20]})
+    own = tmp_path / "mine"
+    shutil.copytree(folder("f16"), own)
+    (name,) = confirm.plans(ASKED, found, [str(own)], [], 5, 7)
+    assert Path("confirm", name).parent == Path("confirm") and name.endswith(f"_mine-{LATENT}")
 
 
 def test_damaged_sets_are_one_line(tmp_path: Path):
