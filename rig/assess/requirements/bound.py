@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
-from rig.assess.requirements.formula import CHANNEL, COMPARISONS, SIGNAL, Formula, read_formula
+from rig.assess.requirements.formula import CHANNEL, COMPARISONS, SIGNAL, Formula, Node, read_formula
 from rig.assess.requirements.instants import Measured
 from rig.assess.requirements.margins import frames_reach, refuse_empty_windows
 from rig.assess.requirements.requirement import Requirement
@@ -38,8 +39,12 @@ def bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quant
         except BadInput as error:
             raise BadInput(f"{requirement.where}: formula: {error}") from None
         quantities |= {each.name: each for each in bound.quantities}
-        scales = _scales(requirement, bound)
-        measured.append(Measured(requirement, signal, bound.formula, [], scales, bound.back, bound.ahead))
+        root, names, scales = bound.formula.root, bound.formula.names, _scales(requirement, bound)
+        last = measured[-1] if measured else None
+        if last is not None and last.signal == signal and last.root is root and last.scales == scales:
+            last.names.append(names)  # of the next channel
+        else:
+            measured.append(Measured(requirement, signal, root, [names], scales, bound.back, bound.ahead))
     return measured
 
 
@@ -82,8 +87,15 @@ def _bound(
         lambda name: _unknown(name, subject),
     )
     refuse_empty_windows(formula.root, rate_hz)
+    formula = replace(formula, root=_one_of(formula.root))
     quantities = tuple(found for name in formula.names if (found := lookup(name, subject)) is not None)
     return Bound(formula, quantities, _own_scales(formula, quantities, subject), *frames_reach(formula.root, rate_hz))
+
+
+@lru_cache(maxsize=4096)
+def _one_of(root: Node) -> Node:
+    """Return the one object for all trees that are equal: of channels, which are measured together."""
+    return root
 
 
 def _is_flag(name: str, subject: Subject) -> bool:

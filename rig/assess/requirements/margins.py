@@ -1,6 +1,7 @@
 """Verdict and margin of a formula over frames that are held: windows by sliding minima, linear in time.
 
-Values of a condition are (2, n): its verdict as 1 or -1, and its margin; NaN where nothing was flown to decide on.
+Values of a condition are (2, C, n) of C channels at once, (2, 1, n) of what is the same on each: its verdict as 1 or
+-1, and its margin; NaN where nothing was flown to decide on.
 Margins: (b - a) / scale of ``a < b``, -|a - b| / scale of ``==``; ``not`` negates, ``and`` and ``always`` take the
 least, ``or`` and ``eventually`` the largest; +-1 of a yes or no; within +-MOST.  A number that is NaN violates.
 
@@ -11,6 +12,7 @@ and of the unbounded until from a on.  The rule for a lost aircraft is ours.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -28,14 +30,15 @@ _SLACK: Final = 1e-6  # of a frame: a time on a frame is that frame
 
 
 class Held(NamedTuple):
-    """Columns (Q, n) of the frames from ``first`` on, of a formula's names in ``places``, and the flight's end.
+    """Columns (Q, n) of the frames from ``first`` on, the rows of a formula's names in them, and the flight's end.
 
+    rows : of each name its row, or one for each channel
     frames : flown, None while it goes on; lost : the aircraft was
     """
 
     columns: Floats
     first: int
-    places: list[int]
+    rows: list[slice | list[int]]
     scales: list[float]  # of its comparisons
     rate_hz: float
     frames: int | None = None
@@ -47,8 +50,8 @@ class Held(NamedTuple):
         return self.first + self.columns.shape[1]
 
     def of(self, place: int, lo: int, hi: int) -> Floats:
-        """Return the quantity in the frames ``lo`` to ``hi``."""
-        return self.columns[self.places[place], lo - self.first : hi + 1 - self.first]
+        """Return the quantity in the frames ``lo`` to ``hi``, (1, n) or (C, n)."""
+        return self.columns[self.rows[place], lo - self.first : hi + 1 - self.first]
 
 
 def frames_of(node: Node, rate_hz: float) -> tuple[int, int]:
@@ -75,18 +78,20 @@ def frames_reach(node: Node, rate_hz: float) -> tuple[int, int]:
 
 
 def values(node: Node, lo: int, hi: int, held: Held) -> Floats:
-    """Return (2, hi - lo + 1) of a condition in the frames ``lo`` to ``hi``; NaN in those that are not held."""
+    """Return (2, C, hi - lo + 1) of a condition in the frames ``lo`` to ``hi``; NaN in those that are not held."""
     a, b = max(lo, held.first), min(hi, held.end - 1)
     if a == lo and b == hi:
         return _condition(node, a, b, held)
-    out = np.full((2, hi - lo + 1), np.nan)
-    if a <= b:
-        out[:, a - lo : b + 1 - lo] = _condition(node, a, b, held)
+    if a > b:
+        return np.full((2, 1, hi - lo + 1), np.nan)
+    known = _condition(node, a, b, held)
+    out = np.full((2, known.shape[1], hi - lo + 1), np.nan)
+    out[..., a - lo : b + 1 - lo] = known
     return out
 
 
 def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
-    """Return (2, b - a + 1) of frames that are held."""
+    """Return (2, C, b - a + 1) of frames that are held."""
     if node.op == Op.HOLDS:
         return _yes_no(held.of(node.place, a, b), node.sign)
     if node.op in COMPARISONS:
@@ -107,29 +112,28 @@ def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
 
 
 def _yes_no(column: Floats, sign: int) -> Floats:
-    out = np.empty((2, len(column)))
+    out = np.empty((2, *column.shape))
     out[:] = np.where(column != 0.0, 1.0, -1.0)
     return _with_nan(out, column, sign)
 
 
 def _compared(node: Node, a: int, b: int, held: Held) -> Floats:
-    with np.errstate(all="ignore"):
-        left, right = (number(part, a, b, held) for part in node.parts)
-        if node.op in (Op.LESS, Op.LESS_EQUAL):
-            apart = right - left
-        else:
-            apart = left - right
-            if node.op in (Op.EQUAL, Op.NOT_EQUAL):
-                apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
-        out = np.empty((2, b - a + 1))
-        out[0] = np.where(apart > 0.0 if node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL) else apart >= 0.0, 1.0, -1.0)
-        out[1] = apart / held.scales[node.place]
-        np.minimum(np.maximum(out[1], -MOST, out=out[1]), MOST, out=out[1])
+    left, right = (number(part, a, b, held) for part in node.parts)
+    if node.op in (Op.LESS, Op.LESS_EQUAL):
+        apart = right - left
+    else:
+        apart = left - right
+        if node.op in (Op.EQUAL, Op.NOT_EQUAL):
+            apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
+    out = np.empty((2, *(np.shape(apart) or (1, b - a + 1))))
+    out[0] = np.where(apart > 0.0 if node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL) else apart >= 0.0, 1.0, -1.0)
+    np.divide(apart, held.scales[node.place], out=out[1])
+    np.minimum(np.maximum(out[1], -MOST, out=out[1]), MOST, out=out[1])
     return _with_nan(out, out[1], node.sign)
 
 
 def _with_nan(out: Floats, of: Floats, sign: int) -> Floats:
-    """Violate what is no number, whatever is negated; out : (2, n) of ``of`` (n,), in place."""
+    """Violate what is no number, whatever is negated; out : (2, C, n) of ``of`` (C, n), in place."""
     wrong = np.isnan(of)
     if wrong.any():
         out[0, wrong], out[1, wrong] = -sign, -sign * MOST
@@ -137,7 +141,7 @@ def _with_nan(out: Floats, of: Floats, sign: int) -> Floats:
 
 
 def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
-    """Return a number in the frames ``a`` to ``b``."""
+    """Return a number in the frames ``a`` to ``b``; errors of arithmetic are the caller's to ignore."""
     if node.op == Op.NUMBER:
         return node.value
     if node.op == Op.QUANTITY:
@@ -162,27 +166,26 @@ def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
 
 
 def least_of(of: Floats, width: int) -> Floats:
-    """Return (2, n) the least of each ``width`` neighbours of (2, n + width - 1), NaN apart; NaN where all are."""
-    filled = np.where(np.isnan(of), np.inf, of)
-    count = filled.shape[1] - width + 1
-    least = (
-        filled.min(axis=1, keepdims=True)
-        if count == 1
-        else minimum_filter1d(filled, width, axis=1)[:, width // 2 : width // 2 + count]
-    )
-    return np.where(least == np.inf, np.nan, least)
+    """Return (2, C, n) the least of each ``width`` neighbours of (2, C, n + width - 1), NaN apart; NaN where all are."""
+    return of if width == 1 else _extreme_of(of, width, minimum_filter1d, np.inf)
 
 
 def largest_of(of: Floats, width: int) -> Floats:
     """Return what ``least_of`` does, of the largest."""
-    filled = np.where(np.isnan(of), -np.inf, of)
-    count = filled.shape[1] - width + 1
-    largest = (
-        filled.max(axis=1, keepdims=True)
-        if count == 1
-        else maximum_filter1d(filled, width, axis=1)[:, width // 2 : width // 2 + count]
-    )
-    return np.where(largest == -np.inf, np.nan, largest)
+    return of if width == 1 else _extreme_of(of, width, maximum_filter1d, -np.inf)
+
+
+def _extreme_of(of: Floats, width: int, filtered: Callable[..., Floats], none: float) -> Floats:
+    """Return the extremes; none : what is no extreme beside any number."""
+    missing = np.isnan(of)
+    gaps = bool(missing.any())
+    filled = np.where(missing, none, of) if gaps else of
+    count = filled.shape[-1] - width + 1
+    if count == 1:
+        found = (filled.min if none > 0.0 else filled.max)(axis=-1, keepdims=True)
+    else:
+        found = filtered(filled, width, axis=-1)[..., width // 2 : width // 2 + count]
+    return np.where(found == none, np.nan, found) if gaps else found
 
 
 def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:
@@ -193,28 +196,29 @@ def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:
     width = last - first + 1
     missing = np.clip(np.arange(a, b + 1) + last - (held.frames - 1), 0, width)
     cut = missing > 0
-    out[0, cut], out[1, cut] = -1.0, np.fmin(out[1, cut], -1.0 - missing[cut] / width)
+    out[0][:, cut], out[1][:, cut] = -1.0, np.fmin(out[1][:, cut], -1.0 - missing[cut] / width)
     return out
 
 
 def _until(node: Node, a: int, b: int, held: Held) -> Floats:
     """Return the least of: eventually q; p up to the window; and p until q, without a bound, from there on."""
     first, last = frames_of(node, held.rate_hz)
-    p, q = (values(part, a, b + last, held) for part in node.parts)
-    reached = largest_of(q[:, first:], last - first + 1)
+    p, q = np.broadcast_arrays(*(values(part, a, b + last, held) for part in node.parts))
+    reached = largest_of(q[..., first:], last - first + 1)
     p = np.where(np.isnan(p), np.inf, p)
-    unbounded = np.empty_like(p)
-    until_backwards(p, np.where(np.isnan(q), -np.inf, q), unbounded)
-    out = np.minimum(reached, unbounded[:, first : first + b - a + 1])  # NaN where nothing was flown stays
+    unbounded = np.empty(p.shape)
+    q = np.where(np.isnan(q), -np.inf, q)
+    until_backwards(*(of.reshape(-1, of.shape[-1]) for of in (p, q, unbounded)))
+    out = np.minimum(reached, unbounded[..., first : first + b - a + 1])  # NaN where nothing was flown stays
     if first > 0:
-        before = least_of(p[:, : b - a + first], first)
+        before = least_of(p[..., : b - a + first], first)
         out = np.fmin(out, np.where(np.isnan(reached), np.nan, before))
     return out
 
 
 @kernel
 def until_backwards(p, q, out):
-    """Fill ``out`` (2, n) with p until q to the end of the rows, p and q (2, n)."""
+    """Fill ``out`` (m, n) with p until q to the end of the rows, p and q (m, n)."""
     for i in range(p.shape[0]):
         last = -np.inf
         for k in range(p.shape[1] - 1, -1, -1):
@@ -223,20 +227,20 @@ def until_backwards(p, q, out):
 
 
 def decisive(node: Node, k: int, held: Held) -> int:
-    """Return the frame whose numbers give the margin of a condition in frame ``k``."""
+    """Return the frame whose numbers give the margin of a condition in frame ``k``, on one channel."""
     if node.op == Op.HOLDS or node.op in COMPARISONS:
         return k
     if node.op == Op.NOT:
         return decisive(node.parts[0], k, held)
     if node.op in (Op.AND, Op.OR):
-        margins = [values(part, k, k, held)[1, 0] for part in node.parts]
+        margins = [values(part, k, k, held)[1, 0, 0] for part in node.parts]
         chosen = _extreme(np.array(margins), node.op == Op.AND)
         return k if chosen is None else decisive(node.parts[chosen], k, held)
     first, last = frames_of(node, held.rate_hz)
     if node.op == Op.UNTIL:
         return _decisive_until(node, k, held)
     lo, hi = (k - last, k - first) if node.op == Op.ONCE else (k + first, k + last)
-    margins = values(node.parts[0], lo, hi, held)[1]
+    margins = values(node.parts[0], lo, hi, held)[1, 0]
     chosen = _extreme(margins, node.op == Op.ALWAYS)
     cut = node.op == Op.ALWAYS and held.lost and held.frames is not None and hi >= held.frames
     if chosen is None or (cut and margins[chosen] > -1.0):
@@ -252,7 +256,7 @@ def _extreme(margins: Floats, least: bool) -> int | None:
 
 def _decisive_until(node: Node, k: int, held: Held) -> int:
     first, last = frames_of(node, held.rate_hz)
-    p, q = (values(part, k, k + last, held)[1] for part in node.parts)
+    p, q = (values(part, k, k + last, held)[1, 0] for part in node.parts)
     p, q = np.where(np.isnan(p), np.inf, p), np.where(np.isnan(q), -np.inf, q)
     before = np.minimum.accumulate(np.concatenate([[np.inf], p[:-1]]))
     j = first + int(np.argmax(np.minimum(q, before)[first:]))
