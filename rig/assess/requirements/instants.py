@@ -59,7 +59,7 @@ class Measured:
 
     def held(self, columns: NDArray[np.float64], first: int, rate_hz: float, end: tuple[int | None, bool]) -> Held:
         """Return the columns as this formula reads them."""
-        return Held(columns, first, self.rows, self.scales, rate_hz, *end)
+        return Held(columns, first, self.rows, self.scales, rate_hz, *end, seen={})
 
 
 class Instants:

@@ -26,6 +26,7 @@ from rig.kernels import kernel
 
 Floats = NDArray[np.float64]
 MOST: Final = 1000.0  # JSON has no infinity
+_REMEMBERED: Final = 8192  # frames of a condition, so that memory stays bounded
 _SLACK: Final = 1e-6  # of a frame: a time on a frame is that frame
 
 
@@ -34,6 +35,7 @@ class Held(NamedTuple):
 
     rows : of each name its row, or one for each channel
     frames : flown, None while it goes on; lost : the aircraft was
+    seen : conditions by identity, from which frame on: filled for all channels, read when one is chosen
     """
 
     columns: Floats
@@ -43,6 +45,22 @@ class Held(NamedTuple):
     rate_hz: float
     frames: int | None = None
     lost: bool = False
+    seen: dict[int, tuple[int, Floats]] | None = None
+    channel: int = -1  # chosen, from 0
+
+    def on(self, channel: int) -> Held:
+        """Return what is held of one channel."""
+        rows = [of if isinstance(of, slice) else slice(of[channel], of[channel] + 1) for of in self.rows]
+        return self._replace(rows=rows, channel=channel)
+
+    def known(self, node: Node, a: int, b: int) -> Floats | None:
+        """Return the condition in the frames ``a`` to ``b`` as it was seen on the chosen channel, None if it was not."""
+        if self.channel < 0 or self.seen is None or id(node) not in self.seen:
+            return None
+        first, of = self.seen[id(node)]
+        if a < first or b >= first + of.shape[-1]:
+            return None
+        return of[:, self.channel if of.shape[1] > 1 else 0, None, a - first : b + 1 - first]
 
     @property
     def end(self) -> int:
@@ -91,7 +109,17 @@ def values(node: Node, lo: int, hi: int, held: Held) -> Floats:
 
 
 def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
-    """Return (2, C, b - a + 1) of frames that are held."""
+    """Return (2, C, b - a + 1) of frames that are held, and remember it."""
+    known = held.known(node, a, b)
+    if known is not None:
+        return known
+    found = _measured(node, a, b, held)
+    if held.seen is not None and held.channel < 0 and b - a < _REMEMBERED:
+        held.seen[id(node)] = a, found
+    return found
+
+
+def _measured(node: Node, a: int, b: int, held: Held) -> Floats:
     if node.op == Op.HOLDS:
         return _yes_no(held.of(node.place, a, b), node.sign)
     if node.op in COMPARISONS:
@@ -196,6 +224,9 @@ def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:
     width = last - first + 1
     missing = np.clip(np.arange(a, b + 1) + last - (held.frames - 1), 0, width)
     cut = missing > 0
+    if not cut.any():
+        return out
+    out = out.copy()
     out[0][:, cut], out[1][:, cut] = -1.0, np.fmin(out[1][:, cut], -1.0 - missing[cut] / width)
     return out
 

@@ -170,8 +170,7 @@ class RequirementsRecorder:
                 return
             channel, k = found
             of.names, of.places = one.names[channel], one.places[channel]
-            held = held._replace(rows=[slice(place, place + 1) for place in of.places])
-            of.instant = decisive(one.root, k, held)
+            of.instant = decisive(one.root, k, held.on(channel))
         of.numbers = columns[of.places, of.instant - self._first].tolist()
 
     def _draw(self, one: Measured, frames: int | None, lost: bool) -> None:
