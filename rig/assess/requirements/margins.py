@@ -12,7 +12,7 @@ and of the unbounded until from a on.  The rule for a lost aircraft is ours.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -35,7 +35,7 @@ class Held(NamedTuple):
 
     rows : of each name its row, or one for each channel
     frames : flown, None while it goes on; lost : the aircraft was
-    seen : conditions by identity, from which frame on: filled for all channels, read when one is chosen
+    seen : conditions by identity, and from which frame on, of all channels
     """
 
     columns: Floats
@@ -46,7 +46,7 @@ class Held(NamedTuple):
     frames: int | None = None
     lost: bool = False
     seen: dict[int, tuple[int, Floats]] | None = None
-    channel: int = -1  # chosen, from 0
+    channel: int = -1  # the one that is measured, from 0; -1: all
 
     def on(self, channel: int) -> Held:
         """Return what is held of one channel."""
@@ -54,13 +54,14 @@ class Held(NamedTuple):
         return self._replace(rows=rows, channel=channel)
 
     def known(self, node: Node, a: int, b: int) -> Floats | None:
-        """Return the condition in the frames ``a`` to ``b`` as it was seen on the chosen channel, None if it was not."""
-        if self.channel < 0 or self.seen is None or id(node) not in self.seen:
+        """Return a condition in the frames ``a`` to ``b`` as it was seen, None if it was not."""
+        if self.seen is None or id(node) not in self.seen:
             return None
         first, of = self.seen[id(node)]
         if a < first or b >= first + of.shape[-1]:
             return None
-        return of[:, self.channel if of.shape[1] > 1 else 0, None, a - first : b + 1 - first]
+        part = of[..., a - first : b + 1 - first]
+        return part if self.channel < 0 or part.shape[1] == 1 else part[:, self.channel : self.channel + 1]
 
     @property
     def end(self) -> int:
@@ -131,12 +132,39 @@ def _measured(node: Node, a: int, b: int, held: Held) -> Floats:
         return least(*(values(part, a, b, held) for part in node.parts))
     first, last = frames_of(node, held.rate_hz)
     if node.op == Op.ALWAYS:
-        return _cut(least_of(values(node.parts[0], a + first, b + last, held), last - first + 1), a, b, node, held)
+        return _cut(_in_window(node, a + first, b + last, last - first + 1, held), a, b, node, held)
     if node.op == Op.EVENTUALLY:
-        return largest_of(values(node.parts[0], a + first, b + last, held), last - first + 1)
+        return _in_window(node, a + first, b + last, last - first + 1, held)
     if node.op == Op.ONCE:
-        return largest_of(values(node.parts[0], a - last, b - first, held), last - first + 1)
+        return _in_window(node, a - last, b - first, last - first + 1, held)
     return _until(node, a, b, held)
+
+
+def _in_window(node: Node, lo: int, hi: int, width: int, held: Held) -> Floats:
+    """Return (2, C, n) of n windows that begin from frame ``lo`` on and end up to ``hi``."""
+    part, least = node.parts[0], node.op == Op.ALWAYS
+    if hi - lo + 1 > width:
+        return (least_of if least else largest_of)(values(part, lo, hi, held), width)
+    a, b = max(lo, held.first), min(hi, held.end - 1)
+    if a > b:
+        return np.full((2, 1, 1), np.nan)
+    return (np.fmin if least else np.fmax).reduce(_condition(part, a, b, held), axis=-1, keepdims=True)
+
+
+def values_at(node: Node, instants: Sequence[int], channels: int, held: Held) -> Floats:
+    """Return (2, channels, m) of a condition at m instants, in order: windows between them are not gone through."""
+    out = np.empty((2, channels, len(instants)))
+    if node.op in (Op.ALWAYS, Op.EVENTUALLY):
+        first, last = frames_of(node, held.rate_hz)
+        a, b = max(instants[0] + first, held.first), min(instants[-1] + last, held.end - 1)
+        if b - a >= _REMEMBERED:
+            out[:] = values(node, instants[0], instants[-1], held)[..., np.array(instants) - instants[0]]
+            return out
+        if a <= b:
+            _condition(node.parts[0], a, b, held)  # remembered
+    for i, k in enumerate(instants):
+        out[..., i] = values(node, k, k, held)[..., 0]
+    return out
 
 
 def _yes_no(column: Floats, sign: int) -> Floats:
@@ -271,7 +299,8 @@ def decisive(node: Node, k: int, held: Held) -> int:
     if node.op == Op.UNTIL:
         return _decisive_until(node, k, held)
     lo, hi = (k - last, k - first) if node.op == Op.ONCE else (k + first, k + last)
-    margins = values(node.parts[0], lo, hi, held)[1, 0]
+    lo, until = max(lo, held.first), min(hi, held.end - 1)
+    margins = values(node.parts[0], lo, until, held)[1, 0] if lo <= until else np.empty(0)
     chosen = _extreme(margins, node.op == Op.ALWAYS)
     cut = node.op == Op.ALWAYS and held.lost and held.frames is not None and hi >= held.frames
     if chosen is None or (cut and margins[chosen] > -1.0):
@@ -280,9 +309,12 @@ def decisive(node: Node, k: int, held: Held) -> int:
 
 
 def _extreme(margins: Floats, least: bool) -> int | None:
-    if np.isnan(margins).all():
+    missing = np.isnan(margins)
+    if missing.all():
         return None
-    return int(np.nanargmin(margins) if least else np.nanargmax(margins))
+    if missing.any():
+        margins = np.where(missing, np.inf if least else -np.inf, margins)
+    return int(margins.argmin() if least else margins.argmax())
 
 
 def _decisive_until(node: Node, k: int, held: Held) -> int:

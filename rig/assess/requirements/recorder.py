@@ -12,7 +12,7 @@ from rig.assess.requirements.bound import bind
 from rig.assess.requirements.columns import Columns, TwinColumns
 from rig.assess.requirements.formula import body
 from rig.assess.requirements.instants import Instants, Least, Measured
-from rig.assess.requirements.margins import decisive, frames_reach, values
+from rig.assess.requirements.margins import decisive, frames_reach, values, values_at
 from rig.assess.requirements.requirement import Requirement
 from rig.assess.requirements.subject import Quantity, Subject
 from rig.errors import BadInput
@@ -159,11 +159,10 @@ class RequirementsRecorder:
         columns = self._memory[:, self._start : self._start + self._end - self._first]
         held = one.held(columns, self._first, self.subject.rate_hz, end)
         with np.errstate(all="ignore"):
-            measured = values(one.root, instants[0], instants[-1], held)[..., np.array(instants) - instants[0]]
             of, found = one.least, None
-            margins = np.broadcast_to(measured, (2, len(one.names), len(instants))).transpose(1, 2, 0).tolist()
-            for channel, by_instant in enumerate(margins):
-                for k, (verdict, margin) in zip(instants, by_instant, strict=True):
+            measured = values_at(one.root, instants, len(one.names), held)
+            for channel, (verdicts, margins) in enumerate(measured.transpose(1, 0, 2).tolist()):
+                for k, verdict, margin in zip(instants, verdicts, margins, strict=True):
                     if (margin, verdict) < of.least:  # not where it is NaN
                         of.least, found = (margin, verdict), (channel, k)
             if found is None:
