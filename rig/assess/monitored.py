@@ -72,7 +72,7 @@ class Monitored(NamedTuple):
 
 
 def settings_of(scenario: Scenario) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return config.PARAMS (S,) and DISCRETE_PARAMS (D,) of a flight, the caller's own; read once for the same flight."""
+    """Return config.PARAMS (S,) and DISCRETE_PARAMS (D,) of a flight, read once; the caller's own."""
     for latest, params, discretes in _LATEST:
         if latest() is scenario:
             return params.copy(), discretes.copy()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -27,13 +27,20 @@ class Bound(NamedTuple):
     ahead: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _About:
+    """What formulas are over, one object for all flights that have it in common: its hash costs nothing."""
+
+    subject: Subject
+
+
 def bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quantity]) -> list[Measured]:
     """Return the formulas of a requirement on the subject's signals; their ``quantities`` are added.  BadInput."""
     measured: list[Measured] = []
-    about = subject.signals, subject.discretes, subject.offers, subject.called, subject.rate_hz
+    about = _about(subject.signals, subject.discretes, subject.offers, subject.called, subject.rate_hz)
     for signal, text in _texts(requirement, subject):
         try:
-            bound = _bound(text, *about)
+            bound = _bound(text, about)
         except Refused as refused:
             raise BadInput(f"{requirement.where}: formula: column {refused.column}: {refused}") from None
         except BadInput as error:
@@ -69,17 +76,17 @@ def _texts(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, st
             yield signal, text.replace(CHANNEL, str(channel))
 
 
+@lru_cache(maxsize=64)
+def _about(
+    signals: tuple[Watched, ...], discretes: tuple[Watched, ...], offers: frozenset[str], called: str, rate_hz: float
+) -> _About:
+    return _About(Subject(rate_hz, 0, signals, discretes, offers=offers, called=called))
+
+
 @lru_cache(maxsize=4096)
-def _bound(
-    text: str,
-    signals: tuple[Watched, ...],
-    discretes: tuple[Watched, ...],
-    offers: frozenset[str],
-    called: str,
-    rate_hz: float,
-) -> Bound:
+def _bound(text: str, about: _About) -> Bound:
     """Return a formula over signals and discretes: many flights have the same.  Refused, BadInput."""
-    subject = Subject(rate_hz, 0, signals, discretes, offers=offers, called=called)
+    subject, rate_hz = about.subject, about.subject.rate_hz
     formula = read_formula(
         text,
         lambda name: lookup(name, subject) is not None and not _is_flag(name, subject),

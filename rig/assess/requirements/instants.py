@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.requirements.columns import acting_bits
 from rig.assess.requirements.formula import Node
 from rig.assess.requirements.margins import Held
 from rig.assess.requirements.requirement import Requirement
@@ -93,10 +92,10 @@ class Instants:
         """Return the rows in which a fault acts for the first time."""
         if not rows["acting"].any():
             return []
-        acts = acting_bits(rows)
-        new = np.flatnonzero(acts.any(axis=0) & (self._acted == 0))
-        self._acted |= acts.any(axis=0)
-        return sorted({int(np.argmax(acts[:, fault])) for fault in new})
+        acts = np.unpackbits(np.bitwise_or.reduce(rows["acting"], axis=0), bitorder="little")
+        new = np.flatnonzero(acts & (self._acted == 0)).tolist()
+        self._acted |= acts
+        return sorted({int(np.argmax(rows["acting"][:, fault // 8] & (1 << fault % 8) != 0)) for fault in new})
 
     def _losses_in(self, rows: Block) -> dict[int, list[int]]:
         """Return, by signal, the rows in which its level becomes 0."""

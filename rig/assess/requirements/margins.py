@@ -222,7 +222,7 @@ def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
 
 
 def least_of(of: Floats, width: int) -> Floats:
-    """Return (2, C, n) the least of each ``width`` neighbours of (2, C, n + width - 1), NaN apart; NaN where all are."""
+    """Return (2, C, n) the least of each ``width`` neighbours of (2, C, n + width - 1); NaN only where all are."""
     return of if width == 1 else _extreme_of(of, width, minimum_filter1d, np.inf)
 
 
@@ -262,10 +262,11 @@ def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:
 def _until(node: Node, a: int, b: int, held: Held) -> Floats:
     """Return the least of: eventually q; p up to the window; and p until q, without a bound, from there on."""
     first, last = frames_of(node, held.rate_hz)
-    p, q = np.broadcast_arrays(*(values(part, a, b + last, held) for part in node.parts))
+    left, right = (values(part, a, b + last, held) for part in node.parts)
+    p, q = np.broadcast_arrays(left, right)
     reached = largest_of(q[..., first:], last - first + 1)
     p = np.where(np.isnan(p), np.inf, p)
-    unbounded = np.empty(p.shape)
+    unbounded = np.empty((2, p.shape[1], p.shape[2]))
     q = np.where(np.isnan(q), -np.inf, q)
     until_backwards(*(of.reshape(-1, of.shape[-1]) for of in (p, q, unbounded)))
     out = np.minimum(reached, unbounded[..., first : first + b - a + 1])  # NaN where nothing was flown stays
