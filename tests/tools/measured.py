@@ -123,7 +123,7 @@ PAGES: Final = {
             Section(
                 "Healthy flights",
                 [
-                    "rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy",
+                    "rig campaign run false-alarm --out {folder}/healthy",
                     "rig campaign report {folder}/healthy",
                 ],
                 "^table|^false alarms",
