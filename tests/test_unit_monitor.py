@@ -100,8 +100,9 @@ def test_each_part_of_what_lasts_decides_in_the_random_rows(name: str):
 
 
 def quiet(frames: int) -> tuple[np.ndarray, Block]:
-    """CONFIG of the default scenario, and rows of zeros, all valid, without references."""
+    """CONFIG of a bundled scenario whose samples may repeat, and rows of zeros, all valid, without references."""
     stage = redundancy(scenario.load("f16_singular_2_2_ilm"))
+    stage.manager.params["stale_frames"] = 0
     rows = np.zeros(frames, fly_rows(scenario.load("f16_singular_2_2_ilm"), 1).dtype)
     rows["valid"] = rows["discrete_valid"] = 1
     rows["ilm"] = rows["discrete_ilm"] = Ilm.ABSENT
