@@ -94,7 +94,7 @@ def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, 
     a count of stale samples where it changes the sensors."""
     signals = _tables(below.get("redundancy"), "signals")
     sensors = _other_sensors(above)
-    off = {**dict.fromkeys(_redesigned(above, sensors), OUTLIERS), **dict.fromkeys(sensors, {**OUTLIERS, **STALE})}
+    off = {**dict.fromkeys(_redesigned(above, sensors), OUTLIERS), **{key: {**OUTLIERS, **STALE} for key in sensors}}
     gone = {name: {**signals[name], **keys} for name, keys in off.items() if name in signals}
     return merge(below, {"redundancy": {"signals": gone}}) if gone else below
 

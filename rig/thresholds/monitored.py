@@ -15,7 +15,6 @@ from rig.assess.outcome import channel_bits, count_healthy, mark_failed, mark_wr
 from rig.bench.run import step
 from rig.computer.redundancy.config import MANAGERS, PARAMS, fill
 from rig.computer.redundancy.lowpass import follow
-from rig.computer.redundancy.manager import new_state
 from rig.computer.redundancy.managers import Manager
 from rig.frame import CHANNELS, Ilm, rows
 from rig.kernels import long_kernel
