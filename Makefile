@@ -4,10 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
 
-.PHONY: fly test test-all wheel check lint types imports coverage bench measured requirements golden designs replay docs setup clean
+.PHONY: fly suite test test-all wheel check lint types imports coverage bench measured requirements golden designs replay docs setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
+
+suite: setup  ## fly the bundled scenarios: requirements met, and the same channels failed at the same times by the same rule
+	$(BIN)/rig check faults/suites/bundled.toml
 
 test: setup  ## all tests, on all cores
 	$(BIN)/pytest -n auto

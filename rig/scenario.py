@@ -65,6 +65,7 @@ class Scenario(Settings):
     pilot: Pilot = Pilot()
     faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)
     live: list[LiveFault] = []  # that a key begins and ends (rig fly --watch)
+    requirements: list[str] | None = None  # bundled sets, or files' paths from the present folder or the scenario's
     control: Control = Control()
     actuators: Actuators = Actuators()
     computers: Computers = Computers()
@@ -227,7 +228,7 @@ def load(
     else:
         path = find(name)
         data, source, home = read_toml(path), str(path), path.parent
-    data = _overridden(data, sets, seed)
+    data = _beside(_overridden(data, sets, seed), home)
     within = source if not sets else f"{source} with --set"
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
@@ -241,6 +242,18 @@ def _overridden(data: dict[str, Any], sets: Iterable[str], seed: int | None) -> 
     for text in sets:
         data = override(data, text)
     return data if seed is None else {**data, "seed": seed}
+
+
+def _beside(data: dict[str, Any], home: Path) -> dict[str, Any]:
+    """Return the keys of a scenario with the paths of files of requirements that lie beside its file."""
+    names = data.get("requirements")
+    if not isinstance(names, list):
+        return data
+    return {**data, "requirements": [_path_beside(name, home) if isinstance(name, str) else name for name in names]}
+
+
+def _path_beside(name: str, home: Path) -> str:
+    return str(home / name) if not is_file(Path(name)) and is_file(home / name) else name
 
 
 def _changed(scenario: Scenario, sets: Sequence[str], seed: int | None, allow_code: bool) -> Scenario:

@@ -8,6 +8,8 @@ import numpy as np
 
 from rig.campaign.config import read
 from rig.campaign.plan import Plan
+from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.frame import State
 from rig.league.entrants import OfSignal
 from rig.league.healthy import Flight, Healthy
 from rig.league.trials import of_signals
@@ -18,8 +20,60 @@ RATE_HZ = 100.0
 
 
 @cache
-def plan(**sets: Any) -> Plan:
-    return Plan(read(CAMPAIGN, {key.replace("__", "."): value for key, value in sets.items()}), "league.toml")
+def plan() -> Plan:
+    """Return the example with pitch rate alone."""
+    campaign = read(CAMPAIGN, {})
+    cases = {**campaign.cases, "signal": campaign.cases["signal"][:1]}
+    return Plan(campaign.model_copy(update={"cases": cases}), "league.toml")
+
+
+class Wrapped:
+    """A manager of the rig as one of the user's own."""
+
+    name = "cross-voter"
+
+    def __init__(self, params: Any) -> None:
+        self.manager = Manager(self.name, params.copy())
+
+    def step(self, bus: Any, fcc: Any, k: int) -> None:
+        vote_signals(bus[k], fcc[k], self.manager.data)
+
+
+class WrappedInnovation(Wrapped):
+    """One that reads the reference."""
+
+    name = "innovation"
+
+
+class Limited:
+    """Fails a channel at the first sample that is further than ``limit`` thresholds from zero."""
+
+    calibrate = "limit"
+    limit = 2.0
+
+    def __init__(self, params: Any) -> None:
+        self.most, self.failed = self.limit * params["threshold"][:, None], np.zeros((len(params), 4), bool)
+
+    def step(self, bus: Any, fcc: Any, k: int) -> None:
+        self.failed |= np.abs(bus[k]["channels"][: len(self.failed)]) > self.most
+        n = len(self.failed)
+        fcc[k]["voted"][:n], fcc[k]["level"][:n] = 0.0, (~self.failed).sum(axis=1)
+        fcc[k]["state"][:n] = np.where(self.failed, State.FAILED, State.OK)
+
+
+class Nameless(Limited):
+    """Names a number that it does not have."""
+
+    calibrate = "gain"
+
+
+class Raising(Limited):
+    """Raises in its third frame."""
+
+    def step(self, bus: Any, fcc: Any, k: int) -> None:
+        super().step(bus, fcc, k)
+        if k == 2:
+            raise ValueError("no third frame")
 
 
 def white_signal(persistence: int = 1) -> OfSignal:

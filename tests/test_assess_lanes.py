@@ -9,6 +9,7 @@ import pytest
 
 from rig import scenario
 from rig.assess import Score, score
+from rig.assess.conclusion import conclusion
 from rig.assess.lane_outcome import columns_of
 from rig.frame import LaneBlock
 from rig.loop import fly_rows
@@ -50,6 +51,27 @@ def test_a_fault_of_a_lane_or_of_a_link_has_who_found_it_and_when(fault: str, by
 def test_channels_that_are_failed_with_their_lane_are_no_false_alarms(fault: str):
     of = scored(fault)
     assert not of.false_alarms and not of.wrong_isolations
+
+
+UNSEEN = ("computers.wrap_around.coverage=0", 'actuators.model="servo"')
+
+
+@pytest.mark.parametrize(("surface", "by"), [("elevator", "spool"), ("throttle", None)])
+def test_an_output_that_its_lane_does_not_see_is_found_by_the_servo_it_drives(surface: str, by: str | None):
+    """The monitor of the spool waits for 0.1 s; its channel is no healthy one.  The throttle has no servo."""
+    of = scored(f'kind="dac", signal="computer.B", surface="{surface}", does="hardover"', *UNSEEN)
+    found = of.faults[0]
+    assert (found.outcome, found.resolver) == ("detected" if by else "missed", by)
+    assert found.delay_from_onset_frames == (10 if by else None)
+    assert not of.false_alarms and not of.wrong_isolations
+    assert [(one.channel, one.cause) for one in of.actuators["elevator"].failures] == [(2, "own fault")] * bool(by)
+    sentences = conclusion(of_flight(surface), of)
+    assert ("found by the monitor spool of its servo channel after 100 ms" in sentences[0]) == bool(by)
+
+
+def of_flight(surface: str) -> scenario.Scenario:
+    fault = f'{{kind="dac", signal="computer.B", surface="{surface}", does="hardover", start_s=1.0}}'
+    return scenario.load(None, ["computers.count=4", "duration_s=2", f"faults=[{fault}]", *UNSEEN])
 
 
 def test_what_all_lanes_compute_alike_is_missed():

@@ -50,6 +50,13 @@ def test_a_run_counts_channels_that_were_shut_off_and_those_without_a_fault(flig
     assert run_columns(flight.scenario, others) == {"coils_failed": 2, "healthy_coils_failed": 1}
 
 
+def test_a_channel_that_its_lane_drives_wrongly_is_no_healthy_one() -> None:
+    dac = "{kind='dac', signal='computer.B', surface='elevator', does='hardover', start_s=1.0}"
+    given = load(BASE, ["computers.count=4", f"faults=[{dac}]"])
+    failed = {"elevator": {2: (1.1, "spool"), 3: (1.1, "spool")}, "rudder": {2: (1.1, "spool")}}
+    assert run_columns(given, failed) == {"coils_failed": 3, "healthy_coils_failed": 2}
+
+
 def test_a_flight_without_servos_has_none_of_the_columns(flight: CampaignFlight) -> None:
     assert run_columns(load(None), {}) == {}
 

@@ -83,6 +83,12 @@ def test_a_group_without_a_command_shows_its_help(monkeypatch, capsys):
     assert "Usage: rig campaign" in said.out + said.err and "compare" in said.out + said.err
 
 
+def test_without_a_standard_output_a_command_does_its_work():
+    command = 'exec "$0" -m rig signals >&-'
+    ran = subprocess.run(["sh", "-c", command, sys.executable], stderr=subprocess.PIPE, text=True, check=False)
+    assert (ran.returncode, ran.stderr) == (0, "")
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
 @pytest.mark.parametrize("arguments", [["signals"], ["signals", "--json"], ["faults", "list"], ["--help"]])
 def test_a_full_standard_output_is_one_line_and_exit_code_1(arguments):

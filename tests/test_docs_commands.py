@@ -19,14 +19,29 @@ from rig.cli import main as cli
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
-TUTORIALS = ("first-flight", "own-scenario", "own-voter", "own-unit", "own-aircraft", "recorded-data", "campaign")
-PAGES = [README, *(ROOT / "docs" / "tutorials" / f"{name}.md" for name in (*TUTORIALS, "reliability"))]
+TUTORIALS = (
+    "first-flight",
+    "own-scenario",
+    "own-voter",
+    "own-unit",
+    "own-aircraft",
+    "recorded-data",
+    "campaign",
+    "own-league",
+)
+PAGES = [README, *(ROOT / "docs" / "tutorials" / f"{name}.md" for name in (*TUTORIALS, "reliability", "safety-case"))]
 # How a command begins: why it is only parsed here, by its --help.
 PARSED = {
     "rig aircraft new": "minutes of design, tests/test_design_own_aircraft.py",
     "rig aircraft check": "needs what `rig aircraft new` made, or linearises for 20 s; tests/test_design_margins.py",
     "rig fly my_c172/": "needs what `rig aircraft new` made",
-    "rig campaign run reliability": "2640 flights, tests/test_reliability_run.py",
+    "rig campaign run reliability": "6633 flights, tests/test_reliability_run.py",
+    "rig campaign run fmea": "1344 flights, tests/test_safety_fmea.py",
+    "rig reliability cutsets": "6540 flights, tests/test_safety_cutsets.py",
+    "rig reliability confirm": "needs what `cutsets` flew, tests/test_safety_cutsets.py",
+    "rig reliability tree": "needs flown campaigns, tests/test_safety_tree.py",
+    "rig reliability fmea": "needs the campaign `fmea`, tests/test_safety_fmea.py",
+    "rig reliability report": "needs all of these, tests/test_safety_fmea.py",
     "rig reliability run": "needs the campaign `reliability`, tests/test_reliability_run.py",
     "rig reliability trials": "needs hours, tests/test_reliability_trials.py",
     "rig view": "a window or a picture, tests/test_view_*.py",

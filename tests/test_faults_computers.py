@@ -12,7 +12,8 @@ from lanes_flown import FOUR, ONSET, Flown, flown
 
 from rig import scenario
 from rig.errors import BadInput
-from rig.frame import COMPUTERS, INDEX, Health, LaneTest
+from rig.frame import COMPUTERS, INDEX, Health, LaneTest, State
+from rig.lanes.health import shut_off
 from rig.loop import Rig
 
 SERVO = 'actuators.model="servo"'
@@ -71,6 +72,19 @@ def test_a_clock_that_gains_is_accused_when_it_has_been_out_of_its_window():
     assert [out_from(flight, name) for name in ("A", "B", "D")] == [None] * 3
 
 
+def test_a_lane_that_was_failed_for_its_clock_relays_no_old_words():
+    """C is ahead and reads the others a frame late; when B stops, C's relays would leave no majority for D's words."""
+    drift = '{kind="clock_drift", signal="computer.C", drift_ppm=150000.0, start_s=0.6}'
+    stop = '{kind="computer_stop", signal="computer.B", start_s=0.8}'
+    flight = flown(seconds=1.2, sets=(f"faults=[{drift}, {stop}]", EXACT))
+    assert out_from(flight, "C") == (66, LaneTest.CLOCK) and out_from(flight, "B") == (81, LaneTest.WATCHDOG)
+    assert (flight.lanes["clock_lead"][80:, 2] > 0.2).all()  # the exchange's window
+    for lane in (0, 3):
+        held, sampled = flight.bus["channels"][80:, lane], flight.rows["channels"][80:]
+        assert (held[..., [0, 3]] == sampled[..., [0, 3]]).all()
+    assert (flight.lanes["state"][-1, 0, INDEX["pitch_rate"]][[0, 3]] == State.OK).all()
+
+
 @pytest.mark.parametrize(
     ("fault", "lane"), [(DAC.format(0.05), "D"), ('kind="checksum", signal="computer.B", factor=0.98', "B")]
 )
@@ -126,7 +140,7 @@ def blocks(*sets: str) -> tuple[Any, Any]:
     """Rows, and those of servos and computers, of an F-16's flight with servos."""
     from rig.loop import frames
 
-    rig, rows, lanes = Rig(scenario.load(None, [*sets, SERVO, FOUR, "faults.0.start_s=0.1"])), [], []
+    rig, rows, lanes = Rig(scenario.load(None, [*sets, SERVO, FOUR])), [], []
     for block, _ in frames(rig, rig.scenario):
         rows.append(block.copy())
         lanes += rig.lanes(len(block))
@@ -141,6 +155,18 @@ def test_valves_of_a_lane_that_is_out_are_shut_and_open_again_when_it_is_back():
     engaged = np.isin(out, (Health.ENGAGED, Health.SUSPECT))
     assert (shut[:, :, 0] == ~engaged[:, None]).all() and not shut[:, :, 1:].any()
     assert not lanes["actuator"]["failed_by"].any()
+
+
+def test_no_surface_is_bypassed_while_the_back_up_takes_over_from_the_last_lane():
+    """D alone is left, and fails itself in frame 32: its channels are shut off when the back-up drives all four."""
+    orders = ", ".join(f'{{at_s=0.2, do="disengage", lane="{lane}"}}' for lane in "ABC")
+    fault = f"faults=[{{{DAC.format(0.05)}, start_s=0.3}}]"
+    _, lanes = blocks(f"computers.commands=[{orders}]", "duration_s=1", "faults=[]", *SURE, fault)
+    leads, shut = lanes["computer"]["leads"], lanes["actuator"]["valve"]
+    assert leads[20:33, 3].all() and not leads[33:].any()
+    assert lanes["computer"]["health"][32:, 3].tolist() == [Health.FAILED] * 68
+    assert (shut[20:33] == [[1, 1, 1, 0]]).all() and not shut[33:].any()
+    assert (shut_off(lanes) == shut[:, 0]).all() and not lanes["actuator"]["bypassed"].any()
 
 
 ONE_BY_ONE = """faults=[

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rig.errors import BadInput, RigError
-from rig.util.files import draft, is_file, numbered, publish, replaced, write_text
+from rig.util.files import draft, is_file, new_folder, numbered, publish, replaced, write_text
 
 
 def test_a_file_is_there_only_when_its_block_ended_well(tmp_path: Path):
@@ -83,3 +83,18 @@ def test_a_draft_takes_the_next_number_that_is_free_also_when_somebody_was_faste
         made.write_text("mine")
         assert publish(made, [third, *(next(names) for _ in range(1))]) == tmp_path / "a_4.x"
     assert (tmp_path / "a_4.x").read_text() == "mine" and third.read_text() == "of somebody who was faster"
+
+
+def test_a_new_folder_goes_when_its_block_fails_and_stays_with_what_others_put_there(tmp_path: Path):
+    with pytest.raises(RuntimeError), new_folder(tmp_path / "a" / "b"):
+        raise RuntimeError
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(RuntimeError), new_folder(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "theirs").touch()
+        raise RuntimeError
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["theirs"]
+    with new_folder(tmp_path / "a" / "c"):
+        pass
+    with pytest.raises(RuntimeError), new_folder(tmp_path / "a" / "c"):
+        raise RuntimeError
+    assert (tmp_path / "a" / "c").is_dir()

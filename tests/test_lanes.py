@@ -42,6 +42,13 @@ def test_equal_lanes_fly_what_one_computer_flies(name: str | None, sets: list[st
     assert found.frames == 200 and not found.differing
 
 
+@pytest.mark.parametrize(("last", "equal"), [(0.2, True), (0.21, False)])
+def test_lanes_whose_clocks_are_within_the_exchange_window_fly_what_one_computer_flies(last: float, equal: bool):
+    """One whose sensors sample as early; with clocks beyond the window the lanes have samples of two frames."""
+    found = compared(None, "duration_s=1", "faults=[]", 'turbulence="light"', ahead=(0.0, 0.05, last, 0.1))
+    assert found.frames == 100 and (not found.differing) == equal
+
+
 def lanes_of(rig: Rig) -> np.ndarray:
     """All rows of a flight's lanes."""
 

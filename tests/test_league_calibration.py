@@ -6,8 +6,10 @@ from league_flights import RATE_HZ, white, white_signal
 from scipy.stats import chi2
 
 from rig.errors import BadInput
-from rig.league.calibration import calibrate, isolations, require_time
+from rig.league.calibration import calibrate, require_time
 from rig.league.entrants import BIASED, OURS, Entrant, entrants, fails_nobody, levels
+from rig.league.flown import isolations
+from rig.league.healthy import measured
 
 
 def test_the_parity_limits_of_white_noise_are_those_of_chi_square_with_a_degree_less_than_samples():
@@ -70,11 +72,36 @@ def test_only_managers_that_fail_somebody_have_levels():
     ]  # fmt: skip
 
 
+def test_a_rival_is_told_the_spread_and_the_largest_mean_of_healthy_residuals():
+    signal, healthy = white_signal(), white(0.1, 8, 3000)
+    healthy.flights["pitch_rate"][3].samples[:, 2] += 1.0
+    found = measured(Entrant("bayes", "bayes"), signal, healthy)
+    assert set(found) == {"spread", "bias"} and found["bias"] == pytest.approx(1.0, abs=0.06)
+    # The median of four normal samples has 0.298 of the variance of one, and a covariance of 1/4 with each.
+    assert found["spread"] == pytest.approx(0.1 * np.sqrt(1.0 + 0.298 - 0.5), rel=0.05)
+    rms = measured(Entrant("glr", "glr"), signal, white(0.1, 4, 3000))["rms"]
+    assert rms == pytest.approx(0.1 * np.sqrt(1.0 + 0.298 - 0.5), rel=0.03)
+    assert measured(Entrant("cross-voter", "cross-voter"), signal, healthy) == {}
+
+
+def test_variants_are_told_and_calibrated_like_their_rival():
+    (long, guess) = entrants("cusum 120,parity guess middle")[3:]
+    healthy = white(0.1, 8, 9000)
+    found = calibrate(long, white_signal(), healthy, 20.0)
+    short = calibrate(Entrant("cusum", "cusum"), white_signal(), healthy, 20.0)
+    assert found.values["limit"] == 120.0 and found.values["allowance"] < short.values["allowance"]
+    told = measured(guess, white_signal(), healthy)
+    assert told["ties"] == "guess" and told["vote"] == "middle"
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
         ("cussum", "--managers: unknown manager"),
         ("cusum,cusum", "--managers: cusum: given more than once"),
+        ("cusum 61", "--managers: cusum 61: unknown variant"),
+        ("glr 60", "--managers: glr 60: glr has no variant '60'"),
+        ("median guess", "--managers: median guess: median has no variant 'guess'"),
         ("cross-channel", "--managers: name one or more besides cross-channel"),
     ],
 )

@@ -1,7 +1,12 @@
 """One league: the same bytes with one and two workers and after an interruption; what it refuses."""
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +20,9 @@ from rig.campaign.run import run as fly
 from rig.cli.main import app
 from rig.errors import BadInput
 from rig.league.entrants import entrants
-from rig.league.run import Asked, run
+from rig.league.prepared import Asked
+from rig.league.run import run
+from rig.league.trials import STATES
 from rig.util.progress import listening
 
 
@@ -28,7 +35,7 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def asked(healthy: Path, **more: Any) -> Asked:
-    return Asked(entrants("cusum,median"), 1.0, healthy, **{"trials": 4, **more})
+    return Asked(entrants("cusum,median"), 1.0, healthy, **{"trials": 4, "flights": 2, **more})
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +65,33 @@ def test_an_interrupted_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any]
     assert content(tmp_path / "cut") == content(whole[0])
 
 
+def test_a_killed_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
+    """With two workers, killed once levels are written and units have begun to be."""
+    begin = "import sys; from pathlib import Path; from test_league_run import killed; killed(*map(Path, sys.argv[1:]))"
+    path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
+    command = [sys.executable, "-c", begin, str(healthy), str(tmp_path / "cut")]
+    process = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, start_new_session=True)
+    units = tmp_path / "cut" / "units"
+    while process.poll() is None and not (units.is_dir() and len([*units.glob("0*.parquet")]) >= 2):
+        time.sleep(0.02)
+    assert process.poll() is None and not (tmp_path / "cut" / "result.json").exists()
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    run(plan(), asked(healthy, second=healthy), tmp_path / "cut")
+    assert content(tmp_path / "cut") == content(whole[0])
+
+
+def killed(healthy: Path, out: Path) -> None:
+    """Run the league of ``whole`` in a process of its own, slowly, so that it can be killed on its way."""
+    with listening(lambda what, *_: time.sleep(0.5 if what == "trials" else 0.0)):
+        run(plan(), asked(healthy, second=healthy), out, workers=2)
+
+
 def test_every_trial_has_one_outcome_for_each_entrant_and_all_kinds_add_up(whole: tuple[Path, dict[str, Any]]):
     table = whole[1]["table"]
     for row in table:
         assert row["isolated"] + row["wrong channel"] + row["missed"] + row["prior"] == row["trials"]
+    assert {row["reference"] for row in table} == set(STATES)
     one = [row for row in table if (row["reference"], row["faults"], row["entrant"]) == ("as flown", 1, "cusum")]
     kinds, together = [row for row in one if row["kind"] != "all"], next(row for row in one if row["kind"] == "all")
     assert sum(row["isolated"] for row in kinds) == together["isolated"]
@@ -105,11 +135,67 @@ def test_what_is_not_a_league_or_too_short_is_refused_before_anything_is_written
     assert not (tmp_path / "new").exists()
 
 
-def test_the_command_prints_levels_the_table_and_where_ours_loses(whole: tuple[Path, Any], healthy: Path):
-    command = ["league", str(CAMPAIGN), "--managers", "cusum,median", "--budget", "1", "--healthy", str(healthy)]
+def test_the_command_prints_levels_the_table_and_where_ours_loses(
+    whole: tuple[Path, Any], healthy: Path, tmp_path: Path
+):
+    command = [
+        "league",
+        str(campaign_file(tmp_path)),
+        "--managers",
+        "cusum,median",
+        "--budget",
+        "1",
+        "--healthy",
+        str(healthy),
+    ]
     command += ["--second", str(healthy), "--out", str(whole[0]), "--trials", "4", "--workers", "1"]
+    command += ["--flights", "2", "--plot", str(tmp_path / "league.html")]
     shown = CliRunner().invoke(app, command)
     assert shown.exit_code == 0 and "calibrated to 1 false isolations an hour and signal, on 0.1 h" in shown.output
-    assert "microseconds a signal and frame" in shown.output
+    assert "microseconds a signal and frame" in shown.output and "flown in closed loop" in shown.output
+    page = (tmp_path / "league.html").read_text()
+    assert "share isolated" in page and "median delay" in page and whole[1]["verdict"][0] in page
     data = json.loads(CliRunner().invoke(app, [*command, "--json"]).stdout)
     assert data["verdict"] == whole[1]["verdict"] and all(sentence in shown.output for sentence in data["verdict"])
+
+
+def campaign_file(folder: Path) -> Path:
+    """Return the example with its first signal alone, as a file that says the same as ``plan``."""
+    text = CAMPAIGN.read_text()
+    path = folder / "one_signal.toml"
+    path.write_text(text[: text.index('[[cases.signal]]\nname = "normal_load_factor"')])
+    return path
+
+
+def faulty(folder: Path, text: str) -> Path:
+    path = folder / "campaign.toml"
+    path.write_text(f'base = "f16_pitch_rate_hardover"\n{text}')
+    return path
+
+
+@pytest.mark.parametrize(
+    ("options", "text", "said"),
+    [
+        ({"--budget": "1e-5"}, "", "is too little for a budget of 1e-05 an hour: 1e+03 h are needed"),
+        ({"--budget": "nan"}, "", "--budget: false isolations an hour and signal, above 0, got nan"),
+        ({"--managers": "league_flights:Nameless"}, "", "calibrate = 'gain': must name a number above 0"),
+        ({"--managers": "cross-channel"}, "", "--managers: name one or more besides cross-channel"),
+        ({}, "[set]\nfaults = []\n", "no fault to detect"),
+        ({}, '[set]\n"redundancy.signals.pitch_rate.bias_bound" = 9.0\n', "bias_bound: at most the threshold"),
+        ({"--plot": "league.txt"}, "", "its name must end with .html"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(
+    healthy: Path, tmp_path: Path, options: dict[str, str], text: str, said: str
+):
+    campaign = faulty(tmp_path, text) if text else CAMPAIGN
+    given = {
+        "--healthy": str(healthy),
+        "--out": str(tmp_path / "out"),
+        "--managers": "cusum",
+        "--budget": "1",
+        **options,
+    }
+    shown = CliRunner().invoke(app, ["league", str(campaign), *(word for pair in given.items() for word in pair)])
+    assert shown.exit_code == 2 and shown.stdout == "" and shown.stderr.count("\n") == 1
+    assert said in shown.stderr and not (tmp_path / "out").exists()

@@ -46,22 +46,16 @@ def made(*failed_at: list[int]) -> np.ndarray:
 def test_outcomes_by_who_was_failed_when():
     of = cell(plan(), 0, named=False)  # channel 2 alone
     results = made([-1, 1510, -1, -1], [-1, 1400, -1, -1], [1600, 1510, -1, -1], [-1, -1, 1499, -1], [-1] * 4)
-    trials = _Onset(np.full(5, 1500))
-    found = became(of, trials, results)  # pyright: ignore[reportArgumentType]  # of trials only the onset counts
+    found = became(of, np.full(5, 1500), results)
     prior = "prior"
     assert found["outcome"].tolist() == ["isolated", prior, "wrong channel", prior, "missed"]
     assert found["delay_s"][0] == pytest.approx(0.1) and np.isnan(found["delay_s"][1:]).all()
 
 
-class _Onset:
-    def __init__(self, onset: np.ndarray) -> None:
-        self.onset = onset
-
-
 def test_an_earlier_fault_that_was_isolated_is_no_isolation_before_the_onset():
     after = next(n for n in range(len(plan())) if plan().choices[n]["design"] == "after another")
     of = cell(plan(), after, named=False)  # channel 2 after channel 4
-    found = became(of, _Onset(np.array([1500])), made([-1, 1510, -1, 1480]))  # pyright: ignore[reportArgumentType]
+    found = became(of, np.array([1500]), made([-1, 1510, -1, 1480]))
     assert found["outcome"].tolist() == ["isolated"]
 
 

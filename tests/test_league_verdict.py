@@ -12,22 +12,27 @@ def group(entrant: str, low: float, high: float, **more: Any) -> dict[str, Any]:
     return {"ours": "cross-channel", **place, "entrant": entrant, **interval, **votes, **more}
 
 
+def said(table: Any = (), rows: Any = (), silent: Any = (), **more: Any) -> list[str]:
+    rest: dict[str, Any] = {"transients": [], "second": [], "lost_differences": []}
+    return verdict({"table": table, "differences": rows, "silent": silent, **rest, **more})
+
+
 def test_the_worst_loss_comes_first_and_what_may_be_chance_is_no_loss():
     rows = [group("cusum", 0.05, 0.15), group("glr", 0.2, 0.4), group("parity", -0.01, 0.2)]
-    lines = verdict([], rows, [], [])
+    lines = said(rows=rows)
     assert lines[0].startswith("cross-channel LOSES to glr: pitch_rate, offset, 1 fault, reference as flown")
     assert "+30.0 points (20.0 to 40.0)" in lines[0] and "LOSES to cusum" in lines[1]
     assert not any("parity" in line for line in lines)
 
 
 def test_without_a_loss_it_says_so_and_names_who_is_behind():
-    lines = verdict([], [group("cusum", -0.3, -0.1, kind="all")], [], [])
+    lines = said(rows=[group("cusum", -0.3, -0.1, kind="all")])
     assert lines[0] == "cross-channel loses in no group: no rival isolates significantly more"
     assert "ahead of cusum" in lines[1] and "-20.0 points" in lines[1]
 
 
 def test_who_fails_nobody_is_compared_by_its_vote_alone():
-    lines = verdict([], [group("median", -1.0, -0.9, kind="all")], [], ["median"])
+    lines = said(rows=[group("median", -1.0, -0.9, kind="all")], silent=["median"])
     assert lines == [
         "median fails nobody: its largest vote error is smaller than that of cross-channel in 30 %, larger in 60 % of "
         "pitch_rate, all kinds, 1 fault, reference as flown"
@@ -36,5 +41,5 @@ def test_who_fails_nobody_is_compared_by_its_vote_alone():
 
 def test_a_budget_is_broken_when_chance_would_hardly_make_so_many():
     count = {"entrant": "cusum", "signal": "pitch_rate", "expected": 0.1}
-    assert "DOES NOT KEEP THE BUDGET" in verdict([], [], [{**count, "counted": 2}], [])[-1]  # a chance of 0.5 %
-    assert verdict([], [], [{**count, "expected": 1.0, "counted": 2}], []) == []  # 26 %
+    assert "DOES NOT KEEP THE BUDGET" in said(second=[{**count, "counted": 2}])[-1]  # a chance of 0.5 %
+    assert said(second=[{**count, "expected": 1.0, "counted": 2}]) == []  # 26 %

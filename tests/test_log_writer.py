@@ -23,8 +23,10 @@ from rig.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, TIMING, Ilm, Pattern, Re
 from rig.log import LogWriter, read_log, recover
 from rig.log.container import Container
 from rig.log.layout import ROW, log_times
+from rig.log.of_flight import new_log
 from rig.log.schema import FRAME_TOPICS, MESSAGES, POSE_TOPICS, SCHEMA_VERSION
 from rig.record.events import Event
+from rig.scenario import load
 
 RATE = 100.0
 U1_LIMITS = {"state": 4, "discrete_state": 4, "ilm": 3, "pattern": 7, "resolver": 7, "law": 3, "end": 8}
@@ -310,6 +312,16 @@ def test_a_full_disk_ends_the_log_with_what_it_holds(tmp_path):
     read = read_log(path)
     assert 100 <= len(read.rows) < 1000
     assert read.rows[:100].tobytes() == random_block(100, 0).tobytes()
+
+
+def test_a_disk_that_is_full_from_the_first_byte_is_no_bad_input_and_leaves_no_folder(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Container, "_put", full)
+    with pytest.raises(RigError, match=r"the log cannot be written: No space left on device") as error:
+        new_log(tmp_path / "new" / "logs", "s", load("f16_pitch_rate_hardover"), "")
+    assert not isinstance(error.value, BadInput) and list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_that_takes_no_summary_is_said_to_need_recovery(tmp_path, monkeypatch):

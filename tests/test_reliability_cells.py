@@ -14,7 +14,7 @@ from rig.reliability.tally import CELL, Cells
 Row = dict[str, Any]
 RUN = {"outcome": "flown", "manager": "median", "survived": True, "condition": "level"}
 FAULT = {"signal": "pitch_rate", "kind": "offset", "channel": 1, "outcome": "detected", "good_before": 4}
-FAULT |= {"vote_kept": True, "lost_s": 0.0, "delay_from_onset_s": 0.08}
+FAULT |= {"vote_kept": True, "lost_s": 0.0, "wrong_vote_first": False, "delay_from_onset_s": 0.08}
 FAULT_TYPES = {"delay_from_onset_s": pl.Float64, "good_before": pl.Int64, "vote_kept": pl.Boolean, "lost_s": pl.Float64}
 
 
@@ -65,6 +65,12 @@ def test_trials_are_counted_by_what_became_of_the_signal():
     assert {name: one[name] for name in CELL} == dict(
         zip(CELL, ("pitch_rate", 4, "single", "offset", "level"), strict=True)
     )
+
+
+def test_a_wrong_vote_before_the_declared_loss_makes_it_a_bad_vote():
+    found = of_tables(tables(("single 4", {}, [LOST]), ("single 4", {}, [{**LOST, "wrong_vote_first": True}])), "T")
+    one = row(found, "single", 4)
+    assert (one["trials"], one["known_loss"], one["bad_vote"]) == (2, 1, 1)
 
 
 def test_a_trial_counts_where_the_signal_stood_not_where_it_was_planned():

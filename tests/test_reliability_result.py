@@ -61,6 +61,29 @@ def test_two_alike_at_once():
     assert lost(certain({("alike", 4): 1.0}), beta=beta) == pytest.approx(beta * LAMBDA, rel=2e-3)
 
 
+def test_common_mode_hits_fixed_pairs_of_which_half_are_good_after_one_fault():
+    """After one fault 3 of 6 pairs hit two good channels; the others hit one, as a single fault does."""
+    beta, hours = 0.01, 1.0
+    m = np.zeros((4, 4))  # 4, 3, 2 good, lost
+    alone, pair = (1.0 - beta) * LAMBDA, beta * LAMBDA / 6
+    m[0, 1], m[0, 2] = 4 * alone, 6 * pair
+    m[1, 2], m[1, 3] = 3 * (alone + pair), 3 * pair  # two alike of three are lost
+    m[2, 3] = 2 * (alone + 2 * pair) + pair
+    given = certain({("alike", 3): 1.0, ("single", 2): 1.0, ("near", 2): 1.0, ("alike", 2): 1.0})
+    assert lost(given, beta=beta) == pytest.approx(transitions(m, hours)[0, 3], rel=1e-6)
+
+
+@pytest.mark.parametrize(("every_h", "expected"), [(None, 0.8), (1.0, 0.8), (0.5, 0.8 / 4), (0.25, 0.8 / 16)])
+def test_stuck_channels_count_as_often_as_no_manoeuvre_comes_between(every_h, expected):
+    """After two earlier faults all three lie in one stretch of level flight with the chance (every_h / hours)^2."""
+    counts = table(trials=10**6).filter(pl.col("good_before") == 2)
+    latent = table(bad=800_000, trials=10**6).filter((pl.col("good_before") == 2) & (pl.col("condition") == "level"))
+    counts = pl.concat([counts, latent.with_columns(condition=pl.lit("level then manoeuvre"))])
+    given = SignalRates(per_hour=[LAMBDA], source="a test", kinds=KINDS, manoeuvre_every_h=every_h)
+    mean = outcomes(counts, KINDS, "here", None, level=given.level(1.0)).draws["single", 2]
+    assert 1.0 - mean[0, 0] == pytest.approx(expected, rel=1e-4)
+
+
 def test_the_settling_time_is_short_enough_to_be_taken_at_once():
     """The chain with the unsettled states in it, by hand, for three channels."""
     u, near = 0.02, 0.3

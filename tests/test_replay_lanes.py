@@ -1,5 +1,6 @@
 """Flights of several computers asked again: every lane to the bit from the recorded rows, what if, diff, export."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from rig.errors import BadInput
 from rig.flight.assembly import fly
-from rig.frame import COMPUTERS, Health, LinkState
+from rig.frame import COMPUTERS, INDEX, Health, LinkState, State
 from rig.log import LogWriter, read_log
 from rig.log.export import export
 from rig.recordings.flown import Recorded, recorded
@@ -18,6 +19,9 @@ from rig.replay.what_if import changed, what_if
 
 # Each with its fault within 8 s; servos in the first, whose lane is shut off.
 SCENARIOS = ("f16_wrong_command", "f16_link_lie", "f16_clock_drift", "f16_adc", "f16_power_loss")
+
+
+WORDS = np.array([state.name.lower() for state in State])
 
 
 def flown(name: str, out: Path) -> Path:
@@ -100,6 +104,9 @@ def test_two_flights_are_identical_and_exported_with_their_lanes(wrong_command: 
     tables = pl.read_csv(tmp_path / "table.csv"), pl.read_parquet(tmp_path / "table.parquet")
     lanes = read_log(again).lanes
     assert lanes is not None
+    states = lanes["computer"]["state"][:, 1]
     for table in tables:
         assert table["computer.B.health"][-1] == "failed"
+        for (name, s), c in product(INDEX.items(), range(4)):
+            assert table[f"computer.B.state_{name}_{c + 1}"].to_list() == WORDS[states[:, s, c]].tolist()
         assert np.array_equal(table["computer.C.clock_lead"].to_numpy(), lanes["computer"]["clock_lead"][:, 2])

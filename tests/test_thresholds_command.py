@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import sys
@@ -189,6 +190,21 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert (code, out) == (2, "")
     assert wanted in err and err.count("\n") == 1
     assert not Path("o.toml").exists()
+
+
+def test_a_full_disk_is_said_of_the_output(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+    """And not of the file beside it that would have become it; the page is not there either."""
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    record("data", 10)
+    config()
+    monkeypatch.setattr(Path, "write_text", full)
+    options = ["--config", "c.toml", "--budget", "20", "--out", "o.toml", "--plot", "o.html", *QUICK]
+    code, _, error = run(capsys, monkeypatch, "data", *options)
+    assert (code, error) == (1, "failed: o.toml: cannot be written: No space left on device\n")
+    assert sorted(path.name for path in Path.cwd().iterdir()) == ["c.toml", "data"]
 
 
 DESIGN = Design(0.1, 24, 24, {4: Threshold(4, 2.0, 1.0, 40, 0.1), 3: Threshold(3, 3.0, 1.0, 40, 0.1)})

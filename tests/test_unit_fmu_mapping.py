@@ -282,6 +282,27 @@ OTHERS = {
         (f'{STEP}="true"', f'{STEP}="true" fixedInternalStepSize="0.02"'),
         "the FMU makes steps of 0.02 s (fixedInternalStepSize), a frame has 0.01 s, no multiple of it",
     ),
+    "steps beyond counting": (
+        "3",
+        (f'{STEP}="true"', f'{STEP}="true" fixedInternalStepSize="5e-324"'),
+        "its step size is 4.94066e-324 s, must be 1e-09 or more",
+    ),
+    "steps of no size": (
+        "2",
+        (f'{STEP}="true"(.*?)<LogCat', rf'{STEP}="false"\1<DefaultExperiment stepSize="nan"/><LogCat'),
+        "its step size is nan s, must be 1e-09 or more",
+    ),
+    "an array beyond the memory": (
+        "3",
+        ('<Dimension start="16"', '<Dimension start="100000000000"'),
+        "an array has at most 1048576 elements, samples has (100000000000, 4)",
+    ),
+    "a reference of 64 bits": ("2", ('valueReference="1"', 'valueReference="4294967297"'), "4294967297 is none of 32"),
+    "a library elsewhere": (
+        "2",
+        ('modelIdentifier="[^"]*"', 'modelIdentifier="../../../../tmp/evil"'),
+        "modelIdentifier '../../../../tmp/evil' is no name of a library",
+    ),
 }
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import typer
 
+import rig
 from rig.aircraft import folder as aircraft_folder
 from rig.cli.main import app
 from rig.errors import BadInput
@@ -20,11 +21,12 @@ THRESHOLDS = ["thresholds", "in.csv", "--config", "c.toml", "--budget", "3", "--
 VOTE = ["vote", "in.csv", "--config", "c.csv", "--inject", "f.csv"]
 REPLAY = ["replay", "q.mcap", "--redundancy", "r.mcap"]
 OWN = ("C/campaign.json", "C/lock", "C/runs/000000-000003.parquet", "C/logs/run_000000.mcap")
+LEAGUE = ("L/league.json", "L/levels.json", "L/result.json", "L/lock", "L/units/000000-000000.parquet")
 # A command without the option that names its output, that option, and what it must not be.
 COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["report", "q.mcap"], "--out", ("q.mcap", OWN[0])),
     (["export", "q.mcap", "--to", "csv"], "--out", ("q.mcap", OWN[0])),
-    (["export", "q.mcap", "--to", "parquet"], "--out", ("q.mcap",)),
+    (["export", "q.mcap", "--to", "parquet"], "--out", ("q.mcap", *LEAGUE)),
     (["export", "q.mcap", "--to", "npz"], "--out", ("q.mcap",)),
     (["export", "q.mcap", "--layout", "foxglove"], "--out", ("q.mcap", OWN[0])),
     (["recover", "q.mcap"], "--out", ("q.mcap", *OWN)),
@@ -85,7 +87,7 @@ SPELLINGS: dict[str, Callable[[str], str]] = {
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with inputs: what is in them does not matter, they are not read."""
     monkeypatch.chdir(tmp_path)
-    for name in (*FILES, *OWN, "T/trials.json", "T/cells.parquet"):
+    for name in (*FILES, *OWN, *LEAGUE, "T/trials.json", "T/cells.parquet"):
         path = Path(name)
         path.parent.mkdir(exist_ok=True, parents=True)
         path.write_text(f"this is {name}")
@@ -106,7 +108,7 @@ def _cases() -> Iterator[Any]:
     """
     for command, option, paths in COMMANDS:
         for path, spelled in product(paths, SPELLINGS):
-            if spelled != "hard link" or path not in OWN or ("C" in command and path != "C/lock"):
+            if spelled != "hard link" or path not in OWN + LEAGUE or ("C" in command and path != "C/lock"):
                 yield pytest.param(command, option, path, spelled, id=f"{' '.join(command)} {option} {path}, {spelled}")
 
 
@@ -196,6 +198,64 @@ def test_the_recording_of_a_flight_takes_no_name_that_is_taken(rig_command, here
     assert code == 0, error
     assert Path("s.toml").read_text() == scenario and Path("logs/s_seed1.rrd").samefile("s.toml")
     assert sorted(path.name for path in Path("logs").iterdir()) == ["s_seed1.rrd", "s_seed1_2.mcap", "s_seed1_2.rrd"]
+
+
+@pytest.mark.parametrize("out", ["E/real.csv", "F/inner/deep.csv", "G/linked/deep.csv", "here/E/real.csv"])
+def test_what_links_in_a_folder_lead_to_is_its_data(rig_command, here, out):
+    for name in ("E/real.csv", "F/inner/deep.csv"):
+        Path(name).parent.mkdir(parents=True)
+        Path(name).write_text("precious")
+    Path("D/link.csv").symlink_to("../E/real.csv")
+    Path("G").mkdir()
+    Path("G/linked").symlink_to("../F/inner")
+    Path("G/round").symlink_to("../G")  # which ends
+    through_a_link("")
+    before = everything(here)
+    for command in (["thresholds", "D", "G", "--budget", "3"], ["vote", "G" if "deep" in out else "D"]):
+        code, said, error = rig_command(*command, "--out", out)
+        assert (code, said) == (2, "") and f"--out {out}: is among the data of the input" in error
+    assert everything(here) == before
+
+
+WRONG_ENDINGS = {
+    ("replay", "q.mcap", "--set", "redundancy.manager=voter:Mine"): "is a log: its name must end with .mcap",
+    ("thresholds", "in.csv", "--config", "c.toml", "--budget", "3"): "is a configuration: its name must end with .toml",
+    ("aircraft", "design", "f16_own"): "is a file of gains: its name must end with .toml",
+}
+
+
+@pytest.mark.parametrize("command", WRONG_ENDINGS, ids=lambda command: command[0])
+def test_code_that_an_input_names_is_not_an_output(rig_command, here, command):
+    Path("voter.py").write_text("class Mine: ...")
+    before = everything(here)
+    code, said, error = rig_command(*command, "--out", "voter.py")
+    assert (code, said, error) == (2, "", f"error: --out voter.py: {WRONG_ENDINGS[command]}\n")
+    assert everything(here) == before
+
+
+@pytest.mark.parametrize("source", ["../in.csv", "D/../../in.csv", "ABSOLUTE"])
+def test_a_source_of_a_mapping_is_in_its_folder(rig_command, here, source):
+    """Else it could be the output: only what is in the folder is compared with it."""
+    source = source.replace("ABSOLUTE", str(here / "in.csv"))
+    channels = "".join(f'"pitch_rate.{c}" = "{source}:q{c}"\n' for c in (1, 2, 3))
+    Path("map.toml").write_text(f"[mapping]\n{channels}[signal.pitch_rate]\nthreshold = 1\n")
+    before = everything(here)
+    code, _, error = rig_command("vote", "D", "--config", "map.toml", "--out", "in.csv")
+    assert code == 2 and f"[mapping] {source}: must be a file in the folder D" in error
+    assert everything(here) == before
+
+
+def test_gains_do_not_replace_what_the_aircraft_is_made_from(rig_command, here):
+    Path("f16_own/gains.toml").unlink()
+    Path("f16_own/gains.toml").symlink_to("aircraft.toml")
+    before = everything(here)
+    code, _, error = rig_command("aircraft", "check", "./f16_own", "--accept")
+    assert code == 2 and "gains.toml: is the input" in error and everything(here) == before
+
+
+def test_a_page_in_python_ends_with_html_too(here):
+    with pytest.raises(BadInput, match=r"out page.txt: is a page for a browser"):
+        rig.write_report("q.mcap", "page.txt")
 
 
 def test_what_harms_nothing_is_allowed(here):

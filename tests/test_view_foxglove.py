@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 
 from rig.cli import main as cli
 from rig.flight.assembly import fly
-from rig.frame import SIGNALS, State
+from rig.frame import SIGNALS, Health, State
 from rig.view import blueprint, foxglove, opened
 from rig.view.facts import Facts, FaultFact, Shown
 
@@ -93,12 +93,40 @@ def test_every_panel_stands_in_one_place_and_every_place_has_a_panel(layout):
     assert sorted(placed) == sorted(configs) and len(set(placed)) == len(placed)
     assert {name.split("!")[0] for name in configs} == KINDS
     assert {"globalVariables", "userNodes", "playbackConfig"} <= set(layout)
-    assert list(tabs(layout)) == [tab for tab in blueprint.TABS if tab not in (blueprint.SERVOS, blueprint.UNIT)]
+    some = (blueprint.SERVOS, blueprint.COMPUTERS, blueprint.UNIT)  # of flights that have them
+    assert list(tabs(layout)) == [tab for tab in blueprint.TABS if tab not in some]
     json.dumps(layout, allow_nan=False)
 
 
+@pytest.fixture(scope="module")
+def beside(tmp_path_factory) -> Path:
+    """A flight with servo actuators and four computers."""
+    sets = ["duration_s=0.5", "faults=[]", "computers.count=4", 'actuators.model="servo"']
+    return fly(overrides=sets, out=tmp_path_factory.mktemp("logs")).log
+
+
+def test_flights_with_servos_and_several_computers_have_their_tabs(beside):
+    layout = made(beside)
+    assert list(tabs(layout)) == [tab for tab in blueprint.TABS if tab != blueprint.UNIT]
+    states = [row["value"] for each in panels(layout, "computers", "StateTransitions") for row in each["paths"]]
+    assert "/computer/D.health" in states and "/ccdl.state_C_B" in states
+    (of_computers, _) = panels(layout, "computers", "StateTransitions")
+    (row,) = (row for row in of_computers["paths"] if row["label"] == "lane B")
+    looks = {state["value"]: state["label"] for state in row["customStates"]["states"]}
+    assert (looks[Health.ENGAGED], looks[Health.FAILED]) == ("engaged", "failed")
+    shut_off = [row["value"] for each in panels(layout, "actuators", "StateTransitions") for row in each["paths"]]
+    assert len(shut_off) == 12 and "/actuator/rudder.failed_by_4" in shut_off
+    angles = [path for kind, path in paths(layout) if kind == "Plot" and path.startswith("/actuator/elevator.lvdt")]
+    assert len(angles) == 4 and all(path.endswith(".@rad2deg") for path in angles)
+    refuse_other_paths(beside, layout)
+
+
 def test_every_path_is_a_field_of_a_topic_of_the_log(hardover, layout):
-    fields = schemas(hardover)
+    refuse_other_paths(hardover, layout)
+
+
+def refuse_other_paths(log: Path, layout: dict) -> None:
+    fields = schemas(log)
     for kind, path in paths(layout):
         parsed = PATH.fullmatch(path)
         assert parsed is not None, path

@@ -56,7 +56,7 @@ def changed(found: list[Changes], path: str) -> list[tuple[int, str]]:
 
 
 def test_a_lane_says_when_a_channel_was_shut_off_and_by_whom(moved: LaneBlock) -> None:
-    found = list(servos.changes(moved, None))
+    found = list(servos.SHOWN.changes(moved, None))
     assert changed(found, "/elevator/channel_2") == [(0, "NONE"), (FAILED, "CURRENT")]
     assert changed(found, "/elevator/channel_1") == [(0, "NONE")]
     assert changed(found, "/elevator/moved_by") == [(0, "HELD_4"), (FAILED, "HELD_3")]
@@ -64,10 +64,12 @@ def test_a_lane_says_when_a_channel_was_shut_off_and_by_whom(moved: LaneBlock) -
 
 
 def test_blocks_show_the_changes_of_the_whole(moved: LaneBlock) -> None:
-    parts = [(servos.changes(moved[k : k + 50], moved[k - 1 : k] if k else None), k) for k in range(0, FRAMES, 50)]
+    parts = [
+        (servos.SHOWN.changes(moved[k : k + 50], moved[k - 1 : k] if k else None), k) for k in range(0, FRAMES, 50)
+    ]
     found = [Changes(each.path, each.rows + k, each.states) for part, k in parts for each in part]
     for lane in servos.LANES:
-        assert changed(found, lane.path) == changed(list(servos.changes(moved, None)), lane.path)
+        assert changed(found, lane.path) == changed(list(servos.SHOWN.changes(moved, None)), lane.path)
 
 
 def test_the_list_of_a_surface_has_angles_in_degrees_and_shares_as_they_are(moved: LaneBlock) -> None:

@@ -45,13 +45,14 @@ class ActuatorOutcome:
             monitors=monitors,
             linger=np.array([self.persistence + MARGIN]),
         )
-        self._seen = False
+        self._seen, self._bypassed = False, np.zeros(len(MOVED), int)  # frames
         self.add(new_block(0), lane_rows(0))  # compiles before the first frame
 
     def add(self, rows: Block, lanes: LaneBlock) -> None:
         """Add the next ``rows`` (n,) with their ``lanes`` (n,)."""
         add_lanes(rows, lanes["actuator"], lanes.copy()["actuator"], shut_off(lanes), self.records)
         self._seen = self._seen or len(lanes) > 0
+        self._bypassed += (lanes["actuator"]["bypassed"] != 0).sum(axis=0)
 
     def completed(self, n: int, fault: FaultScore) -> FaultScore:
         """Return what became of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""
@@ -78,7 +79,10 @@ class ActuatorOutcome:
         return (
             {}
             if not self._seen
-            else {name: _score(servo) for name, servo in zip(MOVED, self.records.servos, strict=True)}
+            else {
+                name: _score(servo, int(frames))
+                for name, servo, frames in zip(MOVED, self.records.servos, self._bypassed, strict=True)
+            }
         )
 
     def isolations(self, kind: IsolationKind) -> list[Isolation]:
@@ -100,7 +104,7 @@ def _named(surfaces: int) -> list[str]:
     return [name for i, name in enumerate(MOVED) if surfaces >> i & 1]
 
 
-def _score(servo: Any) -> ActuatorScore:
+def _score(servo: Any, bypassed_frames: int) -> ActuatorScore:
     failed, differs = (np.flatnonzero(servo[name] != NEVER).tolist() for name in ("failed_at", "differs_at"))
     failures = [
         ActuatorFailure(c + 1, int(servo["failed_at"][c]), monitor_name(servo["failed_by"][c]), _cause(servo, c))
@@ -111,6 +115,7 @@ def _score(servo: Any) -> ActuatorScore:
         failures=failures,
         valves_differ={c + 1: int(servo["differs_at"][c]) for c in differs},
         bypassed_frame=None if bypassed == NEVER else bypassed,
+        bypassed_frames=bypassed_frames,
     )
 
 
@@ -119,17 +124,23 @@ def _cause(servo: Any, c: int) -> str:
 
 
 def _placed(faults: list[Fault]) -> NDArray[Any]:
-    """Return (A,) PLACED of the faults on servos: each of its channels, or once on what they share."""
+    """Return (A,) PLACED of the faults on servos: each of its channels, or once on what they share.
+
+    One of a lane's output converter sits on the channel that it drives.
+    """
     on = [(i, fault, channel) for i, fault in enumerate(faults) for _, channel in channels_of(fault) or [("", 0)]]
     records = np.zeros(len(on), PLACED)
     records["channel"] = records["bypassed_at"] = NEVER
     records["acted_at"] = LONG_AGO
     for n, (record, (i, fault, channel)) in enumerate(zip(records, on, strict=True)):
-        where = site(fault.signal)
-        record["fault"], record["number"], record["valve"] = n, i, fault.effect.part == Part.VALVE_STUCK
-        record["surfaces"] = 1 << number(fault.signal) if where == "actuator" else _ALL
-        record["channel"] = channel - 1 if where == "actuator" and channel else NEVER
-    return records[[site(fault.signal) in OF_SERVOS for _, fault, _ in on]]
+        record["fault"], record["number"] = n, i
+        place, here = fault.signal, site(fault.signal) == "actuator"
+        if fault.drives is not None:
+            place, channel, here = f"actuator.{fault.drives[0]}", fault.drives[1], True
+        record["valve"] = site(fault.signal) in OF_SERVOS and fault.effect.part == Part.VALVE_STUCK
+        record["surfaces"] = 1 << number(place) if here else _ALL
+        record["channel"] = channel - 1 if here and channel else NEVER
+    return records[[site(fault.signal) in OF_SERVOS or fault.drives is not None for _, fault, _ in on]]
 
 
 def _blank_servos() -> NDArray[Any]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from rig.assess.context import Context, channels
-from rig.assess.record import FaultScore
+from rig.assess.record import ActuatorScore, FaultScore
 from rig.faults.places import OF_SERVOS, site
 from rig.units.quantities import duration, seconds
 
@@ -66,10 +66,19 @@ def _cost(fault: FaultScore, about: Context) -> Iterator[str]:
 
 def bypassed(about: Context) -> str:
     """Return the surfaces that nobody moved at some time, with the time: ``elevator bypassed from 5.30 s on``."""
-    told = {name: score.bypassed_frame for name, score in about.score.actuators.items()}
-    return ", ".join(
-        f"{name} bypassed from {seconds(frame, about.rate_hz)} on" for name, frame in told.items() if frame is not None
-    )
+    frames, rate_hz = about.score.flight.frames, about.rate_hz
+    texts = ((name, bypass_text(score, frames, rate_hz)) for name, score in about.score.actuators.items())
+    return ", ".join(f"{name} {text}" for name, text in texts if text)
+
+
+def bypass_text(score: ActuatorScore, frames: int, rate_hz: float) -> str:
+    """Return when nobody moved a surface, of a flight of so many ``frames``; "" if it was moved at all times."""
+    first = score.bypassed_frame
+    if first is None:
+        return ""
+    if first + score.bypassed_frames == frames:
+        return f"bypassed from {seconds(first, rate_hz)} on"
+    return f"bypassed at {seconds(first, rate_hz)}, for {duration(score.bypassed_frames, rate_hz)} in all"
 
 
 def listed(names: tuple[str, ...]) -> str:

@@ -19,6 +19,7 @@ FAULTS: Final = (
 RESOLVERS: Final = ("pattern", "resolver", "asked", "answered", "correct", "wrong", "open")
 VOTES: Final = ("vote error", "unit", "peak", "at", "RMS", "above threshold", "after onset", "due to faults, peak")
 ACTUATORS: Final = ("actuator", "channel", "shut off", "by", "for")
+COMPUTERS: Final = ("computer", "failed", "by", "for")
 ISOLATIONS: Final = ("what", "channel", "at", "by")
 ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
 
@@ -76,6 +77,20 @@ def actuator_rows(score: Score, rate_hz: float) -> list[Row]:
         rows += [(name, str(c), moment(frame, rate_hz), "valve", "differs") for c, frame in one.valves_differ.items()]
         if one.bypassed_frame is not None:
             rows.append((name, "all", moment(one.bypassed_frame, rate_hz), "", "bypassed"))
+    return rows
+
+
+def computer_rows(score: Score, rate_hz: float) -> list[Row]:
+    """Return the computers and links that failed, and the back-up, under the heads COMPUTERS."""
+    if (one := score.computers) is None:
+        return []
+    rows = [
+        (f"lane {each.lane}", moment(each.frame, rate_hz), ", ".join(each.accusers) or "itself", each.test)
+        for each in one.failures
+    ]
+    rows += [(f"link {way}", moment(frame, rate_hz), way[-1], "silence") for way, frame in one.links_failed.items()]
+    if one.backup_frame is not None:
+        rows.append(("back-up engaged", moment(one.backup_frame, rate_hz), "", one.backup_reason))
     return rows
 
 

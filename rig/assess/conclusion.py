@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rig.assess.actuator_sentence import bypassed
 from rig.assess.context import Context, channel, channels, comparable
 from rig.assess.fault_sentence import fault_sentences
+from rig.assess.lane_sentence import computers_lost
 from rig.assess.record import Episode, Isolation, Score
 from rig.assess.words import BY_DESIGN
 from rig.computer.redundancy.reference_monitor import reference_threshold
@@ -87,8 +88,8 @@ def _flight(about: Context) -> str:
     lost = [name for name, one in score.signals.items() if one.level_at_end == 0 and not about.silent(name)]
     if lost:
         head += f"; no channel left of {', '.join(lost)}"
-    if nobody := bypassed(about):
-        head += f"; {nobody}"
+    for more in filter(None, (bypassed(about), computers_lost(about))):
+        head += f"; {more}"
     return f"{head}; {_counted(about)}"
 
 

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from rig.assess.record import FaultScore, Isolation
+from rig.assess.record import ComputersScore, FaultScore, Isolation, LaneFailed
 from rig.assess.words import IsolationKind, fault_word
 from rig.faults import Fault
-from rig.faults.places import OF_LANES, lanes_of, site
+from rig.faults.places import OF_LANES, lanes_of, senders, site
 from rig.frame import COMPUTERS, LaneBlock, has_part
 from rig.record.computers import ComputerFinder, test_name
 from rig.scenario import Scenario
@@ -24,12 +24,7 @@ def columns_of(fault: Fault) -> int:
     """Return the channels, bits, that a fault of a computer or of a link takes away from all signals for the others."""
     if fault.kind != "computer_stop" and site(fault.signal) != "ccdl":
         return 0
-    return sum(1 << lane for lane in _senders(fault.signal))
-
-
-def _senders(place: str) -> list[int]:
-    """Return the lanes whose words a fault there changes: of a link the one that sends."""
-    return lanes_of(place)[:1] if site(place) == "ccdl" else lanes_of(place)
+    return sum(1 << lane for lane in senders(fault.signal))
 
 
 class LaneOutcome:
@@ -51,12 +46,26 @@ class LaneOutcome:
             first = int(lanes["frame"][outvoted[:, i, j].argmax()])
             self._outvoted.setdefault((int(i), int(j)), []).append(first)
 
+    def score(self) -> ComputersScore | None:
+        """Return what became of computers and links; None: their rows were not seen."""
+        if not self._seen:
+            return None
+        finder, links = self._finder, dict[str, int]()
+        for link in finder.links:
+            links.setdefault(f"{COMPUTERS[link.sender]}-{COMPUTERS[link.receiver]}", link.frame)
+        failures = [
+            LaneFailed(COMPUTERS[one.lane], one.frame, test_name(one.test), tuple(COMPUTERS[i] for i in one.accusers))
+            for one in finder.failures
+        ]
+        return ComputersScore(failures, links, *(finder.backup or (None, "")))
+
     def completed(self, fault: FaultScore) -> FaultScore:
         """Return what became of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
         onset = fault.onset_frame
         if fault.channel is not None or site(fault.signal) not in OF_LANES or onset is None or not self._seen:
             return fault
-        found = min(self._found(fault.signal, onset), default=None)
+        of_servo = [(fault.failed_frame, fault.resolver or "")] if fault.failed_frame is not None else []
+        found = min([*self._found(fault.signal, onset), *of_servo], default=None)
         if found is None:
             return replace(fault, outcome="missed", word=fault_word(True, False, True), peak_error=None)
         return replace(
@@ -71,7 +80,7 @@ class LaneOutcome:
 
     def _found(self, place: str, onset: int) -> Iterator[tuple[int, str]]:
         """Yield (frame, by whom) of all that speaks against a place from ``onset`` on."""
-        suspects = _senders(place)
+        suspects = senders(place)
         receivers = lanes_of(place)[1:] or [*range(len(COMPUTERS))]
         for failure in self._finder.failures:
             if failure.lane in suspects and failure.frame >= onset:
@@ -90,7 +99,7 @@ class LaneOutcome:
 
         faults : of the score, whose onsets are known;  of : those of the scenario
         """
-        begun = [(one.onset_frame, _senders(of[one.index].signal)) for one in faults if _on_lanes(of[one.index])]
+        begun = [(one.onset_frame, senders(of[one.index].signal)) for one in faults if _on_lanes(of[one.index])]
         wrong = []
         for failure in self._finder.failures:
             before = [lanes for onset, lanes in begun if onset is not None and onset <= failure.frame]

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from typing import Final
 
+from rig.assess.actuator_sentence import listed
 from rig.assess.context import Context
 from rig.assess.lane_outcome import LINK, RELAYS
 from rig.assess.record import FaultScore
 from rig.faults.places import OF_LANES, site
-from rig.units.quantities import duration
+from rig.frame import ActuatorMonitor
+from rig.record.actuators import monitor_name
+from rig.units.quantities import duration, seconds
 
 _BY: Final = {
     LINK: "the receivers, who had no message for so long",
     RELAYS: "the relays, which outvoted it",
     "vote of commands": "the vote of commands",
     "clock": "the other lanes, for its clock",
+    **{monitor_name(one): f"the monitor {monitor_name(one)} of its servo channel" for one in ActuatorMonitor},
 }
 
 
@@ -29,6 +33,18 @@ def lane_result(fault: FaultScore, about: Context) -> str:
         return f"was not found: {_why(fault)}"
     after = duration(fault.delay_from_onset_frames, about.rate_hz)
     return f"was found by {_BY.get(fault.resolver or '', f'its own {fault.resolver}')} after {after}"
+
+
+def computers_lost(about: Context) -> str:
+    """Return the computers that failed and the back-up: ``computers A and B failed; the back-up flew from ..``."""
+    score = about.score.computers
+    if score is None:
+        return ""
+    names = sorted({failure.lane for failure in score.failures})
+    parts = [f"computer{'s' if len(names) > 1 else ''} {listed(tuple(names))} failed"] if names else []
+    if score.backup_frame is not None:
+        parts.append(f"the back-up flew from {seconds(score.backup_frame, about.rate_hz)} on ({score.backup_reason})")
+    return "; ".join(parts)
 
 
 def _why(fault: FaultScore) -> str:

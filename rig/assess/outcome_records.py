@@ -61,6 +61,7 @@ SPAN: Final = np.dtype(
         ("latent", "i8"),  # and with one
         ("above", "i8"),  # frames
         ("lost", "i8"),
+        ("above_lost", "i8"),  # of the frames above, those up to the first lost one
         ("error_max", "f8"),
         ("off", "u1"),  # in its last frame
     ],

@@ -204,7 +204,10 @@ def add_vote(row, clean, s, signal, p, out):
     count_vote(out.votes[s, 1], frame, from_clean, counts, p["threshold"], after_onset)
     span = out.spans[signal["span"]]
     span["above"] += above
-    span["lost"] += row["level"][s] == 0
+    if row["level"][s] == 0:
+        if span["lost"] == 0:
+            span["above_lost"] = span["above"]
+        span["lost"] += 1
     span["off"] = above
     if math.isfinite(off) and off > span["error_max"]:
         span["error_max"] = off

@@ -43,6 +43,7 @@ class Window:
     error_max: float  # of the vote, unit of the signal
     kept: bool  # the vote: within its threshold at the end, and before but for a monitor's time
     lost_s: float  # at level 0
+    wrong_vote_first: bool  # whether the vote was not kept before the signal was declared lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +101,28 @@ class ActuatorScore:
 
     failures: list[ActuatorFailure]  # in order of time
     valves_differ: dict[int, int]  # channel, and the first frame in which its shut-off valve was not as commanded
-    bypassed_frame: int | None  # the first in which nobody moved it
+    bypassed_frame: int | None  # the first in which nobody moved it,
+    bypassed_frames: int  # and how many they were
+
+
+@dataclass(frozen=True, slots=True)
+class LaneFailed:
+    """A computer that was failed."""
+
+    lane: str
+    frame: int
+    test: str  # what it was failed for
+    accusers: tuple[str, ...]  # lanes; none: a test of its own
+
+
+@dataclass(frozen=True, slots=True)
+class ComputersScore:
+    """Several computers and their links."""
+
+    failures: list[LaneFailed]  # in order of time
+    links_failed: dict[str, int]  # "A-B", from A to B, and when first, frame
+    backup_frame: int | None  # the first that the back-up flew
+    backup_reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,6 +270,7 @@ class Score:
     coverage: dict[str, Coverage]  # by signal, and "overall"
     wrong_votes_s: dict[str, float]  # of each discrete, time in which its vote was not the truth
     actuators: dict[str, ActuatorScore]  # by surface; empty without servos
+    computers: ComputersScore | None  # None: there is one
     evidence: Evidence = field(compare=False, repr=False)
 
     @property

@@ -124,6 +124,7 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
             zip(_DISCRETE_NAMES, (records.discretes["wrong_votes"] / scenario.rate_hz).tolist(), strict=True)
         ),
         actuators={} if outcome.actuators is None else outcome.actuators.scores(),
+        computers=None if outcome.computers is None else outcome.computers.score(),
         evidence=Evidence(outcome.params, bool(records.flight["unit"][0]), frozenset(names), outcome.kept.of),
     )
 
@@ -224,15 +225,27 @@ def _window(outcome: FlightOutcome, record: np.void) -> Window | None:
     within = (spans["signal"] == record["signal"]) & (spans["begin"] >= onset) & (spans["begin"] < end)
     spans = spans[within & (np.arange(len(spans)) >= len(SIGNALS))]
     above, last = int(spans["above"].sum()), spans[-1]
+    allowed = allowed_frames(outcome.params[record["signal"]])
     return Window(
         end_frame=end,
         good_before=int(spans[0]["good"]),
         latent_before=int(spans[0]["latent"]),
         above_threshold_s=float(above / rate_hz),
         error_max=float(spans["error_max"].max()),
-        kept=not last["off"] and above <= allowed_frames(outcome.params[record["signal"]]),
+        kept=not last["off"] and above <= allowed,
         lost_s=float(spans["lost"].sum() / rate_hz),
+        wrong_vote_first=_above_before_loss(spans) > allowed,
     )
+
+
+def _above_before_loss(spans: NDArray[np.void]) -> int:
+    """Return the frames in which the vote was off up to the first one at level 0; 0 where there is none."""
+    above = 0
+    for span in spans:
+        if span["lost"]:
+            return above + int(span["above_lost"])
+        above += int(span["above"])
+    return 0
 
 
 def _isolations(outcome: FlightOutcome, kind: IsolationKind, faults: list[FaultScore]) -> list[Isolation]:

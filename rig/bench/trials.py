@@ -62,6 +62,8 @@ class Trials(NamedTuple):
     truth: NDArray[np.float64]  # (N,) of the signal
     reference: NDArray[np.float64]  # (N,), as the healthy flight computed it
     second: NDArray[np.float64]  # (N,)
+    reference_step: NDArray[np.float64]  # (T,) that the reference is off by, unit of the signal
+    reference_from: NDArray[np.int64]  # (T,) from this frame on
     sensors: NDArray[Any]  # (T, 1) sensors.params.PARAMS
     noise: NDArray[np.float32]  # (R, 1, 4), of the sensors
     schedule: NDArray[Any]  # (T, F)
@@ -105,6 +107,16 @@ def run_trials(trials, j, scratch, results, healthy, failed):
 @kernel
 def begin(trials, j, scratch, result):
     """Blank records for trial j."""
+    begin_trial(trials, j, scratch)
+    result["above"], result["off"], result["lost"], result["frames"] = 0, 0, 0, 0
+    result["peak"] = 0.0
+    result["good_before"], result["in_use"] = 0, 0
+    scratch.signal[0] = scratch.blank_signal[0]
+
+
+@kernel
+def begin_trial(trials, j, scratch):
+    """Blank records of the stages for trial j."""
     scratch.memory[0] = scratch.blank_memory[0]
     scratch.manager.state[0] = scratch.blank_manager[0]
     state, schedule = scratch.faults.state, trials.schedule[j]
@@ -115,35 +127,19 @@ def begin(trials, j, scratch, result):
         state[f]["acts"] = state[f]["fresh"] = 0
     for t in range(len(scratch.faults.kept)):
         scratch.faults.kept[t] = scratch.blank_kept[0]
-    result["above"], result["off"], result["lost"], result["frames"] = 0, 0, 0, 0
-    result["peak"] = 0.0
-    result["good_before"], result["in_use"] = 0, 0
-    scratch.signal[0] = scratch.blank_signal[0]
 
 
 @kernel
 def run_trial(trials, j, at, scratch, result, healthy, failed):
     """Trial j from its first frame to its end; its draws begin in row ``at``."""
-    f = scratch.faults
-    data = FaultData(
-        f.param, trials.schedule[j], f.state, trials.targets[j], f.kept, f.program, f.stack, f.times, f.memory, f.seen,
-        f.uniform, trials.normal[at:], f.clean,
-    )  # fmt: skip
-    own = SensorData(
-        trials.sensors[j], trials.noise[at:], scratch.no_drift, scratch.memory, scratch.line,
-        scratch.no_discretes, scratch.no_alarms,
-    )  # fmt: skip
+    own, data = stages_of(trials, j, at, scratch)
     signal, wraps = scratch.signal[0], scratch.manager.params[0]["wraps"]
     level = np.int64(signal["fitted"])
     for k in range(trials.last[j] - trials.first[j]):
         frame = trials.first[j] + k
-        row = scratch.row[0]
-        truth, fcc = row["truth"], row["fcc"]
-        row["frame"] = frame
-        truth["truth"][0] = trials.truth[frame]
         before = np.int64(signal["failed"])
-        fcc["reference"][0], fcc["second_reference"][0] = trials.reference[frame], trials.second[frame]
-        step(row, row, k, own, data, None, scratch.manager, None)
+        fcc = scratch.row[0]["fcc"]
+        run_frame(trials, j, k, scratch.row[0], own, data, scratch.manager)
         if frame == trials.onset[j]:
             stand_before(data, before, trials.tested, signal, result)
         mark_wrong(acting(data), frame, signal)
@@ -163,6 +159,45 @@ def run_trial(trials, j, at, scratch, result, healthy, failed):
             break
     for c in range(CHANNELS):
         result["failed_at"][c] = signal["failed_at"][c]
+
+
+@kernel
+def stages_of(trials, j, at, scratch):
+    """Return the stages of trial j before the manager, SensorData and FaultData; draws begin in row ``at``."""
+    f = scratch.faults
+    data = FaultData(
+        f.param, trials.schedule[j], f.state, trials.targets[j], f.kept, f.program, f.stack, f.times, f.memory, f.seen,
+        f.uniform, trials.normal[at:], f.clean,
+    )  # fmt: skip
+    own = SensorData(
+        trials.sensors[j], trials.noise[at:], scratch.no_drift, scratch.memory, scratch.line,
+        scratch.no_discretes, scratch.no_alarms,
+    )  # fmt: skip
+    return own, data
+
+
+@kernel
+def run_frame(trials, j, k, row, own, data, manager):
+    """Run the stages over frame k of trial j; manager : None: nobody votes."""
+    frame, fcc = trials.first[j] + k, row["fcc"]
+    row["frame"] = frame
+    row["truth"]["truth"][0] = trials.truth[frame]
+    fcc["reference"][0], fcc["second_reference"][0] = trials.reference[frame], trials.second[frame]
+    if frame >= trials.reference_from[j]:
+        fcc["reference"][0] += trials.reference_step[j]
+    step(row, row, k, own, data, None, manager, None)
+
+
+@kernel
+def record_trial(trials, j, at, scratch, samples, valid, ilm):
+    """Write what a manager would read in trial j, (n, 4) each, where nobody votes."""
+    own, data = stages_of(trials, j, at, scratch)
+    for k in range(trials.last[j] - trials.first[j]):
+        run_frame(trials, j, k, scratch.row[0], own, data, None)
+        bus = scratch.row[0]["bus"]
+        for c in range(CHANNELS):
+            samples[k, c], valid[k, c] = bus["channels"][0, c], bus["valid"][0, c]
+            ilm[k, c] = bus["ilm"][0, c]
 
 
 @kernel

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.bench import unit_second_rig
 from rig.bench.run import Stages, run
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
 from rig.bench.vote import by_class
@@ -127,6 +128,9 @@ def _seam(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
         yield _line("a pause between two frames changes nothing", "seam", _same(first, paused))
         yield _line("a frame of another session is not stepped", "seam", _foreign(tested, config, inputs))
         yield _times(tested, config, inputs)
+        if tested.seam == SEAM:  # version 1 left it open
+            for name, wrong in unit_second_rig.check(tested, config, inputs):
+                yield _line(name, "seam", wrong)
     yield _line("ends without failing", "seam", tested.end_wrong)
     with running(unit) as tested:
         yield _line("from new twice, the same bytes", "seam", _same(first, answers(tested, config, inputs)))

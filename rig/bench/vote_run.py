@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 
 import polars as pl
 
+from rig.assess.requirements import load_requirements, plain
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
 from rig.bench.injection_score import summary as scores
+from rig.bench.requirements import measure_votes
 from rig.bench.vote import Result, of_flight, settings_of, vote, vote_discretes
 from rig.bench.vote_summary import summary
 from rig.bench.write_votes import output, table, write
@@ -36,6 +38,7 @@ class Options:
     faults: str | None = None  # a file, or a bundled scenario, of [[faults]] to inject
     repair: bool = False
     allow_code: bool = False
+    requirements: tuple[str, ...] = ()  # bundled sets and files
 
 
 class Laps:
@@ -73,11 +76,14 @@ def run(recorded: Path, config: Path | None, out: Path, options: Options) -> dic
     config : settings of the signals; None: those of the scenario in ``recorded``, the log of a flight
     """
     lap = Laps()
+    asked = load_requirements(options.requirements)
     with output(out, [recorded, config, options.faults]) as part:
         made = vote_file(recorded, config, options, lap)
+        measured = measure_votes(made.recording, made.voted, asked) if asked else ()
         write(part, out, made.recording, made.voted)
         lap("write")
-    return {"out": str(out), **made.summary, "seconds": lap.seconds}
+    told = {"requirements": [plain(one) for one in measured]} if asked else {}
+    return {"out": str(out), **made.summary, **told, "seconds": lap.seconds}
 
 
 class Votes(NamedTuple):

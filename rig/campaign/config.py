@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal
@@ -142,6 +142,7 @@ class Campaign(Settings):
     sampling: Sampling = "grid"
     runs: int | None = Field(default=None, ge=1, le=MOST_RUNS)  # a grid's: each of its points once
     seed: int = Field(default=0, ge=0, lt=2**63)
+    requirements: list[dict[str, Any]] | None = None  # a file names sets and files; here their tables
     twin: bool = False  # fly every run without its faults as well, for the transients
     vary: dict[str, Vary] = {}
     cases: dict[str, list[Case]] = {}
@@ -217,18 +218,40 @@ def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
     fixed = data.get("set", {})
     if not isinstance(fixed, dict):
         raise BadInput(f"{source}: set: must be a table of keys")
-    return from_what({**data, "base": _base(base, path), "set": {**fixed, **(sets or {})}}, source)
+    table, home = _base(base, path)
+    named = [*_names(table.pop("requirements", []), source), *_names(data.pop("requirements", []), source)]
+    told = {"requirements": _requirements(named, (path.parent, home))} if named else {}
+    return from_what({**data, **told, "base": table, "set": {**fixed, **(sets or {})}}, source)
 
 
-def _base(name: str, path: Path) -> dict[str, Any]:
-    """Read the base scenario's own table: beside the campaign's file, where the command is given, or bundled."""
+def _names(given: Any, source: str) -> list[str]:
+    if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+        raise BadInput(f"{source}: requirements: must be a list of bundled sets and files")
+    return given
+
+
+def _requirements(names: list[str], homes: Sequence[Path]) -> list[dict[str, Any]]:
+    """Return the requirements of sets and files, which may also lie in ``homes``, as tables: a campaign keeps them."""
+    from rig.assess.requirements import load_requirements
+
+    places = (Path(), *homes)
+    found = [next((place / name for place in places if is_file(place / name)), name) for name in names]
+    return [each.model_dump(exclude_none=True) for each in load_requirements(found)]
+
+
+def _base(name: str, path: Path) -> tuple[dict[str, Any], Path]:
+    """Read the base scenario's own table; return it with its folder.
+
+    It is looked for beside the campaign's file, where the command is given, and among the bundled ones.
+    """
     from rig.scenario import find as find_scenario
 
     if not name.isprintable() or max(map(len, map(os.fsencode, Path(name).parts)), default=0) > NAME_BYTES:
         raise BadInput(f"{path}: base: must be the name of a scenario's file, got {name[:60]!r}")
     beside = path.parent / name
     try:
-        return read_toml(beside if is_file(beside) else find_scenario(name))
+        found = beside if is_file(beside) else find_scenario(name)
+        return read_toml(found), found.parent
     except BadInput as error:
         raise BadInput(f"{path}: base: {error}") from None
 

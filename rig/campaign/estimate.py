@@ -68,7 +68,9 @@ def _probe(plan: Plan, number: int) -> tuple[float, int]:
     how = plan.campaign.run
     with tempfile.TemporaryDirectory() as folder:
         logs = "none" if how.logs == "none" else "all"
-        orders = Orders(logs, len(plan), folder, how.timeout_s, plan.campaign.twin, rig_identity())
+        orders = Orders(
+            logs, len(plan), folder, how.timeout_s, plan.campaign.twin, rig_identity(), requirements=plan.requirements
+        )
         rows = fly_alone([plan[number], plan[number]], orders)["runs"]
         if rows[-1]["outcome"] != "flown":
             raise RigError(f"run {number}, flown for the estimate: {rows[-1]['outcome']}: {rows[-1]['reason']}")

@@ -26,6 +26,7 @@ from rig.campaign import parts, table
 from rig.campaign.config import from_what
 from rig.campaign.plan import Plan, rig_identity
 from rig.campaign.rows import TABLES, Rows
+from rig.campaign.searched import SearchedPlan
 from rig.errors import BadInput, RigError
 from rig.unit.settings import Unit
 from rig.util.files import DRAFT, is_file, replaced, reported
@@ -145,9 +146,15 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
     about = path / CAMPAIGN
     if not is_file(about):
         raise BadInput(f"{path}: no campaign's folder: {CAMPAIGN} is missing")
-    return Folder(
-        path, Plan(from_what(_read(about)["campaign"], str(about)), str(about), Trust(str(about), allow_code))
-    )
+    held, trust = _read(about), Trust(str(about), allow_code)
+    plan: Plan = Plan(from_what(held["campaign"], str(about)), str(about), trust)
+    search = held.get("search")
+    if search is not None:
+        plan = SearchedPlan(plan.campaign, str(about), trust, search)
+    folder = Folder(path, plan)
+    if isinstance(plan, SearchedPlan):
+        plan.choose(folder.tables["runs"])
+    return folder
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rig import aircraft
+from rig.assess.requirements import Requirement, recorder_of
 from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
 from rig.errors import BadInput
@@ -21,9 +22,21 @@ from rig.util.versions import versions
 
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
 # What looks at flights, or hands them out, decides nothing in them.
-ROOMS = ("bench", "campaign", "cli", "design", "public", "recordings", "reliability", "replay", "studies", "view")
-BESIDE = (*ROOMS, "league", "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
-FLIES = ("campaign/flying.py", "campaign/rows.py", "campaign/worker.py")
+ROOMS = (
+    "bench",
+    "campaign",
+    "cli",
+    "design",
+    "public",
+    "recordings",
+    "reliability",
+    "replay",
+    "safety",
+    "studies",
+    "view",
+)
+BESIDE = (*ROOMS, "league", "search", "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
+FLIES = ("campaign/flying.py", "campaign/requirements.py", "campaign/rows.py", "campaign/worker.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +65,8 @@ class Run:
 class Plan:
     """A campaign's runs, each made when asked for."""
 
+    of_one_draw = 1  # runs that share a seed
+
     def __init__(self, campaign: Campaign, source: str, trust: Trust | None = None) -> None:
         """Raise BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base.
 
@@ -73,6 +88,12 @@ class Plan:
     def __len__(self) -> int:
         return len(self.choices)
 
+    @cached_property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return what every run is measured by.  BadInput: a folder's that is no requirement any more."""
+        given = self.campaign.requirements or []
+        return tuple(build(Requirement, each, f"{self.source}: requirements") for each in given)
+
     def count(self, runs: int | None) -> int:
         """Return how many runs ``--runs`` asks for; BadInput when the plan has not so many."""
         count = len(self) if runs is None else runs
@@ -86,8 +107,20 @@ class Plan:
         return choices(self.campaign)
 
     def __getitem__(self, number: int) -> Run:
-        data = {**self.data(number), "seed": seed_of(self.campaign, number)}
+        data = {**self.data(number), "seed": self.seed(number)}
         return Run(number, self.choices[number], data, self.trust)
+
+    def seed(self, number: int) -> int:
+        """Return the seed of a run's flight."""
+        return seed_of(self.campaign, number - number % self.of_one_draw)
+
+    def value_types(self) -> dict[str, set[type]]:
+        """Return the types of all values of each key that varies."""
+        types: dict[str, set[type]] = {}
+        for choice in self.choices:
+            for key, value in choice.items():
+                types.setdefault(key, set()).add(type(value))
+        return types
 
     def data(self, number: int) -> dict[str, Any]:
         """Return the table of a run's scenario, without its seed."""
@@ -104,7 +137,7 @@ class Plan:
 
     def check(self) -> None:
         """Build the scenarios; BadInput names the file, the first bad run and its key."""
-        for number in sorted({*range(min(CHECKED, len(self))), *self._combinations}):
+        for number in sorted({*range(min(CHECKED, len(self.choices))), *self._combinations}):
             self._check(self[number])
 
     def _check(self, run: Run) -> None:
@@ -115,6 +148,11 @@ class Plan:
             reason = str(error).removeprefix(f"run {run.number}: ")
             raise BadInput(f"{self.source}: run {run.number}: {reason}") from None
         self.trust.require(scenario.redundancy.manager)
+        if self.requirements and run.number in self._combinations:
+            try:
+                recorder_of(scenario, self.requirements, iter(()))
+            except BadInput as error:
+                raise BadInput(f"{self.source}: run {run.number}: {error}") from None
 
     def identity(self) -> dict[str, Any]:
         """Return all that decides the table: the campaign, and the tables of every aircraft in it."""

@@ -108,6 +108,7 @@ def _followed(fault: FaultScore) -> Row:
         "vote_above_threshold_s": window.above_threshold_s,
         "vote_error_max": window.error_max,
         "vote_kept": window.kept,
+        "wrong_vote_first": window.wrong_vote_first,
     }
 
 

@@ -32,7 +32,8 @@ AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that w
 NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")
 PATIENCE: Final = 10  # workers that may die in a row without a single batch coming in
 
-Task = tuple[Callable[[Sequence[Run], Orders], Rows], list[int]]
+Batch = Callable[[Sequence[Run], Orders], Rows]
+Task = tuple[Batch, list[int]]
 
 
 @dataclass
@@ -105,37 +106,48 @@ def run(
     unit : under test; each worker has one of its own
     BadInput before anything is written; RigError when the disk is full or workers keep dying.
     """
-    how = plan.campaign.run
     count = plan.count(runs)
-    pool = (
-        Local(_workers(unit, workers) or how.workers) if scheduler is None else Cluster(scheduler)
-    )  # first: workers get ready during the checks
+    pool = pool_of(plan, workers, scheduler, unit)  # first: workers get ready during the checks
     kill = True
     try:
         plan.check()
         folder = Folder.of(out, plan, unit)
-        orders = Orders(
-            logs=logs or how.logs,
-            runs=len(plan),
-            folder=str(folder.logs.absolute()),
-            timeout_s=how.timeout_s,
-            twin=plan.campaign.twin,
-            rig=rig_identity(),
-            unit=unit,
-            unit_sha256="" if unit is None else unit.sha256(),
-        )
+        orders = orders_of(folder, logs)
         with folder.held(), interruptible(again=True) as stop:
             done = folder.done()
             missing = [number for number in range(count) if number not in done]
             progress = Progress(count, count - len(missing))
             try:
-                _Flying(plan, pool, folder, orders, progress).fly(missing, how.batch, stop, report)
+                Flying(plan, pool, folder, orders, progress).fly(missing, plan.campaign.run.batch, stop, report)
             except RigError as error:
                 raise RigError(f"{error}; {progress.done} of {count} runs done, the same command goes on") from None
             kill = stop.insisted
             return _result(folder, count, progress, done, stop)
     finally:
         pool.close(kill)
+
+
+def pool_of(plan: Plan, workers: int | None, scheduler: str | None, unit: Unit | None = None) -> Pool:
+    """Return where batches are flown; ``workers`` in place of the campaign file's.  BadInput as ``run``."""
+    if scheduler is not None:
+        return Cluster(scheduler)
+    return Local(_workers(unit, workers) or plan.campaign.run.workers)
+
+
+def orders_of(folder: Folder, logs: str | None = None) -> Orders:
+    """Return how the flights of a folder are flown; ``logs`` in place of the campaign file's."""
+    plan, unit, how = folder.plan, folder.unit, folder.plan.campaign.run
+    return Orders(
+        logs=logs or how.logs,
+        runs=len(plan),
+        folder=str(folder.logs.absolute()),
+        timeout_s=how.timeout_s,
+        twin=plan.campaign.twin,
+        rig=rig_identity(),
+        unit=unit,
+        unit_sha256="" if unit is None else unit.sha256(),
+        requirements=plan.requirements,
+    )
 
 
 def _workers(unit: Unit | None, workers: int | None) -> int | None:
@@ -165,7 +177,7 @@ def again(folder: Folder, number: int, out: Path, unit: Unit | None = None) -> t
 
 
 @dataclass
-class _Flying:
+class Flying:
     """Batches on their way through a pool."""
 
     plan: Plan
@@ -175,11 +187,12 @@ class _Flying:
     progress: Progress
     out: dict[Future[Rows], list[int]] = field(default_factory=dict)  # handed out
     deaths: int = 0  # of workers, since a batch last came in
+    batch: Batch = fly_batch
 
     def fly(self, missing: Sequence[int], size: int, stop: Stop, report: Report | None) -> None:
         """Hand out and take in until nothing waits, or, asked to stop, nothing is under way, or at once."""
         waiting: deque[Task] = deque(
-            (fly_batch, list(missing[first : first + size])) for first in range(0, len(missing), size)
+            (self.batch, list(missing[first : first + size])) for first in range(0, len(missing), size)
         )
         while (self.out or (waiting and not stop.requested)) and not stop.insisted:
             if stop.requested:

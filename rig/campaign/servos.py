@@ -29,7 +29,9 @@ def run_columns(scenario: Scenario, coils: Coils) -> dict[str, Any]:
 
 
 def _on(fault: Fault, surface: str, channel: int) -> bool:
-    """Return whether a fault sits on a channel of an actuator, or on what its channels share."""
+    """Return whether a fault sits on a channel of an actuator, drives it, or sits on what its channels share."""
+    if fault.drives == (surface, channel):
+        return True
     return fault.signal == f"actuator.{surface}" and (not fault.channels or channel in fault.channels)
 
 

@@ -15,15 +15,16 @@ from rig.assess.words import BY_DESIGN
 from rig.campaign import servos
 from rig.campaign.folder import Folder, difference
 from rig.campaign.plan import Plan
+from rig.campaign.requirements import by_requirement
 from rig.campaign.statistics import detectable, mcnemar, poisson, proportion
-from rig.campaign.table import COUNTED
+from rig.campaign.table import COUNTED, replies
 from rig.errors import BadInput
-from rig.record.histogram import names
 
 Tables = dict[str, pl.DataFrame]
 MOST_LEVELS: Final = 12  # of a magnitude that are shown one by one; more are put into BINS bins
 BINS: Final = 8
 WORST: Final = 10
+_LONG: Final = ("coverage", "digest", "requirements")  # columns of no table for people
 _QUANTILES: Final = {"min": 0.0, "median": 0.5, "p95": 0.95, "max": 1.0}
 _SEEN: Final = ("patterns", "levels", "pattern_transitions", "level_transitions")
 # What is compared of two campaigns, by run and by fault.
@@ -63,19 +64,11 @@ def summary(folder: Folder) -> dict[str, Any]:
         "detectable": smallest(faults),
         "resolvers": resolvers(tables["episodes"]),
         "coverage": coverage(tables["runs"]),
+        "requirements": by_requirement(tables["runs"], plan.requirements),
         "servos": servos.by_kind(tables["faults"]),
         "replies": replies(tables["runs"]),
         "worst": worst(folder),
     }
-
-
-def replies(runs: pl.DataFrame) -> dict[str, Any] | None:
-    """Add up the reply times of a unit under test over all frames of all runs, by histogram.py; None without one."""
-    counted = runs["replies"].drop_nulls()
-    if counted.is_empty():
-        return None
-    counts = np.sum([bins.to_numpy() for bins in counted], axis=0)
-    return {"runs": len(counted), "frames": int(counts.sum()), "bins_us": names(), "counts": counts.tolist()}
 
 
 def flown(tables: Tables) -> pl.DataFrame:
@@ -299,7 +292,9 @@ def worst(folder: Folder) -> list[dict[str, Any]]:
         pl.col("vote_above_threshold_s").fill_null(0.0),
     ]
     ranked = runs.sort([*order, pl.col("run")], descending=[True] * len(order) + [False])
-    return [_worst_flight(folder, row) for row in ranked.drop("coverage", "digest").head(WORST).to_dicts()]
+    return [
+        _worst_flight(folder, row) for row in ranked.drop("coverage", "digest", "requirements").head(WORST).to_dicts()
+    ]
 
 
 def _worst_flight(folder: Folder, row: dict[str, Any]) -> dict[str, Any]:

@@ -16,18 +16,27 @@ from dataclasses import fields
 from functools import lru_cache
 from typing import Any, Final
 
+import numpy as np
 import polars as pl
 
-from rig.campaign import servos
+from rig.campaign import requirements, servos
 from rig.campaign.plan import Plan
 from rig.campaign.rows import OUTCOMES, TABLES, Row
 from rig.frame import CHANNELS
 from rig.record.flight_summary import Peaks
+from rig.record.histogram import names
 
 WALL_CLOCK: Final = ("wall_s", "replies")  # no part of what must be the same in every run of a campaign
 COUNTED: Final = ("failed_with_box", "failed_by_rule")  # in ``alarms`` too, which are hashed
 OF_SERVOS: Final = tuple(servos.RUNS)  # in ``digest`` too
-ADDED: Final = ("replies", *COUNTED, *OF_SERVOS)  # columns that parts of older versions lack; they are then empty
+MEASURED: Final = tuple(requirements.RUNS)  # hashed where a campaign has requirements
+ADDED: Final = (
+    "replies",
+    *COUNTED,
+    *OF_SERVOS,
+    *MEASURED,
+    "wrong_vote_first",
+)  # columns that parts of older versions lack; they are then empty
 
 RUNS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -55,6 +64,7 @@ RUNS: Final[dict[str, Any]] = {
     "replies": pl.List(pl.Int64),  # reply times of a unit under test in each bin of record.histogram; empty without one
     **dict.fromkeys(COUNTED, pl.Int64),  # healthy channels, for a fault elsewhere
     **servos.RUNS,
+    **requirements.RUNS,
 }
 FAULTS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -75,10 +85,11 @@ FAULTS: Final[dict[str, Any]] = {
     "pattern": pl.String,
     "good_before": pl.Int64,
     "latent_before": pl.Int64,
-    "vote_above_threshold_s": pl.Float64,  # these four from its onset to the next one on the signal
+    "vote_above_threshold_s": pl.Float64,  # these five from its onset to the next one on the signal
     "vote_error_max": pl.Float64,
     "vote_kept": pl.Boolean,
     "lost_s": pl.Float64,
+    "wrong_vote_first": pl.Boolean,  # before the signal was declared lost
 }
 ALARMS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -123,11 +134,7 @@ _ORDER: Final = {
 
 def varied_columns(plan: Plan) -> dict[str, Any]:
     """Return the columns of what varies: a key of the scenario or a group of cases each, typed by all their values."""
-    values: dict[str, set[type]] = {}
-    for choice in plan.choices:
-        for key, value in choice.items():
-            values.setdefault(key, set()).add(type(value))
-    return {key: _type(types) for key, types in values.items() if key not in RUNS}
+    return {key: _type(types) for key, types in plan.value_types().items() if key not in RUNS}
 
 
 def _type(types: set[type]) -> Any:
@@ -150,10 +157,10 @@ def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
     columns = schema(plan, table)
     if table == "runs":
         rows = [{**plan.choices[row["run"]], **row} for row in rows]
-    return pl.DataFrame([{n: _cell(row.get(n), kind) for n, kind in columns.items()} for row in rows], schema=columns)
+    return pl.DataFrame([{n: cell(row.get(n), kind) for n, kind in columns.items()} for row in rows], schema=columns)
 
 
-def _cell(value: Any, kind: Any) -> Any:
+def cell(value: Any, kind: Any) -> Any:
     """Convert a value of a column; one that varies may be of several kinds, and is then written as JSON."""
     as_it_is = value is None or isinstance(value, str) or kind != pl.String
     return value if as_it_is else json.dumps(value, sort_keys=True)
@@ -171,7 +178,17 @@ def sha256(tables: dict[str, pl.DataFrame]) -> str:
     digest = hashlib.sha256()
     for name in TABLES:
         plain = tables[name].drop(*WALL_CLOCK, *COUNTED, *OF_SERVOS, strict=False)
+        plain = plain.drop(*(each for each in MEASURED if each in plain.columns and plain[each].is_null().all()))
         digest.update(json.dumps([name, plain.columns, [str(t) for t in plain.dtypes]]).encode())
         for row in plain.iter_rows():
             digest.update(json.dumps(row, allow_nan=False).encode())
     return digest.hexdigest()
+
+
+def replies(runs: pl.DataFrame) -> dict[str, Any] | None:
+    """Add up the reply times of a unit under test over all frames of all runs, by histogram.py; None without one."""
+    counted = runs["replies"].drop_nulls()
+    if counted.is_empty():
+        return None
+    counts = np.sum([bins.to_numpy() for bins in counted], axis=0)
+    return {"runs": len(counted), "frames": int(counts.sum()), "bins_us": names(), "counts": counts.tolist()}

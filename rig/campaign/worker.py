@@ -31,9 +31,11 @@ from typing import IO, Any, Final
 
 from rig import aircraft
 from rig.assess import Score, fly_twin, score
+from rig.assess.requirements import Requirement, Verdict, check_rows
 from rig.campaign.flying import CampaignFlight, fly, write_log
 from rig.campaign.plan import Run, rig_identity
 from rig.campaign.pool import leave_interrupts_to_parent
+from rig.campaign.requirements import run_columns
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row, signal_rows
 from rig.errors import RigError, UnitDead, UnitRefused
 from rig.scenario import load
@@ -60,6 +62,7 @@ class Orders:
     rig: str  # sources and packages that fly; a worker with others refuses
     unit: Unit | None = None  # under test, and the hash of its build
     unit_sha256: str = ""
+    requirements: tuple[Requirement, ...] = ()
 
 
 def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
@@ -91,7 +94,9 @@ def fly_run(run: Run, orders: Orders) -> Rows:
             flight = fly(run.scenario(_tables(run.aircraft)), tested)
             twin = fly_twin(flight.scenario, unit=tested) if orders.twin else None
             scored = score(flight.scenario, flight.rows, twin, clean=flight.clean, lanes=flight.lanes)
-        rows = _rows(run.number, flight, scored)
+            asked = orders.requirements
+            verdicts = check_rows(flight.rows, flight.scenario, asked, twin, tested) if asked else ()
+        rows = _rows(run.number, flight, scored, verdicts)
     except (UnitDead, UnitRefused) as error:
         return not_flown(run, "unit dead" if isinstance(error, UnitDead) else "unit refused", str(error))
     except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure
@@ -103,9 +108,9 @@ def fly_run(run: Run, orders: Orders) -> Rows:
     return rows
 
 
-def _rows(number: int, flight: CampaignFlight, scored: Score) -> Rows:
+def _rows(number: int, flight: CampaignFlight, scored: Score, verdicts: Sequence[Verdict]) -> Rows:
     return {
-        "runs": [run_row(number, flight, scored)],
+        "runs": [run_row(number, flight, scored) | run_columns(verdicts)],
         "faults": fault_rows(number, flight.scenario, scored),
         "alarms": alarm_rows(number, flight.scenario, scored),
         "episodes": episode_rows(number, flight.scenario, scored),
@@ -120,8 +125,10 @@ def not_flown(run: Run, outcome: str, reason: str) -> Rows:
 
 
 def _troubled(row: dict[str, Any]) -> bool:
-    """Return True for a flight that an engineer would look at: lost, a fault missed, a healthy channel failed."""
-    return not row["survived"] or any(row[name] for name in ("missed", "false_alarms", "wrong_isolations"))
+    """Return True for a flight to look at: lost, a fault missed, a healthy channel failed, a requirement violated."""
+    return not row["survived"] or any(
+        row.get(name) for name in ("missed", "false_alarms", "wrong_isolations", "violated")
+    )
 
 
 def keeps(orders: Orders, number: int, in_trouble: bool) -> bool:

@@ -18,7 +18,7 @@ from rig.cli.common import GROUP, Json, emit
 from rig.cli.working import working
 from rig.errors import BadInput
 from rig.text import plain, quoted
-from rig.util.outputs import require_apart
+from rig.util.outputs import require_apart, require_ending
 
 if TYPE_CHECKING:
     from rig.computer.analytic.designed import Designed
@@ -190,6 +190,8 @@ def aircraft_check(
     from rig.plant import airframe
 
     home = folder(name)
+    if accept:
+        _require_apart(name, None)
     with working("trim", not as_json, steps=True):
         checked = check(airframe.read(home / "aircraft.toml"))
     result = {**checked.as_dict(), "accepted": accept}
@@ -232,6 +234,7 @@ def _require_apart(name: str, out: Path | None) -> None:
     target = out or home / GAINS
     made_from = (path for path in home.rglob("*") if path.name not in (GAINS, REFERENCES))
     require_apart({"--out": target, "the references": target.with_name(REFERENCES)}, made_from)
+    require_ending("--out", out, "a file of gains", ".toml")
 
 
 def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:

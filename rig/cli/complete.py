@@ -1,4 +1,4 @@
-"""What the shell completes: names of scenarios, aircraft, kinds of faults, campaigns, tabs, and keys of ``--set``."""
+"""What the shell completes: names of what is bundled, kinds of faults, tabs, and keys of ``--set``."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ def _completion(module: str, names: Callable[[Any], Iterable[str]]) -> Callable[
 scenarios = _completion("rig.scenario", lambda module: module.names())
 aircraft = _completion("rig.aircraft", lambda module: module.names())
 campaigns = _completion("rig.campaign.config", lambda module: module.names())
+requirements = _completion("rig.assess.requirements.requirement", lambda module: module.names())
 kinds = _completion("rig.faults.catalogue", lambda module: (entry.kind for entry in module.entries()))
 tabs = _completion("rig.view.blueprint", lambda module: module.TABS)
 

@@ -10,9 +10,10 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Option, echo
+from typer import Exit, Option, echo
 
 from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit
+from rig.cli.requirements import Requirements, Strict, show_verdicts
 from rig.cli.table import MOST_LINES, Column, counts, field, line, rest, table
 from rig.cli.working import working
 from rig.errors import BadInput
@@ -20,6 +21,7 @@ from rig.units.quantities import moment
 from rig.util.progress import tell
 
 if TYPE_CHECKING:
+    from rig.assess.requirements import Verdict
     from rig.flight.assembly import Flight
     from rig.flight.frame_cost import Bench
     from rig.record.event import Event
@@ -60,18 +62,22 @@ def fly(
     realtime: Realtime = False,
     watch: Watch = False,
     unit: UnitFile = None,
+    requirements: Requirements = None,
+    strict: Strict = False,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
     """Fly one scenario, log every frame, print what happened."""
     from rig.assess.conclusion import next_commands
-    from rig.assess.of_log import FlightConclusion
+    from rig.assess.requirements import MeasuredConclusion, plain, violated
     from rig.flight.assembly import fly as fly_scenario
+    from rig.unit.unit import running
     from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
     if watch and as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
+    outcome = MeasuredConclusion(requirements or ())
     with watching(watch, realtime_factor) as page, working("starting", not (as_json or watch)):
         flight = fly_scenario(
             scenario,
@@ -87,10 +93,15 @@ def fly(
             unit=unit,
             realtime=realtime,
             live=keyboard(watch and (realtime or realtime_factor is not None)),
-            outcome=FlightConclusion(),
+            outcome=outcome,
         )
-    data = lambda: {**flight.summary(), "conclusion": flight.conclusion, "next": next_commands(flight)}  # noqa: E731
-    emit(as_json, data, lambda: show_flight(flight))
+        with running(unit if outcome.needs_twin else None) as tested:
+            verdicts = outcome.verdicts(flight.log, tested, allow_code or bool(sets))
+    measured = {"requirements": [plain(one) for one in verdicts]} if outcome.requirements else {}
+    told = lambda: {"conclusion": flight.conclusion, **measured, "next": next_commands(flight)}  # noqa: E731
+    emit(as_json, lambda: {**flight.summary(), **told()}, lambda: show_flight(flight, verdicts=verdicts))
+    if strict and violated(verdicts):
+        raise Exit(1)
 
 
 class Watching:
@@ -120,8 +131,8 @@ class Watching:
             time.sleep(LOOK_S)
 
 
-def show_flight(flight: Flight, run: str = "") -> None:
-    """Print the verdict of a flight, the sentences of its conclusion, and the next commands.
+def show_flight(flight: Flight, run: str = "", verdicts: Sequence[Verdict] = ()) -> None:
+    """Print the verdict of a flight, the sentences of its conclusion, its requirements, and the next commands.
 
     run : of a campaign, how it compares with the table
     """
@@ -129,6 +140,7 @@ def show_flight(flight: Flight, run: str = "") -> None:
 
     _verdict(flight)
     conclusion(flight.conclusion)
+    show_verdicts(verdicts)
     if run:
         field("run", run)
     notes = ("against the truth", "in Rerun", "run the manager over the log again")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -10,7 +11,8 @@ from typer import Argument, Option
 from rig.cli.common import Json, Seed, Workers, emit
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
-from rig.util.outputs import require_apart
+from rig.errors import BadInput
+from rig.util.outputs import require_apart, require_page
 
 _MANAGERS: Final = "cross-channel,cusum,glr,parity,innovation,selection,median"
 _LEVELS: Final = (
@@ -24,30 +26,48 @@ _SECOND: Final = (
     *(
         Column("budget", "expected", ".2g"),
         Column("an hour, 95 %", lambda r: f"{r['low_per_h']:.2g} to {r['high_per_h']:.2g}"),
+        Column("flights over the level of three", lambda r: _of_three(r, "three", "flights"), worth=7),
+        Column("of it, calibration", lambda r: _of_three(r, "three_before", "of"), worth=6),
     ),
 )
 _OUTCOMES: Final = (
-    *(Column("kind", "kind"), Column("faults", "faults"), Column("manager", "entrant")),
+    *(Column("faults", "faults"), Column("manager", "entrant")),
     *(
         Column(word, lambda row, word=word: 100 * row[word] / row["trials"], ".1f", "%")
         for word in ("isolated", "wrong channel", "missed")
     ),
     Column("before", lambda row: 100 * row["prior"] / row["trials"], ".1f", "%", worth=8),
     *(Column("delay", "delay_median_s", ".2f", "s"), Column("95 %", "delay_95_s", ".2f", "s", worth=7)),
+    *(
+        Column("50 %", lambda row: _size(row, 0), ".2f", worth=7),
+        Column("95 %", lambda row: _size(row, 1), ".2f", worth=7),
+    ),
     *(Column("vote off", "peak_median", ".2f", worth=6), Column("most", "peak_largest", ".3g", worth=5)),
 )
+_LOST: Final = Column("aircraft lost", "lost")
+
+
+def _of_three(row: dict[str, Any], count: str, flights: str) -> str | None:
+    return None if row[count] is None else f"{row[count]} of {row[flights]}"
+
+
+def _size(row: dict[str, Any], place: int) -> float | None:
+    return None if row["sizes"] is None else row["sizes"][place]["value"]
 
 
 def league(
     campaign: Annotated[
-        str, Argument(metavar="FILE|NAME", help="A campaign of faults, its file or bundled name.", show_default=False)
-    ],
+        str | None,
+        Argument(metavar="FILE|NAME", help="A campaign of faults, its file or bundled name.", show_default=False),
+    ] = None,
     healthy: Annotated[
-        Path, Option(metavar="HEALTHY", help="Healthy flights: a flown campaign with its logs.", show_default=False)
-    ],
+        Path | None,
+        Option(metavar="HEALTHY", help="Healthy flights: a flown campaign with its logs.", show_default=False),
+    ] = None,
     out: Annotated[
-        Path, Option(metavar="DIR", help="Folder of the league; a begun one is continued.", show_default=False)
-    ],
+        Path | None,
+        Option(metavar="DIR", help="Folder of the league; a begun one is continued.", show_default=False),
+    ] = None,
     managers: Annotated[str, Option(metavar="NAME,NAME...", help="Who takes part; ours always does.")] = _MANAGERS,
     budget: Annotated[float, Option(metavar="RATE", help="False isolations an hour and signal.")] = 0.01,
     second: Annotated[
@@ -55,22 +75,95 @@ def league(
         Option(metavar="HEALTHY", help="Other healthy flights, to test the budget on.", show_default=False),
     ] = None,
     trials: Annotated[int, Option(metavar="N", help="Trials of each combination.", min=1, max=10**6)] = 500,
+    flights: Annotated[int, Option(metavar="N", help="Flights in closed loop, of the same draws.", min=0)] = 0,
+    plot: Annotated[
+        Path | None, Option(metavar="FILE", help="The pictures as a page: .html.", show_default=False)
+    ] = None,
+    recordings: Annotated[
+        list[Path] | None,
+        Option(metavar="INPUT", help="In place of all that: healthy recordings, a half each.", show_default=False),
+    ] = None,
+    config: Annotated[
+        Path | None, Option(metavar="CONFIG", help="Their settings, as for rig vote.", show_default=False)
+    ] = None,
+    align: Annotated[bool, Option("--align", help="Take constant delays and offsets off their channels.")] = False,
+    repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False,
     seed: Seed = 0,
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
     """Calibrate managers to one budget of false isolations, and give all of them the same faults."""
+    from rig.league.entrants import entrants
+
+    if recordings:
+        given = {"CAMPAIGN": campaign, "--healthy": healthy, "--out": out, "--second": second, "--plot": plot}
+        if refused := [name for name, value in given.items() if value is not None]:
+            raise BadInput(f"--recordings: a league of recordings has no {refused[0]}")
+        if config is None:
+            raise BadInput("--recordings: needs --config, the settings of rig vote")
+        _recordings(recordings, config, managers, align, repair_time, as_json)
+        return
+    if campaign is None or healthy is None or out is None:
+        missing = next(
+            name for name, value in (("CAMPAIGN", campaign), ("--healthy", healthy), ("--out", out)) if value is None
+        )
+        raise BadInput(f"rig league: {missing} is needed, or --recordings with --config")
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
-    from rig.league.entrants import entrants
-    from rig.league.run import Asked, run
+    from rig.league.prepared import Asked
+    from rig.league.run import run
 
     plan = Plan(read(campaign, {}), str(find(campaign)))
-    require_apart({"--out": out}, [healthy, second])
-    asked = Asked(entrants(managers), budget, healthy, second, trials, seed)
+    require_apart({"--out": out, "--plot": plot}, [find(campaign), healthy, second])
+    require_page("--plot", plot)
+    asked = Asked(entrants(managers), budget, healthy, second, trials, seed, flights)
     with working("the league", not as_json, steps=True):
         result = run(plan, asked, out, workers)
+        if plot is not None:
+            from rig.league.league_page import write
+
+            write(plot, result)
     emit(as_json, result, lambda: _show(result))
+
+
+def _recordings(inputs: list[Path], config: Path, managers: str, align: bool, repair_time: bool, as_json: bool) -> None:
+    """Run a league of recordings and print it."""
+    from rig.league.entrants import entrants
+    from rig.league.recorded import league as of_recordings
+    from rig.recordings.alignment import AlignOptions
+    from rig.thresholds.config import start
+    from rig.thresholds.data import load
+
+    settings, _ = start(config)
+    rivals = entrants(managers)
+    with working("reading", not as_json):
+        data = load(inputs, settings, str(config), repair_time, AlignOptions() if align else None)
+        result = of_recordings(data, settings, rivals)
+    emit(as_json, result, lambda: _show_recordings(result))
+
+
+def _show_recordings(result: dict[str, Any]) -> None:
+    """Print false isolations, and the table of all kinds and of each, by signal."""
+    line(f"{result['hours']:.3g} h; each half calibrates to no false isolation, and is tested by the other")
+    names = dict.fromkeys(row["entrant"] for row in result["levels"])
+    false = [
+        {"entrant": name, "false": sum(row["false"] for row in result["levels"] if row["entrant"] == name)}
+        for name in names
+    ]
+    table(false, (Column("manager", "entrant"), Column("false isolations in the tested halves", "false")))
+    for signal in dict.fromkeys(row["signal"] for row in result["table"]):
+        rows = [row for row in result["table"] if row["signal"] == signal]
+        _show_kinds(signal, rows, _OUTCOMES[:7], all_kinds=True, told="")
+    line()
+    differ = [row for row in result["differences"] if row["kind"] == "all" and row["ours"] == "cross-channel"]
+    table(
+        differ,
+        (
+            *(Column("signal", "signal"), Column("manager", "entrant"), Column("trials", "trials")),
+            Column("isolated, less ours", lambda row: 100 * row["value"], "+.1f", "points"),
+            Column("95 %", lambda row: f"{100 * row['low']:.1f} to {100 * row['high']:.1f}"),
+        ),
+    )
 
 
 def _show(result: dict[str, Any]) -> None:
@@ -79,17 +172,52 @@ def _show(result: dict[str, Any]) -> None:
     table(result["levels"], _LEVELS)
     for note in (note for row in result["levels"] for note in row["notes"]):
         line(f"  {note}")
+    line()
+    line("bursts that make somebody be failed, by their frames and thresholds")
+    _show_transients(result["transients"])
     if result["second"]:
         line()
         line(f"a second campaign of {result['second'][0]['hours']:.3g} h")
         table(result["second"], _SECOND)
     for signal, state in dict.fromkeys((row["signal"], row["reference"]) for row in result["table"]):
-        line()
-        line(f"{signal}, reference {state}; vote error in thresholds")
-        table([row for row in result["table"] if (row["signal"], row["reference"]) == (signal, state)], _OUTCOMES)
+        rows = [row for row in result["table"] if (row["signal"], row["reference"]) == (signal, state)]
+        _show_kinds(f"{signal}, reference {state}", rows, _OUTCOMES, all_kinds=state == "as flown")
+    for signal in dict.fromkeys(row["signal"] for row in result["flights"]):
+        rows = [row for row in result["flights"] if row["signal"] == signal and row["kind"] == "all"]
+        _show_kinds(f"{signal}, flown in closed loop", rows, (*_OUTCOMES, _LOST), all_kinds=False)
     line()
     costs = ", ".join(f"{name} {microseconds:.2g}" for name, microseconds in result["microseconds"].items())
     line(f"microseconds a signal and frame, here: {costs}")
     line()
     for sentence in result["verdict"]:
         line(sentence)
+
+
+def _show_kinds(
+    title: str,
+    rows: list[dict[str, Any]],
+    columns: Sequence[Column],
+    all_kinds: bool,
+    told: str = "; sizes and vote error in thresholds",
+) -> None:
+    """Print one table for each kind, or of all kinds together alone."""
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        if all_kinds or kind == "all":
+            line()
+            line(f"{title}, {'all kinds' if kind == 'all' else kind}{told}")
+            table([row for row in rows if row["kind"] == kind], columns)
+
+
+def _show_transients(rows: list[dict[str, Any]]) -> None:
+    """Print a row for each signal and entrant, a column for each burst."""
+    by_pair: dict[tuple[str, str], dict[str, Any]] = {}
+    for row in rows:
+        pair = by_pair.setdefault((row["signal"], row["entrant"]), {})
+        pair[f"{row['frames']} x {row['thresholds']:g}"] = f"{row['failed']} of {row['bursts']}"
+    made = [{"signal": signal, "entrant": name, **found} for (signal, name), found in by_pair.items()]
+    bursts = [name for name in (made[0] if made else {}) if name not in ("signal", "entrant")]
+    table(made, (Column("signal", "signal"), Column("manager", "entrant"), *(_burst(name) for name in bursts)))
+
+
+def _burst(name: str) -> Column:
+    return Column(name, lambda row: row[name])

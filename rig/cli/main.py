@@ -18,13 +18,15 @@ from typer.core import TyperArgument, TyperOption
 from rig.cli.aircraft import aircraft_app
 from rig.cli.campaign import app as campaign_app
 from rig.cli.catalogue import faults_app, scenario_app, signals
+from rig.cli.check import check
 from rig.cli.common import GROUP
 from rig.cli.fly import bench, fly
 from rig.cli.league import league
 from rig.cli.recorded import thresholds, vote
-from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, recover, replay
+from rig.cli.safety import reliability_app
 from rig.cli.score import report, score
+from rig.cli.search import search
 from rig.cli.studies import study
 from rig.cli.unit import unit_app
 from rig.cli.view import view, watch
@@ -51,7 +53,7 @@ _COMMANDS: Final = {
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
     REFERENCE: (signals, bench),
-    MANY: (league,),
+    MANY: (check, search, league),
 }
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
@@ -106,14 +108,16 @@ def main() -> None:
 @contextmanager
 def _standard_output() -> Iterator[None]:
     """Raise RigError where what the block prints cannot be written: a full disk, a closed pipe."""
+    out = sys.stdout  # None where there is none
     try:
         yield
-        sys.stdout.flush()
+        if out is not None:
+            out.flush()
     except OSError as error:
-        if error.filename is not None:  # of a file, which its writer should have reported
+        if out is None or error.filename is not None:  # of a file, which its writer should have reported
             raise
         with suppress(OSError):
-            sys.stdout.close()  # or Python would write the rest when it ends, and fail again
+            out.close()  # or Python would write the rest when it ends, and fail again
         sys.stdout = None
         raise RigError(f"standard output: cannot be written: {error.strerror}") from None
 

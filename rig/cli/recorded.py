@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final
 from typer import Argument, Option
 
 from rig.cli.common import Align, AllowCode, Json, comma_list, emit, whole_numbers
+from rig.cli.requirements import Requirements
 from rig.cli.table import KEPT, Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
@@ -56,6 +57,7 @@ def vote(
     repair_time: Annotated[
         bool, Option("--repair-time", help="Drop rows whose time repeats or steps back, and say how many.")
     ] = False,
+    requirements: Requirements = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
@@ -63,7 +65,8 @@ def vote(
     from rig.bench.vote_run import Options, run
     from rig.cli import show_vote
 
-    options = Options(Align(align, align_from, align_to, align_matrix).options(), inject, repair_time, allow_code)
+    stretch = Align(align, align_from, align_to, align_matrix).options()
+    options = Options(stretch, inject, repair_time, allow_code, tuple(requirements or ()))
     with working("reading", not as_json):
         summary = run(recorded, config, out, options)
     emit(as_json, summary, lambda: show_vote.vote(summary))

@@ -15,7 +15,7 @@ from rig.cli.working import working
 from rig.errors import BadInput, BadLog
 from rig.text import plain
 from rig.units.quantities import duration, moment, number, unit_shown
-from rig.util.outputs import require_apart
+from rig.util.outputs import require_apart, require_ending
 
 if TYPE_CHECKING:
     from rig.recordings.flown import Recorded
@@ -58,6 +58,7 @@ def replay(
     if asks and unit is not None:
         raise BadInput("--unit replays what was recorded: it cannot be joined with --redundancy or --set")
     require_apart({"--out": out}, [log, redundancy])
+    require_ending("--out", out, "a log", ".mcap")
     with working("reading the log", not as_json):
         recording = recorded(log, allow_code)
     if asks:

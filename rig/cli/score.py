@@ -11,6 +11,7 @@ from typer import Option, echo
 
 from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit
 from rig.cli.fly import conclusion
+from rig.cli.requirements import Requirements, show_verdicts
 from rig.cli.table import MOST_LINES, Column, columns, counts, field, line, rest, table
 from rig.cli.working import working
 from rig.text import plain
@@ -49,6 +50,7 @@ def score(
     transient_window_s: Annotated[
         float, Option(metavar="S", help="Time after each onset that is scored.", min=1e-9)
     ] = 2.0,
+    requirements: Requirements = None,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
@@ -56,6 +58,7 @@ def score(
     """Score a flight against the truth: what was detected, missed and wrong, and how it flew."""
     from rig.assess.of_log import score_log
     from rig.assess.record import Yardstick
+    from rig.assess.requirements import load_requirements, measure_scored, plain
     from rig.settings import build
     from rig.unit.unit import running
 
@@ -65,13 +68,24 @@ def score(
         "window_s": transient_window_s,
     }
     with working("reading the log", not as_json), running(unit) as tested:
+        asked = load_requirements(requirements or ())
         scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code, tested)
-    emit(as_json, scored.as_dict, lambda: _show(scored))
+        verdicts, remark = measure_scored(scored, asked, not no_twin, tested, allow_code)
+    measured = {"requirements": [plain(one) for one in verdicts]} if verdicts else {}
+
+    def text() -> None:
+        _show(scored)
+        show_verdicts(verdicts)
+        if remark:
+            field("remark", remark, width=WIDTH, style="yellow")
+
+    emit(as_json, lambda: {**scored.as_dict(), **measured}, text)
 
 
 def report(
     log: LogFile,
     out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.html")] = None,
+    requirements: Requirements = None,
     as_json: Json = False,
 ) -> None:
     """Write one HTML file of one flight, which opens offline and prints: what happened, when and why."""
@@ -81,7 +95,7 @@ def report(
     require_apart({"--out": target}, [log])
     require_page("--out", out)
     with working("reading the log", not as_json):
-        facts = write(log, target)
+        facts = write(log, target, requirements or ())
 
     def text() -> None:
         conclusion(facts["conclusion"])
@@ -106,6 +120,7 @@ def _show(scored: Scored) -> None:
     _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
     _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
     table(cells.actuator_rows(score, scenario.rate_hz), columns(*cells.ACTUATORS, worth=_WORTH), MOST_LINES)
+    table(cells.computer_rows(score, scenario.rate_hz), columns(*cells.COMPUTERS, worth=_WORTH), MOST_LINES)
     if score.episodes:
         table(cells.resolver_rows(score), columns(*cells.RESOLVERS, worth=_WORTH))
         line(

@@ -37,6 +37,11 @@ _SERVOS: Final = (
     *(Column("found", lambda row: share(row["found"])), Column("by", "by", worth=7)),
     *(Column("median s", "median_s", ".3f", worth=6), Column("longest s", "longest_s", ".3f", worth=5)),
 )
+_REQUIREMENTS: Final = (
+    *(Column("requirement", "requirement"), Column("met", lambda row: share(row["met"]))),
+    *(Column("least margin", "least_margin", ".3g"), Column("in run", "least_run")),
+    *(Column("on", "signal", worth=5), Column("at s", "instant_s", ".2f", worth=4)),
+)
 _OUTCOMES: Final = (
     *(Column("outcome", "outcome"), Column("first", lambda row: share(row["first"]))),
     Column("second", lambda row: share(row["second"])),
@@ -128,6 +133,7 @@ def report(summary: dict[str, Any], target: Path) -> None:
         if head.get(column):
             field(column.replace("_", " "), f"{head[column]}: healthy channels, for a fault elsewhere", width=_WIDTH)
     table(summary["resolvers"], _RESOLVERS)
+    table(summary["requirements"], _REQUIREMENTS)
     table(summary["servos"], _SERVOS)
     field("report", str(target), width=_WIDTH)
 

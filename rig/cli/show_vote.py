@@ -45,6 +45,10 @@ _MATRICES = (
     *(Column("off before, rms", "rms_before", ".4g", worth=6), Column("after", "rms_after", ".4g", worth=6)),
     Column("", lambda one: "" if one["applied"] else "left alone: no misalignment that can be believed"),
 )
+_REQUIREMENTS = (
+    *(Column("requirement", "requirement"), Column("on", "signal"), Column("verdict", "status")),
+    *(Column("margin", "margin", ".3g"), Column("at s", "instant_s", ".6g")),
+)
 
 
 def vote(found: dict[str, Any]) -> None:
@@ -61,6 +65,7 @@ def vote(found: dict[str, Any]) -> None:
     table(_named(found["discretes"]), _DISCRETES)
     table(_channels(found), _CHANNELS)
     table(found.get("injected", {}).get("faults", ()), _INJECTED)
+    table(found.get("requirements", ()), _REQUIREMENTS)
     if found["not_voted"]:
         line(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
     for warning in found["warnings"]:

@@ -10,15 +10,19 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option, echo
 
 from rig.cli import complete
 from rig.cli.common import Json, LogFile, emit
+from rig.cli.requirements import Requirements
 from rig.errors import BadInput, BadLog
 from rig.text import plain
 from rig.util.outputs import require_apart
+
+if TYPE_CHECKING:
+    from rig.log import Log
 
 
 def view(
@@ -37,11 +41,12 @@ def view(
     tab: Annotated[
         str, Option(metavar="NAME", help="The tab to open with.", autocompletion=complete.tabs)
     ] = "overview",
+    requirements: Requirements = None,
     map_tiles: Annotated[bool, Option("--map", help="A map; the viewer fetches its tiles from OpenStreetMap.")] = False,
     as_json: Json = False,
 ) -> None:
     """Look at flights in Rerun: a window, or one of --save, --serve and --screenshot."""
-    options = ViewOptions(logs, save, serve, screenshot, time_s, tab, map_tiles, as_json)
+    options = ViewOptions(logs, save, serve, screenshot, time_s, tab, map_tiles, as_json, requirements or [])
     if sum((save is not None, serve, screenshot is not None)) > 1:
         raise BadInput("--save, --serve, --screenshot: one of them at a time")
     if time_s is not None and screenshot is None:
@@ -65,6 +70,7 @@ class ViewOptions:
     tab: str
     map_tiles: bool
     as_json: bool
+    requirements: list[str]
 
 
 @contextmanager
@@ -85,6 +91,8 @@ def _view(options: ViewOptions) -> None:
 
     require_tab(options.tab)
     flights = opened.read(options.logs, options.tab, options.map_tiles)
+    for path, log in zip(options.logs, flights.logs, strict=True):
+        _add_violations(path, log, options.requirements)
     data: dict[str, Any] = {"logs": [str(log) for log in options.logs], "frames": flights.frames}
     if options.serve:
         _serve(flights, data, options.as_json)
@@ -107,6 +115,25 @@ def _view(options: ViewOptions) -> None:
         return
     data["seconds"] = perf_counter() - began
     _emit(data, options.as_json, f"{data['frames']} frames in {data['seconds']:.1f} s: {where}")
+
+
+def _add_violations(path: Path, log: Log, names: list[str]) -> None:
+    """Add an event where a requirement is violated: of ``names``, BadInput, and of the scenario if its files are there.
+
+    The viewer flies nothing: what names the flight without faults is left to ``rig score``.
+    """
+    from rig.log import scenario_of
+
+    named = scenario_of(log.metadata, path).get("requirements") or []
+    if not names and not named:
+        return
+    from rig.assess.requirements import check_log, events, load_requirements
+
+    required = load_requirements(names)
+    with suppress(BadInput):
+        required = load_requirements([*names, *named])
+    found = events(check_log(path, [each for each in required if not each.names_twin]), log.rate_hz)
+    log.events[:] = sorted([*log.events, *found], key=lambda event: event.frame)
 
 
 def _require_display() -> None:

@@ -16,7 +16,7 @@ from rig.faults.effects import Act, Effect
 from rig.faults.parts import ComputerPart
 from rig.faults.places import FLIGHT, Places, Point, Site, lanes_of
 from rig.faults.settings import Placed, Size, quantity
-from rig.frame import CHANNELS, COMPUTERS, DISCRETES, SIGNALS, SURFACES, LaneTest
+from rig.frame import CHANNELS, COMPUTERS, DISCRETES, MOVED, SIGNALS, SURFACES, LaneTest
 
 _TOLERANCE_OF_TESTS = 0.02  # of full scale: a converter that is off by less is within its tolerance
 SurfaceName = Literal["elevator", "aileron", "rudder", "throttle"]
@@ -155,6 +155,11 @@ class Dac(_OfOneSurface):
     example = "f16_dac"
 
     kind: Literal["dac"]
+
+    @property
+    def drives(self) -> tuple[str, int] | None:
+        """Surface and channel from 1 of the servo that it drives; None for the throttle, which has none."""
+        return (self.surface, lanes_of(self.signal)[0] + 1) if self.surface in MOVED else None
 
 
 class Checksum(_OnComputer):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from itertools import chain, permutations
+from itertools import chain
 from typing import Final, Literal, NamedTuple
 
 from pydantic import ValidationInfo
 
-from rig.frame import COMPUTERS, DISCRETE_INDEX, INERTIAL, MOVED, SIGNALS, SURFACES, SYSTEMS
+from rig.frame import COMPUTERS, DISCRETE_INDEX, INERTIAL, LINKS, MOVED, SIGNALS, SURFACES, SYSTEMS
 from rig.text import choices
 
 Site = Literal[
@@ -26,7 +26,6 @@ WITH_THRESHOLD: Final[tuple[Site, ...]] = (
     "ccdl",
 )  # may have magnitudes in thresholds
 # One-way links of the lanes, from A to B first, and all that leave a lane, its node.
-LINKS: Final = tuple(permutations(range(len(COMPUTERS)), 2))  # sender, receiver
 _WAYS: Final = tuple(f"ccdl.{COMPUTERS[sender]}-{COMPUTERS[receiver]}" for sender, receiver in LINKS)
 LINK_NAMES: Final = (*_WAYS, *(f"ccdl.{name}" for name in COMPUTERS))
 COMPUTER_NAMES: Final = (*(f"computer.{name}" for name in COMPUTERS), "computer.all")
@@ -132,6 +131,11 @@ def lanes_of(place: str) -> list[int]:
     if where == "computer":
         return [at] if at < len(COMPUTERS) else [*range(len(COMPUTERS))]
     return [*LINKS[at]] if at < len(LINKS) else [at - len(LINKS)]
+
+
+def senders(place: str) -> list[int]:
+    """Return the lanes whose words a fault on a place of the lanes changes: of a link the one that sends."""
+    return lanes_of(place)[:1] if site(place) == "ccdl" else lanes_of(place)
 
 
 def needed_lanes(place: str) -> list[int]:

@@ -138,6 +138,11 @@ class Triggered(Settings):
         """The values that it acts on."""
 
     @property
+    def drives(self) -> tuple[str, int] | None:
+        """Surface and channel from 1 of a servo that a fault elsewhere drives wrongly; None: it drives none."""
+        return None
+
+    @property
     def targets(self) -> list[Point]:
         """The values that get a record of their own for the kernel."""
         return self.points

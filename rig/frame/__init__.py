@@ -33,6 +33,8 @@ from rig.frame.lanes import (
     INTEGRATED,
     LANE_FIELDS,
     LANE_PARTS,
+    LINK,
+    LINKS,
     MOVED,
     SYSTEMS,
     LaneBlock,
@@ -40,6 +42,7 @@ from rig.frame.lanes import (
     LaneParts,
     has_part,
     lane_rows,
+    links,
     parts_of,
 )
 from rig.frame.row import (

@@ -12,6 +12,7 @@ decisions from a log.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import permutations
 from typing import Any, Final, Literal, TypeGuard
 
 import numpy as np
@@ -46,7 +47,7 @@ LANE_FIELDS: Final = (
 COMPUTERS: Final = ("A", "B", "C", "D")  # lane i has channel i
 INTEGRATED: Final = ("elevator_rad", "aileron_rad", "rudder_rad", "throttle")
 _BY_LANE: Final = (len(COMPUTERS),)
-_COMPUTER: Final = "rig.Computer"
+_COMPUTER, _CCDL = "rig.Computer", "rig.Ccdl"
 _NAMES: Final = tuple(signal.name for signal in SIGNALS)
 
 
@@ -85,10 +86,10 @@ COMPUTER_FIELDS: Final = (
         elements=tuple(f"integral_{name}" for name in INTEGRATED),
     ),
     Field("clock_lead", "fcc", (), message=_COMPUTER),  # it samples so many frames before the plant's instant
-    # By sender of what it receives.
-    Field("link", "fcc", _BY_LANE, "enum", LinkState, message=_COMPUTER, elements=_of_lanes("link")),
-    Field("silent", "fcc", _BY_LANE, "small", message=_COMPUTER, elements=_of_lanes("silent")),  # frames, to 127
-    Field("outvoted", "fcc", _BY_LANE, "flag", message=_COMPUTER, elements=_of_lanes("outvoted")),  # by relays
+    # By sender of what it receives; the log has those of all lanes in one message.
+    Field("link", "fcc", _BY_LANE, "enum", LinkState, message=_CCDL, stem="state"),
+    Field("silent", "fcc", _BY_LANE, "small", message=_CCDL, stem="age"),  # frames since a good message, to 127
+    Field("outvoted", "fcc", _BY_LANE, "flag", message=_CCDL, stem="outvoted"),  # by relays
     # What it puts out behind the vote of all lanes' commands, as its converters give it, and how that vote was found.
     Field("output", "fcc", (len(SURFACES),), message=_COMPUTER, elements=_of_surfaces("output")),
     Field(
@@ -126,6 +127,8 @@ def _record(fields: Sequence[Field]) -> np.dtype[Any]:
     return np.dtype(sorted(described, key=lambda f: -np.dtype(f[1]).itemsize), align=True)
 
 
+LINKS: Final = tuple(permutations(range(len(COMPUTERS)), 2))  # sender, receiver
+LINK: Final = np.dtype([("state", "u1"), ("age", "u1"), ("outvoted", "u1")])  # of one link; age : frames, to 127
 ACTUATOR: Final = _record(LANE_FIELDS)
 COMPUTER: Final = _record(COMPUTER_FIELDS)
 LanePart = Literal["actuator", "computer"]
@@ -145,6 +148,14 @@ def parts_of(lanes: LaneBlock | None) -> LaneParts:
 def has_part(lanes: LaneBlock | None, part: LanePart) -> TypeGuard[LaneBlock]:
     """Return True if there are rows of lanes, with a ``part``."""
     return part in parts_of(lanes)
+
+
+def links(computer: NDArray[Any]) -> NDArray[Any]:
+    """Return the links of rows (n, 4) of COMPUTER as (n, 4, 4) of LINK, receiver by sender: a copy."""
+    found = np.empty((*computer.shape, len(COMPUTERS)), LINK)
+    for name, field in zip(LINK.names or (), ("link", "silent", "outvoted"), strict=True):
+        found[name] = computer[field]
+    return found
 
 
 def lane_rows(frames: int, parts: LaneParts = ("actuator",), first_frame: int = 0) -> LaneBlock:

@@ -135,8 +135,19 @@ def drawn(data: HealthData, rows: int, rng: Generator) -> HealthData:
 
 @kernel
 def is_engaged(lane):
-    """Return True if a lane, a LANE record, drives its servo channels."""
+    """Return True if a lane, a LANE record, takes part in votes of commands and accusations."""
     return lane["health"] == Health.ENGAGED or lane["health"] == Health.SUSPECT
+
+
+@kernel
+def drives(i, data):
+    """Return True if lane i drives its servo channels: the last one that led does until the back-up takes over."""
+    if is_engaged(data.lane[i]):
+        return True
+    for j in range(data.limits[0]["fitted"]):
+        if is_engaged(data.lane[j]):
+            return False
+    return i == data.system[0]["leading"]
 
 
 @kernel
@@ -314,5 +325,6 @@ def shut_off(lanes: LaneBlock) -> NDArray[np.uint8]:
     if not has_part(lanes, "computer"):
         return np.zeros((len(lanes), _LANES), np.uint8)
     computer = lanes["computer"]
-    engaged = np.isin(computer["health"], (Health.ENGAGED, Health.SUSPECT))
-    return (~engaged & computer["leads"].any(axis=1, keepdims=True)).astype(np.uint8)
+    engaged, leads = np.isin(computer["health"], (Health.ENGAGED, Health.SUSPECT)), computer["leads"] != 0
+    driven = engaged | (leads & ~engaged.any(axis=1, keepdims=True))
+    return (~driven & leads.any(axis=1, keepdims=True)).astype(np.uint8)

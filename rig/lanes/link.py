@@ -54,6 +54,7 @@ class LinkData(NamedTuple):
     link: NDArray[Any]  # (1,) LINK, in place
     signals: NDArray[Any]  # (S,) PARAMS of the signals' monitors: ranges and thresholds
     parts: NDArray[np.float64]  # (LinkPart, 4, 4) in this frame
+    relays: NDArray[np.uint8]  # (4,) lanes whose relays count, the same for all: else good lanes could be parted
     now: NDArray[Any]  # (4,) MESSAGE of this frame, by sender
     before: NDArray[Any]  # (4,) of the frame before
     got: NDArray[Any]  # (4, 4) the last that came
@@ -77,6 +78,7 @@ def links(config: Config, rate_hz: float, signals: NDArray[Any]) -> LinkData:
         link=link,
         signals=signals,
         parts=whole_links(),
+        relays=np.ones(_LANES, np.uint8),
         now=np.zeros(_LANES, MESSAGE),
         before=np.zeros(_LANES, MESSAGE),
         got=np.zeros(square, MESSAGE),
@@ -212,7 +214,7 @@ def tell(sender, data):
             said[i, k], words[i, k] = Said.NOTHING.value, k
             if i in (sender, k) or k >= link["fitted"]:
                 continue
-            if k != sender and data.arrived[i, k] != Arrival.FRESH:
+            if k != sender and (data.relays[k] == 0 or data.arrived[i, k] != Arrival.FRESH):
                 continue  # its relay does not arrive either
             if data.arrived[k if k != sender else i, sender] == Arrival.MISSING:
                 said[i, k] = Said.MISSING.value

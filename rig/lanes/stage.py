@@ -9,8 +9,7 @@ A frame of theirs, each part in a file of its own:
     test      each tests itself and accuses others                                          health.py
     lead      the first engaged lane's FCC is the row's; where none is, the back-up's       backup.py
 
-Triggers, score and all who read the row see what the leading lane decided.  All arrays have four lanes; how many think
-is the bound of a loop.  While the lanes hold the same samples they are equal, bit for bit.
+Who reads the row sees what the leading lane decided.  Lanes that hold the same samples are equal, bit for bit.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from rig.computer.redundancy.discrete import DiscreteData
 from rig.computer.redundancy.manager import ManagerData
 from rig.faults import FaultData, break_computers, corrupt_commands
 from rig.faults.parts import ComputerPart
-from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, S, lane_rows
+from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, LaneTest, S, lane_rows
 from rig.kernels import kernel
 from rig.lanes.backup import PLACE, fly_backup
 from rig.lanes.clock import ClockData, clocks, run_on, sample_early
@@ -49,6 +48,7 @@ from rig.lanes.health import (
     HealthData,
     accuse,
     drawn,
+    drives,
     engage,
     health,
     is_engaged,
@@ -176,6 +176,7 @@ def join(lanes):
     for i in range(lanes.fitted):
         lane = lanes.health.lane[i]
         lanes.running[i], lanes.counted[i] = lane["running"], is_engaged(lane)
+        lanes.links.relays[i] = lane["failed_for"] != LaneTest.CLOCK  # it relays words of the frame before
         if lane["joins"] != 0:
             leader = other_engaged(i, lanes)
             if leader != NOBODY:
@@ -286,7 +287,7 @@ def give_orders(surface, lanes):
     """Write what the actuators are told; surface : (4,) of the row, which is the back-up's where no lane leads."""
     orders, backup = lanes.orders, lanes.health.system[0]["leading"] == NOBODY
     for c in range(lanes.fitted):
-        orders.off[c] = not backup and not is_engaged(lanes.health.lane[c])
+        orders.off[c] = not backup and not drives(c, lanes.health)
         for s in range(_SURFACES):
             orders.asked[c, s] = surface[s] if backup else lanes.commands.put[c, s]
     for s in range(_SURFACES):

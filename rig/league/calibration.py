@@ -9,20 +9,29 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.managers import RIVALS
+from rig.computer.redundancy.config import SignalConfig
 from rig.errors import BadInput
-from rig.league.entrants import BIASED, Entrant, Level, OfSignal, designed_values, levels, manager
-from rig.league.healthy import Flight, Healthy
+from rig.league.entrants import (
+    BIASED,
+    Entrant,
+    Level,
+    OfSignal,
+    designed_values,
+    fails_nobody,
+    levels,
+    with_settings_of,
+)
+from rig.league.flown import exceeded, failing, isolations
+from rig.league.healthy import Flight, Healthy, measured
 from rig.thresholds.design import DataBlock, Design, Grid, Threshold, designs, from_tail
 from rig.thresholds.distances import in_use
 from rig.thresholds.lasting import Rule
-from rig.thresholds.monitored import failures
 from rig.thresholds.run import MARKED, extrapolation
 from rig.thresholds.tail import CLUSTERS, GAP_S, LEAST, peaks
 from rig.util.runs import cluster_starts
@@ -30,6 +39,7 @@ from rig.util.runs import cluster_starts
 Floats = NDArray[np.float64]
 WIDE: Final = 2.0 ** np.arange(-9.0, 7.0)  # of a level's default
 FINE: Final = 24  # levels of the fine grid
+_KEYS: Final = set(SignalConfig.model_fields) - {"persistence_s", "singular_persistence_s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +48,16 @@ class Calibrated:
 
     entrant: str
     signal: str
-    values: dict[str, float] = field(default_factory=dict)  # as entrants.manager takes them
+    values: dict[str, Any] = field(default_factory=dict)  # as entrants.manager takes them
     shown: dict[str, float] = field(default_factory=dict)  # in thresholds, or as a rival has them
+    keys: dict[str, Any] = field(default_factory=dict)  # of ours, the table of the signal in a scenario
     clusters: int | None = None  # events that the tail is fitted to
     shape: float | None = None
     extrapolation: float | None = None  # how many times longer the data would be for one event at the budget
     seen: int | None = None  # false isolations in the calibration's own flights
+    three: dict[str, Any] | None = None  # the level that three calibration flights exceed
+    three_flights: int | None = None  # which can be more
+    others: list[tuple[float, dict[str, Any]]] = field(default_factory=list)  # other budgets, and values for them
     notes: list[str] = field(default_factory=list)
 
 
@@ -57,36 +71,46 @@ def require_time(budget_per_h: float, hours: float) -> None:
         )
 
 
-def calibrate(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float) -> Calibrated:
-    """Return an entrant's settings of a signal.  BadInput: no level reaches the budget, or too few events."""
-    flights, asked = healthy.flights[signal.name], levels(entrant, signal)
-    if entrant.designed:
-        return _design(entrant, signal, healthy, budget_per_h)
-    if not asked:
-        return Calibrated(entrant.name, signal.name, seen=isolations(entrant, signal, {}, flights))
-    found = {level.name: _level(entrant, signal, level, healthy, budget_per_h) for level in asked}
-    values = {name: at.upper for name, at in found.items()}
-    first = next(iter(found.values()))
-    return Calibrated(
-        entrant.name,
-        signal.name,
-        values,
-        values,
-        min(at.clusters for at in found.values()),
-        first.shape,
-        extrapolation(budget_per_h, healthy.hours),
-        isolations(entrant, signal, values, flights),
+def calibrate(
+    entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float, others: Sequence[float] = ()
+) -> Calibrated:
+    """Return an entrant's settings of a signal.  BadInput: no level reaches the budget, or too few events.
+
+    others : budgets for a curve, which an entrant may miss
+    """
+    flights, given = healthy.flights[signal.name], measured(entrant, signal, healthy)
+    signal = with_settings_of(signal, entrant, given)
+    asked = levels(entrant, signal)
+    if not asked and not entrant.designed:
+        seen = None if fails_nobody(entrant, signal) else isolations(entrant, signal, {}, flights)
+        return Calibrated(entrant.name, signal.name, given, seen=seen)
+    made = _design if entrant.designed else _levels
+    found = made(entrant, signal, healthy, (budget_per_h, *others))
+    three = exceeded(entrant, signal, found.values, flights)
+    return replace(
+        found,
+        values={**given, **found.values},
+        others=[(budget, {**given, **values}) for budget, values in found.others],
+        extrapolation=extrapolation(budget_per_h, healthy.hours),
+        seen=isolations(entrant, signal, found.values, flights),
+        three=None if three is None else {**given, **three[0]},
+        three_flights=None if three is None else three[1],
     )
 
 
-def isolations(entrant: Entrant, signal: OfSignal, values: dict[str, float], flights: Sequence[Flight]) -> int:
-    """Return how many false isolations, in clusters, an entrant has in whole flights."""
-    return sum(len(_clustered(entrant, signal, values, flight)) for flight in flights)
-
-
-def _clustered(entrant: Entrant, signal: OfSignal, values: dict[str, float], flight: Flight) -> NDArray[Any]:
-    at = failures(flight.samples, flight.references, manager(entrant, signal, values))
-    return cluster_starts(at, round(GAP_S * signal.rate_hz))
+def _levels(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
+    """Return the levels of the first budget, and those of the others where all can be told."""
+    found = {level.name: _level(entrant, signal, level, healthy, budgets) for level in levels(entrant, signal)}
+    others = [
+        (budget, {name: of[budget].upper for name, of in found.items()})
+        for budget in budgets[1:]
+        if all(budget in of for of in found.values())
+    ]
+    at = {name: of[budgets[0]] for name, of in found.items()}
+    values, first = {name: of.upper for name, of in at.items()}, next(iter(at.values()))
+    clusters = min(of.clusters for of in at.values())
+    made = {"clusters": clusters, "shape": first.shape, "others": others}
+    return Calibrated(entrant.name, signal.name, values, values, **made)
 
 
 def _stream(entrant: Entrant, signal: OfSignal, *place: int) -> np.random.Generator:
@@ -94,31 +118,38 @@ def _stream(entrant: Entrant, signal: OfSignal, *place: int) -> np.random.Genera
     return np.random.default_rng(np.random.SeedSequence(0, spawn_key=keys))
 
 
-def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float) -> Calibrated:
+def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
     """Return ours as ``rig thresholds`` designs it, with the scenario's persistence and filter."""
-    flights = healthy.flights[signal.name]
-    blocks = [DataBlock(each.name, np.ascontiguousarray(each.samples.T), signal.rate_hz) for each in flights]
-    persistence = int(signal.params["persistence"][0])
-    lasting: list[Rule] = ["bias"] if entrant.name == BIASED else []
-    grid = Grid(budget_per_h, (persistence,), filters_s=(signal.given.filter_s,), lasting=lasting)
-    made = designs(blocks, signal.given, grid, zlib.crc32(signal.name.encode()))
-    if not made:
+    made = [_designed(entrant, signal, healthy, budget) for budget in budgets]
+    chosen = made[0]
+    if chosen is None:
         raise too_few(signal, healthy.hours, 0, entrant.name)
-    chosen, notes = made[-1], []
+    settings, notes = chosen.settings(signal.given), list[str]()
     if entrant.name == BIASED and not chosen.outliers:
         notes.append(f"{signal.name}: a learned bias does not lower the threshold: without")
-    values = designed_values(signal, chosen.settings(signal.given))
+    pairs = zip(budgets[1:], made[1:], strict=True)
     return Calibrated(
         entrant.name,
         signal.name,
-        values,
+        designed_values(signal, settings),
         _shown(chosen, signal),
+        settings.model_dump(include=_KEYS, exclude_none=True),
         chosen.single.clusters,
         chosen.single.shape,
-        extrapolation(budget_per_h, healthy.hours),
-        isolations(entrant, signal, values, flights),
-        notes,
+        others=[(budget, designed_values(signal, of.settings(signal.given))) for budget, of in pairs if of is not None],
+        notes=notes,
     )
+
+
+def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float) -> Design | None:
+    """Return the last design of a signal, with learned biases where they lower the threshold; None: too few events."""
+    flights = healthy.flights[signal.name]
+    blocks = [DataBlock(each.name, np.ascontiguousarray(each.samples.T), signal.rate_hz) for each in flights]
+    lasting: list[Rule] = ["bias"] if entrant.name == BIASED else []
+    persistence = (int(signal.params["persistence"][0]),)
+    grid = Grid(budget_per_h, persistence, filters_s=(signal.given.filter_s,), lasting=lasting)
+    made = designs(blocks, signal.given, grid, zlib.crc32(signal.name.encode()))
+    return made[-1] if made else None
 
 
 def _shown(chosen: Design, signal: OfSignal) -> dict[str, float]:
@@ -134,19 +165,24 @@ def too_few(signal: OfSignal, hours: float, clusters: int, entrant: str) -> BadI
     )
 
 
-def _level(entrant: Entrant, signal: OfSignal, level: Level, healthy: Healthy, budget_per_h: float) -> Threshold:
-    """Return one level: of all choices of so many channels that may be in use the largest."""
-    largest: Threshold | None = None
+def _level(
+    entrant: Entrant, signal: OfSignal, level: Level, healthy: Healthy, budgets: Sequence[float]
+) -> dict[float, Threshold]:
+    """Return one level by budget: of all choices of so many channels that may be in use the largest."""
+    found: dict[float, list[Threshold]] = {budget: [] for budget in budgets}
     for choice, channels in enumerate(in_use(signal.fitted, level.channels)):
         flights = [each._replace(samples=each.samples[:, list(channels)]) for each in healthy.flights[signal.name]]
-        series = _fine(entrant, signal, level, flights, healthy.hours, budget_per_h)
-        tail = peaks(series, [signal.rate_hz] * len(series), budget_per_h)
-        if tail.clusters < LEAST:
-            raise too_few(signal, healthy.hours, tail.clusters, entrant.name)
-        made = from_tail(tail, budget_per_h, level.channels, _stream(entrant, signal, level.channels, choice))
-        largest = made if largest is None or made.upper > largest.upper else largest
-    assert largest is not None
-    return largest
+        series = _fine(entrant, signal, level, flights, healthy.hours, budgets[0])
+        for budget in list(found):
+            tail = peaks(series, [signal.rate_hz] * len(series), budget)
+            if tail.clusters >= LEAST:
+                stream = _stream(entrant, signal, level.channels, choice)
+                found[budget].append(from_tail(tail, budget, level.channels, stream))
+            elif budget == budgets[0]:
+                raise too_few(signal, healthy.hours, tail.clusters, entrant.name)
+            else:
+                del found[budget]
+    return {budget: max(choices, key=lambda at: at.upper) for budget, choices in found.items()}
 
 
 def _fine(
@@ -154,7 +190,7 @@ def _fine(
 ) -> list[Floats]:
     """Return the series of each flight on a grid between the level that nothing exceeds and one often exceeded."""
     wide = np.unique(np.maximum(level.default * WIDE, level.least))
-    coarse = [_series(entrant, signal, level, flight, wide) for flight in flights]
+    coarse = _series(entrant, signal, level, flights, wide)
     counts = np.array([sum(_events(each, at, signal) for each in coarse) for at in wide])
     if counts[-1] > budget_per_h * hours:
         raise BadInput(
@@ -164,26 +200,27 @@ def _fine(
     low = int(np.flatnonzero(counts >= CLUSTERS)[-1]) if (counts >= CLUSTERS).any() else 0
     high = int(np.flatnonzero(counts == 0)[0]) if (counts == 0).any() else len(wide) - 1
     grid = np.geomspace(wide[low], max(wide[high], 2.0 * wide[low]), FINE)
-    return [_series(entrant, signal, level, flight, grid) for flight in flights]
+    return _series(entrant, signal, level, flights, grid)
 
 
 def _events(series: Floats, at: float, signal: OfSignal) -> int:
     return len(cluster_starts(np.flatnonzero(series > at), round(GAP_S * signal.rate_hz)))
 
 
-def _series(entrant: Entrant, signal: OfSignal, level: Level, flight: Flight, grid: Floats) -> Floats:
-    """Return (n,) the least level of ``grid`` (rising) that fails nobody in each frame; 0 where none does.
+def _series(entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[Flight], grid: Floats) -> list[Floats]:
+    """Return (n,) of each flight the least level of ``grid`` (rising) that fails nobody in a frame; 0 where none does.
 
     An even split counts as a failure, whatever ``ties`` says: a reference may settle it against the good half.
-    A level with which nobody is failed in a flight ends the search: one that is larger fails nobody either.
+    A level with which nobody is failed in a flight ends the search there: one that is larger fails nobody either.
     """
-    found, above = np.zeros(len(flight.samples)), np.append(grid[1:], grid[-1] * grid[-1] / grid[-2])
+    found, above = [np.zeros(len(each.samples)) for each in flights], [*grid[1:], grid[-1] * grid[-1] / grid[-2]]
+    left = list(range(len(flights)))
     for value, following in zip(grid, above, strict=True):
-        made = manager(entrant, signal, {level.name: float(value)}, level.channels)
-        if entrant.manager in RIVALS:
-            made.params["holds_ties"] = 0
-        at = failures(flight.samples, flight.references, made)
-        if not len(at):
+        some = [flights[i] for i in left]
+        all_at = failing(entrant, signal, {level.name: float(value)}, some, level.channels, guesses=True)
+        for i, at in zip(left, all_at, strict=True):
+            found[i][at] = following
+        left = [i for i, at in zip(left, all_at, strict=True) if len(at)]
+        if not left:
             break
-        found[at] = following
     return found

@@ -7,28 +7,40 @@ biases, and as shipped.  Amounts are in thresholds of the signal, those of the c
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import PARAMS, fill
+from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, RIVALS, Manager, manager_kind, with_settings
 from rig.computer.redundancy.rivals.settings import Rivals
 from rig.errors import BadInput
 from rig.frame import CHANNELS
+from rig.league.own_class import calibrated_number
 from rig.recordings.settings import RecordedSignal
+from rig.scenario import Scenario
 from rig.text import choices
+from rig.util.trust import Trust
 
 OURS: Final = DEFAULT
 BIASED, SHIPPED = f"{OURS} bias", f"{OURS} shipped"
+UNBOUNDED: Final = "unbounded"
+VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of rivals, named behind one: "cusum 60 guess"
+    "guess": {"ties": "guess"},
+    UNBOUNDED: {"bounded": False},  # as published; outside the verdict
+    "middle": {"vote": "middle"},
+    "60": {"limit": 60.0},
+    "120": {"limit": 120.0},
+}
+_THRESHOLDS: Final = ("threshold", "threshold_triplex", "threshold_duplex")
 INTEGRAL_S: Final = 2.0  # of "selection": its integral, in deviations times seconds
 _DESIGNED: Final = tuple(
     name
     for name in PARAMS.names or ()
     if name.startswith(("threshold", "outlier_threshold", "bias_", "slow_", "filter_", "persistence", "singular"))
 )
-Values = Mapping[str, float]  # of settings by name
+Values = Mapping[str, Any]  # of settings by name
 
 
 class Level(NamedTuple):
@@ -45,11 +57,17 @@ class Entrant(NamedTuple):
 
     name: str
     manager: str
+    variant: tuple[str, ...] = ()  # of VARIANTS
 
     @property
     def is_ours(self) -> bool:
         """Return True for each of our rows."""
         return self.manager == OURS
+
+    @property
+    def is_own(self) -> bool:
+        """Return True for a class or function of the user's."""
+        return ":" in self.manager
 
     @property
     def designed(self) -> bool:
@@ -81,22 +99,48 @@ def entrants(managers: str) -> list[Entrant]:
     """Return the rows for names with commas between, ours always the first.  BadInput: a name, or one twice."""
     names = [name.strip() for name in managers.split(",") if name.strip()]
     for name in names:
-        if name not in MANAGERS:
-            raise BadInput(f"--managers: unknown manager, {choices(name, MANAGERS)}")
         if names.count(name) > 1:
             raise BadInput(f"--managers: {name}: given more than once")
-    others = [Entrant(name, name) for name in names if name != OURS]
+    others = [_entrant(name) for name in names if name != OURS]
     if not others:
-        raise BadInput(f"--managers: name one or more besides {OURS}, of {', '.join(MANAGERS[1:])}")
+        raise BadInput(f"--managers: name one or more besides {OURS}, of {', '.join(MANAGERS[1:])}, or module:name")
     return [*(Entrant(name, OURS) for name in (OURS, BIASED, SHIPPED)), *others]
+
+
+def _entrant(name: str) -> Entrant:
+    if ":" in name:
+        calibrated_number(name)
+        return Entrant(name, name)
+    manager, *variant = name.split()
+    if manager not in MANAGERS:
+        raise BadInput(f"--managers: unknown manager, {choices(manager, MANAGERS)}")
+    kind = manager_kind(manager).settings
+    for word in variant:
+        if word not in VARIANTS:
+            raise BadInput(f"--managers: {name}: unknown variant, {choices(word, VARIANTS)}")
+        if kind is None or not set(VARIANTS[word]) <= set(kind.model_fields) - set(kind.levels):
+            raise BadInput(f"--managers: {name}: {manager} has no variant {word!r}")
+    return Entrant(name, manager, tuple(variant))
+
+
+def with_settings_of(signal: OfSignal, entrant: Entrant, settings: Values) -> OfSignal:
+    """Return the signal with ``settings`` of a rival in its table; as it is for another manager."""
+    if entrant.manager not in RIVALS:
+        return signal
+    own = getattr(signal.rivals, entrant.manager).of(signal.name).model_copy(update=dict(settings))
+    told = signal.rivals.model_copy(update={entrant.manager: own.model_copy(update={"signals": {}})})
+    return signal._replace(rivals=told)
 
 
 def levels(entrant: Entrant, signal: OfSignal) -> list[Level]:
     """Return the settings to calibrate by false isolations, empty for ours and for who fails nobody."""
     if entrant.manager == "selection":
-        return [Level("deviation", CHANNELS, 2.5)]
+        return [Level("deviation", signal.fitted, 2.5)]
     if entrant.manager == "cross-voter":
-        return [Level("threshold", CHANNELS, 1.0)]
+        return [Level("threshold", signal.fitted, 1.0)]
+    if entrant.is_own:
+        number = calibrated_number(entrant.manager)
+        return [] if number is None else [Level(number[0], signal.fitted, number[1])]
     if entrant.manager not in RIVALS:
         return []
     kind = manager_kind(entrant.manager).settings
@@ -120,26 +164,52 @@ def fails_nobody(entrant: Entrant, signal: OfSignal) -> bool:
 
 
 def manager(entrant: Entrant, signal: OfSignal, values: Values, channels: int | None = None) -> Manager:
-    """Return an entrant with calibrated ``values``, for ``channels`` of the signal.
+    """Return an entrant that is no class of the user's with calibrated ``values``, for ``channels`` of the signal.
 
     values : as ``levels`` names them; of ours fields of PARAMS, unit of the signal
     """
     params = signal.params.copy()
     params["fitted"] = channels or signal.fitted
     if entrant.manager in RIVALS:
-        own = getattr(signal.rivals, entrant.manager).of(signal.name).model_copy(update=dict(values))
-        told = signal.rivals.model_copy(update={entrant.manager: own.model_copy(update={"signals": {}})})
+        told = with_settings_of(signal, entrant, values).rivals
         return Manager(entrant.manager, with_settings(params, entrant.manager, told, [signal.name]))
     for name, value in values.items():
         if entrant.manager == "selection":
             params["deviation"] = value * signal.threshold
             params["deviation_frames"] = INTEGRAL_S * signal.rate_hz * params["deviation"]
         elif entrant.manager == "cross-voter":
-            for field in ("threshold", "threshold_triplex", "threshold_duplex"):
+            for field in _THRESHOLDS:
                 params[field] = value * signal.threshold
         else:
             params[name] = value
     return Manager(entrant.manager, params)
+
+
+def flown_by(
+    scenario: Scenario, entrant: Entrant, signal: OfSignal, values: Values, keys: Mapping[str, Any]
+) -> Scenario:
+    """Return ``scenario`` with an entrant as its manager; other signals than the calibrated one are as they were.
+
+    keys : of ours as designed, the table of the signal
+    """
+    of = scenario.redundancy
+    told: dict[str, Any] = {"manager": entrant.manager}
+    table: dict[str, Any] = dict(keys)
+    if entrant.manager in RIVALS:
+        rival = getattr(of.rivals, entrant.manager)
+        own = rival.model_copy(update={"signals": {**rival.signals, signal.name: dict(values)}})
+        told["rivals"] = of.rivals.model_copy(update={entrant.manager: own})
+    elif entrant.manager == "selection":
+        deviation = values["deviation"] * signal.threshold
+        table = {"selection_deviation": deviation, "selection_integral_s": INTEGRAL_S * deviation}
+    elif entrant.manager == "cross-voter":
+        table = dict.fromkeys(_THRESHOLDS, values["threshold"] * signal.threshold)
+    if table:
+        before = getattr(of.signals, signal.name)
+        now = SignalConfig(**keys) if keys else before.model_copy(update=table)
+        told["signals"] = of.signals.model_copy(update={signal.name: now})
+    made = scenario.model_copy(update={"redundancy": of.model_copy(update=told)})
+    return made.trusted(Trust(named=entrant.manager) if entrant.is_own else scenario.trust)
 
 
 def designed_values(signal: OfSignal, settings: RecordedSignal) -> dict[str, float]:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
-from rig.league.entrants import OfSignal
+from rig.league.entrants import VARIANTS, Entrant, OfSignal
 from rig.log import read_log
 from rig.recordings.flown import recorded
 from rig.recordings.own_logs import of_log
 from rig.recordings.settings import VoteConfig
 from rig.thresholds.data import columns, recordings, without_faults
+from rig.units.angles import differences
 
 Floats = NDArray[np.float64]
 
@@ -71,4 +74,33 @@ def _flights(path: Path, signals: Sequence[OfSignal]) -> dict[str, Flight]:
         assert samples.reference is not None and samples.second_reference is not None  # a log of ours has both
         both = np.column_stack([samples.reference, samples.second_reference])
         found[signal.name] = Flight(path.name, np.ascontiguousarray(columns(samples, signal.given).T), both)
+    return found
+
+
+def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy) -> dict[str, Any]:
+    """Return what a rival is told of healthy residuals from the median, thresholds, and its variant.
+
+    ``spread``: standard deviation within a flight; ``bias``: the largest mean over one; ``rms``: of all
+    """
+    kind = manager_kind(entrant.manager).settings
+    if kind is None:
+        return {}
+    squares, within, frames, bias = 0.0, 0.0, 0, 0.0
+    for flight in healthy.flights[signal.name]:
+        samples = flight.samples[np.isfinite(flight.samples).all(axis=1)]
+        if len(samples):
+            apart = differences(samples, samples[:, :1], signal.given.wraps)
+            residual = (apart - np.median(apart, axis=1)[:, None]) / signal.threshold
+            bias = max(bias, float(np.abs(residual.mean(axis=0)).max()))
+            squares, within = (
+                squares + float((residual**2).sum()),
+                within + float(residual.var(axis=0).sum()) * len(samples),
+            )
+            frames += residual.size
+    found: dict[str, Any] = {"bias": bias}
+    if within > 0.0:
+        found |= {"spread": math.sqrt(within / frames), "rms": math.sqrt(squares / frames)}
+    found = {name: value for name, value in found.items() if name in kind.model_fields}
+    for word in entrant.variant:
+        found |= VARIANTS[word]
     return found

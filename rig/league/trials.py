@@ -17,18 +17,22 @@ from numpy.typing import NDArray
 
 from rig.assess.outcome import NEVER
 from rig.assess.words import PRIOR
-from rig.bench.trials import Trials
+from rig.bench.trials import RESULT, Trials
 from rig.bench.vote import settings_of
 from rig.campaign.plan import Plan
 from rig.errors import BadInput
 from rig.faults import KINDS
 from rig.league.calibration import Calibrated
 from rig.league.entrants import Entrant, OfSignal, manager
+from rig.league.own_class import voted
 from rig.reliability.drawn import ROWS, Cell, cell, draw, refill
-from rig.reliability.trials import CHUNK, Batch, Recordings, combinations, fly_trials
+from rig.reliability.trials import CHUNK, Batch, Recordings, combinations, fly_trials, recorded_trials
+from rig.units.angles import differences
 
 AFTER: Final = 1000  # frames from the last onset on
-STATES: Final = ("as flown", "absent")  # of the reference
+STATES: Final = ("as flown", "absent", "off", "jumping")  # of the reference
+JUMP: Final = 3.0  # thresholds
+BEFORE: Final = 200  # frames before the onset in which the reference jumps, for good
 OUTCOMES: Final = ("isolated", "wrong channel", "missed", PRIOR)
 SCHEMA: Final[dict[str, Any]] = {
     "combination": pl.Int64,
@@ -38,6 +42,7 @@ SCHEMA: Final[dict[str, Any]] = {
     "faults": pl.Int64,  # on the signal, the tested one counted
     "size": pl.Float64,  # thresholds, or a second of them; null for a kind without one
     "reference": pl.String,
+    "budget_per_h": pl.Float64,
     "entrant": pl.String,
     "outcome": pl.String,
     "delay_s": pl.Float64,  # from the onset to the last isolation, of the isolated
@@ -50,6 +55,8 @@ class Told(NamedTuple):
 
     entrants: list[Entrant]
     calibrated: dict[tuple[str, str], Calibrated]  # by entrant and signal
+    budget_per_h: float = 0.0
+    worst: dict[str, float] = {}  # error of a healthy reference by signal, in its unit
 
 
 def of_signals(plan: Plan) -> tuple[str, list[OfSignal]]:
@@ -60,14 +67,15 @@ def of_signals(plan: Plan) -> tuple[str, list[OfSignal]]:
         made = cell(plan, number, named=False)
         aircraft.add(made.scenario.aircraft)
         fault = made.scenario.faults[made.tested]
-        found.setdefault(fault.signal, _of_signal(made, fault.signal))
+        found.setdefault(fault.signal, of_cell(made))
     if len(aircraft) > 1:
         raise BadInput(f"{plan.source}: flies {', '.join(sorted(aircraft))}: a league is of one aircraft")
     return aircraft.pop(), list(found.values())
 
 
-def _of_signal(made: Cell, name: str) -> OfSignal:
-    scenario = made.scenario
+def of_cell(made: Cell) -> OfSignal:
+    """Return the tested signal of a combination."""
+    scenario, name = made.scenario, made.scenario.faults[made.tested].signal
     settings, _ = settings_of(scenario)
     redundancy = scenario.redundancy
     return OfSignal(name, made.one.manager.params, settings[name], redundancy.rivals, scenario.rate_hz)
@@ -89,24 +97,54 @@ class Runner:
         self._plan, self._told, self._recordings = plan, told, Recordings(plan)
 
     def __call__(self, unit: Batch) -> pl.DataFrame:
-        """Return a row for each trial, state of the reference and entrant."""
+        """Return a row for each trial, state of the reference and entrant; as flown, for other budgets too."""
         made = cell(self._plan, unit.number, named=False)
-        signal = _of_signal(made, made.scenario.faults[made.tested].signal)
+        signal = of_cell(made)
         condition = str(self._plan.choices[unit.number].get("condition", ""))
-        streams = SeedSequence(unit.seed, spawn_key=(unit.number, unit.chunk)).spawn(3)
-        drawing = Generator(SFC64(streams[0]))
-        trials = _whole(draw(made, unit.trials, self._recordings(unit, made, condition), drawing))
-        frames: list[pl.DataFrame] = []
+        streams = streams_of(unit)
+        drawn = draw(made, unit.trials, self._recordings(unit, made, condition), Generator(SFC64(streams[0])))
+        trials, frames = _whole(drawn), list[pl.DataFrame]()
         for state in STATES:
-            seen = _with_reference(trials, state)
+            seen = with_reference(made, trials, state, self._told.worst.get(signal.name, 0.0))
             for entrant in self._told.entrants:
-                values = self._told.calibrated[entrant.name, signal.name].values
-                told = made._replace(one=made.one._replace(manager=manager(entrant, signal, values)))
-                noise, normal = (Generator(SFC64(child)) for child in streams[1:])  # again from their beginning
-                results, _, _ = fly_trials(told, seen, lambda n=noise, m=normal: refill(trials, n, m))
-                columns = {"reference": state, "entrant": entrant.name, **became(made, trials, results)}
-                frames.append(_frame(made, unit, trials, columns))
+                mine = self._told.calibrated[entrant.name, signal.name]
+                others = mine.others if state == STATES[0] else []
+                for budget, values in [(self._told.budget_per_h, mine.values), *others]:
+                    results = _fly(entrant, signal, values, made, seen, streams)
+                    columns = {"reference": state, "budget_per_h": budget, "entrant": entrant.name}
+                    frames.append(_frame(made, unit, trials, {**columns, **became(made, trials.onset, results)}))
         return pl.concat(frames)
+
+
+def streams_of(unit: Batch) -> list[SeedSequence]:
+    """Return the seeds of a unit's draws: what varies, the noise of sensors, the noise of faults."""
+    return SeedSequence(unit.seed, spawn_key=(unit.number, unit.chunk)).spawn(3)
+
+
+def _fly(
+    entrant: Entrant,
+    signal: OfSignal,
+    values: dict[str, float],
+    made: Cell,
+    trials: Trials,
+    streams: Sequence[SeedSequence],
+) -> NDArray[Any]:
+    """Return (T,) RESULT of an entrant; of a manager of the user's own ``failed_at`` and ``peak`` alone."""
+    noise, normal = (Generator(SFC64(child)) for child in streams[1:])  # again from their beginning
+    if not entrant.is_own:
+        told = made._replace(one=made.one._replace(manager=manager(entrant, signal, values)))
+        return fly_trials(told, trials, lambda: refill(trials, noise, normal))[0]
+    results = np.zeros(len(trials.first), RESULT)
+    for part, read in recorded_trials(made, trials, lambda: refill(trials, noise, normal)):
+        failed, votes = voted(entrant.manager, values, signal.params, read)
+        here = results[part]
+        here["failed_at"] = np.where(failed.any(axis=1), failed.argmax(axis=1), NEVER)
+        for trial, vote, from_, last in zip(here, votes, trials.counted_from[part], trials.last[part], strict=True):
+            counted = slice(from_, last)
+            error = np.abs(differences(vote[counted], trials.truth[counted], signal.given.wraps))
+            trial["peak"] = np.nan_to_num(error, nan=np.inf).max()
+            trial["failed_at"][trial["failed_at"] >= last] = NEVER
+    return results
 
 
 def _whole(trials: Trials) -> Trials:
@@ -118,16 +156,26 @@ def _whole(trials: Trials) -> Trials:
     return trials._replace(first=first, last=last, early=0, noise=noise, normal=normal)
 
 
-def _with_reference(trials: Trials, state: str) -> Trials:
+def with_reference(made: Cell, trials: Trials, state: str, worst: float) -> Trials:
+    """Return the trials with the reference in a state of STATES.
+
+    off : by ``worst``, its largest error in healthy flights, towards the fault; jumping : by JUMP thresholds, from
+    BEFORE frames before the onset on, while all are healthy.  A fault without a direction counts as upwards.
+    """
+    if state == "absent":
+        absent = np.full_like(trials.reference, np.nan)
+        return trials._replace(reference=absent, second=absent)
     if state == STATES[0]:
         return trials
-    absent = np.full_like(trials.reference, np.nan)
-    return trials._replace(reference=absent, second=absent)
+    mine = int(np.flatnonzero(made.faults.targets["fault"] == made.tested)[0])
+    up = trials.targets["value"][:, mine] >= 0.0
+    step, begins = (worst, trials.first) if state == "off" else (JUMP * made.one.threshold, trials.onset - BEFORE)
+    return trials._replace(reference_step=np.where(up, step, -step), reference_from=begins)
 
 
-def became(made: Cell, trials: Trials, results: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """Return outcome, delay_s and peak of (T,) bench.trials.RESULT."""
-    targets, failed_at, onset = made.faults.targets, results["failed_at"], trials.onset[:, None]
+def became(made: Cell, onsets: NDArray[np.int64], results: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Return outcome, delay_s and peak of (T,) bench.trials.RESULT with ``onsets`` (T,) of the tested fault."""
+    targets, failed_at, onset = made.faults.targets, results["failed_at"], onsets[:, None]
     of_test = np.isin(targets["fault"], [i for i in (made.tested, made.second) if i is not None])
     healthy = np.setdiff1d(np.arange(made.one.manager.params["fitted"][0]), targets["column"])
     tested = np.unique(targets["column"][of_test])
@@ -135,7 +183,7 @@ def became(made: Cell, trials: Trials, results: NDArray[Any]) -> dict[str, NDArr
     before = (failed & (failed_at < onset))[:, [*healthy, *tested]].any(axis=1)
     wrong, right = failed[:, healthy].any(axis=1), failed[:, tested].all(axis=1)
     outcome = np.select([before, wrong, right], [PRIOR, "wrong channel", "isolated"], "missed")
-    delay = (failed_at[:, tested].max(axis=1) - trials.onset) / made.scenario.rate_hz
+    delay = (failed_at[:, tested].max(axis=1) - onsets) / made.scenario.rate_hz
     return {
         "outcome": outcome,
         "delay_s": np.where(outcome == "isolated", delay, np.nan),

@@ -2,35 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from scipy.stats import poisson
 
-from rig.league.entrants import BIASED, OURS, SHIPPED
+from rig.assess.words import PRIOR
+from rig.league.entrants import BIASED, OURS, SHIPPED, UNBOUNDED
 from rig.league.outcomes import ALL
+from rig.league.trials import STATES
 from rig.thresholds.holdout import OVER
 
 Row = dict[str, Any]
 _OURS: Final = (OURS, BIASED, SHIPPED)
 
 
-def verdict(
-    table: Sequence[Row], differences: Sequence[Row], second: Sequence[Row], silent: Sequence[str]
-) -> list[str]:
-    """Return the sentences, the losses of ours first.
+def verdict(result: Mapping[str, Any]) -> list[str]:
+    """Return the sentences on ``result``, as of run.py: the losses of ours first.
 
-    second : counts in a second healthy campaign; silent : entrants that fail nobody
     A loss or a lead is one whose 95 % interval leaves out zero.
     """
-    rivals = [row for row in differences if row["entrant"] not in (*silent, *_OURS)]
-    among = [row for row in differences if row["entrant"] in _OURS and row["ours"] == OURS]
+    table, differences, silent = result["table"], result["differences"], result["silent"]
+    rivals = [row for row in differences if row["entrant"] not in (*silent, *_OURS) and UNBOUNDED not in row["entrant"]]
     lines: list[str] = []
     for ours in (OURS, BIASED):
         lines += _losses([row for row in rivals if row["ours"] == ours], ours)
-    lines += _leads([row for row in rivals if row["kind"] == ALL])
-    lines += _among(among)
-    return [*lines, *_wrong(table, silent), *_votes(differences, silent), *_over_budget(second)]
+    plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
+    lines += _leads([row for row in plain if row in rivals])
+    lines += _among([row for row in plain if row["entrant"] in _OURS and row["ours"] == OURS])
+    lines += [*_wrong(table, silent), *_before(table, silent), *_votes(plain, silent)]
+    lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
+    return [*lines, *_lost(result["lost_differences"])]
 
 
 def _where(row: Row) -> str:
@@ -55,13 +57,13 @@ def _losses(rows: Sequence[Row], ours: str) -> Iterator[str]:
 def _leads(rows: Sequence[Row]) -> Iterator[str]:
     for row in rows:
         if row["high"] < 0.0:
-            yield f"{row['ours']} is ahead of {row['entrant']}: {_where(row)}: it isolates {_points(row)}"
+            yield f"{row['ours']} is ahead of {row['entrant']}: {_where(row)}: the rival isolates {_points(row)}"
 
 
 def _among(rows: Sequence[Row]) -> Iterator[str]:
     """Yield how ours as shipped and with learned biases differ from ours as designed."""
     for row in rows:
-        if row["kind"] == ALL:
+        if row["ours"] == OURS:
             yield f"{row['entrant']} against {OURS}: {_where(row)}: it isolates {_points(row)}"
 
 
@@ -72,15 +74,43 @@ def _wrong(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
             yield f"{row['entrant']} fails a healthy channel for the fault in {share:.2g} % of {_where(row)}"
 
 
+def _before(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
+    """Yield who fails a healthy channel because a reference jumps."""
+    for row in table:
+        if (row["kind"], row["reference"]) == (ALL, "jumping") and row[PRIOR] and row["entrant"] not in silent:
+            share = 100 * row[PRIOR] / row["trials"]
+            yield f"{row['entrant']} fails a channel before the fault in {share:.2g} % of {_where(row)}"
+
+
 def _votes(rows: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
     """Yield how those that fail nobody vote, against ours as designed."""
     for row in rows:
-        if row["kind"] == ALL and row["entrant"] in silent and row["ours"] == OURS:
+        if row["entrant"] in silent and row["ours"] == OURS:
             smaller, larger = (100 * row[name] / row["trials"] for name in ("peak_smaller", "peak_larger"))
             yield (
                 f"{row['entrant']} fails nobody: its largest vote error is smaller than that of {OURS} in "
                 f"{smaller:.0f} %, larger in {larger:.0f} % of {_where(row)}"
             )
+
+
+def _transients(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield whom bursts shorter than the persistence make fail somebody."""
+    for row in rows:
+        if row["failed"]:
+            bursts = (
+                f"{row['failed']} of {row['bursts']} bursts of {row['frames']} frame{'s' if row['frames'] > 1 else ''}"
+            )
+            yield (
+                f"{row['entrant']} FAILS A CHANNEL FOR A TRANSIENT: {row['signal']}: {bursts} and "
+                f"{row['thresholds']:g} thresholds"
+            )
+
+
+def _lost(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield who loses aircraft more or less often than ours, in closed loop."""
+    for row in rows:
+        if row["kind"] == ALL and (row["low"] > 0.0 or row["high"] < 0.0):
+            yield f"{row['entrant']} against {row['ours']}: {_where(row)}: it loses {_points(row)} of the aircraft"
 
 
 def _over_budget(second: Sequence[Row]) -> Iterator[str]:

@@ -10,6 +10,7 @@ The table has a row a frame, its columns named as ``rig vote`` names its own:
     control.*, inertial.*, flight.*, demand.*         the fields of these topics
     actuator.<surface>.ram .asked.1 ..                of a flight with servo actuators
     computer.<A to D>.voted_<signal> ..               of a flight with several computers
+    ccdl.state_A_B .. .age_A_B .. .outvoted_A_B ..    of the link from A to B, and so on
 
 Enums are words.
 """
@@ -61,7 +62,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class LaneColumn(Column):
-    """One number of the rows of servos and computers; its owner is like ``actuator.elevator`` or ``computer.A``."""
+    """One number of the rows of servos and computers; owners: ``actuator.elevator``, ``computer.A``, ``ccdl`` ...."""
 
     part: LanePart
 
@@ -70,8 +71,12 @@ class LaneColumn(Column):
         return rows[self.part][self.field][(slice(None), *self.index)]
 
 
+def _at(topic: Topic, field: Field) -> tuple[int, ...]:
+    return field.index if topic.item is None else (topic.item, *field.index)
+
+
 def _column(topic: Topic, field: Field) -> Column:
-    index = field.index if topic.item is None else (topic.item, *field.index)
+    index = _at(topic, field)
     angle = topic.message == "rig.Signal" and SIGNALS[topic.item or 0].wraps
     wraps = angle and FLAT[field.source].base == "f8"
     return Column(topic.name.rsplit("/", 1)[1], field.name, field.source, index, field.enum, wraps)
@@ -79,9 +84,9 @@ def _column(topic: Topic, field: Field) -> Column:
 
 COLUMNS: Final = tuple(_column(topic, field) for topic in TOPICS_OF_ROWS for field in MESSAGES[topic.message].fields)
 LANE_COLUMNS: Final = tuple(
-    LaneColumn(topic.name[1:].replace("/", "."), field.name, field.source, (i, *field.index), field.enum, False, part)
+    LaneColumn(topic.name[1:].replace("/", "."), field.name, field.source, _at(topic, field), field.enum, False, part)
     for part, topics in LANE_TOPICS.items()
-    for i, topic in enumerate(topics)
+    for topic in topics
     for field in LANE_MESSAGES[topic.message].fields
 )
 _LANE_UNITS: Final = {column.path: f.unit for column in LANE_COLUMNS for f in LANE_FIELDS if f.name == column.field}
@@ -119,6 +124,8 @@ def name(column: Column) -> str:
     """Return the column's name in a table."""
     if isinstance(column, LaneColumn) and column.part == "actuator":
         return ".".join([column.owner, column.field, *(str(i + 1) for i in column.index[1:])])
+    if isinstance(column, LaneColumn):
+        return f"{column.owner}.{column.name}"
     if column.field in _NUMBERED:
         return f"{column.owner}{_NUMBERED[column.field]}.{column.channel}"
     if column.field.removeprefix("discrete_") in ("ilm", "valid"):

@@ -14,7 +14,7 @@ from rig.errors import BadInput, RigError
 from rig.log.writer import LogWriter
 from rig.overrides import parse_set
 from rig.scenario import Scenario
-from rig.util.files import numbered, reported
+from rig.util.files import new_folder, numbered, reported
 from rig.util.versions import versions
 
 LONGEST_TAG: Final = 40  # characters of the overrides in a log's name
@@ -33,15 +33,14 @@ def new_log(
 
     about : more metadata; overrides : of the file, ``key=value``, from which the tag is made
     """
-    with reported(out, BadInput, "logs cannot be kept there"):
-        out.mkdir(parents=True, exist_ok=True)
     suffix = tag(overrides)
     stem = f"{word_of(named(name, scenario.aircraft))}_seed{scenario.seed}{f'_{suffix}' if suffix else ''}"
-    for path in numbered(out, stem, ".mcap", beside=".rrd"):
-        with suppress(FileExistsError):  # another flight was faster
-            attached = [("scenario.toml", text.encode())]
-            described = {**metadata(scenario), **(about or {})}
-            return LogWriter(path, scenario.rate_hz, described, attached, new=True, lanes=scenario.lane_parts)
+    with reported(out, BadInput, "logs cannot be kept there"), new_folder(out):
+        for path in numbered(out, stem, ".mcap", beside=".rrd"):
+            with suppress(FileExistsError):  # another flight was faster
+                attached = [("scenario.toml", text.encode())]
+                described = {**metadata(scenario), **(about or {})}
+                return LogWriter(path, scenario.rate_hz, described, attached, new=True, lanes=scenario.lane_parts)
     raise RigError(f"{out}: no free name for a log")
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadLog
-from rig.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, LaneBlock, lane_rows
+from rig.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, LaneBlock, has_part, lane_rows, links
 from rig.log.blocks import Frames
 from rig.log.scan import About, iter_parts
 from rig.record.event import Event
@@ -55,6 +55,18 @@ class DiscreteArrays:
     level: NDArray[np.uint8]  # (frames,)
 
 
+class Lanes(np.ndarray[Any, np.dtype[Any]]):
+    """Rows of lanes that have ``link`` too, (n, 4, 4) of LINK: what each computer has of each other's messages."""
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return what any array has; ``link`` is made of the computers' records."""
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        if key == "link" and has_part(self, "computer"):
+            return links(self["computer"])
+        return super().__getitem__(key).view(np.ndarray)
+
+
 @dataclass(slots=True, repr=False)
 class Log:
     """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, and what its file says beside them."""
@@ -66,7 +78,8 @@ class Log:
     metadata: dict[str, str]
     result: dict[str, str] | None  # None when the flight was not ended by the loop
     attachments: dict[str, bytes]
-    lanes: LaneBlock | None = None  # (n,), ``actuator`` of servos, ``computer`` of several computers
+    # (n,): ``actuator`` (3,) of servos; ``computer`` (4,) and ``link`` (4, 4), receiver by sender, of computers.
+    lanes: LaneBlock | None = None
 
     @classmethod
     def read(cls, path: Path | str) -> Self:
@@ -76,7 +89,7 @@ class Log:
         rows, timing = _joined([part[0] for part in parts], FLAT), _joined([part[1] for part in parts], TIMING)
         events = [event for part in parts for event in part[2]]
         moved = [part[3] for part in parts if part[3] is not None]
-        lanes = _joined(moved, lane_rows(0, about.lanes).dtype) if about.lanes else None
+        lanes = _joined(moved, lane_rows(0, about.lanes).dtype).view(Lanes) if about.lanes else None
         return cls(about.rate_hz, rows, timing, events, about.metadata, about.result, about.attachments, lanes)
 
     @property
@@ -116,7 +129,8 @@ class Log:
     def to_polars(self, *owners: str) -> pl.DataFrame:
         """Return one row a frame, the columns named as in ``rig export``; SI units, enums as words.
 
-        owners : signals, discretes, topics (control, flight, ...), actuators like ``actuator.elevator``; all if none.
+        owners : signals, discretes, topics (control, flight, ...), what lanes have
+        (``actuator.elevator``, ``computer.A``, ``ccdl``); all if none.
         KeyError: one that does not exist.
         """
         from rig.log.columns import dataframe

@@ -7,6 +7,7 @@ nothing of ours to read it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -31,6 +32,7 @@ from rig.frame import (
     COMPUTERS,
     DISCRETES,
     LANE_FIELDS,
+    LINKS,
     MOVED,
     SIGNALS,
     TIMING,
@@ -40,6 +42,7 @@ from rig.frame import (
     UnitStatus,
 )
 from rig.frame.fields import FIELD, Kind, Place, elements, places
+from rig.frame.fields import Field as LaneField
 from rig.log.container import Opening
 from rig.record.event import Severity
 
@@ -106,16 +109,27 @@ MESSAGES: Final = {
     **{name: Message(name, tuple(map(_field, places(name)))) for name in _OF_FRAME},
     "rig.Timing": Message("rig.Timing", tuple(Field(name, DOUBLE, name) for name in TIMING.names or ())),
 }
+
+
+def _own(fields: Iterable[LaneField]) -> Iterator[Field]:
+    """Yield the numbers of the message of one surface or computer."""
+    for field in fields:
+        for name, index in elements(field):
+            yield Field(name, _WRITTEN[field.kind], field.name, index, field.enum)
+
+
+def _of_links(fields: Iterable[LaneField]) -> Iterator[Field]:
+    """Yield the numbers of all links, by sender and receiver, which has them in its record."""
+    for field in fields:
+        for sender, receiver in LINKS:
+            name = f"{field.stem}_{COMPUTERS[sender]}_{COMPUTERS[receiver]}"
+            yield Field(name, _WRITTEN[field.kind], field.name, (receiver, sender), field.enum)
+
+
 LANE_MESSAGES: Final = {
-    message: Message(
-        message,
-        tuple(
-            Field(name, _WRITTEN[field.kind], field.name, index, field.enum)
-            for field in fields
-            for name, index in elements(field)
-        ),
-    )
-    for message, fields in {"rig.Actuator": LANE_FIELDS, "rig.Computer": COMPUTER_FIELDS}.items()
+    "rig.Actuator": Message("rig.Actuator", tuple(_own(LANE_FIELDS))),
+    "rig.Computer": Message("rig.Computer", tuple(_own(f for f in COMPUTER_FIELDS if f.message == "rig.Computer"))),
+    "rig.Ccdl": Message("rig.Ccdl", tuple(_of_links(f for f in COMPUTER_FIELDS if f.message == "rig.Ccdl"))),
 }
 FOXGLOVE: Final = {cls.DESCRIPTOR.full_name: cls for cls in (FrameTransform, LocationFix, FoxgloveLog)}
 
@@ -138,7 +152,10 @@ TOPICS: Final = (*FRAME_TOPICS, *POSE_TOPICS, EVENTS)
 # In the log of a flight with servo actuators, or several computers, too: one message of each in every frame.
 LANE_TOPICS: Final[dict[LanePart, tuple[Topic, ...]]] = {
     "actuator": tuple(Topic(f"/actuator/{name}", "rig.Actuator", i) for i, name in enumerate(MOVED)),
-    "computer": tuple(Topic(f"/computer/{name}", "rig.Computer", i) for i, name in enumerate(COMPUTERS)),
+    "computer": (
+        *(Topic(f"/computer/{name}", "rig.Computer", i) for i, name in enumerate(COMPUTERS)),
+        Topic("/ccdl", "rig.Ccdl"),  # of all computers: the first of an index is the receiver
+    ),
 }
 PART_OF: Final[dict[Topic, LanePart]] = {topic: part for part, topics in LANE_TOPICS.items() for topic in topics}
 ALL_TOPICS: Final = (*TOPICS, *PART_OF)

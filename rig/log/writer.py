@@ -40,7 +40,8 @@ class LogWriter:
     with few events never more than CHUNK_BYTES.  ``new``: FileExistsError when there is a file at ``path``, else it is
     replaced.
     ``lanes``: the parts of the flight's rows of lanes, which are given too.
-    ``draft_of``: the file that ``path`` will be renamed to; messages name it.  BadInput when the file cannot be made.
+    ``draft_of``: the file that ``path`` will be renamed to; messages name it.
+    BadInput when the file cannot be made, RigError: a full disk.
     """
 
     def __init__(
@@ -78,7 +79,9 @@ class LogWriter:
         except OSError as error:
             if self._file is not None:
                 self._file.discard()
-            raise BadInput(f"{self._named}: the log cannot be written: {error.strerror}") from None
+            full = error.errno in _FULL and not self.path.exists()  # a device is there still, and is no place for a log
+            kind = RigError if full else BadInput
+            raise kind(f"{self._named}: the log cannot be written: {error.strerror}") from None
 
     def write(
         self, rows: Block, timing: NDArray[Any], events: Sequence[Event] = (), lanes: LaneBlock | None = None

@@ -15,7 +15,7 @@ from rig.recordings.alignment import AlignOptions
 from rig.scenario import plain_data
 from rig.settings import build
 from rig.unit.unit import running
-from rig.util.outputs import require_apart
+from rig.util.outputs import require_apart, require_page
 
 
 def score(
@@ -51,6 +51,7 @@ def write_report(flight: Flight | Path | str, out: Path | str | None = None) -> 
     log = _log(flight)
     target = log.with_suffix(".html") if out is None else Path(out)
     require_apart({"out": target}, [log])
+    require_page("out", None if out is None else target)
     report(log, target)
     return target
 

@@ -125,6 +125,8 @@ def _folder(path: Path, wanted: Mapping[str, set[str]], written: TableFormat) ->
     zero, time = None, written.time_column
     for name, fields in wanted.items():
         file = path / name
+        if Path(name).is_absolute() or ".." in Path(name).parts:
+            raise BadInput(f"[mapping] {name}: must be a file in the folder {path}")
         if file.suffix not in TABLES:
             raise BadInput(f"{file}: a source in a folder is one of {', '.join(TABLES)}")
         table = Table(file, {time, *fields}.__contains__, written)

@@ -53,19 +53,19 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
     unknown = sorted(set(runs["design"].unique().to_list()) - set(DESIGNS))
     if unknown:
         raise BadInput(f"{source}: design {unknown[0]!r}: must begin with {', '.join(DESIGNS)}")
-    first = [pl.col(name).first() for name in ("signal", "kind", "good_before", "vote_kept", "lost_s")]
+    first = [pl.col(name).first() for name in ("signal", "kind", "good_before", "vote_kept")]
     tested, second = (
         faults.filter(pl.col("id") == name)
         .sort("run", "channel")
         .group_by("run", maintain_order=True)
-        .agg(*first, settle=_settled())
+        .agg(*first, lost=_declared_lost().first(), settle=_settled())
         for name in (TESTED, SECOND)
     )
-    second = second.select("run", kept2="vote_kept", lost2="lost_s", settle2="settle")
+    second = second.select("run", kept2="vote_kept", lost2="lost", settle2="settle")
     both = runs.join(tested, on="run", how="inner").join(second, on="run", how="left")
     return both.select(
         *CELL,
-        lost=pl.coalesce("lost2", "lost_s") > 0,
+        lost=pl.coalesce("lost2", "lost"),
         off=~pl.coalesce("kept2", "vote_kept"),
         survived="survived",
         settle=pl.when(pl.col("kept2").is_null())
@@ -73,6 +73,11 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
         .when(pl.col("settle").is_not_null() & pl.col("settle2").is_not_null())
         .then(pl.max_horizontal("settle", "settle2")),
     ).filter(pl.col("good_before").is_between(1, CHANNELS))
+
+
+def _declared_lost() -> pl.Expr:
+    """Return whether the signal was declared lost with its vote kept until then: what came first counts."""
+    return (pl.col("lost_s") > 0) & ~pl.col("wrong_vote_first").fill_null(value=False)
 
 
 def _settled() -> pl.Expr:

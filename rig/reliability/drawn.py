@@ -34,9 +34,10 @@ from rig.scenario import Scenario
 from rig.sensors.params import calibrate
 
 RUN_IN: Final = 10  # frames of healthy sensors before the first fault
+AT_ONCE_FOUND: Final = ("hardover", "dropout")  # kinds of earlier faults that SETTLING is enough for
 SETTLING: Final = 30  # frames from an earlier fault to the tested one, where the manager has no longer memory
 ROWS: Final = 8192  # of the streams, at least: what the core's cache holds
-AFTER: Final = 300  # frames from the last onset on, at most
+AFTER: Final = 800  # frames from the last onset on, at most
 _SIZES: Final = tuple(dict.fromkeys(key for model in KINDS.values() if model.trials_draw for key in model.sizes))
 _CONSTANTS: Final = ("frequency_hz", "time_constant_s")
 Values = NDArray[np.float64]
@@ -104,14 +105,14 @@ def _varied(plan: Plan, number: int) -> dict[tuple[int, str], Vary]:
 def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trials:
     """So many trials of a cell; the rows of their streams are drawn by ``refill``."""
     s = made.one.signal
-    values = {}
-    for place, vary in made.varied.items():
-        value = valuer(vary)
-        values[place] = np.array([value(share) for share in rng.random(trials).tolist()])
+    values = drawn_values(made, trials, rng)
     drawn = Drawn(values, rng.random((trials, len(made.faults.schedule))) < 0.5)
     schedule, targets = records(made, drawn)
     onset = schedule["first"][:, made.tested]
-    if not manager_kind(made.scenario.redundancy.manager).takes_back:  # what is integrated has a long memory
+    at_once = all(made.scenario.faults[i].kind in AT_ONCE_FOUND for i in made.earlier)
+    if (
+        at_once and not manager_kind(made.scenario.redundancy.manager).takes_back
+    ):  # what is integrated has a long memory
         schedule["first"][:, made.earlier] = onset[:, None] - SETTLING
     begins = np.where(schedule["trigger"] == Trigger.TIME, schedule["first"], onset[:, None])
     first = np.maximum(begins.min(axis=1) - RUN_IN, 0)
@@ -135,12 +136,23 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
         truth=np.ascontiguousarray(recording.truth[:, s]),
         reference=np.ascontiguousarray(recording.reference[:, s]),
         second=np.ascontiguousarray(recording.second_reference[:, s]),
+        reference_step=np.zeros(trials),
+        reference_from=np.zeros(trials, np.int64),
         sensors=sensors[:, None],
         noise=np.empty((rows, 1, CHANNELS), np.float32),
         schedule=schedule,
         targets=targets,
         normal=np.empty((rows, noisy)),
     )
+
+
+def drawn_values(made: Cell, trials: int, rng: Generator) -> dict[tuple[int, str], Values]:
+    """Return what varies in so many trials, (T,) each: the first that ``draw`` takes of its random numbers."""
+    values: dict[tuple[int, str], Values] = {}
+    for place, vary in made.varied.items():
+        value = valuer(vary)
+        values[place] = np.array([value(share) for share in rng.random(trials).tolist()])
+    return values
 
 
 def refill(trials: Trials, noise: Generator, normal: Generator) -> None:

@@ -4,9 +4,12 @@ State (k, announced): k channels are faulty or failed; announced when any of the
 will know.  A fault is settled after a mean time tau, during which a second one can come; tau is so short beside a
 flight that the fault's outcome is taken at once, with the chance of a second one within tau in it.
 
-    (k)   -> next fault         (n - k) (1 - beta) lambda
-    (k)   -> two alike          beta lambda                     k <= n - 2
+    (k)   -> next fault         (n - k) ((1 - beta) lambda + box + k pair)
+    (k)   -> two alike          C(n - k, 2) pair                k <= n - 2
     (k)   -> (k + 1, announced) (n - k) phi                     false isolation; of the last channel: known loss
+
+Common mode hits one of the C(n, 2) fixed pairs of channels: pair = beta lambda / C(n, 2), box is the rate of the box of
+one channel.  A pair with one good channel left is a single fault.
 Source: docs/reliability.md, 'The model'.
 """
 
@@ -14,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import comb
 from typing import Final
 
 import numpy as np
@@ -32,6 +36,7 @@ class Given:
     announced: Mapping[CellKey, float]
     false_isolation: Mapping[int, Floats]  # (draws,) per channel hour, by channels in use
     settle_h: float
+    box_per_hour: float = 0.0
 
     def of(self, design: str, good: int) -> Floats:
         """Return a cell's draws; of two faults that were not flown all are bad votes, shared out as others are."""
@@ -61,11 +66,14 @@ def rates(n: int, per_hour: float, beta: float, given: Given) -> Floats:
     place = states(n)
     size = len(place) + len(LOSSES)
     matrix = np.zeros((len(given.outcomes["single", 1]), size, size))
+    alone = (1.0 - beta) * per_hour + given.box_per_hour
+    pair = beta * per_hour / comb(n, 2) if n > 1 else 0.0
     for (k, announced), here in place.items():
         row, good = matrix[:, here], n - k
-        _after(row, place, k, 1, announced, good * (1.0 - beta) * per_hour, next_fault(given, good, per_hour), given)
-        if good >= 2 and beta > 0.0:
-            _after(row, place, k, 2, announced, beta * per_hour, given.of("alike", good), given)
+        hit = good * (alone + k * pair)
+        _after(row, place, k, 1, announced, hit, next_fault(given, good, per_hour + given.box_per_hour), given)
+        if good >= 2 and pair > 0.0:
+            _after(row, place, k, 2, announced, comb(good, 2) * pair, given.of("alike", good), given)
         phi = good * given.false_isolation[good]
         if good >= 2:
             row[:, place[k + 1, True]] += phi

@@ -17,7 +17,9 @@ import polars as pl
 from numpy.random import Generator
 
 from rig.errors import BadInput
+from rig.frame import CHANNELS
 from rig.reliability.chain import Floats
+from rig.reliability.tally import LATENT
 
 KEPT, KNOWN, KNOWN_LOST, BAD, BAD_LOST = range(5)  # outcomes; ..._LOST: with the aircraft
 OUTCOMES: Final = 5
@@ -37,10 +39,19 @@ class Outcomes:
     flown: bool  # whether any told what became of the aircraft
 
 
-def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng: Generator, draws: int) -> Outcomes:
+def outcomes(
+    counts: pl.DataFrame,
+    kinds: Mapping[str, float],
+    source: str,
+    rng: Generator | None,
+    draws: int = 1,
+    level: float = 1.0,
+) -> Outcomes:
     """Draw the outcomes of every cell in ``counts``, a table of cells of one signal (docs/reliability.md).
 
     kinds : share of each kind of fault; a cell of single faults must have them all, else BadInput names it
+    rng   : None for the mean of every distribution instead of draws
+    level : the chance that no manoeuvre lies between two faults of a flight, 1 where the rates file says nothing
     """
     flown = counts.select(pl.col(WHERE_FLOWN).is_null().all()).row(0) != (True, True)
     result = Outcomes({}, {}, {}, {}, [], flown)
@@ -48,7 +59,7 @@ def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng:
     for (design, good), cell in sorted(counts.group_by("design", "good_before"), key=lambda item: item[0]):
         place = str(design), int(good)  # pyright: ignore[reportArgumentType]  # columns of text and whole numbers
         shares = _shares(cell, kinds, place, source)
-        result.draws[place] = _cell(cell, shares, lost, rng, draws)
+        result.draws[place] = _conditions(cell, shares, lost, rng, draws, level ** (CHANNELS - place[1]))
         result.trials[place] = int(cell["trials"].sum())
         result.seen[place] = int((cell["trials"] - cell["kept"]).sum())
         if bool((cell.group_by("kind").agg(pl.col("trials").sum())["trials"] == 0).any()):
@@ -74,8 +85,29 @@ def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: CellKey, sour
     return {kind: share / total for kind, share in shares.items()}
 
 
+def _conditions(
+    cell: pl.DataFrame,
+    shares: Mapping[str, float],
+    lost: tuple[Floats, Floats],
+    rng: Generator | None,
+    draws: int,
+    level: float,
+) -> Floats:
+    """Draw (draws, OUTCOMES) of one cell: with all faults in level flight by the chance of that, else otherwise.
+
+    First faults, and what was not flown in both, are taken together as they were flown.
+    """
+    latent = pl.col("condition") == LATENT
+    parts = cell.filter(latent), cell.filter(~latent)
+    both = all(set(shares) <= set(part["kind"]) for part in parts)
+    if not both or int(cell["good_before"][0]) == CHANNELS:
+        return _cell(cell, shares, lost, rng, draws)
+    in_level, otherwise = (_cell(part, shares, lost, rng, draws) for part in parts)
+    return level * in_level + (1.0 - level) * otherwise
+
+
 def _cell(
-    cell: pl.DataFrame, shares: Mapping[str, float], lost: tuple[Floats, Floats], rng: Generator, draws: int
+    cell: pl.DataFrame, shares: Mapping[str, float], lost: tuple[Floats, Floats], rng: Generator | None, draws: int
 ) -> Floats:
     """Draw (draws, OUTCOMES) of one cell, its conditions taken together."""
     prior = 0.25 / len(shares)
@@ -86,7 +118,7 @@ def _cell(
         if kept + known + bad == 0.0:
             chance = np.tile((0.0, 0.0, 1.0), (draws, 1))  # earlier faults had cost the signal or the aircraft
         else:
-            chance = rng.dirichlet((kept + 0.5, known + prior, bad + prior), draws)
+            chance = _dirichlet((kept + 0.5, known + prior, bad + prior), rng, draws)
         outcomes[:, KEPT] += share * chance[:, 0]
         for outcome, column, with_aircraft in ((KNOWN, 1, lost[0]), (BAD, 2, lost[1])):
             outcomes[:, outcome] += share * chance[:, column] * (1.0 - with_aircraft)
@@ -94,11 +126,19 @@ def _cell(
     return outcomes
 
 
-def _lost_share(counts: pl.DataFrame, rng: Generator, draws: int) -> tuple[Floats, Floats]:
+def _dirichlet(counts: tuple[float, ...], rng: Generator | None, draws: int) -> Floats:
+    """Draw (draws, outcomes) shares, or return their mean ``draws`` times."""
+    if rng is not None:
+        return rng.dirichlet(counts, draws)
+    return np.tile(np.array(counts) / sum(counts), (draws, 1))
+
+
+def _lost_share(counts: pl.DataFrame, rng: Generator | None, draws: int) -> tuple[Floats, Floats]:
     """Draw the share (draws,) of known losses, and of bad votes, in which the aircraft was lost, of all cells."""
     shares = []
     for column, outcome in zip(WHERE_FLOWN, ("known_loss", "bad_vote"), strict=True):
         flown = counts.filter(pl.col(column).is_not_null())
         lost, of = float(flown[column].sum()), float(flown[outcome].sum())
-        shares.append(rng.beta(lost + 0.5, of - lost + 0.5, draws))
+        counted = lost + 0.5, of - lost + 0.5
+        shares.append(rng.beta(*counted, draws) if rng is not None else _dirichlet(counted, None, draws)[:, 0])
     return shares[0], shares[1]

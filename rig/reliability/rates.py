@@ -9,6 +9,10 @@ kinds = { hardover = 0.5, drift = 0.5 }
 kinds_source = "assumed"
 false_isolations_per_channel_hour = 1e-9   # in place of what the campaign counted
 false_isolations_source = "..."
+box_per_hour = 1e-5            # faults of the box that carries one channel, all its signals together
+box_source = "..."
+manoeuvre_every_h = 0.5        # time between manoeuvres; without it none is flown before the end
+manoeuvre_source = "..."
 
 [[layers]]                     # what is not flown: in series with the signal
 name = "computers"
@@ -16,6 +20,14 @@ channels = 4
 per_hour = 3.26e-5
 not_covered = [1e-4, 1e-3, 0.5, 1.0]
 source = "..."
+
+[[severity]]                   # of `rig reliability fmea`: between within the transient limits and aircraft lost
+name = "major"
+beyond_limits_s = 0.5          # for longer than that
+source = "..."
+
+[causes]                       # of it too, by kind of fault
+stuck = "frozen gyro"
 """
 
 from __future__ import annotations
@@ -47,6 +59,14 @@ class SignalRates(Settings):
     # Of healthy channels; where it is not given, the campaign's hours say it, which are few below level 4.
     false_isolations_per_channel_hour: float | None = Field(default=None, ge=0, le=1)
     false_isolations_source: str = Field(default=ASSUMED, min_length=1)
+    box_per_hour: float = Field(default=0.0, ge=0, le=1)
+    box_source: str = Field(default=ASSUMED, min_length=1)
+    manoeuvre_every_h: float | None = Field(default=None, gt=0, le=1e4)
+    manoeuvre_source: str = Field(default=ASSUMED, min_length=1)
+
+    def level(self, hours: float) -> float:
+        """Return the chance that a second fault of a flight comes before the next manoeuvre, 1 where none is given."""
+        return 1.0 if self.manoeuvre_every_h is None else min(1.0, self.manoeuvre_every_h / hours)
 
     @field_validator("per_hour")
     @classmethod
@@ -91,11 +111,21 @@ class Layer(Settings):
         return self
 
 
+class Severity(Settings):
+    """The user's word for a fault that is between the measured ends: beyond the transient limits, not lost."""
+
+    name: str = Field(min_length=1)
+    beyond_limits_s: float = Field(ge=0)  # for which rig score counts the flight beyond its transient limits
+    source: str = Field(min_length=1)
+
+
 class Rates(Settings):
     """The signals of a rates file, and the layers in series with each of them."""
 
     signals: dict[str, SignalRates] = Field(min_length=1)
     layers: list[Layer] = []
+    severity: list[Severity] = []  # for `rig reliability fmea`, as are causes, by kind of fault
+    causes: dict[str, str] = {}
 
     @field_validator("signals")
     @classmethod
@@ -118,11 +148,11 @@ class Rates(Settings):
 def read_rates(path: Path) -> Rates:
     """Return the rates in a TOML file; BadInput names the file and the key that is wrong."""
     data: dict[str, Any] = dict(read_toml(path))
-    layers = data.pop("layers", [])
+    others = {key: data.pop(key) for key in ("layers", "severity", "causes") if key in data}
     if not data:
         raise BadInput(f"{path}: no signal: a table such as [pitch_rate] with per_hour, source and kinds is missing")
     for name, table in data.items():
         if not isinstance(table, dict):
             raise BadInput(f"{path}: {name}: must be a table of rates such as [pitch_rate]")
     signals = {name: build(SignalRates, table, f"{path}: {name}") for name, table in data.items()}
-    return build(Rates, {"signals": signals, "layers": layers}, str(path))
+    return build(Rates, {"signals": signals, **others}, str(path))

@@ -89,21 +89,22 @@ class Result:
 
 
 def results(
-    flown: Cells, signal: str, given: SignalRates, cases: Iterable[Case], layers: Sequence[Layer] = ()
+    flown: Cells, signal: str, given: SignalRates, cases: Sequence[Case], layers: Sequence[Layer] = ()
 ) -> list[Result]:
-    """Compute one manager in all ``cases``.  BadInput names a kind of fault that was not flown."""
+    """Compute one manager in all ``cases``, of one flight time.  BadInput names a kind of fault that was not flown."""
     counts = flown.counts.filter(pl.col("signal") == signal).sort("design", "good_before", "kind", "condition")
     rng = np.random.default_rng(SEED)
-    drawn = outcomes(counts, given.kinds, flown.manager, rng, DRAWS)
+    drawn = outcomes(counts, given.kinds, flown.manager, rng, DRAWS, given.level(cases[0].hours))
     phi = false_isolations(flown.false_isolations.filter(pl.col("signal") == signal), rng)
     if given.false_isolations_per_channel_hour is not None:
         phi = dict.fromkeys(phi, np.full(DRAWS, given.false_isolations_per_channel_hour))
-    base = Given(drawn.draws, drawn.announced, phi, settle_s(counts) / 3600.0)
+    base = Given(drawn.draws, drawn.announced, phi, settle_s(counts) / 3600.0, given.box_per_hour)
     made: list[Result] = []
     for _, alike in groupby(cases, lambda case: case._replace(flights_between_checks=0)):
         same = list(alike)
         several = zip(same, losses(base, same), _contributions(_mean(base), drawn, same), strict=True)
-        made += [_result(flown.manager, signal, drawn, *parts, layers) for parts in several]
+        ideal = perfect(same[0].channels, same[0].per_hour + given.box_per_hour, same[0].hours)
+        made += [_result(flown.manager, signal, drawn, ideal, *parts, layers) for parts in several]
     return made
 
 
@@ -135,6 +136,7 @@ def _result(
     manager: str,
     signal: str,
     drawn: Outcomes,
+    ideal: float,
     case: Case,
     lost: Floats,
     contributions: tuple[Contribution, ...],
@@ -150,7 +152,6 @@ def _result(
     loss = _estimate(lost.sum(axis=1) + more, unseen)
     standing = {name: against(loss, target) for name, target in TARGETS.items()}
     requirement = {name: verdict == MET for name, verdict in standing.items()}
-    ideal = perfect(case.channels, case.per_hour, case.hours)
     unreached = tuple(f"{design}, {good} good" for design, good in drawn.unreached if good <= case.channels)
     names = tuple(layer.name for layer in layers)
     return Result(manager, signal, case, estimates, ideal, requirement, loss, standing, contributions, names, unreached)

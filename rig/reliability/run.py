@@ -68,6 +68,7 @@ def assumptions(rates: Rates, name: str, results: Sequence[Result]) -> list[str]
         f"kinds: {kinds} ({given.kinds_source})",
         f"common mode: {beta} of them hit two alike ({given.beta_source}); all others are independent",
         _false_isolations(given),
+        _manoeuvres(given),
         f"one signal, {name}; software, power and wiring are not in it",
         "aircraft, flight points, manoeuvres and sizes of faults are those of the campaign",
         "what was announced is repaired before the next flight, what was not stays until a check",
@@ -84,6 +85,12 @@ def assumptions(rates: Rates, name: str, results: Sequence[Result]) -> list[str]
     if any("lost_aircraft" not in result.estimates for result in results):
         lines.append("nothing is said of the aircraft: the trials were open loop")
     return lines
+
+
+def _manoeuvres(given: SignalRates) -> str:
+    if given.manoeuvre_every_h is None:
+        return "no manoeuvre is flown between two faults of a flight, and one after them: assumed"
+    return f"a manoeuvre every {given.manoeuvre_every_h:g} h finds channels that are stuck ({given.manoeuvre_source})"
 
 
 def _false_isolations(given: SignalRates) -> str:

@@ -3,8 +3,8 @@
 A cell is a signal, how many of its channels are good before the fault, a design (single, near, alike), a kind and a
 condition.  Every trial of a cell is one of three, by what follows the onset of its last fault to the end of the run:
 
-    known loss  the signal was declared lost: level 0 at any time
-    bad vote    it was not, and the vote was not kept (assess/windows.py)
+    known loss  the signal was declared lost, level 0 at any time, and its vote was kept until then
+    bad vote    the vote was not kept (assess/scoring.py), before a loss was declared or without one
     kept        neither
 """
 
@@ -18,6 +18,7 @@ import polars as pl
 
 TESTED, SECOND = "tested", "second"  # ids of the fault that is counted, and of a near one after it
 DESIGNS: Final = ("single", "near", "alike")
+LATENT: Final = "level then manoeuvre"  # condition: all faults in level flight, where a stuck channel is not found
 AT_ONCE: Final = {"single": 1, "near": 2, "alike": 2}  # channels that fail
 CELL: Final = ("signal", "good_before", "design", "kind", "condition")
 OUTCOMES: Final = ("kept", "known_loss", "bad_vote")

@@ -7,7 +7,7 @@ its own, given by the number of its run and its place, so neither workers nor th
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from rig.assess.monitored import allowed_frames, blank_records, lingers
 from rig.assess.outcome import LEVELS, NEVER
-from rig.bench.trials import RESULT, Scratch, Trials, run_trials
+from rig.bench.trials import RESULT, Scratch, Trials, begin_trial, record_trial, run_trials
 from rig.campaign.plan import Plan
 from rig.errors import BadInput
 from rig.faults.record import KEPT, FaultData
-from rig.frame import CHANNELS, D
+from rig.frame import CHANNELS, D, S
 from rig.reliability.drawn import Cell, cell, draw, refill
 from rig.reliability.one_signal import ROW
 from rig.reliability.recorded import Recording, recording
@@ -170,6 +170,37 @@ def fly_trials(made: Cell, trials: Trials, drawn: Callable[[], object]) -> tuple
         drawn()
         done = run_trials(trials, done, scratch, results, healthy, failed)
     return results, healthy, failed
+
+
+def recorded_trials(
+    made: Cell, trials: Trials, drawn: Callable[[], object]
+) -> Iterator[tuple[slice, dict[str, NDArray[Any]]]]:
+    """Yield what a manager would read in trials that all begin with the flight: which, and (T, n, ...) each.
+
+    drawn : as in ``fly_trials``, and with the same samples
+    Of a trial that ends before the longest its last frame is repeated.
+    """
+    scratch, at, frames = _scratch(made, trials), len(trials.noise), trials.last - trials.first
+    for begin in range(0, len(frames), S):
+        part = slice(begin, min(begin + S, len(frames)))
+        longest = int(frames[part].max())
+        shape = (part.stop - begin, longest, CHANNELS)
+        read = {"channels": np.empty(shape), "valid": np.empty(shape, np.uint8), "ilm": np.empty(shape, np.uint8)}
+        both = {"reference": np.empty(shape[:2]), "second_reference": np.full(shape[:2], np.nan)}
+        for i, j in enumerate(range(begin, part.stop)):
+            if at + frames[j] > len(trials.noise):
+                drawn()
+                at = 0
+            begin_trial(trials, j, scratch)
+            record_trial(trials, j, at, scratch, *(each[i] for each in read.values()))
+            at += int(frames[j])
+            here = slice(trials.first[j], trials.last[j])
+            stepped = np.arange(here.start, here.stop) >= trials.reference_from[j]
+            both["reference"][i, : frames[j]] = trials.reference[here] + stepped * trials.reference_step[j]
+            both["second_reference"][i, : frames[j]] = trials.second[here]
+            for each in (*read.values(), *both.values()):
+                each[i, frames[j] :] = each[i, frames[j] - 1]
+        yield part, {**read, **both}
 
 
 def _scratch(made: Cell, trials: Trials) -> Scratch:

@@ -13,11 +13,11 @@ from typing import Any
 from rig.campaign.config import from_what
 from rig.campaign.plan import Plan, rig_identity
 from rig.campaign.pool import each
-from rig.errors import BadInput, RigError
+from rig.errors import BadInput
 from rig.reliability.cells import FORMAT, TABLES
 from rig.reliability.tally import Cells
 from rig.reliability.trials import Batch, Tally, TrialRunner, added_up, shared_out
-from rig.util.files import replaced
+from rig.util.files import new_folder, replaced, reported
 from rig.util.outputs import TRIALS
 
 Report = Callable[[int, int], None]  # trials done, of how many
@@ -80,8 +80,7 @@ def _new(out: Path) -> None:
 
 def _write(out: Path, cells: Cells, about: dict[str, Any]) -> None:
     """Write tables first, ``trials.json`` last."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
+    with reported(f"--out {out}"), new_folder(out):
         for name, table in zip(TABLES, (cells.counts, cells.false_isolations), strict=True):
             memory = io.BytesIO()
             table.write_parquet(memory)
@@ -89,5 +88,3 @@ def _write(out: Path, cells: Cells, about: dict[str, Any]) -> None:
                 draft.write_bytes(memory.getvalue())
         with replaced(out / TRIALS) as draft:
             draft.write_text(json.dumps(about, indent=1), encoding="utf-8")
-    except OSError as error:
-        raise RigError(f"--out {out}: cannot be written: {error.strerror}") from None

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from rig.assess.actuator_sentence import bypass_text
 from rig.assess.of_log import Scored
 from rig.assess.record import ActuatorFailure, ActuatorScore
 from rig.faults.places import number, site
@@ -58,17 +59,17 @@ def _happened(name: str, one: ActuatorScore, first: int, scored: Scored) -> Happ
     decided = [failure.frame for failure in one.failures] + [one.bypassed_frame or first]
     last = max(frame for frame in decided if frame - first <= _LATEST_S * rate_hz)
     begin_s, end_s = decisive_s(first / rate_hz, last / rate_hz if last > first else None, (frames - 1) / rate_hz)
-    return Happened(name, round(begin_s * rate_hz), round(end_s * rate_hz) + 1, list(_said(one, rate_hz)))
+    return Happened(name, round(begin_s * rate_hz), round(end_s * rate_hz) + 1, list(_said(one, frames, rate_hz)))
 
 
-def _said(one: ActuatorScore, rate_hz: float) -> Iterator[str]:
+def _said(one: ActuatorScore, frames: int, rate_hz: float) -> Iterator[str]:
     for failure in one.failures:
         at = seconds(failure.frame, rate_hz)
         yield f"channel {failure.channel} shut off at {at} by {failure.monitor}{_for(failure)}"
     for channel, frame in one.valves_differ.items():
         yield f"valve of channel {channel} not as commanded from {seconds(frame, rate_hz)} on"
-    if one.bypassed_frame is not None:
-        yield f"bypassed from {seconds(one.bypassed_frame, rate_hz)} on"
+    if text := bypass_text(one, frames, rate_hz):
+        yield text
     if not one.failures:
         yield "no channel was shut off"
 

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import INDEX, SIGNALS, Block, Pattern, Source, State
+from rig.frame import INDEX, SIGNALS, Block, LaneBlock, Pattern, Source, State, has_part
 from rig.record.failures import became_failed
+from rig.view import computers
 from rig.view.lanes import Changes, changed, changes
 
 _LEVELS = {0: "no channel", 1: "1 channel", 2: "2 channels", 3: "3 channels", 4: "4 channels"}
@@ -30,9 +31,10 @@ class Course:
         self._acting: list[NDArray[np.uint8]] = []
         self._changes: dict[str, list[Changes]] = {}
         self._before: Block | None = None  # (1,)
+        self._beside: LaneBlock | None = None  # (1,)
 
-    def add(self, rows: Block) -> None:
-        """Take the next rows (n,) of the flight."""
+    def add(self, rows: Block, lanes: LaneBlock | None = None) -> None:
+        """Take the next rows (n,) of the flight, and those of lanes beside them."""
         before = self._before
         became = became_failed(rows["state"], None if before is None else before[0]["state"])
         self._failed.append(became[:, :2] + [self.frames, 0])
@@ -40,6 +42,9 @@ class Course:
         self._note_odd(rows)
         for found in (changes(rows, before, self._faults), _level_changes(rows, before)):
             self._note(found)
+        if has_part(lanes, computers.SHOWN.part):
+            self._note(computers.SHOWN.changes(lanes, self._beside))
+            self._beside = lanes[-1:].copy()
         self.frames += len(rows)
         self._before = rows[-1:].copy()
 
@@ -67,7 +72,7 @@ class Course:
         return found[found[:, 1] == INDEX[name], 0].tolist()
 
     def lanes(self) -> dict[str, Changes]:
-        """Return the changes of each lane of view.lanes, and of the levels."""
+        """Return the changes of each lane of view.lanes and view.computers, and of the levels."""
         return {
             path: Changes(
                 path, np.concatenate([part.rows for part in parts]), [s for part in parts for s in part.states]

@@ -13,15 +13,18 @@ from numpy.typing import NDArray
 from rig.assess import cells
 from rig.assess.of_log import Scored, score_log
 from rig.assess.record import Yardstick
+from rig.assess.requirements import plain
 from rig.computer.redundancy.managers import manager_kind
 from rig.frame import INDEX, SIGNALS
 from rig.log import LogFile, scenario_of
 from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
+from rig.report import computers
 from rig.report import figures as draw
 from rig.report.actuators import happened, of_actuator
 from rig.report.course import Course
 from rig.report.gathered import Gathered, Gathering, Stretch
+from rig.report.margins import Margins
 from rig.report.moments import Moment, affected, limit, moment, signals_of
 from rig.report.page import DASH, write_page
 from rig.report.timeline import spans, timeline
@@ -35,28 +38,32 @@ MOST_ROWS: Final = 300  # of a table
 QUIETEST: Final = 4  # signals whose vote's error is drawn where nothing happened to any
 
 
-def report(path: Path, out: Path) -> dict[str, Any]:
+def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str, Any]:
     """Write the report of the log at ``path`` to ``out``; what it says as plain data.
+
+    requirements : bundled sets and files, beside those of the scenario
 
     The log is gone through block by block, as often as is asked of it.  BadInput or BadLog, one line: no log of
     ``rig fly``, no verdict.
     """
     log = LogFile.open(path)
     scored = score_log(path, Yardstick(), twin=False, log=log)
+    margins = Margins.of(log, scored.scenario, requirements)
     course = _course(log, len(scored.scenario.faults))
     names = affected(scored, course)
     moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
-    drawn = _figures(log, scored, course, names[:MOST_SIGNALS], moments)
-    about = _about(log, scored, names, moments)
+    drawn = _figures(log, scored, course, names[:MOST_SIGNALS], moments) | margins.figures()
+    about = {**_about(log, scored, names, moments), "requirements": margins.rows(), "unmeasured": margins.remark}
     write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
+    told |= {"requirements": [plain(one) for one in margins.verdicts]} if margins.verdicts else {}
     return {"report": str(out), **told, **scored.as_dict()}
 
 
 def _course(log: LogFile, faults: int) -> Course:
     course = Course(faults)
     for block in log.blocks():
-        course.add(block.rows)
+        course.add(block.rows, block.lanes)
         tell("looking for what happened", course.frames, log.frames)
     return course
 
@@ -78,9 +85,11 @@ def _figures(
     """Draw the pictures, by the id of their element, in the order of the page."""
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
     surfaces = happened(scored) if "actuator" in log.lanes else []
-    gathered = _gathered(log, scored, shown, [(one.begin, one.end) for one in (*moments, *surfaces)])
+    lanes = computers.happened(scored, log.events)
+    stretches = [*moments, *surfaces, *([lanes] if lanes else [])]
+    gathered = _gathered(log, scored, shown, [(one.begin, one.end) for one in stretches])
     labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
-    found = {"timeline": timeline(lanes)} if (lanes := spans(course, rate_hz, shown, labels)) else {}
+    found = {"timeline": timeline(states)} if (states := spans(course, rate_hz, shown, labels)) else {}
     for one in moments:
         rows, acts = gathered.stretches[one.begin, one.end].rows, acting[one.signal][one.begin : one.end]
         about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
@@ -89,6 +98,9 @@ def _figures(
         found[f"signal-{name}"] = draw.of_flight(gathered.signals[name], rate_hz, name, acting[name])
     for one in surfaces:
         found[f"actuator-{one.surface}"] = of_actuator(gathered.stretches[one.begin, one.end], scored, one)
+    if lanes is not None:
+        found["computers"] = timeline(computers.states(course, rate_hz, scored.scenario.computers.count))
+        found["commands"] = computers.commands(gathered.stretches[lanes.begin, lanes.end], scored, lanes)
     found["votes"] = draw.vote_errors(gathered.errors, _thresholds(scored, shown))
     found["surfaces"] = draw.surfaces(gathered.surfaces)
     return found
@@ -140,6 +152,7 @@ def _about(log: LogFile, scored: Scored, names: Sequence[str], moments: Sequence
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _said(one, rate_hz)) for one in moments],
         "actuators": happened(scored) if "actuator" in log.lanes else [],
+        "computers": computers.happened(scored, log.events),
         "signals": names[:MOST_SIGNALS],
         "left_out": names[MOST_SIGNALS:],
         "limits": _limits(scored, names[:MOST_SIGNALS]),
@@ -207,6 +220,7 @@ def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], li
     found = [
         ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
         ("Channels of actuators", cells.ACTUATORS, cells.actuator_rows(score, rate_hz)),
+        ("Computers and links", cells.COMPUTERS, cells.computer_rows(score, rate_hz)),
         ("Healthy channels that were failed", cells.ISOLATIONS, cells.isolation_rows(score, rate_hz)),
         ("Patterns without a majority", cells.RESOLVERS, cells.resolver_rows(score)),
         ("Votes", cells.VOTES, cells.vote_rows(score, rate_hz)),

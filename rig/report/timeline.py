@@ -8,19 +8,23 @@ from typing import Any, Final, NamedTuple
 
 import plotly.graph_objects as go
 
-from rig.frame import INDEX
+from rig.frame import COMPUTERS, INDEX
 from rig.report.course import Course, level_path
 from rig.report.page import lay_out
-from rig.util.palette import BLUE, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, VIOLET, YELLOW
+from rig.util.palette import BLUE, CHANNELS, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, SOFT, VIOLET, YELLOW
+from rig.view.computers import HEALTH
 from rig.view.lanes import LANES, Changes, Lane, fault_path
 from rig.view.style import STATE_LOOKS
 
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
 _NAMES: Final = {"resolver": "decided by"}
-_QUIET: Final = ("ok", "normal", "none", "voted", "autopilot", "4 channels")
+_QUIET: Final = ("ok", "normal", "none", "voted", "autopilot", "4 channels", "engaged", "fresh")
 _COLOURS: Final = {
     **dict.fromkeys(_QUIET, QUIET),
-    **dict.fromkeys(("lost", "unresolved", "no channel"), INK),
+    **dict.fromkeys(("lost", "unresolved", "no channel", "back-up"), INK),
+    **dict.fromkeys((label for lane in HEALTH for label, _ in lane.looks.values() if label.startswith("failed")), RED),
+    **dict(zip(COMPUTERS, CHANNELS, strict=True)),  # the leading lane
+    **{"missing": YELLOW, "a frame old": LIGHT_BLUE, "runs again, not engaged": MID_BLUE, "off by command": SOFT},
     **{"suspect": YELLOW, "failed": RED, "acting": ORANGE, "isolated": LIGHT_BLUE},
     **{"3 channels": LIGHT_BLUE, "2 channels": MID_BLUE, "1 channel": BLUE},
 }
@@ -51,10 +55,10 @@ def spans(course: Course, rate_hz: float, signals: Sequence[str], faults: Sequen
     for name in signals:
         level = level_path(name)
         of = [path for path in found if path.startswith(f"/{name}/") and path != level]
-        kept += [span for path in of if "/channel_" in path or _eventful(found[path]) for span in found[path]]
+        kept += [span for path in of if "/channel_" in path or eventful(found[path]) for span in found[path]]
         kept += found[level]
     others = [lane.path for lane in LANES if lane.path.split("/")[1] not in INDEX]
-    kept += [span for path in others if _eventful(found[path]) for span in found[path] if span.label != "absent"]
+    kept += [span for path in others if eventful(found[path]) for span in found[path] if span.label != "absent"]
     return _most([span for span in kept if span.label])
 
 
@@ -64,6 +68,11 @@ def _named(path: str) -> str:
     return (
         " ".join([of, *(_NAMES.get(part, part.replace("_", " ")) for part in lane)]) if lane else of.replace("_", " ")
     )
+
+
+def spans_of(change: Changes, lane: Lane, frames: int, rate_hz: float) -> list[Span]:
+    """Return the states of one lane over all frames, but those that are not drawn."""
+    return [span for span in _spans(_named(lane.path), change, lane, frames, rate_hz) if span.label]
 
 
 def _spans(name: str, change: Changes, lane: Lane | None, frames: int, rate_hz: float) -> Iterator[Span]:
@@ -80,7 +89,8 @@ def _label(state: str | None, lane: Lane | None) -> str:
     return looks[state][0] if state in looks else state.lower()
 
 
-def _eventful(of: Sequence[Span]) -> bool:
+def eventful(of: Sequence[Span]) -> bool:
+    """Return True if a state needs attention."""
     return any(span.label and span.label not in _QUIET for span in of)
 
 

@@ -18,8 +18,8 @@ from rig.thresholds.design import Grid
 from rig.thresholds.healthy import beyond, envelope
 from rig.thresholds.report import remarks, summary
 from rig.thresholds.run import Signal, design
-from rig.util.files import replaced, write_text
-from rig.util.outputs import require_apart, require_page
+from rig.util.files import draft, replaced, reported
+from rig.util.outputs import require_apart, require_ending, require_page
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,8 @@ def run(options: Options) -> dict[str, Any]:
     page = options.page
     require_apart({"--out": options.out, "--plot": page}, [*options.inputs, options.config, *options.monitored])
     require_page("--plot", page)
-    with replaced(options.out) as part, replaced(page) if page else nullcontext() as page_part:
+    require_ending("--out", options.out, "a configuration", ".toml")
+    with replaced(options.out) as part, draft(page) if page else nullcontext():  # the page can be written, too
         began = perf_counter()
         if options.config is None:
             settings, raw = of_scenario(recordings(options.inputs, VoteConfig())), None
@@ -56,9 +57,10 @@ def run(options: Options) -> dict[str, Any]:
         if options.monitored:
             _note_motion(data, signals, load(options.monitored, *reading))
         result = summary(data, options.grid, signals)
-        if page_part is not None:
-            thresholds_page.write(page_part, result)
-        write_text(part, _toml(options, raw, data, signals))
+        with reported(options.out):
+            part.write_text(_toml(options, raw, data, signals), encoding="utf-8", newline="\n")
+        if page is not None:
+            thresholds_page.write(page, result)
     return {"out": str(options.out), **result, "seconds": {"read": read - began, "design": perf_counter() - read}}
 
 

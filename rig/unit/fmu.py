@@ -12,12 +12,14 @@ import stat
 import zipfile
 import zlib
 from importlib.util import find_spec
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, get_args
 from xml.etree import ElementTree
 
 from rig.errors import BadInput
+from rig.text import quoted
 from rig.unit import links
 from rig.unit.fmu_description import IDENTIFIER, OLD_TOKEN, TOKEN, Place, Version, variables
 from rig.unit.fmu_mapping import mapped
@@ -28,6 +30,8 @@ from rig.unit.settings import Unit
 
 PLAN: Final = "rig-unit.json"  # beside what was in the FMU: what the child sets and gets
 _MOST_BYTES, _MOST_FILES = 500 << 20, 10_000  # of an FMU unpacked
+_LEAST_STEP_S: Final = 1e-9
+_IDENTIFIER: Final = re.compile(r"[\w-][\w.-]{0,199}")  # of one file in the archive
 _DAMAGED: Final = (zipfile.BadZipFile, OSError, RuntimeError, ValueError, EOFError, zlib.error)
 
 
@@ -112,11 +116,14 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
             f"{named} was built for layout {token!r}, this rig has {TOKEN!r}: write its modelDescription.xml again"
             f" ('rig unit header --fmu {version}') and rebuild, or map its variables in [fmu.inputs] and [fmu.outputs]"
         )
+    identifier = co_simulation.get("modelIdentifier", IDENTIFIER)
+    if not _IDENTIFIER.fullmatch(identifier):
+        raise BadInput(f"{named}: modelIdentifier {quoted(identifier)} is no name of a library")
     known = described(description, version, named)
     return {
         "version": version,
         "token": token,
-        "identifier": co_simulation.get("modelIdentifier", IDENTIFIER),
+        "identifier": identifier,
         "rate_hz": place(CONFIG, "rate_hz")[1],
         "time_s": place(INPUT, "time_s")[1],
         "said": place(OUTPUT, "said")[1],
@@ -137,9 +144,13 @@ def _steps(description: ElementTree.Element, co_simulation: ElementTree.Element,
     varies = co_simulation.get("canHandleVariableCommunicationStepSize") in ("true", "1")
     given = {"inner_step_s": co_simulation.get("fixedInternalStepSize", "0"), "only_step_s": "0" if varies else usual}
     try:
-        return {key: float(text) for key, text in given.items()}
+        steps = {key: float(text) for key, text in given.items()}
     except ValueError as error:
         raise BadInput(f"{named}: its step size is no number: {error}") from None
+    for step_s in steps.values():
+        if not (step_s == 0.0 or _LEAST_STEP_S <= step_s < inf):
+            raise BadInput(f"{named}: its step size is {step_s:g} s, must be {_LEAST_STEP_S:g} or more")
+    return steps
 
 
 def _runs(version: Version, known: dict[str, Described], old: bool, named: str) -> list[dict[str, Any]]:

@@ -13,6 +13,7 @@ from rig.unit.fmu_description import Version
 from rig.unit.fmu_moves import REAL
 
 WHOLE: Final = ("Integer", "Boolean", "Enumeration", *(f"{sign}Int{n}" for sign in ("", "U") for n in (8, 16, 32, 64)))
+_MOST_ELEMENTS: Final = 1 << 20  # of an array
 _ELEMENT: Final = re.compile(r"(.+)\[(\d+(?:,\d+)*)\]")
 
 
@@ -54,9 +55,13 @@ def _described(
     unit = kind.get("unit", declared.get(kind.get("declaredType", ""), ""))
     numbers = kind.tag in REAL + WHOLE
     texts = kind.get("start", "").replace("true", "1").replace("false", "0").split() if numbers else []
-    start = [float(text) for text in texts] or [0.0]
+    start, reference = [float(text) for text in texts] or [0.0], int(node.get("valueReference", ""))
+    if not 0 <= reference < 1 << 32:
+        raise ValueError(f"valueReference {reference} is none of 32 bits")
+    if min((0, *shape)) < 0 or prod(shape) > _MOST_ELEMENTS:
+        raise ValueError(f"an array has at most {_MOST_ELEMENTS} elements, {node.get('name')} has {shape}")
     start = start if len(start) == prod(shape) else start[:1] * prod(shape)
-    return Described(int(node.get("valueReference", "")), kind.tag, node.get("causality", "local"), unit, shape, start)
+    return Described(reference, kind.tag, node.get("causality", "local"), unit, shape, start)
 
 
 def _extent(dimension: ElementTree.Element, nodes: dict[str, ElementTree.Element]) -> int:

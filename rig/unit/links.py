@@ -105,6 +105,12 @@ class SocketLink:
         if ended is not None:
             raise Disconnected(ended)
 
+    def another(self) -> SocketLink:
+        """Return the link of a second rig to a unit at an address."""
+        talk = socket.socket(self._talk.family, socket.SOCK_DGRAM)
+        talk.connect(self._talk.getpeername())
+        return SocketLink(talk, None, self.peer)
+
     def close(self) -> str:
         """Close the socket and end the process, if it is the rig's; return how it ended if that was wrong."""
         self._talk.close()

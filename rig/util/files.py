@@ -10,7 +10,7 @@ import os
 import secrets
 import stat
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
@@ -62,6 +62,20 @@ def read_bytes(path: Path, most: int) -> bytes:
     if len(data) > most:
         raise BadInput(f"{path}: larger than {most >> 20} MiB")
     return data
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[None]:
+    """Make the folder ``path`` and those above it where they are missing; they go again when the block raises."""
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    path.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):  # somebody else has put something there
+            for folder in made:
+                folder.rmdir()
+        raise
 
 
 @contextmanager

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from itertools import combinations
 from pathlib import Path
 from typing import Final
@@ -15,10 +16,14 @@ from rig.util.files import is_file, reported
 CAMPAIGN: Final = "campaign.json"  # marks the folder of a campaign
 TRIALS: Final = "trials.json"  # and that of trials
 LEAGUE: Final = "league.json"  # and that of a league
+CUTSETS: Final = "cutsets.json"  # and that of cut sets,
+SETS: Final = "sets.json"  # which holds the minimal ones
+CONFIRMED: Final = "confirmed.json"  # and how they were flown again
 _OWN: Final = {  # files of such a folder that are nobody else's, by their path in it
     CAMPAIGN: re.compile(r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap"),
     TRIALS: re.compile(r"trials\.json|\w+\.parquet"),
-    LEAGUE: re.compile(r"(league|levels|result)\.json|lock|units/\d+-\d+\.parquet"),
+    CUTSETS: re.compile(r"(cutsets|sets|confirmed)\.json"),
+    LEAGUE: re.compile(r"(league|levels|result)\.json|lock|(units|flights)/\d+-\d+\.parquet"),
 }
 _DATA: Final = (".csv", ".parquet", ".mcap", ".json")  # endings of what is read where an input is a folder
 
@@ -27,7 +32,7 @@ def require_apart(outputs: Mapping[str, Path | None], inputs: Iterable[Path | st
     """Raise BadInput where an output is an input, another output, or a file of a campaign's or trials' own.
 
     outputs : by the options that name them; two paths are one file in any spelling, over links, and as hard links
-    inputs  : files and folders; of a folder all data in it
+    inputs  : files and folders; of a folder all data in it, and those that links in it lead to
     """
     named = [(option, path) for option, path in outputs.items() if path is not None]
     given = [Path(path) for path in inputs if path is not None]
@@ -41,8 +46,13 @@ def require_apart(outputs: Mapping[str, Path | None], inputs: Iterable[Path | st
 
 def require_page(option: str, path: Path | None) -> None:
     """Raise BadInput where the name of a page does not end with .html: a browser would show its text."""
-    if path is not None and path.suffix.lower() not in (".html", ".htm"):
-        raise BadInput(f"{option} {path}: is a page for a browser: its name must end with .html")
+    require_ending(option, path, "a page for a browser", ".html", ".htm")
+
+
+def require_ending(option: str, path: Path | None, what: str, *endings: str) -> None:
+    """Raise BadInput where a name has none of ``endings``: code or settings may be there that an input refers to."""
+    if path is not None and path.suffix.lower() not in endings:
+        raise BadInput(f"{option} {path}: is {what}: its name must end with {endings[0]}")
 
 
 def _require_no_input(what: str, path: Path, inputs: Iterable[Path]) -> None:
@@ -50,7 +60,7 @@ def _require_no_input(what: str, path: Path, inputs: Iterable[Path]) -> None:
     for given in inputs:
         if _same(path, given):
             raise BadInput(f"{what}: is the input")
-        if _is_folder(given) and (_inside(places, given) or _is_data_of(path, given)):
+        if _is_folder(given) and _is_data_of(path, given):
             raise BadInput(f"{what}: is among the data of the input {given}")
     for place in places:
         for folder in (place.parent, place.parent.parent):
@@ -67,17 +77,25 @@ def _same(one: Path, other: Path) -> bool:
         return False
 
 
-def _inside(places: Iterable[Path], folder: Path) -> bool:
-    """Return True if data is at one of the places, in ``folder`` or below."""
-    root = Path(os.path.realpath(folder))
-    return any(place.suffix in _DATA and is_file(place) and place.is_relative_to(root) for place in places)
-
-
 def _is_data_of(path: Path, folder: Path) -> bool:
-    """Return True if ``path`` is a hard link of data in ``folder``."""
-    if not is_file(path) or path.stat().st_nlink < 2:
+    """Return True if ``path`` is data in ``folder`` or below, or what a link there leads to."""
+    if not is_file(path):
         return False
-    return any(_same(path, data) for data in folder.rglob("*") if data.suffix in _DATA)
+    own = path.stat()
+    return any(os.path.samestat(own, data.stat()) for data in _data(folder) if data.is_file())
+
+
+def _data(folder: Path) -> Iterator[os.DirEntry[str]]:
+    """Yield the data in a folder and below, in folders that links lead to as well."""
+    left, seen = [os.path.realpath(folder)], set[str]()
+    while left:
+        seen.add(place := left.pop())
+        with suppress(OSError), os.scandir(place) as entries:  # one that cannot be read is no input
+            for entry in entries:
+                if entry.is_dir():
+                    left += {os.path.realpath(entry)} - seen
+                elif entry.name.endswith(_DATA):
+                    yield entry
 
 
 def _is_folder(path: Path) -> bool:

@@ -13,6 +13,7 @@ from rig.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Discrete, Signal
 from rig.record.failures import decisive_s
 from rig.units.quantities import unit_shown
 from rig.view import charts, columns, derived, lanes
+from rig.view.computers_tab import tab as computers_tab
 from rig.view.facts import Layout, Shown
 from rig.view.plots import (
     Axes,
@@ -43,8 +44,9 @@ OVERVIEW: Final = "overview"  # the first tab
 MAIN: Final = "pitch_rate"  # what it shows of a flight without faults
 GROUPS: Final = tuple(dict.fromkeys(signal.group for signal in SIGNALS))
 SERVOS: Final = "actuators"  # of flights with servos alone
+COMPUTERS: Final = "computers"  # of flights with several alone
 UNIT: Final = "unit"  # the last tab, of flights with a unit under test alone
-TABS: Final = (OVERVIEW, *GROUPS, "discretes", "surfaces", SERVOS, "control", "flight", UNIT)
+TABS: Final = (OVERVIEW, *GROUPS, "discretes", "surfaces", SERVOS, COMPUTERS, "control", "flight", UNIT)
 LAYOUT: Final = Layout()
 _MARGIN: Final = 0.033  # of a column, left of its lanes
 
@@ -59,16 +61,20 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
     require_tab(tab)
     tested = [flight for flight in shown if flight.facts.unit]
     moved = [flight for flight in shown if flight.facts.servos]
+    several = [flight for flight in shown if flight.facts.computers > 1]
     if tab == UNIT and not tested:
         raise BadInput(f"no tab {tab!r}: no unit under test was flown")
     if tab == SERVOS and not moved:
         raise BadInput(f'no tab {tab!r}: no flight had [actuators] model = "servo"')
+    if tab == COMPUTERS and not several:
+        raise BadInput(f"no tab {tab!r}: no flight had [computers] count of 2 or more")
     tabs = {
         OVERVIEW: _overview(main_signal(shown), shown),
         **{group: _group_tab(group, [s for s in SIGNALS if s.group == group], shown) for group in GROUPS},
         "discretes": _discretes_tab(shown),
         "surfaces": _surfaces_tab(shown),
         **({SERVOS: servo_tab(SERVOS, moved)} if moved else {}),
+        **({COMPUTERS: computers_tab(COMPUTERS, several)} if several else {}),
         "control": _control_tab(shown),
         "flight": _flight_tab(shown, map_tiles),
         **({UNIT: _unit_tab(tested)} if tested else {}),

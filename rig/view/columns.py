@@ -7,6 +7,7 @@ the stream and the opened log:
     /control, /demand, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
     /actuator/<surface>                rig.Actuator:message, of flights with servos
+    /computer/<A to D>                 lists of numbers alone: a message has 170
 
 and, for the viewer alone, of the wall clock of a flight with a unit under test
 
@@ -14,7 +15,7 @@ and, for the viewer alone, of the wall clock of a flight with a unit under test
     /timing/replies                    how many reply times lie in each bin, from the begin of the flight to the cursor
     /timing/lateness                   the same of the lateness; of paced flights alone
 
-and what derived.py, lanes.py, servos.py, matrix.py and scene.py make of the rows.  What derived.py makes
+and what derived.py, lanes.py, servos.py, computers.py, matrix.py and scene.py make of the rows.  What derived.py makes
 of a signal goes with it, as one more component of its entity: each entity costs the viewer a clock and a name of
 every row.
 
@@ -33,18 +34,21 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import MOVED, TIMING, Block, End, LaneBlock, has_part
+from rig.frame import TIMING, Block, End, LaneBlock, has_part
 from rig.frame.fields import FIELD, Field, places
 from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.event import Event
 from rig.record.histogram import BINS, EDGES_US, binned
-from rig.view import derived, lanes, matrix, servos
+from rig.view import computers, derived, lanes, matrix, servos
+from rig.view.beside import Beside
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
 from rig.view.style import OVER, PALETTE, VOTED, Color
 
 CLOCK: Final = "/timing"
 CLOCK_TYPE: Final = "rig.Timing"
+BESIDE: Final = (servos.SHOWN, computers.SHOWN)
+_BARE: Final = ("fault", "lane", "leading lane", "link", "back-up")  # names of events whose texts need them
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
 
@@ -107,7 +111,7 @@ class Columns:
         self._facts = facts
         self._root = root
         self._before: Block | None = None
-        self._moved: LaneBlock | None = None  # the last row of the servos
+        self._moved: LaneBlock | None = None  # the last row of servos and computers
         self._derived = derived.Derived(facts)
         self._scene = Scene(recording, root, color)
         self._times = Times(self._columns) if facts.unit else None
@@ -121,7 +125,7 @@ class Columns:
     ) -> None:
         """Send every row of ``rows`` and the events among them, one batch an entity.
 
-        timing : (n,) of TIMING, shown of a flight with a unit under test;  moved : (n,) of LANES, with servos
+        timing : (n,) of TIMING, shown of a flight with a unit under test;  moved : (n,) of servos and computers
         """
         if not len(rows):
             return
@@ -138,8 +142,10 @@ class Columns:
         for change in lanes.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
-        if has_part(moved, "actuator"):
-            self._servos(moved, nanoseconds)
+        for of in BESIDE:
+            if has_part(moved, of.part):
+                self._lanes(of, moved, nanoseconds)
+        self._moved = None if moved is None else moved[-1:].copy()
         self._matrix(rows, nanoseconds)
         self._scene.send(rows, nanoseconds)
         if self._times is not None and timing is not None:
@@ -149,17 +155,18 @@ class Columns:
         if rows["end"][-1] != End.FLYING:
             self._ends(End(rows["end"][-1]).name, rows["frame"][-1:])
 
-    def _servos(self, moved: LaneBlock, nanoseconds: NDArray[np.float64]) -> None:
+    def _lanes(self, of: Beside, moved: LaneBlock, nanoseconds: NDArray[np.float64]) -> None:
+        """Send a part of the second row."""
         if self._moved is None:
-            rr.log(servos.LEGEND, matrix.strip(servos.LEGEND_LINES), static=True, recording=self._recording)
-        for i, surface in enumerate(MOVED):
-            message, numbers = _struct(servos.columns(moved, i)), servos.values(moved, i).astype(np.float32)
-            components = [*_message(servos.MESSAGE, message), *_values(servos.VALUES, numbers)]
-            self._columns(servos.topic(surface), [time_column(nanoseconds)], components)
-        for change in servos.changes(moved, self._moved):
+            rr.log(of.legend, matrix.strip(of.legend_lines), static=True, recording=self._recording)
+        for entity in of.entities(moved):
+            components = [*_values(entity.archetype, entity.values.astype(np.float32))]
+            if entity.message:
+                components += _message(entity.message, _struct(entity.columns))
+            self._columns(entity.path, [time_column(nanoseconds)], components)
+        for change in of.changes(moved, self._moved):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
-        self._moved = moved[-1:].copy()
 
     def _matrix(self, rows: Block, nanoseconds: NDArray[np.float64]) -> None:
         if self._before is None:
@@ -176,7 +183,7 @@ class Columns:
     def _ends(self, how: str, frame: NDArray[Any]) -> None:
         time = [time_column(np.rint(frame * (1e9 / self._rate_hz)))]
         ends = list(lanes.ends(how, self._facts.faults))
-        ends += [(lane.path, how) for lane in servos.LANES if self._moved is not None]
+        ends += [(lane.path, how) for of in BESIDE if has_part(self._moved, of.part) for lane in of.lanes]
         for path, state in ends:
             self._columns(path, time, rr.StateChange.columns(state=[state]))
 
@@ -208,8 +215,8 @@ def _values(archetype: str, values: NDArray[Any]) -> rr.ComponentColumnList:
 
 
 def words(event: Event) -> str:
-    """Return an event in words; that of a fault says only which."""
-    return f"{event.name}: {event.text}" if event.name.startswith("fault") else event.text
+    """Return an event in words; the text of some says only of what."""
+    return f"{event.name}: {event.text}" if event.name.startswith(_BARE) else event.text
 
 
 def struct(rows: Block, topic: Topic) -> pa.StructArray:

@@ -23,6 +23,7 @@ class FaultFact:
 
     place    : the signals that it acts on, joined by "+", or another place as the scenario names it
     channels : numbered from 1; none when it acts on no channel or on all of them
+    lanes    : from 0, computers on which it sits, or whose words it changes; each owns its channel
     start_s  : when it begins; NaN when that depends on the flight
     """
 
@@ -30,6 +31,7 @@ class FaultFact:
     place: str
     channels: tuple[int, ...] = ()
     start_s: float = nan
+    lanes: tuple[int, ...] = ()
 
     @property
     def places(self) -> list[str]:
@@ -37,8 +39,9 @@ class FaultFact:
         return self.place.split("+")
 
     def acts_on(self, signal: str, channel: int) -> bool:
-        """Return True if it acts on ``channel``, numbered from 1, of ``signal``."""
-        return signal in self.places and (not self.channels or channel in self.channels)
+        """Return True if it acts on ``channel``, numbered from 1, of ``signal``, or on the computer that owns it."""
+        on_place = signal in self.places and (not self.channels or channel in self.channels)
+        return on_place or channel - 1 in self.lanes
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,7 @@ class Seen:
     zoom_s     : from half a second before the decisive fault to one second after the isolation; None: no fault acted
     main       : the signal of that fault; empty: none
     coils_s    : as zoom_s, about the first channel of a servo that was shut off; None: none was
+    lanes_s    : as zoom_s, about the first computer or link that failed; None: none did
     noted      : signals with a fault or a channel that was not ok, by their names
     ranges     : lowest and highest value of what is drawn, by its name, in the unit in which it is drawn
     """
@@ -59,6 +63,7 @@ class Seen:
     isolated_s: float | None = None
     zoom_s: tuple[float, float] | None = None
     coils_s: tuple[float, float] | None = None
+    lanes_s: tuple[float, float] | None = None
     main: str = ""
     noted: tuple[str, ...] = ()
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -74,6 +79,7 @@ class Facts:
     unit: str = ""  # under test, by its name; empty: our own manager
     paced: bool = False  # by the clock
     servos: bool = False  # move the surfaces
+    computers: int = 1
     seen: Seen | None = None  # of a flight that is over
 
     def threshold(self, index: int) -> float:
@@ -136,22 +142,32 @@ class Layout(NamedTuple):
 
 def of_resolved(scenario: Mapping[str, Any]) -> Facts:
     """Return the facts of a scenario as plain data, with its defaults written out; KeyError: one is missing."""
+    computers = scenario.get("computers", {}).get("count", 1)
     return Facts(
         scenario.get("title") or scenario["aircraft"],
         {signal.name: threshold(scenario, signal.name) for signal in SIGNALS},
-        tuple(map(_fault, scenario["faults"])),
+        tuple(_fault(fault, computers > 1) for fault in scenario["faults"]),
         servos=scenario.get("actuators", {}).get("model") == "servo",
+        computers=computers,
     )
 
 
-def _fault(fault: Mapping[str, Any]) -> FaultFact:
-    start = fault.get("start_s")
+def _fault(fault: Mapping[str, Any], several: bool) -> FaultFact:
+    """Return a fault of a scenario, with the lanes that it concerns where there are ``several`` computers."""
+    start, place = fault.get("start_s"), fault_names.place(fault)
     return FaultFact(
         fault_names.label(fault),
-        fault_names.place(fault),
+        place,
         tuple(fault.get("channels") or ()),
         float(start) if isinstance(start, (int, float)) else nan,
+        _lanes(place) if several else (),
     )
+
+
+def _lanes(place: str) -> tuple[int, ...]:
+    from rig.faults.places import OF_LANES, senders, site  # the kernels of faults take half a second to be imported
+
+    return tuple(senders(place)) if site(place) in OF_LANES else ()
 
 
 def of_log(metadata: Mapping[str, str]) -> Facts:

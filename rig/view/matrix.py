@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rig.frame import CHANNELS, SIGNALS, Block, S, State
 from rig.view.style import (
     CHANNEL_COLORS,
+    CHANNEL_NAMES,
     FAULT_LANE,
     QUIET,
     REFERENCE,
@@ -92,12 +93,11 @@ def names() -> rr.Points2D:
 
 def legend() -> rr.Points2D:
     """Build the legend of the colours of lines, in a strip."""
-    return strip(_LINES)
+    return strip((*CHANNEL_NAMES, *_LINES))
 
 
-def strip(others: Sequence[tuple[str, Color]]) -> rr.Points2D:
-    """Return a legend of the channels and of ``others``."""
-    named = [*((f"channel {c + 1}", color) for c, color in enumerate(CHANNEL_COLORS)), *others]
+def strip(named: Sequence[tuple[str, Color]]) -> rr.Points2D:
+    """Return a legend of what is named, in a strip."""
     step = STRIP / len(named)
     return _written([(step * (i + 0.5), -0.6, label, color) for i, (label, color) in enumerate(named)])
 

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from rig.frame import CHANNELS, LANE_FIELDS, MOVED, ActuatorMonitor, LaneBlock
 from rig.frame.fields import Field, elements
 from rig.units.quantities import scale_shown
+from rig.view.beside import Beside, Entity
 from rig.view.charts import spanned
-from rig.view.lanes import Changes, Lane, changed
+from rig.view.lanes import Lane
 from rig.view.style import (
     ALL_FAILED,
     CHANNEL_COLORS,
+    CHANNEL_NAMES,
     FAILED,
     PALETTE,
     QUIET,
@@ -41,7 +43,8 @@ _BYPASSED: Final = CHANNELS + 1
 _MONITORS: Final[Looks] = {
     monitor.name: (f"shut off by {monitor.name.lower()}", FAILED) if monitor else ("engaged", QUIET)
     for monitor in ActuatorMonitor
-}
+} | {"WITH_COMPUTER": ("shut off with its computer", FAILED)}
+_WITH_COMPUTER: Final = 1 + max(ActuatorMonitor)
 _HELD: Final[Looks] = {
     "HELD_0": ("no channel", ALL_FAILED),
     "HELD_1": ("1 channel", STATE_LOOKS["SUSPECT"][1]),
@@ -66,7 +69,8 @@ PLOTS: Final = (
 )
 PRESSURE: Final = Plot("pressure: 1 sky blue, 2 green", ("pressure",), (-0.1, 1.1))
 LEGEND: Final = "/legend/servos"
-LEGEND_LINES: Final = (  # beside the channels
+LEGEND_LINES: Final = (
+    *CHANNEL_NAMES,
     ("ram, spool", VOTED),
     ("asked", REFERENCE),
     ("models: darker", shade(VOTED, 1)),
@@ -97,10 +101,10 @@ def values(servos: LaneBlock, i: int) -> NDArray[np.float64]:
     return np.concatenate(columns, axis=1)
 
 
-def ranges(servos: LaneBlock) -> dict[str, tuple[float, float]]:
-    """Return the axis of the position of each surface, deg, by its topic."""
+def ranges(servos: LaneBlock, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
+    """Return the axis of the position of each surface in a ``part`` of the rows, deg, by its topic."""
     wanted = [i for i, name in enumerate(NAMES) if name == "ram" or name.startswith(("asked", "lvdt"))]
-    return {topic(surface): spanned(values(servos, i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
+    return {topic(surface): spanned(values(servos[part], i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
 
 
 def columns(servos: LaneBlock, i: int) -> Iterator[tuple[str, Field, NDArray[Any]]]:
@@ -114,7 +118,7 @@ def columns(servos: LaneBlock, i: int) -> Iterator[tuple[str, Field, NDArray[Any
 def of_surface(surface: str) -> list[Lane]:
     """Return the lanes of a surface: its channels, and how many of them move it."""
     i = MOVED.index(surface)
-    monitors = {int(monitor): monitor.name for monitor in ActuatorMonitor}
+    monitors = {int(monitor): monitor.name for monitor in ActuatorMonitor} | {_WITH_COMPUTER: "WITH_COMPUTER"}
     channels = [Lane(f"/{surface}/channel_{c + 1}", "failed_by", (i, c), monitors, _MONITORS) for c in range(CHANNELS)]
     return [*channels, Lane(f"/{surface}/moved_by", "", (i,), dict(enumerate(_HELD)), _HELD)]
 
@@ -122,17 +126,21 @@ def of_surface(surface: str) -> list[Lane]:
 LANES: Final = tuple(lane for surface in MOVED for lane in of_surface(surface))
 
 
-def changes(servos: LaneBlock, before: LaneBlock | None) -> Iterator[Changes]:
-    """Yield the changes in ``servos`` of any lane, after the row ``before`` (1,); None: all lanes begin here."""
-    for lane in LANES:
-        last = None if before is None else _codes(before, lane)
-        yield from changed(lane.path, lane.states, _codes(servos, lane), last)
+def entities(servos: LaneBlock) -> Iterator[Entity]:
+    """Yield what is drawn of each surface."""
+    for i, surface in enumerate(MOVED):
+        yield Entity(topic(surface), VALUES, values(servos, i), MESSAGE, columns(servos, i))
 
 
 def _codes(servos: LaneBlock, lane: Lane) -> NDArray[Any]:
     """Return what a lane shows in each row."""
-    rows = servos["actuator"]
+    rows = servos["actuator"][:, lane.at[0]]
+    by, shut = rows["failed_by"], rows["valve"] != 0
     if lane.field:
-        return rows[lane.field][(slice(None), *lane.at)]
-    held = (rows["failed_by"][:, lane.at[0]] == ActuatorMonitor.NONE).sum(axis=1)
-    return np.where(rows["bypassed"][:, lane.at[0]] != 0, _BYPASSED, held)
+        c = lane.at[1]
+        return np.where(shut[:, c] & (by[:, c] == ActuatorMonitor.NONE), _WITH_COMPUTER, by[:, c])
+    held = ((by == ActuatorMonitor.NONE) & ~shut).sum(axis=1)
+    return np.where(rows["bypassed"] != 0, _BYPASSED, held)
+
+
+SHOWN: Final = Beside("actuator", LEGEND, LEGEND_LINES, LANES, _codes, entities)

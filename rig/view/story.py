@@ -13,17 +13,19 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, Block, End, LaneBlock, State, has_part
+from rig.frame import CHANNELS, COMPUTERS, INDEX, SIGNALS, Block, End, LaneBlock, State, has_part
 from rig.record.actuators import ActuatorFinder
+from rig.record.computers import ComputerFinder, failed_by
 from rig.record.failures import Failure, decisive_s, failures
 from rig.units.quantities import duration, seconds
-from rig.view import charts, servos
+from rig.view import charts, computers, servos
 from rig.view.facts import Facts, Seen
 from rig.view.lanes import acting
 from rig.view.series import limits, series
 from rig.view.style import plain
 
-ACTUATOR: Final = "actuator."  # before a surface, as a place of faults
+ACTUATOR, COMPUTER, LINK = "actuator.", "computer.", "ccdl."  # before a surface, a lane, as places of faults
+SILENCE: Final = "its silence"
 _MOST_GROUPS: Final = 3  # of failures in a headline
 
 
@@ -50,19 +52,21 @@ class Story:
         self._rate_hz = rate_hz
         self._onsets: list[int | None] = [None] * len(facts.faults)
         self._before: Block | None = None
-        self._servos = ActuatorFinder()
+        self._servos, self._computers = ActuatorFinder(), ComputerFinder(rate_hz)
         self.isolations: list[Isolation] = []
         self.end = End.FLYING
         self.last = 0  # frame
 
     def add(self, rows: Block, moved: LaneBlock | None = None) -> bool:
-        """Take in the next rows, ``moved`` of servos; return True if the headline may have changed."""
+        """Take in the next rows, ``moved`` of servos and computers; return True if the headline may have changed."""
         acts = acting(rows, len(self._facts.faults))
         onsets_before = list(self._onsets)
         for i, onset in enumerate(self._onsets):
             if onset is None and acts[:, i].any():
                 self._onsets[i] = int(rows["frame"][acts[:, i].argmax()])
-        found = [*failures(rows, self._before), *(self._coils(moved) if has_part(moved, "actuator") else [])]
+        found = failures(rows, self._before)
+        found += self._coils(moved) if has_part(moved, "actuator") else []
+        found += self._lanes(moved) if has_part(moved, "computer") else []
         new = [Isolation(failure, self._onset(failure)) for failure in sorted(found, key=lambda each: each.frame)]
         self.isolations += new
         self._before = rows[-1:].copy()
@@ -80,12 +84,27 @@ class Story:
             if channel not in before.get(surface, ())
         ]
 
+    def _lanes(self, moved: LaneBlock) -> list[Failure]:
+        """Return the computers, and the links by their receivers, that fail in ``moved``."""
+        of, failed, silent = self._computers, len(self._computers.failures), len(self._computers.links)
+        of.find(moved)
+        return [
+            *(
+                Failure(one.frame, COMPUTER + COMPUTERS[one.lane], one.lane + 1, failed_by(one).removeprefix("by "))
+                for one in of.failures[failed:]
+            ),
+            *(Failure(one.frame, LINK + COMPUTERS[one.sender], one.receiver + 1, SILENCE) for one in of.links[silent:]),
+        ]
+
     def _onset(self, failure: Failure) -> int | None:
         """Return the onset of the first fault that has acted on a failed channel."""
+        place, channel = failure.place, failure.channel
+        if place.startswith(LINK):  # its faults are those of the lane that sends
+            channel = COMPUTERS.index(place.removeprefix(LINK)) + 1
         onsets = [
             onset
             for fault, onset in zip(self._facts.faults, self._onsets, strict=True)
-            if onset is not None and onset <= failure.frame and fault.acts_on(failure.place, failure.channel)
+            if onset is not None and onset <= failure.frame and fault.acts_on(place, channel)
         ]
         return min(onsets, default=None)
 
@@ -136,11 +155,13 @@ class Story:
                 return Decisive(signals[0], onset / self._rate_hz, None)
         return None
 
-    @property
-    def coils_s(self) -> tuple[float, float] | None:
-        """Onset of its fault, else its failure, and failure of the first servo channel that failed; None: none did."""
+    def first_s(self, *places: str) -> tuple[float, float] | None:
+        """Return onset of its fault, else its failure, and failure of what failed first; None: nothing did.
+
+        places : how those begin that are looked at
+        """
         for failure, onset in self.isolations:
-            if failure.place.startswith(ACTUATOR):
+            if failure.place.startswith(places):
                 return (failure.frame if onset is None else onset) / self._rate_hz, failure.frame / self._rate_hz
         return None
 
@@ -149,12 +170,18 @@ def _named(group: Sequence[Isolation]) -> str:
     """Return ``pitch rate, channel 3,``; or how many channels of how many signals, when there are many."""
     by_place = groupby((isolation.failure for isolation in group), lambda failure: failure.place)
     places = {place: [failure.channel for failure in of_place] for place, of_place in by_place}
-    if len(places) > _MOST_GROUPS:
+    if len(places) > _MOST_GROUPS and INDEX.keys() & places:
         return f"{len(group)} channels of {len(places)} signals"
-    return " and ".join(
-        f"{plain(place)}, channel{'s' if len(channels) > 1 else ''} {', '.join(map(str, channels))},"
-        for place, channels in places.items()
-    )
+    return " and ".join(_text(place, channels) for place, channels in places.items())
+
+
+def _text(place: str, channels: Sequence[int]) -> str:
+    """Return what of a place failed: channels, a computer, or a link by its receivers."""
+    if place.startswith(COMPUTER):
+        return f"computer {place.removeprefix(COMPUTER)}"
+    if place.startswith(LINK):
+        return f"link {place.removeprefix(LINK)} to {', '.join(COMPUTERS[channel - 1] for channel in channels)}"
+    return f"{plain(place)}, channel{'s' if len(channels) > 1 else ''} {', '.join(map(str, channels))},"
 
 
 def look(facts: Facts, rows: Block, rate_hz: float, ended: bool, moved: LaneBlock | None = None) -> tuple[Facts, str]:
@@ -166,11 +193,14 @@ def look(facts: Facts, rows: Block, rate_hz: float, ended: bool, moved: LaneBloc
     end_s, decisive = story.last / rate_hz, story.decisive
     survived = not lost if ended or lost else None
     seen = Seen(survived, end_s, noted=_noted(facts, rows), ranges=ranges)
-    if (coils := story.coils_s) is not None:
+    if (coils := story.first_s(ACTUATOR)) is not None:
         seen = replace(seen, isolated_s=coils[1], coils_s=decisive_s(*coils, end_s))
-    if has_part(moved, "actuator"):
-        first, last = (round(s * rate_hz) for s in seen.coils_s or (0.0, end_s))
-        ranges |= servos.ranges(moved[first : last + 1])
+    if (lanes := story.first_s(COMPUTER, LINK)) is not None:
+        seen = replace(seen, isolated_s=lanes[1], lanes_s=decisive_s(*lanes, end_s))
+    for of, span_s in ((servos, seen.coils_s), (computers, seen.lanes_s)):
+        if has_part(moved, of.SHOWN.part):
+            first, last = (round(s * rate_hz) for s in span_s or (0.0, end_s))
+            ranges |= of.ranges(moved, slice(first, last + 1))
     if decisive is not None:
         span_s = decisive_s(decisive.onset_s, decisive.isolated_s, end_s)
         first, last = (int(np.searchsorted(rows["frame"], s * rate_hz)) for s in span_s)

@@ -13,6 +13,7 @@ Color = tuple[int, int, int]
 Looks = dict[str, tuple[str, Color]]  # member of an enum: label, colour
 
 CHANNEL_COLORS: Final[tuple[Color, ...]] = ((86, 180, 233), (60, 190, 110), (165, 140, 255), (190, 135, 85))
+CHANNEL_NAMES: Final = tuple((f"channel {c + 1}", color) for c, color in enumerate(CHANNEL_COLORS))
 VOTED: Final[Color] = (255, 255, 255)
 TRUTH: Final[Color] = (128, 136, 144)
 REFERENCE: Final[Color] = (240, 80, 180)

@@ -1,11 +1,15 @@
-"""Four computers fly what one flies: `python tests/tools/equal_lanes.py` flies every bundled scenario of one with both.
+"""Four computers fly what one flies: every bundled scenario of one computer is flown with both.
 
-One line a scenario: frames, and what is not the same to the bit: rows of the two flights, or FCC records and COMPUTER
-records of the four lanes.  1 when anything is not.
+    python tests/tools/equal_lanes.py                     # clocks that are exact
+    python tests/tools/equal_lanes.py 0 0.05 0.2 0.1      # frames by which they are ahead of the plant, for good
+
+The one computer's sensors sample as early as the lanes' clocks say.  One line a scenario: frames, and what is not the
+same to the bit: rows of the two flights, or FCC and COMPUTER records of the four lanes.  1 when anything is not.
 """
 
 import sys
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,6 +17,7 @@ from rig import loop, scenario
 from rig.frame import COMPUTERS, Block, LaneBlock, nested
 from rig.loop import Rig
 
+EXACT: Final = (0.0,) * len(COMPUTERS)
 _NOTED = ("voted", "state", "level", "pattern", "resolver", "surface")  # fields of COMPUTER that are the FCC's
 
 
@@ -47,10 +52,14 @@ class Compared:
             self.differing.add("integral")
 
 
-def compared(name: str | None, *sets: str) -> Compared:
-    """Fly a scenario with one computer and with one a channel, whose clocks are exact; return what differs."""
-    alone = loop.fly_rows(scenario.load(name, sets))
-    rig = Rig(scenario.load(name, [*sets, f"computers.count={len(COMPUTERS)}", "computers.clock_drift_ppm=0"]))
+def compared(name: str | None, *sets: str, ahead: Sequence[float] = EXACT) -> Compared:
+    """Fly a scenario with one computer and with one a channel; return what differs.
+
+    ahead : (4,) frames by which the clocks are ahead of the plant, which do not drift
+    """
+    given = scenario.load(name, sets)
+    alone = rows_of_one(given, ahead)
+    rig = Rig(scenario.load(name, [*sets, f"computers.count={len(COMPUTERS)}", *clocks(ahead, given.rate_hz)]))
     found = Compared(rig, alone)
     loop.fly(rig, [found], before_row=found.before_row)
     if found.frames != len(alone):
@@ -58,10 +67,31 @@ def compared(name: str | None, *sets: str) -> Compared:
     return found
 
 
+def rows_of_one(given: scenario.Scenario, ahead: Sequence[float]) -> Block:
+    """Return all rows of one computer, each channel of whose sensors samples so many frames early."""
+
+    def early(rig: Rig) -> loop.ComputerStep:
+        rig.sensors.data.params["skew"] += ahead
+        return loop.bind_computer(rig.data, rig.redundancy.own)
+
+    return loop.fly_rows(given, computer=early)
+
+
+def clocks(ahead: Sequence[float], rate_hz: float) -> list[str]:
+    """Return the overrides of clocks that are ahead for good: free ones, unless they are exact."""
+    exact = ["computers.clock_drift_ppm=0"]
+    if not any(ahead):
+        return exact
+    offsets_s = [frames / rate_hz for frames in ahead]
+    free = ["computers.synchronised=false", "computers.exchange_rounds=1"]
+    return [*exact, *free, f"computers.clock_offsets_s={offsets_s}"]
+
+
 def main() -> int:
     """Print a line a scenario, and the sum."""
     of_one = [name for name in scenario.names() if scenario.load(name).computers.count == 1]
-    everything = [(name, compared(name)) for name in of_one]
+    ahead = [float(text) for text in sys.argv[1:]] or EXACT
+    everything = [(name, compared(name, ahead=ahead)) for name in of_one]
     for name, found in everything:
         print(f"{name:40} {found.frames:6} frames  {', '.join(sorted(found.differing)) or 'equal'}")
     equal = sum(not found.differing for _, found in everything)

@@ -51,6 +51,17 @@ FIGURES: Final = {  # name: its module
         ("servo_response", "servo_picture", "servo_healthy", "servo_single", "servo_several", "servo_cost"),
         "actuators",
     ),
+    **dict.fromkeys(
+        ("lanes_single", "lanes_in_a_row", "lanes_software", "lanes_asymmetric", "lanes_pairs"),
+        "lanes",
+    ),
+    **dict.fromkeys(
+        (
+            *("lanes_before", "lanes_healthy", "lanes_flight_44", "lanes_picture"),
+            *("lanes_cost", "lanes_compile", "lanes_log"),
+        ),
+        "lanes_whole",
+    ),
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
     **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures", "quad_rivals")},
@@ -153,6 +164,29 @@ PAGES: Final = {
                     "rig campaign report {folder}/actuators",
                 ],
                 r"^\||^table|^survival|^ +(fault of|coil_|leak|lvdt|osc|sov|spool)",
+            ),
+        ],
+    ),
+    "computers": Page(
+        "Four computers: one as before, clocks, every fault, pairs, cost",
+        [
+            Section(
+                "Without a fault",
+                [
+                    *(f"{SHOW} lanes_before {commit}" for commit in ("0f7aef9", "58419bc")),
+                    *(f"python tests/tools/equal_lanes.py{ahead}" for ahead in ("", " 0 0.05 0.2 0.1")),
+                    *(f"{SHOW} lanes_{name}" for name in ("healthy", "picture", "log", "compile", "flight_44", "cost")),
+                ],
+                r"^(?!.* frames  equal$)",
+            ),
+            Section(
+                "With faults, at random or one after the other",
+                [
+                    *(f"{SHOW} lanes_{name}" for name in ("asymmetric", "software", "single", "in_a_row")),
+                    "rig campaign run computer-pairs --out {folder}/pairs",
+                    *("rig campaign report {folder}/pairs", f"{SHOW} lanes_pairs {{folder}}/pairs"),
+                ],
+                r"^\||^table|^survival|^good|^f16|^lost",
             ),
         ],
     ),

@@ -5,8 +5,8 @@ python tests/tools/outside.py [--every] [--if-possible]
 --every        run all other tests too
 --if-possible  what cannot be installed is said in one line and is no failure; without it the exit code is 1
 
-Chromium, a software Vulkan driver and GNAT are installed from Debian's packages, which takes root, Foxglove's packages
-by npm and pip into the environment, .venv: nobody else's files lie among ours.  A test says what it needs by
+Chromium, a software Vulkan driver, GNAT and SCRAM are installed from Debian's packages, which takes root, Foxglove's
+packages by npm and pip into the environment, .venv: nobody else's files lie among ours.  A test says what it needs by
 ``@outside.needs("chromium")``.
 """
 
@@ -115,6 +115,7 @@ PROGRAMS: Final = {
     "chromium": Program("Chromium", chromium, lambda: _debian("chromium")),
     "vulkan": Program("a Vulkan driver", vulkan, lambda: _debian("mesa-vulkan-drivers", "libvulkan1")),
     "ada": Program("an Ada compiler", lambda: shutil.which("gnat") is not None, lambda: _debian("gnat")),
+    "scram": Program("SCRAM", lambda: shutil.which("scram") is not None, lambda: _debian("scram")),
     "foxglove": Program("Node with Foxglove's packages", foxglove, _foxglove),
     "foxglove layouts": Program("Foxglove's Python package", lambda: layouts_module().is_file(), _layouts),
 }

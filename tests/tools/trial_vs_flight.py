@@ -79,6 +79,8 @@ def _as_flown(made: Cell, recording: Recording) -> Trials:
         truth=np.ascontiguousarray(recording.truth[:, s]),
         reference=np.ascontiguousarray(recording.reference[:, s]),
         second=np.ascontiguousarray(recording.second_reference[:, s]),
+        reference_step=np.zeros(1),
+        reference_from=np.zeros(1, np.int64),
         sensors=made.one.params[None, :],
         noise=np.ascontiguousarray(sensors.data.noise[:frames, s : s + 1]),
         schedule=made.faults.schedule[None, :],

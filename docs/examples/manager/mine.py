@@ -7,7 +7,10 @@ from rig.units.angles import into_range, unwrap
 
 
 class Smoothed:
-    """Median of the channels in use; fails a channel whose smoothed distance from it exceeds the threshold."""
+    """Median of the channels in use; fails a channel whose smoothed distance from it exceeds the limit."""
+
+    calibrate = "limit"  # what `rig league` chooses
+    limit = 1.0  # thresholds
 
     def __init__(self, params):
         # params: one record a signal (rig.computer.redundancy.config.PARAMS): threshold, low, high, fitted, wraps ...
@@ -32,7 +35,7 @@ class Smoothed:
         off[some] = np.where(usable[some], np.abs(samples[some] - median[:, None]), np.inf)
         self.vote[some] = into_range(median, self.low[some], self.high[some], self.wraps[some])
         self.distance += 0.1 * (np.minimum(off, 10 * self.threshold) - self.distance)
-        self.failed |= self.fitted & (self.distance > self.threshold)
+        self.failed |= self.fitted & (self.distance > self.limit * self.threshold)
         write["voted"][:] = np.where(np.isfinite(self.vote), self.vote, 0.0)
         write["state"][:] = np.where(self.failed, 2, np.where(self.fitted, 0, 3))
         write["level"][:] = (self.fitted & ~self.failed).sum(axis=1)

@@ -6,7 +6,7 @@ A channel is marked in words as well as in colour: ``?`` suspect, ``x`` failed.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -34,15 +34,10 @@ from rig.record.event import Event
 from rig.text import plain
 from rig.units.angles import short_way
 from rig.units.quantities import scale_shown, unit_shown
+from rig.view.watch import cells
+from rig.view.watch.computers import computer_rows
 
 EVENTS: Final = 6  # shown, of those so far
-# How a channel, its mark and what needs attention look.
-_STATES: Final = {
-    State.OK: ("green", " "),
-    State.SUSPECT: ("bold yellow", "?"),
-    State.FAILED: ("bold red", "x"),
-    State.ABSENT: ("dim", " "),
-}
 _LEVELS: Final = {"info": "", "warning": "yellow", "error": "bold red"}
 _NUMBERS: Final = ("ch 1 ", "ch 2 ", "ch 3 ", "ch 4 ", "vote", "level")
 _LEGEND: Final = "? suspect, x failed, - not fitted; by: who decided, or control's other source"
@@ -60,7 +55,7 @@ class Page:
         self._events.extend((event.frame / rate_hz, event) for event in events)
 
     def draw(self, row: Any, rate_hz: float, moved: LaneBlock | None = None) -> RenderableType:
-        """Draw the page of one row of a block; ``moved`` (1,): of its servos, whose sensors and ram are shown."""
+        """Draw the page of one row of a block; ``moved`` (1,): of its servos and computers."""
         table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
         table.add_column("signal")  # the one that a narrow terminal cuts
         table.add_column("unit", no_wrap=True, style="dim")
@@ -74,6 +69,8 @@ class Page:
             table.add_row(*_discrete(row, d))
         for surface, servo in zip(MOVED, moved["actuator"][0], strict=True) if has_part(moved, "actuator") else ():
             table.add_row(*_servo(surface, servo))
+        for cells_of_row in computer_rows(moved["computer"][0]) if has_part(moved, "computer") else ():
+            table.add_row(*cells_of_row)
         lines = [event_line(time_s, event) for time_s, event in self._events]
         blank = [Text("")] * (EVENTS - len(lines))  # or the page would jump
         foot = [Text("events", style="dim"), *lines, *blank] if lines else []
@@ -106,11 +103,11 @@ def _signal(row: Any, s: int) -> list[RenderableType]:
         values = turned + np.append(short_way(row["channels"][s] - vote), 0.0)
     shown = values * scale_shown(signal.unit)
     return [
-        _name(signal.name),
+        cells.name(signal.name),
         unit_shown(signal.unit),
-        *(_channel(shown[c], states[c], _number) for c in range(4)),
-        Text(_number(shown[4])),
-        _level(int(row["level"][s]), signal.channels),
+        *(cells.channel(shown[c], states[c], cells.number) for c in range(4)),
+        Text(cells.number(shown[4])),
+        cells.level(int(row["level"][s]), signal.channels),
         Text(pattern.label, style="dim" if pattern == Pattern.NORMAL else "bold yellow"),
         Text("; ".join(_notes(row, s)), style="yellow"),
     ]
@@ -125,49 +122,29 @@ def _notes(row: Any, s: int) -> Iterator[str]:
         yield f"control: {source.name.lower()}"
 
 
-def _name(name: str) -> Text:
-    return Text(name, no_wrap=True, overflow="ellipsis")
-
-
 def _discrete(row: Any, d: int) -> list[RenderableType]:
     values, states = row["discrete_channels"][d], row["discrete_state"][d]
     return [
-        _name(DISCRETES[d].name),
+        cells.name(DISCRETES[d].name),
         "",
-        *(_channel(values[c], states[c], lambda value: f"{int(value)}") for c in range(4)),
+        *(cells.channel(values[c], states[c], lambda value: f"{int(value)}") for c in range(4)),
         Text(str(int(row["discrete_voted"][d]))),
-        _level(int(row["discrete_level"][d]), DISCRETES[d].channels),
+        cells.level(int(row["discrete_level"][d]), DISCRETES[d].channels),
     ]
 
 
 def _servo(surface: str, servo: Any) -> list[RenderableType]:
     """Return position sensors, ram, channels that move it, and who shut the others off."""
     scale, failed_by = scale_shown("rad"), servo["failed_by"]
-    states = [State.OK if by == ActuatorMonitor.NONE else State.FAILED for by in failed_by]
-    notes = (f"{c + 1} {monitor_name(by)}" for c, by in enumerate(failed_by) if by != ActuatorMonitor.NONE)
+    out = (failed_by != ActuatorMonitor.NONE) | (servo["valve"] != 0)  # by a monitor, or with its computer
+    states = [State.FAILED if each else State.OK for each in out]
+    notes = (f"{c + 1} {monitor_name(by) if by else 'computer'}" for c, by in enumerate(failed_by) if out[c])
     return [
-        _name(f"{surface} servo"),
+        cells.name(f"{surface} servo"),
         unit_shown("rad"),
-        *(_channel(servo["lvdt"][c] * scale, states[c], _number) for c in range(CHANNELS)),
-        Text(_number(servo["ram"] * scale)),
-        _level(states.count(State.OK), CHANNELS),
+        *(cells.channel(servo["lvdt"][c] * scale, states[c], cells.number) for c in range(CHANNELS)),
+        Text(cells.number(servo["ram"] * scale)),
+        cells.level(states.count(State.OK), CHANNELS),
         Text("bypassed" if servo["bypassed"] else "", style="bold red"),
         Text("; ".join(notes), style="yellow"),
     ]
-
-
-def _channel(value: Any, state: Any, write: Callable[[Any], str]) -> Text:
-    style, mark = _STATES[State(state)]
-    return Text("-" if state == State.ABSENT else write(value) + mark, style=style)
-
-
-def _number(value: float) -> str:
-    """Return a number with what the sensors resolve: three decimals below 100, none above 10,000."""
-    if not np.isfinite(value):
-        return "nan"
-    return f"{value:.{0 if abs(value) >= 10_000 else 1 if abs(value) >= 1_000 else 2 if abs(value) >= 100 else 3}f}"
-
-
-def _level(level: int, channels: int) -> Text:
-    style = "" if level == channels else "bold red" if level == 0 else "yellow"
-    return Text(str(level), style=style)

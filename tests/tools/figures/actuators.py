@@ -109,7 +109,7 @@ def servo_picture() -> None:
 
 def servo_healthy(flights: str = "200", duration_s: str = "12") -> None:
     """Print the largest statistic of each monitor in healthy flights, beside its threshold; any trip."""
-    cases = [(*case, seed) for case, seed in zip(_cases(), range(int(flights)), strict=False)]
+    cases = [(*case, seed) for case, seed in zip(aircraft_and_rates(), range(int(flights)), strict=False)]
     found = [_healthy(*case, duration_s) for case in cases]
     config = load(BASE).actuators
     limits = {name: getattr(config, name).threshold for name in ("current", "spool", "position", "ram")}
@@ -117,14 +117,21 @@ def servo_healthy(flights: str = "200", duration_s: str = "12") -> None:
     table(heads, (_worst(rate, [each for each in found if rate in (each[0], 0.0)]) for rate in (*RATES_HZ, 0.0)))
 
 
-def _cases() -> Iterator[tuple[str, float]]:
+def aircraft_and_rates() -> Iterator[tuple[str, float]]:
     """Yield aircraft and rates in turn, for ever."""
     for _ in count():
         yield from ((name, rate) for rate, name in product(RATES_HZ, AIRCRAFT))
 
 
 def _healthy(aircraft: str, rate_hz: float, seed: int, duration_s: str) -> tuple[float, bool, int, NDArray[np.float64]]:
-    """Fly full-stick doublets in severe turbulence; return rate, lost, channels shut off, statistics (4,)."""
+    """Fly healthily; return rate, lost, channels shut off, statistics (4,)."""
+    flight = healthy_flight(aircraft, rate_hz, seed, duration_s)
+    tripped = sum(map(len, flight.coils_failed.values()))
+    return rate_hz, not flight.verdict.survived, tripped, statistics(flight)
+
+
+def healthy_flight(aircraft: str, rate_hz: float, seed: int, duration_s: str, *more: str) -> CampaignFlight:
+    """Fly full-stick doublets in severe turbulence without a fault."""
     doublets = (
         f"{{kind='doublet', axis='{axis}', start_s={2.0 + i}, duration_s=2.0, amplitude=1.0}}"
         for i, axis in enumerate(STICKS)
@@ -137,9 +144,7 @@ def _healthy(aircraft: str, rate_hz: float, seed: int, duration_s: str) -> tuple
         "faults=[]",
         BY_HAND,
     ]
-    flight = flown(aircraft, *sets, f"pilot.manoeuvres=[{', '.join(doublets)}]")
-    tripped = sum(map(len, flight.coils_failed.values()))
-    return rate_hz, not flight.verdict.survived, tripped, statistics(flight)
+    return flown(aircraft, *sets, f"pilot.manoeuvres=[{', '.join(doublets)}]", *more)
 
 
 def statistics(flight: CampaignFlight) -> NDArray[np.float64]:
@@ -218,9 +223,9 @@ def _singles(name: str) -> list[str]:
     return [name, *cells, f"{sum(survived)} of {len(survived)}"]
 
 
-def transient(flight: CampaignFlight, clean: CampaignFlight) -> tuple[float, float]:
+def transient(flight: CampaignFlight, clean: CampaignFlight, onset_s: float = ONSET_S) -> tuple[float, float]:
     """Return the largest differences in AFTER_S from the onset: of load factors, g, and of rates, deg/s."""
-    first = round(ONSET_S * flight.scenario.rate_hz)
+    first = round(onset_s * flight.scenario.rate_hz)
     part = slice(first, first + round(AFTER_S * flight.scenario.rate_hz) + 1)
     at = [INDEX[name] for name in MOVED_BY]
     one, other = (each.rows["truth"][part][:, at] for each in (flight, clean))
@@ -272,17 +277,22 @@ def servo_cost(pairs: str = "15", duration_s: str = "30") -> None:
     """Print what a frame with servos costs beside one without, the same flight in turn, and the bytes of its log."""
     sets = ["faults=[]", f"duration_s={duration_s}"]
     scenarios = [load(BASE, [*sets, f"actuators.model='{model}'"]) for model in ("lag", "servo")]
+    costs("lag", "servo", scenarios, int(pairs))
+
+
+def costs(one: str, other: str, scenarios: Sequence[Scenario], pairs: int) -> None:
+    """Print what a frame of the second scenario costs beside the first, the same flights in turn."""
     with TemporaryDirectory() as folder:
         sizes = [_logged(each, Path(folder))[1] for each in scenarios]  # and compile
-        logged = [[_logged(each, Path(folder))[0] for each in scenarios] for _ in range(int(pairs))]
-    bare = [[_bare(each) for each in scenarios] for _ in range(int(pairs))]
+        logged = [[_logged(each, Path(folder))[0] for each in scenarios] for _ in range(pairs)]
+    bare = [[_bare(each) for each in scenarios] for _ in range(pairs)]
     rows = [["CPU us a frame, no log", *_ratio(bare)], ["CPU us a frame, log", *_ratio(logged)]]
     size = ["bytes a frame", *(f"{each:.0f}" for each in sizes), f"{sizes[1] / sizes[0]:.3f}", "", ""]
-    table(["", "lag", "servo", "servo over lag", "lowest", "highest"], [*rows, size])
+    table(["", one, other, f"{other} over {one}", "lowest", "highest"], [*rows, size])
 
 
 def _ratio(costs: Sequence[Sequence[float]]) -> list[str]:
-    ratios = [servo / lag for lag, servo in costs]
+    ratios = [more / less for less, more in costs]
     middles = (f"{median(column):.1f}" for column in zip(*costs, strict=True))
     return [*middles, *(f"{value:.3f}" for value in (median(ratios), min(ratios), max(ratios)))]
 

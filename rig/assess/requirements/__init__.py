@@ -1,0 +1,59 @@
+"""Requirements: formulas over a flight with windows in time, each with a verdict and a margin.
+
+requirement.py  what a file says of one; bundled sets: faults/requirements/
+formula.py      its tree, within bounds, by the grammar of triggers (rig/faults/grammar.py)
+subject.py      what there is to measure: signals, thresholds, faults, limits; columns.py: taken out of rows
+margins.py      verdict and margin of a tree over frames, by sliding minima
+along.py        beside the conclusion of a flight while it is flown; verdicts as plain data
+recorder.py     blocks of rows in, verdicts out; measure.py: of flights, logs and rows
+
+docs/margins.md defines every quantity.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rig.assess.requirements.along import MeasuredConclusion, events, measure_scored, plain, violated
+    from rig.assess.requirements.measure import check_log, check_rows, fly_requirements, names_twin, recorder_of
+    from rig.assess.requirements.recorder import RequirementsRecorder, Verdict
+    from rig.assess.requirements.requirement import Requirement, find_requirements, load_requirements
+    from rig.assess.requirements.subject import Subject, of_flight, of_recording
+
+_HOME = {
+    **dict.fromkeys(("MeasuredConclusion", "events", "measure_scored", "plain", "violated"), "along"),
+    **dict.fromkeys(("check_log", "check_rows", "fly_requirements", "names_twin", "recorder_of"), "measure"),
+    **dict.fromkeys(("RequirementsRecorder", "Verdict"), "recorder"),
+    **dict.fromkeys(("Requirement", "find_requirements", "load_requirements"), "requirement"),
+    **dict.fromkeys(("Subject", "of_flight", "of_recording"), "subject"),
+}
+__all__ = [
+    "MeasuredConclusion",
+    "Requirement",
+    "RequirementsRecorder",
+    "Subject",
+    "Verdict",
+    "check_log",
+    "check_rows",
+    "events",
+    "find_requirements",
+    "fly_requirements",
+    "load_requirements",
+    "measure_scored",
+    "names_twin",
+    "of_flight",
+    "of_recording",
+    "plain",
+    "recorder_of",
+    "violated",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use: reading a file of requirements needs no flight."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'rig.assess.requirements' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"rig.assess.requirements.{_HOME[name]}"), name)

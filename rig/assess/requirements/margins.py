@@ -1,0 +1,255 @@
+"""Verdict and margin of a formula over frames that are held: windows by sliding minima, linear in time.
+
+Values of a condition are (2, n): its verdict as 1 or -1, and its margin; NaN where nothing was flown to decide on.
+Margins: (b - a) / scale of ``a < b``, -|a - b| / scale of ``==``; ``not`` negates, ``and`` and ``always`` take the
+least, ``or`` and ``eventually`` the largest; +-1 of a yes or no; within +-MOST.  A number that is NaN violates.
+
+Sources: Donze and Maler 2010, 'Robust satisfaction of temporal logic over real-valued signals'; ``until`` by
+Donze, Ferrere and Maler 2013, 'Efficient robust monitoring for STL': p until[a, b] q is the least of eventually[a, b] q
+and of the unbounded until from a on.  The rule for a lost aircraft is ours.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from rig.assess.requirements.formula import COMPARISONS, Node
+from rig.errors import BadInput
+from rig.faults.grammar import Op
+from rig.kernels import kernel
+
+Floats = NDArray[np.float64]
+MOST: Final = 1000.0  # JSON has no infinity
+_SLACK: Final = 1e-6  # of a frame: a time on a frame is that frame
+
+
+class Held(NamedTuple):
+    """Columns (Q, n) of the frames from ``first`` on, of a formula's names in ``places``, and the flight's end.
+
+    frames : flown, None while it goes on; lost : the aircraft was
+    """
+
+    columns: Floats
+    first: int
+    places: list[int]
+    scales: list[float]  # of its comparisons
+    rate_hz: float
+    frames: int | None = None
+    lost: bool = False
+
+    @property
+    def end(self) -> int:
+        """Frame after the last that is held."""
+        return self.first + self.columns.shape[1]
+
+    def of(self, place: int, lo: int, hi: int) -> Floats:
+        """Return the quantity in the frames ``lo`` to ``hi``."""
+        return self.columns[self.places[place], lo - self.first : hi + 1 - self.first]
+
+
+def frames_of(node: Node, rate_hz: float) -> tuple[int, int]:
+    """Return the first and last frame of a window, counted from its instant; both ends are included."""
+    first = int(np.ceil(node.window[0] * rate_hz - _SLACK))
+    return first, int(np.floor(node.window[1] * rate_hz + _SLACK))
+
+
+def refuse_empty_windows(root: Node, rate_hz: float) -> None:
+    """BadInput: a window between two frames."""
+    for node in root.walk():
+        first, last = frames_of(node, rate_hz)
+        if last < first:
+            begin_s, end_s = node.window
+            raise BadInput(f"[{begin_s:g}, {end_s:g}]: no frame is in this window at {rate_hz:g} frames a second")
+
+
+def frames_reach(node: Node, rate_hz: float) -> tuple[int, int]:
+    """Return how many frames a formula looks back and ahead."""
+    below = [frames_reach(part, rate_hz) for part in node.parts]
+    back, ahead = max((b for b, _ in below), default=0), max((a for _, a in below), default=0)
+    last = frames_of(node, rate_hz)[1]
+    return (back + last, ahead) if node.op == Op.ONCE else (back, ahead + last)
+
+
+def values(node: Node, lo: int, hi: int, held: Held) -> Floats:
+    """Return (2, hi - lo + 1) of a condition in the frames ``lo`` to ``hi``; NaN in those that are not held."""
+    a, b = max(lo, held.first), min(hi, held.end - 1)
+    if a == lo and b == hi:
+        return _condition(node, a, b, held)
+    out = np.full((2, hi - lo + 1), np.nan)
+    if a <= b:
+        out[:, a - lo : b + 1 - lo] = _condition(node, a, b, held)
+    return out
+
+
+def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
+    """Return (2, b - a + 1) of frames that are held."""
+    if node.op == Op.HOLDS:
+        return _yes_no(held.of(node.place, a, b), node.sign)
+    if node.op in COMPARISONS:
+        return _compared(node, a, b, held)
+    if node.op == Op.NOT:
+        return -values(node.parts[0], a, b, held)
+    if node.op in (Op.AND, Op.OR):
+        least = np.fmin if node.op == Op.AND else np.fmax  # what was not flown does not count
+        return least(*(values(part, a, b, held) for part in node.parts))
+    first, last = frames_of(node, held.rate_hz)
+    if node.op == Op.ALWAYS:
+        return _cut(least_of(values(node.parts[0], a + first, b + last, held), last - first + 1), a, b, node, held)
+    if node.op == Op.EVENTUALLY:
+        return largest_of(values(node.parts[0], a + first, b + last, held), last - first + 1)
+    if node.op == Op.ONCE:
+        return largest_of(values(node.parts[0], a - last, b - first, held), last - first + 1)
+    return _until(node, a, b, held)
+
+
+def _yes_no(column: Floats, sign: int) -> Floats:
+    margin = np.where(column != 0.0, 1.0, -1.0)
+    wrong = np.isnan(column)
+    return np.array([np.where(wrong, -sign, margin), np.where(wrong, -sign * MOST, margin)])
+
+
+def _compared(node: Node, a: int, b: int, held: Held) -> Floats:
+    left, right = (number(part, a, b, held) for part in node.parts)
+    with np.errstate(all="ignore"):
+        apart = np.broadcast_to(np.asarray(right - left, np.float64), (b - a + 1,))
+        if node.op in (Op.GREATER, Op.GREATER_EQUAL):
+            apart = -apart
+        elif node.op in (Op.EQUAL, Op.NOT_EQUAL):
+            apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
+        met = apart > 0.0 if node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL) else apart >= 0.0
+        margin = np.clip(apart / held.scales[node.place], -MOST, MOST)
+    wrong = np.isnan(apart)
+    verdict = np.where(wrong, -node.sign, np.where(met, 1.0, -1.0))
+    return np.array([verdict, np.where(wrong, -node.sign * MOST, margin)])
+
+
+def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
+    """Return a number in the frames ``a`` to ``b``."""
+    if node.op == Op.NUMBER:
+        return node.value
+    if node.op == Op.QUANTITY:
+        return held.of(node.place, a, b)
+    of = [number(part, a, b, held) for part in node.parts]
+    with np.errstate(all="ignore"):
+        match node.op:
+            case Op.NEGATE:
+                return -of[0]
+            case Op.ABS:
+                return np.abs(of[0])
+            case Op.ADD:
+                return of[0] + of[1]
+            case Op.SUBTRACT:
+                return of[0] - of[1]
+            case Op.MULTIPLY:
+                return of[0] * of[1]
+            case Op.DIVIDE:
+                return np.where(np.equal(of[1], 0.0), np.nan, np.divide(of[0], of[1]))  # as in a trigger
+            case Op.MIN:
+                return np.minimum(of[0], of[1])
+    return np.maximum(of[0], of[1])
+
+
+def least_of(of: Floats, width: int) -> Floats:
+    """Return (2, n) the least of each ``width`` neighbours of (2, n + width - 1), NaN apart; NaN where all are."""
+    filled = np.where(np.isnan(of), np.inf, of)
+    count = filled.shape[1] - width + 1
+    least = (
+        filled.min(axis=1, keepdims=True)
+        if count == 1
+        else minimum_filter1d(filled, width, axis=1)[:, width // 2 : width // 2 + count]
+    )
+    return np.where(least == np.inf, np.nan, least)
+
+
+def largest_of(of: Floats, width: int) -> Floats:
+    """Return what ``least_of`` does, of the largest."""
+    filled = np.where(np.isnan(of), -np.inf, of)
+    count = filled.shape[1] - width + 1
+    largest = (
+        filled.max(axis=1, keepdims=True)
+        if count == 1
+        else maximum_filter1d(filled, width, axis=1)[:, width // 2 : width // 2 + count]
+    )
+    return np.where(largest == -np.inf, np.nan, largest)
+
+
+def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:
+    """Violate each ``always`` that a lost aircraft cuts: at most -1 minus the share that was not flown."""
+    if not held.lost or held.frames is None:
+        return out
+    first, last = frames_of(node, held.rate_hz)
+    width = last - first + 1
+    missing = np.clip(np.arange(a, b + 1) + last - (held.frames - 1), 0, width)
+    cut = missing > 0
+    out[0, cut], out[1, cut] = -1.0, np.fmin(out[1, cut], -1.0 - missing[cut] / width)
+    return out
+
+
+def _until(node: Node, a: int, b: int, held: Held) -> Floats:
+    """Return the least of: eventually q; p up to the window; and p until q, without a bound, from there on."""
+    first, last = frames_of(node, held.rate_hz)
+    p, q = (values(part, a, b + last, held) for part in node.parts)
+    reached = largest_of(q[:, first:], last - first + 1)
+    p = np.where(np.isnan(p), np.inf, p)
+    unbounded = np.empty_like(p)
+    until_backwards(p, np.where(np.isnan(q), -np.inf, q), unbounded)
+    out = np.minimum(reached, unbounded[:, first : first + b - a + 1])  # NaN where nothing was flown stays
+    if first > 0:
+        before = least_of(p[:, : b - a + first], first)
+        out = np.fmin(out, np.where(np.isnan(reached), np.nan, before))
+    return out
+
+
+@kernel
+def until_backwards(p, q, out):
+    """Fill ``out`` (2, n) with p until q to the end of the rows, p and q (2, n)."""
+    for i in range(p.shape[0]):
+        last = -np.inf
+        for k in range(p.shape[1] - 1, -1, -1):
+            last = max(q[i, k], min(p[i, k], last))
+            out[i, k] = last
+
+
+def decisive(node: Node, k: int, held: Held) -> int:
+    """Return the frame whose numbers give the margin of a condition in frame ``k``."""
+    if node.op == Op.HOLDS or node.op in COMPARISONS:
+        return k
+    if node.op == Op.NOT:
+        return decisive(node.parts[0], k, held)
+    if node.op in (Op.AND, Op.OR):
+        margins = [values(part, k, k, held)[1, 0] for part in node.parts]
+        chosen = _extreme(np.array(margins), node.op == Op.AND)
+        return k if chosen is None else decisive(node.parts[chosen], k, held)
+    first, last = frames_of(node, held.rate_hz)
+    if node.op == Op.UNTIL:
+        return _decisive_until(node, k, held)
+    lo, hi = (k - last, k - first) if node.op == Op.ONCE else (k + first, k + last)
+    margins = values(node.parts[0], lo, hi, held)[1]
+    chosen = _extreme(margins, node.op == Op.ALWAYS)
+    cut = node.op == Op.ALWAYS and held.lost and held.frames is not None and hi >= held.frames
+    if chosen is None or (cut and margins[chosen] > -1.0):
+        return min(hi, held.end - 1)
+    return decisive(node.parts[0], lo + chosen, held)
+
+
+def _extreme(margins: Floats, least: bool) -> int | None:
+    if np.isnan(margins).all():
+        return None
+    return int(np.nanargmin(margins) if least else np.nanargmax(margins))
+
+
+def _decisive_until(node: Node, k: int, held: Held) -> int:
+    first, last = frames_of(node, held.rate_hz)
+    p, q = (values(part, k, k + last, held)[1] for part in node.parts)
+    p, q = np.where(np.isnan(p), np.inf, p), np.where(np.isnan(q), -np.inf, q)
+    before = np.minimum.accumulate(np.concatenate([[np.inf], p[:-1]]))
+    j = first + int(np.argmax(np.minimum(q, before)[first:]))
+    if not np.isfinite(q[j]):
+        return min(k + last, held.end - 1)
+    if q[j] <= before[j]:
+        return decisive(node.parts[1], k + j, held)
+    return decisive(node.parts[0], k + int(np.argmin(p[:j])), held)

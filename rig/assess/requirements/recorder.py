@@ -1,0 +1,330 @@
+"""Requirements over the blocks of a flight or recording: columns that reach as far as the longest window are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.assess.requirements.columns import Columns, TwinColumns, acting_bits
+from rig.assess.requirements.formula import CHANNEL, SIGNAL, Formula, body, read_formula
+from rig.assess.requirements.margins import Held, decisive, frames_reach, refuse_empty_windows, values
+from rig.assess.requirements.requirement import Requirement
+from rig.assess.requirements.subject import Quantity, Subject, holds, lookup, unknown_of
+from rig.errors import BadInput
+from rig.faults.grammar import Refused
+from rig.frame import Block, End
+from rig.text import choices, quoted
+
+Status = Literal["met", "violated", "not applicable"]
+_ROOM: Final = 1024  # frames
+
+
+class Verdict(NamedTuple):
+    """What became of a requirement on one signal; ``signal`` is empty where the formula is of none."""
+
+    requirement: str
+    signal: str
+    status: Status
+    margin: float  # NaN where it is not applicable
+    instant_s: float  # whose numbers give the margin
+    values: dict[str, tuple[float, str]]  # quantities of the formula at that instant, with their SI units
+
+
+def not_applicable(requirement: str, signal: str = "") -> Verdict:
+    """Return the verdict where nothing was there to decide on."""
+    return Verdict(requirement, signal, "not applicable", np.nan, np.nan, {})
+
+
+@dataclass(slots=True)
+class Measured:
+    """One formula of a requirement on one signal, while it is measured."""
+
+    requirement: Requirement
+    signal: str
+    formula: Formula
+    places: list[int]  # of its names among all columns
+    scales: list[float]
+    back: int  # frames
+    ahead: int
+    pending: list[int] = field(default_factory=list)  # instants
+    least: tuple[float, float] = (np.inf, 1.0)  # margin and verdict
+    instant: int = -1
+    numbers: list[float] = field(default_factory=list)
+    drawn: int = 0  # frames whose margins are in ``line``
+    line: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def held(self, columns: NDArray[np.float64], first: int, rate_hz: float, end: tuple[int | None, bool]) -> Held:
+        """Return the columns as this formula reads them."""
+        return Held(columns, first, self.places, self.scales, rate_hz, *end)
+
+
+class RequirementsRecorder:
+    """Measures requirements on rows that are given block after block: a recorder of ``rig.loop.fly``."""
+
+    def __init__(
+        self,
+        requirements: Sequence[Requirement],
+        subject: Subject,
+        twin: Iterator[Block] | None = None,
+        lines: bool = False,
+    ) -> None:
+        """BadInput: a requirement asks for what the subject does not have.
+
+        twin : the rows of the same flight without faults; required where a formula names ``twin.``
+        lines : keep the margin of each frame too, 8 bytes for each formula
+        """
+        self._lines = lines
+        self.subject, quantities = subject, dict[str, Quantity]()
+        self.requirements = tuple(requirements)
+        self.measured = [one for each in requirements for one in _bind(each, subject, quantities)]
+        own = [q for q in quantities.values() if not q.parts.twin]
+        of_twin = [q for q in quantities.values() if q.parts.twin]
+        self.quantities = [*own, *of_twin]
+        order = {q.name: i for i, q in enumerate(self.quantities)}
+        for one in self.measured:
+            one.places = [order[name] for name in one.formula.names]
+        if of_twin and twin is None:
+            raise BadInput(f"{of_twin[0].name}: {subject.called} has no twin here")
+        self._own, self._columns = len(own), Columns(own, subject)
+        self._twin = None if twin is None or not of_twin else TwinColumns(twin, Columns(of_twin, subject))
+        self._memory, self._start = np.empty((len(self.quantities), _ROOM)), 0
+        self._first = self._end = 0  # frames that are held
+        self._lost = False
+        self._instants = _Instants(self.measured, subject)
+
+    @property
+    def needs_twin(self) -> bool:
+        """Whether a formula names ``twin.``"""
+        return any(q.parts.twin for q in self.quantities)
+
+    def record(self, rows: Block, timing: Any = None, lanes: Any = None) -> None:
+        """Take the next rows (n,), of a flight or of a bench."""
+        n = len(rows)
+        if not n or not self.measured:
+            return
+        out = self._room(n)
+        self._columns.fill(rows, out[: self._own])
+        if self._twin is not None:
+            self._twin.fill(n, out[self._own :])
+        self._instants.find(rows, self._end)
+        self._end += n
+        self._lost = bool(rows["end"][-1] != End.FLYING)
+        for one in self.measured:
+            self._measure(one, [k for k in one.pending if k + one.ahead < self._end], (None, False))
+            self._draw(one, None, False)
+        needed = min(min([*one.pending, self._needed(one)]) - one.back for one in self.measured)
+        self._start, self._first = self._start + max(needed - self._first, 0), max(self._first, needed)
+
+    def finish(self) -> tuple[Verdict, ...]:
+        """Return the verdicts: the flight is over, whatever windows reach beyond its end."""
+        for one in self.measured:
+            self._measure(one, list(one.pending), (self._end, self._lost))
+            self._draw(one, self._end, self._lost)
+        least: dict[tuple[str, str], Measured] = {}  # of the channels
+        for one in self.measured:
+            key = one.requirement.id, one.signal
+            least[key] = min(least.get(key, one), one, key=lambda each: each.least)
+        found = {each.id: list[Verdict]() for each in self.requirements}
+        for (id_, _), one in least.items():
+            found[id_].append(self._verdict(one))
+        return tuple(one for id_, all_of in found.items() for one in all_of or [not_applicable(id_)])
+
+    def _room(self, n: int) -> NDArray[np.float64]:
+        """Return memory for the next ``n`` frames behind those that are held."""
+        held = self._end - self._first
+        if self._start + held + n > self._memory.shape[1]:
+            kept = self._memory[:, self._start : self._start + held]
+            if 2 * (held + n) > self._memory.shape[1]:
+                self._memory = np.empty((len(self._memory), 2 * (held + n)))
+            self._memory[:, :held] = kept.copy()
+            self._start = 0
+        at = self._start + held
+        return self._memory[:, at : at + n]
+
+    def _measure(self, one: Measured, instants: list[int], end: tuple[int | None, bool]) -> None:
+        """Measure a formula at ``instants``, in order; end : frames flown, None while they go on, and whether lost."""
+        if not instants:
+            return
+        one.pending = [k for k in one.pending if k not in instants] if len(instants) < len(one.pending) else []
+        columns = self._memory[:, self._start : self._start + self._end - self._first]
+        held = one.held(columns, self._first, self.subject.rate_hz, end)
+        measured = values(one.formula.root, instants[0], instants[-1], held)[:, np.array(instants) - instants[0]]
+        for k, (verdict, margin) in zip(instants, measured.T, strict=True):
+            if not np.isnan(margin) and (margin, verdict) < one.least:
+                one.least, one.instant = (float(margin), float(verdict)), decisive(one.formula.root, k, held)
+                one.numbers = columns[one.places, one.instant - self._first].tolist()
+
+    def _needed(self, one: Measured) -> int:
+        return one.drawn if self._lines else self._end
+
+    def _draw(self, one: Measured, frames: int | None, lost: bool) -> None:
+        """Add the margins of the frames that can be told: of what the formula says of each frame."""
+        node = body(one.formula.root)
+        end = self._end if frames is not None else self._end - frames_reach(node, self.subject.rate_hz)[1]
+        if self._lines and end > one.drawn:
+            columns = self._memory[:, self._start : self._start + self._end - self._first]
+            held = one.held(columns, self._first, self.subject.rate_hz, (frames, lost))
+            one.line.append(values(node, one.drawn, end - 1, held)[1])
+            one.drawn = end
+
+    def lines(self) -> dict[tuple[str, str], NDArray[np.float64]]:
+        """Return the margins (n,) of each frame by requirement and signal, once finished; of channels the least.
+
+        They are of what a formula says of each frame, without the windows around it; NaN where nothing was flown.
+        """
+        found: dict[tuple[str, str], NDArray[np.float64]] = {}
+        for one in self.measured:
+            key, line = (one.requirement.id, one.signal), np.concatenate([np.empty(0), *one.line])
+            found[key] = np.fmin(found[key], line) if key in found else line
+        return found
+
+    def _verdict(self, one: Measured) -> Verdict:
+        """Return what became of a formula."""
+        margin, verdict = one.least
+        if one.instant < 0:
+            return not_applicable(one.requirement.id, one.signal)
+        numbers = {
+            name: (value, self.quantities[place].unit)
+            for name, place, value in zip(one.formula.names, one.places, one.numbers, strict=True)
+        }
+        status: Status = "met" if verdict > 0.0 else "violated"
+        at_s = one.instant / self.subject.rate_hz
+        return Verdict(one.requirement.id, one.signal, status, margin + 0.0, at_s, numbers)  # 0.0, never -0.0
+
+
+def _bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quantity]) -> list[Measured]:
+    """Return the formulas of a requirement on the subject's signals; their ``quantities`` are added."""
+    measured: list[Measured] = []
+    for signal, text in _texts(requirement, subject):
+        formula = _formula(requirement, text, subject)
+        found = {name: lookup(name, subject) for name in formula.names}
+        quantities |= {name: quantity for name, quantity in found.items() if quantity is not None}
+        try:
+            refuse_empty_windows(formula.root, subject.rate_hz)
+        except BadInput as error:
+            raise BadInput(f"{requirement.where}: formula: {error}") from None
+        scales = _scales(requirement, formula, subject, quantities)
+        back, ahead = frames_reach(formula.root, subject.rate_hz)
+        measured.append(Measured(requirement, signal, formula, [], scales, back, ahead))
+    return measured
+
+
+def _signals(requirement: Requirement, subject: Subject) -> list[str]:
+    """Return the signals that a requirement is measured on, or one that is empty."""
+    known = [watched.name for watched in subject.signals]
+    given = requirement.signals
+    for name in given if isinstance(given, list) else ():
+        if name not in known:
+            accepted = choices(name, known)
+            raise BadInput(f"{requirement.where}: signals: {subject.called} has no {quoted(name)}, {accepted}")
+    named = known if given == "*" else list(subject.faulted) if given is None else list(given)
+    return named if SIGNAL in requirement.formula else [""]
+
+
+def _texts(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, str]]:
+    """Yield signal and text of the formulas of a requirement: of each signal, and of each of its channels."""
+    fitted = {watched.name: watched.channels for watched in subject.signals}
+    for signal in _signals(requirement, subject):
+        text = requirement.formula.replace(SIGNAL, signal)
+        for channel in range(1, fitted[signal] + 1) if CHANNEL in text else (0,):
+            yield signal, text.replace(CHANNEL, str(channel))
+
+
+def _formula(requirement: Requirement, text: str, subject: Subject) -> Formula:
+    try:
+        return read_formula(
+            text,
+            lambda name: lookup(name, subject) is not None and not _is_flag(name, subject),
+            lambda name: holds(name, subject),
+            lambda name: _unknown(name, subject),
+        )
+    except Refused as refused:
+        raise BadInput(f"{requirement.where}: formula: column {refused.column}: {refused}") from None
+
+
+def _is_flag(name: str, subject: Subject) -> bool:
+    """Return True for a yes or no that is no number either."""
+    found = lookup(name, subject)
+    return found is not None and holds(name, subject) and found.discrete < 0
+
+
+def _unknown(name: str, subject: Subject) -> str:
+    return f"{quoted(name)} is a yes or no, not a number" if holds(name, subject) else unknown_of(name, subject)
+
+
+def _scales(
+    requirement: Requirement, formula: Formula, subject: Subject, quantities: dict[str, Quantity]
+) -> list[float]:
+    """Return the scale of each comparison: as given, else the threshold of its signal, else 1."""
+    given = requirement.scale
+    if isinstance(given, list) and len(given) != formula.comparisons:
+        raise BadInput(f"{requirement.where}: scale: {len(given)} for {formula.comparisons} comparisons")
+    if given is not None:
+        return list(given) if isinstance(given, list) else [given] * formula.comparisons
+    scales = [1.0] * formula.comparisons
+    for node in formula.root.walk():
+        if node.op.name not in _COMPARISONS:
+            continue
+        of = [quantities[formula.names[each.place]] for each in node.walk() if each.op.name == "QUANTITY"]
+        signals = [quantity.signal for quantity in of if quantity.measured]
+        scales[node.place] = subject.signals[signals[0]].threshold if signals else 1.0
+    return scales
+
+
+_COMPARISONS: Final = ("LESS", "LESS_EQUAL", "GREATER", "GREATER_EQUAL", "EQUAL", "NOT_EQUAL")
+
+
+class _Instants:
+    """Finds the instants of requirements in the rows: the start, onsets of faults, losses of signals."""
+
+    def __init__(self, measured: Sequence[Measured], subject: Subject) -> None:
+        self._measured, self._subject = measured, subject
+        self._acted = np.zeros(64, np.uint8)
+        self._levels: NDArray[Any] | None = None
+        kinds = {one.requirement.at for one in measured}
+        self._onsets, self._losses = "each onset" in kinds, "each loss" in kinds
+        names = [watched.name for watched in subject.signals]
+        self._places = {name: i for i, name in enumerate(names)}
+
+    def find(self, rows: Block, first: int) -> None:
+        """Add the instants in ``rows`` (n,), from frame ``first`` on, to what is pending."""
+        onsets = self._onsets_in(rows) if self._onsets else []
+        losses = self._losses_in(rows) if self._losses else {}
+        for one in self._measured:
+            match one.requirement.at:
+                case "start":
+                    one.pending += [0] if first == 0 else []
+                case "each onset":
+                    one.pending += [first + k for k in onsets]
+                case "each loss":
+                    signals = [one.signal] if one.signal else _signals_of_loss(one, self._subject)
+                    lost = {k for name in signals for k in losses.get(self._places[name], ())}
+                    one.pending += [first + k for k in sorted(lost)]
+
+    def _onsets_in(self, rows: Block) -> list[int]:
+        """Return the rows in which a fault acts for the first time."""
+        if not rows["acting"].any():
+            return []
+        acts = acting_bits(rows)
+        new = np.flatnonzero(acts.any(axis=0) & (self._acted == 0))
+        self._acted |= acts.any(axis=0)
+        return sorted({int(np.argmax(acts[:, fault])) for fault in new})
+
+    def _losses_in(self, rows: Block) -> dict[int, list[int]]:
+        """Return, by signal, the rows in which its level becomes 0."""
+        lost = rows["level"][:, : len(self._places)] == 0
+        before = np.zeros(lost.shape[1], bool) if self._levels is None else self._levels
+        began = lost & ~np.vstack([before, lost[:-1]])
+        self._levels = lost[-1].copy()
+        return {int(s): np.flatnonzero(began[:, s]).tolist() for s in np.flatnonzero(began.any(axis=0))}
+
+
+def _signals_of_loss(one: Measured, subject: Subject) -> list[str]:
+    given = one.requirement.signals
+    if isinstance(given, list):
+        return given
+    return [watched.name for watched in subject.signals] if given == "*" else list(subject.faulted)

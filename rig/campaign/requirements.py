@@ -1,0 +1,66 @@
+"""Requirements of a campaign: their settings, columns of its tables, and the share of runs that meet each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any, Final
+
+import polars as pl
+
+from rig.assess.requirements import Requirement, Verdict, plain, violated
+from rig.campaign.statistics import proportion
+
+RUNS: Final[dict[str, Any]] = {
+    "violated": pl.Int64,  # verdicts; empty without requirements
+    "least_margin": pl.Float64,
+    "requirements": pl.String,  # JSON: requirement, signal, status, margin, instant_s of each verdict
+}
+
+
+def run_columns(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    """Return the columns of RUNS."""
+    if not verdicts:
+        return {}
+    told = [{name: value for name, value in plain(one).items() if name != "values"} for one in verdicts]
+    margins = [one["margin"] for one in told if one["margin"] is not None]
+    return {
+        "violated": len(violated(verdicts)),
+        "least_margin": min(margins, default=None),
+        "requirements": json.dumps(told, sort_keys=True),
+    }
+
+
+def by_requirement(runs: pl.DataFrame, requirements: Sequence[Requirement]) -> list[dict[str, Any]]:
+    """Return, of each requirement, the share of runs that meet it where it applies, and the run with the least margin.
+
+    A run meets it where it does on every signal.
+    """
+    found: dict[str, list[tuple[float, bool, int, dict[str, Any]]]] = {each.id: [] for each in requirements}
+    for number, text in runs.select("run", "requirements").drop_nulls().rows():
+        for id_, ones in _by_id(json.loads(text)).items():
+            least = min(ones, key=lambda one: one["margin"])
+            found[id_].append((least["margin"], all(one["status"] == "met" for one in ones), number, least))
+    return [_row(each, found[each.id]) for each in requirements]
+
+
+def _by_id(verdicts: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for one in verdicts:
+        if one["margin"] is not None:
+            groups.setdefault(one["requirement"], []).append(one)
+    return groups
+
+
+def _row(requirement: Requirement, found: list[tuple[float, bool, int, dict[str, Any]]]) -> dict[str, Any]:
+    least = min(found, key=lambda one: (one[0], one[2]), default=None)
+    return {
+        "requirement": requirement.id,
+        "text": requirement.text,
+        "met": asdict(proportion(sum(met for _, met, *_ in found), len(found))),
+        "least_margin": None if least is None else least[0],
+        "least_run": None if least is None else least[2],
+        "signal": None if least is None else least[3]["signal"],
+        "instant_s": None if least is None else least[3]["instant_s"],
+    }

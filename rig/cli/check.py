@@ -1,0 +1,94 @@
+"""``rig check``: a suite of scenarios, logs and campaigns against requirements and reference decisions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Exit, Option
+
+from rig.cli.common import Json, UnitFile, emit
+from rig.cli.table import MOST_LINES, Column, field, line, rest, table
+from rig.cli.working import working
+from rig.util.outputs import require_apart
+from rig.util.progress import tell
+
+if TYPE_CHECKING:
+    from rig.campaign.check import CaseResult
+    from rig.campaign.suite import Suite
+
+_FAILED = (
+    *(Column("case", "case"), Column("test", lambda one: f"{one.id} {one.signal}".rstrip())),
+    *(Column("result", "result"), Column("why", "text")),
+)
+
+
+def check(
+    suite: Annotated[Path, Argument(metavar="SUITE", help="A suite file or a bundled name.", show_default=False)],
+    unit: UnitFile = None,
+    junit: Annotated[
+        Path | None, Option(metavar="FILE.xml", help="Write the results as JUnit XML.", show_default=False)
+    ] = None,
+    update: Annotated[bool, Option("--update", help="Keep the decisions as the reference; print what moved.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Check a suite: exit code 0 when every requirement is met and every decision as before, 1 when not."""
+    from rig.campaign.check import check as check_suite
+    from rig.campaign.junit import write_junit
+    from rig.campaign.suite import read_suite
+    from rig.unit.settings import read_unit
+
+    read = read_suite(suite)
+    require_apart({"--junit": junit}, [*read.inputs, unit])
+    tested = None if unit is None else read_unit(unit)
+    with working("starting", not as_json):
+        results = list(check_suite(read, tested, lambda name: tell(f"checking {name}")))
+    moved = _updated(read, results) if update else {}
+    if junit is not None:
+        write_junit(junit, read.title, results)
+    bad = [one for each in results for one in each.tests if not (one.good or (update and one.result == "differs"))]
+    emit(as_json, lambda: _data(read, results, moved), lambda: _show(read, results, moved, update))
+    if bad:
+        raise Exit(1)
+
+
+def _updated(suite: Suite, results: list[CaseResult]) -> dict[str, list[str]]:
+    """Write the reference decisions; return what moved, by case."""
+    from rig.campaign.check import difference
+
+    before = suite.decisions() or {}
+    after = {each.name: before.get(each.name, []) if each.decisions is None else each.decisions for each in results}
+    suite.keep(after)
+    names = dict.fromkeys([*before, *after])
+    changed = {name: difference(before.get(name, []), after.get(name, [])) for name in names}
+    return {name: lines for name, lines in changed.items() if lines}
+
+
+def _data(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]]) -> dict[str, object]:
+    tests = [one._asdict() for each in results for one in each.tests]
+    return {
+        "suite": str(suite.path),
+        "cases": len(results),
+        "tests": tests,
+        "seconds": sum(each.seconds for each in results),
+        "moved": moved,
+    }
+
+
+def _show(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]], update: bool) -> None:
+    tests = [one for each in results for one in each.tests]
+    wrong = [one for one in tests if not (one.good or (update and one.result == "differs"))]
+    line((suite.title, "bold"), f"  {suite.path}")
+    table(wrong, _FAILED, MOST_LINES, lambda _: "red")
+    for name, lines in moved.items():
+        for text in lines[:MOST_LINES]:
+            line(f"  {name}: {text}")
+        rest(len(lines), MOST_LINES, "  and {} more")
+    if update:
+        field("kept", f"{suite.decisions_file}: {len(moved)} of {len(results)} cases moved")
+    counts = {
+        result: sum(one.result == result for one in tests) for result in dict.fromkeys(one.result for one in tests)
+    }
+    seconds = sum(each.seconds for each in results)
+    field("cases", f"{len(results)} in {seconds:.1f} s: {', '.join(f'{n} {result}' for result, n in counts.items())}")
+    field("result", ("not met", "red") if wrong else ("met", "green"), f": {len(wrong)} of {len(tests)} tests failed")

@@ -1,0 +1,54 @@
+"""Requirements on the command line: their option, and how verdicts are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from typer import Option
+
+from rig.cli import complete
+from rig.cli.table import MOST_LINES, Column, line, table
+from rig.units.quantities import quantity
+
+if TYPE_CHECKING:
+    from rig.assess.requirements import Verdict
+
+FEW: Final = 4  # quantities of a line
+Requirements = Annotated[
+    list[str] | None,
+    Option(
+        "--requirements",
+        metavar="NAME|FILE",
+        help="Requirements to measure: a bundled set or a file; repeatable.",
+        autocompletion=complete.requirements,
+    ),
+]
+Strict = Annotated[bool, Option("--strict", help="Exit code 1 where a requirement is violated.")]
+_STYLES: Final = {"met": "green", "violated": "red", "not applicable": ""}
+_COLUMNS: Final = (
+    *(Column("requirement", 1), Column("on", 2, worth=3), Column("verdict", 0)),
+    *(Column("margin", 3), Column("at", 4, worth=4), Column("there", 5, worth=1)),
+)
+
+
+def show_verdicts(verdicts: Sequence[Verdict]) -> None:
+    """Print verdicts, the violated ones first."""
+    if not verdicts:
+        return
+    line(("requirements", "bold"))
+    order = ("violated", "met", "not applicable")
+    listed = sorted(verdicts, key=lambda one: order.index(one.status))
+    table([_row(one) for one in listed], _COLUMNS, MOST_LINES, lambda row: _STYLES[row[0]])
+
+
+def _row(one: Verdict) -> tuple[Any, ...]:
+    if not isfinite(one.margin):
+        return (one.status, one.requirement, one.signal, "", "", "")
+    there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in one.values.items()]
+    more = ["..."] if len(there) > FEW else []
+    return (
+        *(one.status, one.requirement, one.signal, f"{one.margin:.3g}", f"{one.instant_s:.2f} s"),
+        ", ".join([*there[:FEW], *more]),
+    )

@@ -1,0 +1,303 @@
+"""``rig reliability tree``, ``cutsets``, ``fmea``, ``confirm`` and ``report``: the safety case."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from typer import Argument, Exit, Option, echo
+
+from rig.cli.common import Json, Seed, Sets, Workers, comma_list, emit
+from rig.cli.reliability import RatesFile, SignalName, reliability_app
+from rig.cli.table import Column, line, table
+from rig.cli.working import working
+from rig.errors import BadInput
+from rig.util.interrupt import CODE
+from rig.util.outputs import SETS, require_apart, require_page
+from rig.util.progress import tell
+
+if TYPE_CHECKING:
+    from rig.campaign.run import Result
+    from rig.safety.confirm import Row
+    from rig.safety.cutsets import Counts, CutSet
+    from rig.safety.tree_result import TreeResult
+
+MOST_HOURS: Final = 1e5
+MOST_ORDER: Final = 3
+HOURS: Final = "1,10,100,1000"
+ORDER: Final = "Faults of a sequence, 1 to 3."
+CONDITIONS: Final = "manoeuvre-settled,manoeuvre-near,level-settled,level-then-manoeuvre-settled"
+_AT = (
+    Column("hours", "hours", "g"),
+    Column("tree", "tree", ".6g"),
+    Column("chain", "chain", ".6g"),
+    Column("tree differs", lambda at: f"{100 * at.differs:+.4f} %"),
+    Column("direct sum of the sets", lambda at: f"{at.direct_sum:.6g} ({100 * at.sum_differs:+.2f} %)", worth=7),
+)
+
+
+@reliability_app.command()
+def tree(
+    folders: Annotated[
+        list[Path],
+        Argument(
+            metavar="DIR...",
+            help="Flown campaigns or trials of one manager, or one folder of cut sets.",
+            show_default=False,
+        ),
+    ],
+    rates: RatesFile,
+    out: Annotated[Path, Option(metavar="FILE", help="The tree, Open-PSA XML.", show_default=False)],
+    channels: Annotated[int, Option(metavar="N", help="Channels of the signal.", min=1, max=4)] = 4,
+    hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = HOURS,
+    signal: SignalName = None,
+    chain: Annotated[
+        Path | None, Option(metavar="FILE", help="The same model as a chain, TOML.", show_default=False)
+    ] = None,
+    svg: Annotated[Path | None, Option(metavar="FILE", help="A picture of the tree.", show_default=False)] = None,
+    as_json: Json = False,
+) -> None:
+    """Write the loss of a signal as a fault tree, and the same model as a chain beside it."""
+    from rig.reliability.rates import read_rates
+    from rig.safety.tree_result import write
+
+    require_apart({"--out": out, "--chain": chain, "--svg": svg}, [*folders, rates])
+    name, _ = read_rates(rates).of(signal, str(rates))
+    with working("building the tree", not as_json):
+        result = _tree(folders, rates, name, channels, hours)
+    write(result, out, chain, svg)
+    emit(as_json, {"out": str(out), "signal": name, "channels": channels, **result.as_dict()}, lambda: _show(result))
+
+
+def _tree(folders: Sequence[Path], rates: Path, signal: str, channels: int, hours: str) -> TreeResult:
+    """Return the tree of a signal beside its chain; ``hours`` as the option gives them."""
+    from rig.reliability.rates import read_rates
+    from rig.safety.mode_tree import mode_chain, mode_tree, read_mode_model
+    from rig.safety.signal_chain import transitions
+    from rig.safety.signal_tree import signal_tree
+    from rig.safety.tree_input import read_model
+    from rig.safety.tree_result import solve
+    from rig.util.files import is_file
+    from rig.util.outputs import CUTSETS
+
+    allowed = f"hours above 0 and at most {MOST_HOURS:g}"
+    flights = comma_list("--hours", hours, allowed, float, lambda h: isfinite(h) and 0.0 < h <= MOST_HOURS)
+    if len(folders) == 1 and is_file(folders[0] / CUTSETS):
+        given = read_rates(rates).signals[signal]
+        sets = read_mode_model(folders[0], given, signal, channels, min(flights), str(rates))
+        named = {", ".join(modes): chance for modes, chance in sets.sets().items()}
+        return solve(mode_tree(sets), mode_chain(sets), flights, named)
+    model = read_model(folders, read_rates(rates), signal, channels, min(flights), str(rates))
+    not_kept = {f"{good} good": model.next_fault(good) for good in range(channels, 0, -1)}
+    return solve(signal_tree(model), transitions(model), flights, not_kept)
+
+
+def _show(result: TreeResult) -> None:
+    """Print both probabilities, what the tree is beside the chain, and the chances it is made of."""
+    table(result.at, _AT)
+    most = max((abs(each.differs) for each in result.at), default=0.0)
+    line(f"static tree: {result.static}, differs from the chain by at most {100 * most:.2g} %")
+    line("not kept: " + ", ".join(f"{good} {chance:.3g}" for good, chance in result.not_kept.items()))
+
+
+@reliability_app.command()
+def cutsets(
+    out: Annotated[
+        Path, Option(metavar="DIR", help="Folder of the flights; a begun one is continued.", show_default=False)
+    ],
+    signal: Annotated[str, Option(metavar="SIGNAL", help="As in rig signals.")] = "pitch_rate",
+    aircraft: Annotated[str, Option(metavar="NAME", help="As in rig aircraft list.")] = "f16",
+    order: Annotated[int, Option(metavar="N", help=ORDER)] = 3,
+    flights: Annotated[int, Option(metavar="N", help="Of each sequence in each condition.", min=1, max=10_000)] = 20,
+    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="Conditions and gaps.")] = CONDITIONS,
+    seed: Seed = 0,
+    workers: Workers = 2,
+    sets: Sets = None,
+    as_json: Json = False,
+) -> None:
+    """Fly all sequences of up to three faults of a signal, and print the sets that lose it."""
+    from rig.overrides import parse_set
+    from rig.safety.confirm import write_sets
+    from rig.safety.cutset_plan import Asked, fly, require
+    from rig.safety.cutsets import minimal, of_folder
+
+    if not 1 <= order <= MOST_ORDER:
+        raise BadInput(
+            f"--order {order}: must be from 1 to {MOST_ORDER}: four are all channels, and nearly all sequences lose"
+        )
+    named = tuple(dict.fromkeys(part.strip() for part in conditions.split(",")))
+    asked = Asked(aircraft, signal, order, flights, named, seed, dict(map(parse_set, sets or ())))
+    require(asked)
+    with working("flying the sequences", not as_json, steps=True):
+        results = fly(asked, out, workers, report=lambda done, count: tell("flights", done, count))
+    _stop_if_interrupted(results)
+    _, counted = of_folder(out)
+    found = minimal(asked, counted)
+    whole = {**asked.as_dict(), **_sets_of(counted, found)}
+    write_sets(out, whole)
+    emit(as_json, {"out": str(out), **whole}, lambda: _show_sets(counted, found))
+
+
+@reliability_app.command()
+def confirm(
+    folder: Annotated[Path, Argument(metavar="DIR", help="A folder of rig reliability cutsets.", show_default=False)],
+    aircraft: Annotated[
+        str | None, Option(metavar="NAME,NAME...", help="To fly the sets on.", show_default="the folder's")
+    ] = None,
+    points: Annotated[
+        str, Option(metavar="NAME,NAME...", help="Flight points of them.", show_default="each aircraft's own")
+    ] = "",
+    flights: Annotated[int, Option(metavar="N", help="Of each sequence.", min=1, max=10_000)] = 20,
+    seed: Annotated[int, Option(metavar="N", help="Other than the enumeration's.", min=0, max=2**63 - 1)] = 1,
+    workers: Workers = 2,
+    as_json: Json = False,
+) -> None:
+    """Fly every order and subset of the minimal sets again, with new seeds, and print what disagrees first."""
+    from rig.safety import confirm as again
+    from rig.safety.cutset_plan import read_asked
+
+    asked, found = read_asked(folder), again.claims(folder)
+    if not found:
+        raise BadInput(f"{folder}: no minimal set to confirm")
+    names = [part.strip() for part in (aircraft or asked.aircraft).split(",")]
+    made = again.plans(asked, found, names, [part.strip() for part in points.split(",") if part.strip()], flights, seed)
+    with working("flying the sets again", not as_json, steps=True):
+        results = again.fly(folder, made, workers, report=lambda done, count: tell("flights", done, count))
+    _stop_if_interrupted(results)
+    compared = again.rows(folder, asked.signal, found, made)
+    again.write_rows(folder, compared)
+    data = {"folder": str(folder), "rows": [row.as_dict() for row in compared]}
+    data |= {"agree": sum(row.agrees for row in compared), "disagree": sum(not row.agrees for row in compared)}
+    emit(as_json, data, lambda: _show_confirmed(compared))
+
+
+_CONFIRMED = (
+    Column("", lambda row: "" if row.agrees else "disagrees"),
+    *(Column("aircraft", lambda row: f"{row.aircraft} {row.point}".strip()), Column("condition", "condition", worth=7)),
+    Column("modes by onset", lambda row: ", ".join(row.modes)),
+    Column("enumerated", lambda row: f"{row.before[0]} of {row.before[1]}"),
+    *(Column("again", lambda row: f"{row.again[0]} of {row.again[1]}"), Column("shows", "shows", worth=8)),
+    Column("Fisher", "p_value", ".2g", worth=8),
+)
+
+
+def _show_confirmed(rows: Sequence[Row]) -> None:
+    """Print the rows, and how many agree."""
+    table(rows, _CONFIRMED)
+    disagree = sum(not row.agrees for row in rows)
+    line(f"{len(rows)} rows: {len(rows) - disagree} agree, {disagree} disagree (Fisher's exact test, 0.01 / rows)")
+
+
+@reliability_app.command()
+def fmea(
+    folders: Annotated[
+        list[Path], Argument(metavar="DIR...", help="Flown campaigns with single faults.", show_default=False)
+    ],
+    rates: RatesFile,
+    out: Annotated[Path, Option(metavar="FILE", help="A table, .csv, or a page, .html.", show_default=False)],
+    as_json: Json = False,
+) -> None:
+    """Write failure modes and effects of all items, each line with the flights that show it."""
+    from rig.reliability.rates import read_rates
+    from rig.safety.fmea import lines
+    from rig.safety.fmea_file import require_ending, shown, write
+
+    require_apart({"--out": out}, [*folders, rates])
+    require_ending(out)
+    with working("gathering the lines", not as_json):
+        made = lines(folders, read_rates(rates), str(rates))
+    write(made, out)
+    emit(as_json, {"out": str(out), "lines": [each.as_dict() for each in made]}, lambda: line(f"{shown(made)}: {out}"))
+
+
+@reliability_app.command()
+def report(
+    sets: Annotated[Path, Argument(metavar="DIR", help="A folder of rig reliability cutsets.", show_default=False)],
+    cells: Annotated[
+        list[Path], Option(metavar="DIR", help="Flown campaign reliability or trials; repeatable.", show_default=False)
+    ],
+    faults: Annotated[
+        list[Path], Option(metavar="DIR", help="Flown campaigns of single faults; repeatable.", show_default=False)
+    ],
+    rates: RatesFile,
+    out: Annotated[Path, Option(metavar="FILE", help="The page, HTML.", show_default=False)],
+    channels: Annotated[int, Option(metavar="N", help="Channels of the signal.", min=1, max=4)] = 4,
+    hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = HOURS,
+    signal: SignalName = None,
+    fly: Annotated[bool, Option("--fly", help="Fly first what is missing, the sets again too.")] = False,
+    flights: Annotated[int, Option(metavar="N", help="With --fly, of each sequence.", min=1, max=10_000)] = 20,
+    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="With --fly, of the sets.")] = CONDITIONS,
+    sets_of: Sets = None,
+    workers: Workers = 2,
+) -> None:
+    """Write sets, tree, chain, FMEA and confirmation as one page."""
+    from rig.reliability.rates import read_rates
+    from rig.safety.assumptions import assumptions
+    from rig.safety.case_page import write_case
+    from rig.safety.fmea import lines
+
+    require_apart({"--out": out}, [sets, *cells, *faults, rates])
+    require_page("--out", out)
+    read = read_rates(rates)
+    name, _ = read.of(signal, str(rates))
+    if fly:
+        for campaign, folder in (("reliability", cells[0]), ("fmea", faults[0])):
+            _fly_campaign(campaign, folder, sets_of, workers)
+        cutsets(sets, name, flights=flights, conditions=conditions, workers=workers, sets=sets_of)
+        if json.loads((sets / SETS).read_text())["sets"]:
+            confirm(sets, flights=flights, workers=workers)
+    with working("writing the safety case", enabled=True):
+        result = _tree(cells, rates, name, channels, hours)
+        write_case(sets, name, result, lines(faults, read, str(rates)), assumptions(read, name, result), out)
+    line(f"safety case: {out}")
+
+
+def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) -> None:
+    """Fly what is missing of a bundled campaign."""
+    from rig.campaign.config import find, read
+    from rig.campaign.plan import Plan
+    from rig.campaign.run import run
+    from rig.overrides import parse_set
+
+    plan = Plan(read(name, dict(map(parse_set, sets or ()))), str(find(name)))
+    with working(f"flying {name}", enabled=True, steps=True):
+        told = lambda progress: tell(f"flights of {name}", progress.done, progress.runs)  # noqa: E731
+        _stop_if_interrupted([run(plan, out, workers=workers, report=told)])
+
+
+def _stop_if_interrupted(results: Sequence[Result]) -> None:
+    last = results[-1]
+    if last.interrupted:
+        echo(f"stopped: {last.done} of {last.runs} flights of {last.out.name}; the same command goes on", err=True)
+        raise Exit(CODE + last.signal)
+
+
+def _sets_of(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> dict[str, Any]:
+    """Return the minimal sets, and how many sequences and flights there are of each condition."""
+    flown = {name: {"sequences": len(of), "flights": sum(c.flown for c in of.values())} for name, of in counted.items()}
+    return {"flown": flown, "sets": [each.as_dict() for each in found]}
+
+
+_SETS = (
+    *(Column("condition", "condition"), Column("gap", "gap"), Column("modes by onset", lambda s: ", ".join(s.modes))),
+    Column("lost", lambda s: f"{s.whole.lost} of {s.whole.flown}"),
+    Column("95 %", lambda s: "{:.3f} to {:.3f}".format(*s.as_dict()["interval"])),
+    Column("wrong vote first", "whole.wrong_vote", worth=7),
+    Column("aircraft lost", "whole.aircraft_lost", worth=8),
+    Column("orders that never lose", lambda s: sum(c.lost == 0 for c in s.orders.values()) or "", worth=6),
+)
+
+
+def _show_sets(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> None:
+    """Print what was flown, and the minimal sets."""
+    for name, of in counted.items():
+        lost = sum(each.lost for each in of.values())
+        line(
+            f"{name}: {len(of)} sequences, {lost} of {sum(each.flown for each in of.values())} flights lose the signal"
+        )
+    line()
+    table(found, _SETS)
+    line("minimal: the lower end of its interval is above the upper ends of all its proper subsets")

@@ -1,0 +1,60 @@
+"""The report of a league: one HTML file that opens without a network: verdict, share over size, delay over budget."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import plotly.graph_objects as go
+
+from rig.report.page import lay_out, write_page
+from rig.util.palette import series_colour
+
+_HEIGHT: Final = 340
+Row = dict[str, Any]
+
+
+def write(path: Path, result: dict[str, Any]) -> None:
+    """Write the pictures and the verdict of ``result``, as of run.py, with the reference as flown."""
+    title = f"{result['budget_per_h']:g} false isolations an hour and signal, calibrated on {result['hours']:.3g} h"
+    entrants = list(dict.fromkeys(row["entrant"] for row in result["levels"]))
+    figures = dict([*_shares(result["by_size"], entrants), *_delays(result["curve"], entrants)])
+    about = {"title": title, "verdict": result["verdict"], "pictures": list(figures)}
+    write_page(path, "league.html", figures, {}, **about)
+
+
+def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
+    """Yield a picture a signal, kind and number of faults: the share isolated over the size, a line an entrant."""
+    for key in dict.fromkeys((row["signal"], row["kind"], row["faults"]) for row in rows):
+        figure = go.Figure()
+        for name in entrants:
+            mine = [r for r in rows if (r["signal"], r["kind"], r["faults"]) == key and r["entrant"] == name]
+            shares = [row["isolated"] / row["trials"] for row in mine]
+            figure.add_scatter(x=[row["size"] for row in mine], y=shares, **_line(name, entrants))
+        title = f"{key[0]}, {key[1]}, {key[2]} fault{'s' if key[2] > 1 else ''}: share isolated"
+        lay_out(figure, title, _HEIGHT)
+        figure.update_xaxes(title="size, thresholds", type="log")
+        figure.update_yaxes(range=[0, 1.02])
+        yield title, figure
+
+
+def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
+    """Yield two pictures a signal and number of faults: median delay, and share isolated, over the budget."""
+    for key in dict.fromkeys((row["signal"], row["faults"]) for row in rows):
+        of = f"{key[0]}, {key[1]} fault{'s' if key[1] > 1 else ''}"
+        for what in ("median delay, s", "share isolated"):
+            figure = go.Figure()
+            for name in entrants:
+                mine = [row for row in rows if (row["signal"], row["faults"]) == key and row["entrant"] == name]
+                if len(mine) > 1:
+                    shares = [row["isolated"] / row["trials"] for row in mine]
+                    values = shares if what.startswith("share") else [row["delay_median_s"] for row in mine]
+                    figure.add_scatter(x=[row["budget_per_h"] for row in mine], y=values, **_line(name, entrants))
+            lay_out(figure, f"{of}: {what}", _HEIGHT)
+            figure.update_xaxes(title="budget, false isolations an hour", type="log")
+            yield f"{of}: {what}", figure
+
+
+def _line(name: str, entrants: Sequence[str]) -> dict[str, Any]:
+    return {"name": name, "mode": "lines+markers", "line_color": series_colour(list(entrants).index(name))}

@@ -1,0 +1,223 @@
+"""A league on recordings: too short for a budget, so everybody is calibrated to fail nobody in the other half.
+
+Every second recording calibrates, the others are flown with a fault put into one channel, and the other way round.  A
+piece begins BEFORE_S ahead of the fault, so that what learns has learned; the faults are those of the trade-off of
+``rig thresholds``, of sizes that follow the motion of the signal.  There is no reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from rig.assess.outcome import NEVER
+from rig.assess.words import PRIOR
+from rig.bench.run import step
+from rig.computer.redundancy.managers import Manager
+from rig.errors import BadInput
+from rig.frame import CHANNELS, Ilm, State, rows
+from rig.kernels import long_kernel
+from rig.league.entrants import BIASED, OURS, Entrant, OfSignal, designed_values, levels, manager, with_settings_of
+from rig.league.flown import first_enough, flights_failing, isolations, scaled
+from rig.league.healthy import Flight, Healthy, measured
+from rig.league.outcomes import differences, table
+from rig.league.own_class import voted
+from rig.league.trials import SCHEMA
+from rig.recordings.settings import RecordedSignal, VoteConfig
+from rig.thresholds.data import Data
+from rig.thresholds.design import DataBlock
+from rig.thresholds.healthy import envelope
+from rig.thresholds.lasting import residuals
+from rig.thresholds.monitored import four, parameters
+from rig.thresholds.tradeoff import GAIN, LATER_S, NOISE, SHARES, SMALL, Kind, Pieces, faulty
+
+BEFORE_S: Final = 10.0
+PIECES: Final = 48  # of a signal and half
+_STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a thousandth of it
+_HIGHEST: Final = 64.0
+_ROWS: Final = rows(1)
+Faults = Sequence[tuple[str, Kind, float]]
+
+
+def league(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
+    """Return levels, false isolations in the halves that did not calibrate, table and differences.
+
+    BadInput: fewer than two recordings, or all too short for a piece
+    """
+    if len(data.names) < 2:
+        raise BadInput(
+            f"--recordings: {len(data.names)} recording: one half calibrates, the other is tested: 2 or more"
+        )
+    found, told = list[pl.DataFrame](), list[dict[str, Any]]()
+    for place, (name, blocks) in enumerate(data.signals.items()):
+        signal = _of_signal(name, data.settings[name], blocks, config)
+        for half in (0, 1):
+            calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
+            values = _values(entrants, signal, calibrating)
+            for entrant in entrants:
+                false = isolations(entrant, signal, values[entrant.name], _flights(tested))
+                levels_of = {key: value for key, value in values[entrant.name].items() if isinstance(value, float)}
+                told.append({"signal": name, "half": half, "entrant": entrant.name, "told": levels_of, "false": false})
+            found += _trials(entrants, signal, values, tested, 2 * place + half)
+    if not found:
+        raise BadInput(f"--recordings: all are shorter than the {BEFORE_S + LATER_S:g} s of a trial")
+    trials = pl.concat(found)
+    return {"hours": data.hours, "levels": told, "table": table(trials), "differences": differences(trials)}
+
+
+def _of_signal(name: str, given: RecordedSignal, blocks: Sequence[DataBlock], config: VoteConfig) -> OfSignal:
+    count, rate_hz = len(blocks[0].samples), blocks[0].rate_hz
+    return OfSignal(name, parameters(given, count, rate_hz), given, config.rivals, rate_hz)
+
+
+def _flights(blocks: Sequence[DataBlock]) -> list[Flight]:
+    return [
+        Flight(block.name, np.ascontiguousarray(block.samples.T), np.full((block.samples.shape[1], 2), np.nan))
+        for block in blocks
+    ]
+
+
+def _values(entrants: Sequence[Entrant], signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, dict[str, Any]]:
+    """Return what each entrant is told: of its levels the least of a grid with which it fails nobody in ``blocks``."""
+    flights, found = _flights(blocks), dict[str, dict[str, Any]]()
+    for entrant in entrants:
+        given = measured(entrant, signal, Healthy({signal.name: flights}, 0.0, ""))
+        of = with_settings_of(signal, entrant, given)
+        asked = levels(entrant, of)
+        if entrant.designed:
+            threshold = found[OURS]["threshold"] if entrant.name == BIASED else signal.threshold * _HIGHEST
+            bound = float(residuals([block.samples for block in blocks], signal.given.wraps).means.max())
+            found[entrant.name] = _ours(entrant, signal, flights, threshold, bound)
+        elif asked:
+            highest = {**given, **{level.name: level.default * _HIGHEST for level in asked}}
+            at = first_enough(
+                lambda n, of=of, e=entrant, h=highest: _fails(e, of, scaled(e, of, h, n), flights), _STEPS
+            )
+            found[entrant.name] = scaled(entrant, of, highest, (_STEPS if at is None else at) - 1)
+        else:
+            found[entrant.name] = given
+    return found
+
+
+def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: Sequence[Flight]) -> bool:
+    return flights_failing(entrant, signal, values, flights) > 0
+
+
+def _ours(
+    entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float
+) -> dict[str, Any]:
+    """Return ours with the least threshold, or with learned biases the least outlier threshold below ``highest``."""
+    none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")
+    plain: dict[str, Any] = {**dict.fromkeys(none), "bias_bound": 0.0, "slow_allowance": None, "slow_limit": None}
+
+    def told(steps: int) -> dict[str, Any]:
+        level = highest * 2.0 ** (-steps / 16.0)
+        update = {**plain, "threshold": level}
+        if entrant.name == BIASED:
+            learned = {"outlier_threshold": level, "outlier_threshold_triplex": level, "bias_bound": bound}
+            update |= {"threshold": max(highest, bound), **learned}
+        return designed_values(signal, signal.given.model_copy(update=update))
+
+    at = first_enough(lambda steps: _fails(entrant, signal, told(steps), flights), _STEPS)
+    return told(max((_STEPS if at is None else at) - 1, 0))
+
+
+def _trials(
+    entrants: Sequence[Entrant],
+    signal: OfSignal,
+    values: dict[str, dict[str, Any]],
+    blocks: Sequence[DataBlock],
+    part: int,
+) -> Iterator[pl.DataFrame]:
+    """Yield the rows of each fault and entrant; part : number of the signal and half."""
+    cut = cut_pieces(blocks)
+    if cut is None:
+        return
+    motion = envelope(blocks, signal.given.wraps)
+    for number, (name, kind, size) in enumerate(_faults(max(motion.value, motion.noise))):
+        samples = cut.samples.copy()
+        samples[np.arange(len(samples)), :, cut.channel] = faulty(cut, kind, size)
+        for entrant in entrants:
+            failed_at = _failed_at(entrant, signal, values[entrant.name], samples)
+            outcome, delay_s = _became(failed_at, cut)
+            columns = {
+                "combination": 100 * part + number,
+                "trial": np.arange(len(samples)),
+                **{"signal": signal.name, "kind": name, "faults": 1, "size": None, "reference": "absent"},
+                **{"budget_per_h": 0.0, "entrant": entrant.name, "outcome": outcome, "delay_s": delay_s, "peak": None},
+            }
+            made = pl.DataFrame(columns).cast(pl.Schema(SCHEMA)).select(list(SCHEMA))
+            yield made.with_columns(pl.col("delay_s").fill_nan(None))
+
+
+def _faults(motion: float) -> Faults:
+    small: list[tuple[str, Kind, float]] = [(f"small offset {x:g}", "small", x * motion) for x in SMALL]
+    offsets: list[tuple[str, Kind, float]] = [(f"offset {x:g}", "offset", x * motion) for x in SHARES]
+    return [
+        *small,
+        *offsets,
+        ("ramp", "ramp", SHARES[0] * motion),
+        ("noise", "noise", NOISE),
+        ("gain", "gain", GAIN),
+        ("stuck", "stuck", 0.0),
+    ]
+
+
+def cut_pieces(blocks: Sequence[DataBlock], count: int = PIECES) -> Pieces | None:
+    """Return ``count`` pieces spread evenly over recordings, from BEFORE_S before the onset; None: all too short."""
+    rate_hz = blocks[0].rate_hz
+    onset, length = round(BEFORE_S * rate_hz), round((BEFORE_S + LATER_S) * rate_hz) + 1
+    room = np.array([max(block.samples.shape[1] - length + 1, 0) for block in blocks])
+    if not room.any():
+        return None
+    at = ((np.arange(count) + 0.5) * room.sum() / count).astype(np.int64)
+    block = np.searchsorted(np.cumsum(room), at, side="right")
+    begin = at - (np.cumsum(room) - room)[block]
+    samples = np.ascontiguousarray([blocks[b].samples[:, k : k + length].T for b, k in zip(block, begin, strict=True)])
+    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate_hz)
+
+
+def _failed_at(
+    entrant: Entrant, signal: OfSignal, values: dict[str, Any], samples: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """Return (R, 4) the first frame in which each channel of each piece is failed, or NEVER."""
+    if entrant.is_own:
+        failed, _ = voted(entrant.manager, values, signal.params, {"channels": four(samples)})
+        return np.where(failed.any(axis=1), failed.argmax(axis=1), NEVER)
+    made: Manager = manager(entrant, signal, values)
+    block = _ROWS.block(1)
+    block["reference"] = block["second_reference"] = np.nan
+    block["valid"], block["ilm"] = 1, Ilm.ABSENT
+    found = np.full((len(samples), CHANNELS), NEVER, np.int64)
+    _run(four(samples), _ROWS.nested(block), made.data, made.new_state(), found)
+    return found
+
+
+@long_kernel
+def _run(samples, rows, manager, fresh, failed_at):
+    """Every piece (R, n, 4) through the manager, which begins again with each."""
+    row = rows[0]
+    channels, state = row["bus"]["channels"], row["fcc"]["state"]
+    for r in range(len(samples)):
+        manager.state[0] = fresh[0]
+        for k in range(samples.shape[1]):
+            for c in range(CHANNELS):
+                channels[0, c] = samples[r, k, c]
+            step(row, row, k, None, None, None, manager, None)
+            for c in range(CHANNELS):
+                if state[0, c] == State.FAILED and failed_at[r, c] < 0:
+                    failed_at[r, c] = k
+
+
+def _became(failed_at: NDArray[np.int64], cut: Pieces) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    pieces = np.arange(len(failed_at))
+    mine, failed = failed_at[pieces, cut.channel], failed_at != NEVER
+    before = (failed & (failed_at < cut.onset)).any(axis=1)
+    others = failed.copy()
+    others[pieces, cut.channel] = False
+    outcome = np.select([before, others.any(axis=1), mine != NEVER], [PRIOR, "wrong channel", "isolated"], "missed")
+    return outcome, np.where(outcome == "isolated", (mine - cut.onset) / cut.rate_hz, np.nan)

@@ -1,0 +1,163 @@
+"""Campaigns that fly sequences of faults: one a condition, in a folder each, begun or gone on with.
+
+DIR/cutsets.json              what was asked; beside it a campaign's folder a condition
+DIR/<condition>-<gap>/        that campaign (campaign/folder.py)
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from rig.campaign.config import Campaign, from_what
+from rig.campaign.folder import write_whole
+from rig.campaign.plan import Plan
+from rig.campaign.run import Result, run
+from rig.errors import BadInput
+from rig.frame import INDEX
+from rig.safety.sequences import CONDITIONS, Condition, Modes, flights, sequences
+from rig.text import choices, quoted
+from rig.util.files import is_file
+from rig.util.outputs import CUTSETS
+
+FORMAT: Final = 1
+BATCH: Final = 40
+LATERAL: Final = ("roll_rate", "yaw_rate", "lateral_load_factor", "angle_of_sideslip", "stick_roll", "pedal",
+                  "roll_angle", "heading")  # fmt: skip
+AMPLITUDE: Final = 0.3  # of the stick, of the 3-2-1-1
+_TYPES: Final = {
+    **dict.fromkeys(("aircraft", "signal"), str),
+    **dict.fromkeys(("order", "flights", "seed"), int),
+    "conditions": list,
+    "set": dict,
+}
+Report = Callable[[int, int], None]  # flights done, of how many
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is enumerated."""
+
+    aircraft: str
+    signal: str
+    order: int
+    flights: int  # of each sequence and condition
+    conditions: tuple[str, ...]  # slugs
+    seed: int
+    set: Mapping[str, Any]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data, as in cutsets.json."""
+        return {"format": FORMAT, **asdict(self), "conditions": list(self.conditions), "set": dict(self.set)}
+
+
+def require(asked: Asked, source: str = "--signal") -> None:
+    """Raise BadInput for a signal or condition that there is not."""
+    if asked.signal not in INDEX:
+        raise BadInput(
+            f"{source}: unknown signal {quoted(asked.signal)}, {choices(asked.signal, INDEX, 'rig signals')}"
+        )
+    for name in asked.conditions:
+        if name not in CONDITIONS:
+            raise BadInput(f"--conditions: unknown {quoted(name)}, {choices(name, CONDITIONS)}")
+
+
+def plan(asked: Asked, condition: str, wanted: Sequence[Modes] | None = None, source: str = "cutsets") -> Plan:
+    """Return the campaign of a condition; ``wanted``: sequences instead of all up to the order."""
+    when = CONDITIONS[condition]
+    base = _base(asked, when)
+    bare = Plan(_campaign(asked, base, [{"name": "healthy"}], when, source), source)
+    channels = range(1, getattr(bare[0].scenario().sensors, asked.signal).channels + 1)
+    cases = [
+        {
+            "name": ", ".join(each),
+            "vary": {"faults": flights(asked.signal, each, channels, when, asked.flights, asked.seed)},
+        }
+        for each in (sequences(asked.order) if wanted is None else wanted)
+        if sum("reference" not in mode for mode in each) <= len(channels)
+    ]
+    return Plan(_campaign(asked, base, cases, when, source), source)
+
+
+def _base(asked: Asked, when: Condition) -> dict[str, Any]:
+    pilot: dict[str, Any] = {"autopilot_engaged": False}
+    if when.manoeuvre_s is not None:
+        axis = "stick_roll" if asked.signal in LATERAL else "stick_pitch"
+        begin, lasts = when.manoeuvre_s
+        whole = {"kind": "3-2-1-1", "axis": axis, "start_s": begin, "duration_s": lasts, "amplitude": AMPLITUDE}
+        pilot["manoeuvres"] = [whole]
+    return {"aircraft": asked.aircraft, "duration_s": when.duration_s, "turbulence": "light", "pilot": pilot}
+
+
+def _campaign(
+    asked: Asked, base: dict[str, Any], cases: list[dict[str, Any]], when: Condition, source: str
+) -> Campaign:
+    title = f"Sequences of faults of {asked.signal}, {asked.aircraft}, {when.name}, {when.gap}"
+    what = {"title": title, "base": {"title": title, **base}, "set": dict(asked.set), "sampling": "grid"}
+    return from_what({**what, "seed": asked.seed, "cases": {"sequence": cases}, "run": {"batch": BATCH}}, source)
+
+
+def fly(asked: Asked, out: Path, workers: int, report: Report | None = None) -> list[Result]:
+    """Fly what is missing of every condition; a call that is interrupted ends the list.
+
+    BadInput, before anything is written: ``out`` holds something else, or was asked otherwise.
+    """
+    plans = {condition: plan(asked, condition) for condition in asked.conditions}
+    begin(out, asked.as_dict())
+    return fly_all(plans, out, workers, report)
+
+
+def fly_all(plans: Mapping[str, Plan], out: Path, workers: int, report: Report | None) -> list[Result]:
+    """Fly several campaigns in folders below ``out``, one after the other."""
+    count, before, results = sum(map(len, plans.values())), 0, []
+    for name, each in plans.items():
+        past = before
+        told = None if report is None else (lambda progress, past=past: report(past + progress.done, count))
+        results.append(run(each, out / name, workers=workers, report=told))
+        before += len(each)
+        if results[-1].interrupted:
+            break
+    return results
+
+
+def begin(out: Path, about: dict[str, Any]) -> None:
+    """Make the folder, or find that it was asked the same before.  BadInput names what differs."""
+    path = out / CUTSETS
+    if is_file(path):
+        was = read_json(path)
+        for key, value in about.items():
+            if was.get(key) != value:
+                raise BadInput(f"--out {out}: holds other flights: {key} was {was.get(key)}, is {value}")
+        return
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise BadInput(f"--out {out}: is no folder of cut sets, and not empty")
+    out.mkdir(parents=True, exist_ok=True)
+    write_whole(path, json.dumps(about, indent=1).encode())
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON file of a folder of cut sets.  BadInput: it is damaged, or of another version."""
+    try:
+        about = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadInput(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
+    if not isinstance(about, dict) or about.get("format") != FORMAT:
+        raise BadInput(f"{path}: is damaged, or not of this version of the rig")
+    return about
+
+
+def read_asked(out: Path) -> Asked:
+    """Return what a folder of cut sets was asked.  BadInput: it is none, or its file is damaged."""
+    path = out / CUTSETS
+    if not is_file(path):
+        raise BadInput(f"{out}: no folder of cut sets: {CUTSETS} is missing; rig reliability cutsets --out makes one")
+    about = read_json(path)
+    for key, kind in _TYPES.items():
+        if not isinstance(about.get(key), kind) or isinstance(about.get(key), bool):
+            raise BadInput(f"{path}: is damaged: {key} is missing, or not a {kind.__name__}")
+    asked = Asked(**{**{key: about[key] for key in _TYPES}, "conditions": tuple(map(str, about["conditions"]))})
+    require(asked, str(path))
+    return asked

@@ -1,0 +1,94 @@
+"""A fault tree as an SVG picture: gates as boxes with their kind, events as circles with their probability.
+
+A gate with many inputs, or that was drawn before, is drawn once and named where it comes again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from html import escape
+from typing import Final
+
+from rig.safety.fault_tree import FaultTree
+from rig.util.palette import SERIES, SOFT
+
+WIDTH, HEIGHT, ROW, GAP = 150, 46, 100, 14
+MOST: Final = 8  # inputs of a gate that are drawn one by one
+CHARACTERS: Final = 24  # of a line in a box
+INK: Final = "#222222"
+
+
+@dataclass
+class _Drawing:
+    tree: FaultTree
+    hours: float
+    parts: list[str] = field(default_factory=list)
+    drawn: set[str] = field(default_factory=set)
+    right: float = GAP
+    deepest: int = 0
+
+    def draw(self, name: str, depth: int) -> float:
+        """Draw ``name`` and all below it; return its middle."""
+        self.deepest = max(self.deepest, depth)
+        again, gate = name in self.drawn, self.tree.gates.get(name)
+        self.drawn.add(name)
+        below: list[float] = []
+        if gate is not None and not again:
+            shown = gate.inputs if len(gate.inputs) <= MOST else gate.inputs[:1]
+            below = [self.draw(each, depth + 1) for each in shown]
+            if len(shown) < len(gate.inputs):
+                below.append(self._box([f"and {len(gate.inputs) - 1} more like it"], depth + 1, SOFT))
+        middle = (below[0] + below[-1]) / 2 if below else None
+        return self._box(self._lines(name, again), depth, SERIES[0] if gate else SERIES[1], middle, below)
+
+    def _lines(self, name: str, again: bool) -> list[str]:
+        if name in self.tree.events:
+            event = self.tree.events[name]
+            return [*_wrapped(event.label), f"{event.probability(self.hours):.3g}"]
+        gate = self.tree.gates[name]
+        kind = f"{gate.least} of {len(gate.inputs)}" if gate.kind == "atleast" else gate.kind.upper()
+        return [*_wrapped(gate.label or name.replace("_", " ")), "drawn to the left" if again else kind]
+
+    def _box(
+        self, lines: list[str], depth: int, colour: str, middle: float | None = None, below: list[float] | None = None
+    ) -> float:
+        if middle is None:
+            middle = self.right + WIDTH / 2
+            self.right += WIDTH + GAP
+        top = GAP + depth * ROW
+        self.parts += [
+            f'<path d="M{middle:.1f} {top + HEIGHT} V{top + (HEIGHT + ROW) / 2} H{each:.1f} V{top + ROW}" fill="none" '
+            f'stroke="{SOFT}"/>'
+            for each in below or ()
+        ]
+        self.parts.append(
+            f'<rect x="{middle - WIDTH / 2:.1f}" y="{top}" width="{WIDTH}" height="{HEIGHT}" rx="4" fill="#ffffff" '
+            f'stroke="{colour}" stroke-width="1.5"/>'
+        )
+        self.parts += [
+            f'<text x="{middle:.1f}" y="{top + 13 + 14 * i}" text-anchor="middle">{escape(text)}</text>'
+            for i, text in enumerate(lines)
+        ]
+        return middle
+
+
+def _wrapped(label: str) -> list[str]:
+    """Return a label in two lines at most."""
+    lines = [""]
+    for word in label.split():
+        if lines[-1] and len(lines[-1]) + len(word) >= CHARACTERS:
+            lines.append("")
+        lines[-1] = f"{lines[-1]} {word}".strip()
+    return lines if len(lines) <= 2 else [lines[0], lines[1][: CHARACTERS - 2] + " …"]
+
+
+def picture(tree: FaultTree, hours: float) -> str:
+    """Return the SVG of a tree, its events with their probabilities after ``hours``."""
+    drawing = _Drawing(tree, hours)
+    drawing.draw(tree.top, 0)
+    width, height = drawing.right, 2 * GAP + drawing.deepest * ROW + HEIGHT
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height}" width="{width:.0f}" '
+        f'height="{height}" font-family="system-ui, sans-serif" font-size="11" fill="{INK}">'
+    )
+    return "\n".join([head, f"<title>{escape(tree.name)}, {hours:g} h</title>", *drawing.parts, "</svg>"]) + "\n"

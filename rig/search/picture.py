@@ -1,0 +1,57 @@
+"""The picture of a search: margin over flights, the random ones first, and the least so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import plotly.graph_objects as go
+
+from rig.report.page import lay_out, write_page
+from rig.search.objective import Measured
+from rig.search.plan import SearchPlan
+from rig.util.palette import BLUE, INK, ORANGE, RED, SOFT, faint
+
+MOST: Final = 30.0  # drawn of a margin
+
+
+def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
+    """Draw the margin of each draw over flights."""
+    margins = np.array([each.margin for each in found])
+    shown = np.clip(margins, -MOST, MOST)
+    flights = (np.arange(len(margins)) + 1) * plan.of_one_draw
+    names = [plan.arms[draw.arm].name for draw in plan.draws]
+    made = go.Figure()
+    for label, part, colour in (
+        ("random", slice(0, plan.random), SOFT),
+        ("CMA-ES", slice(plan.random, len(margins)), BLUE),
+    ):
+        hover = "flight %{x}: margin %{customdata}<extra>" + label + "</extra>"
+        marks: dict[str, Any] = {"mode": "markers", "marker": {"color": faint(colour, 0.55), "size": 6}}
+        texts = [f"{margin:.3g}<br>{name}" for margin, name in zip(margins[part], names[part], strict=True)]
+        made.add_scatter(x=flights[part], y=shown[part], name=label, customdata=texts, hovertemplate=hover, **marks)
+    line: dict[str, Any] = {"mode": "lines", "line": {"color": INK, "width": 2, "shape": "hv"}}
+    made.add_scatter(x=flights, y=np.minimum.accumulate(shown), name="least so far", hoverinfo="skip", **line)
+    _level(made, float(shown[: plan.random].min()), "least at random", {"color": ORANGE, "width": 1.5, "dash": "dash"})
+    _level(made, 0.0, "violated below", {"color": RED, "width": 1})
+    lay_out(made, "Margin over flights", 420, margin={"l": 10, "r": 120, "t": 40, "b": 10})
+    made.update_xaxes(title="flight")
+    made.update_yaxes(title="margin")
+    return made
+
+
+def _level(figure: go.Figure, margin: float, text: str, line: dict[str, Any]) -> None:
+    """Draw a level, its text to the right of the picture."""
+    figure.add_hline(y=margin, line=line)
+    figure.add_annotation(x=1.01, xref="paper", y=margin, text=text, showarrow=False, xanchor="left")
+
+
+def write(out: Path, plan: SearchPlan, found: Sequence[Measured], figures: dict[str, Any]) -> None:
+    """Write the page of a search."""
+    title = plan.campaign.title or plan.source
+    write_page(
+        out, "search.html", {"margins": figure(plan, found)}, {}, title=title, asked=plan.asked, results=figures,
+        requirements=[each for each in plan.requirements if each.id in plan.asked.requirements],
+    )  # fmt: skip

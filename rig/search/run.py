@@ -1,0 +1,140 @@
+"""One search in a folder: ask, fly what is not flown yet, tell; then confirm what is worst and shrink it.
+
+    campaign.json, runs/, ...   the folder of a campaign: all flights of the search
+    confirmed/                  another: flights on new seeds, of the candidates and of what is shrunk
+    worst.toml, search.html     the scenario, the picture; search.json  the figures
+
+The flights depend on campaign, requirements, options and seed alone: the table that is there is told again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Final
+
+from rig.campaign import table
+from rig.campaign.folder import write_whole
+from rig.campaign.run import pool_of
+from rig.campaign.worker import fly_batch
+from rig.overrides import parse_set, set_key
+from rig.search import bench, picture, result
+from rig.search.confirm import SEEDS, Confirmed, Table, confirm, least_apart, new_seeds, worst
+from rig.search.flown import Flown, Interrupted, flown
+from rig.search.objective import Measured, measured
+from rig.search.plan import ConfirmPlan, SearchPlan
+from rig.search.schedule import schedule
+from rig.search.shrink import SEEDS as SHRINK_SEEDS
+from rig.search.shrink import shrink
+from rig.util.interrupt import interruptible
+from rig.util.progress import tell
+
+CONFIRMED: Final = "confirmed"
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a call of ``run`` ended."""
+
+    figures: dict[str, Any]  # as ``--json`` prints them; empty when interrupted
+    table_sha256: str
+    flights: int  # in the folder
+    wall_s: float
+    interrupted: bool = False
+    signal: int = 0
+
+
+def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: str | None = None) -> Ended:
+    """Search, or go on with it, into the folder ``out``.
+
+    BadInput before anything is written; RigError when the disk is full or workers keep dying.
+    """
+    began, batch = perf_counter(), bench.run_batch if plan.asked.bench else fly_batch
+    pool, kill = pool_of(plan, workers, scheduler), True
+    try:
+        plan.check()
+        if plan.asked.bench:
+            bench.check(plan)
+        with interruptible(again=True) as stop:
+            with flown(plan, out, pool, stop, batch) as flights:
+                found, figures = None, {}
+                try:
+                    found = _searched(plan, flights)
+                    with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop) as others:  # open loop or not
+                        figures = _finished(plan, found, others, out)
+                except Interrupted:
+                    pass
+                kill = stop.insisted
+                tables = flights.folder.tables
+                end = stop.requested and not figures, stop.signal
+            return Ended(figures, table.sha256(tables), len(tables["runs"]), perf_counter() - began, *end)
+    finally:
+        pool.close(kill)
+
+
+def _searched(plan: SearchPlan, flights: Flown) -> list[Measured]:
+    """Return what each draw is worth, in their order."""
+    results: list[Measured] = []
+    coming = schedule(plan.arms, plan.most_draws, plan.asked.seed, plan.asked.method)
+    asked = next(coming)
+    numbers = list(range(len(plan.choices)))  # the random flights are in the plan already
+    while True:
+        ids = plan.asked.requirements
+        rows = flights.rows(numbers)
+        together = plan.of_one_draw
+        new = [measured(rows[i : i + together], ids) for i in range(0, len(rows), together)]
+        results += new
+        least = min(result.margin for result in results)
+        tell(f"{len(plan.choices)} flights, least margin {least:.3g}", len(plan.choices) - 1, len(plan))
+        try:
+            asked = coming.send([each.value for each in new])
+        except StopIteration:
+            return results
+        numbers = plan.add(asked)
+
+
+def _finished(plan: SearchPlan, found: list[Measured], others: Flown, out: Path) -> dict[str, Any]:
+    """Confirm, shrink, write scenario and picture; return the figures."""
+    tell("confirming on new seeds")
+    fly = _Fly(plan, others)
+    places = least_apart(plan.draws, [each.value for each in found])
+    first = len(plan)
+    seeds = new_seeds(plan.campaign, first, SEEDS)
+    candidates = confirm([plan.data(i * plan.of_one_draw) for i in places], seeds, fly)
+    chosen = worst(candidates)
+    shrunk: Confirmed = chosen
+    if chosen.violations:
+        tell("shrinking")
+        few = new_seeds(plan.campaign, first + SEEDS, SHRINK_SEEDS)
+        simple = shrink(chosen.table, few, fly)
+        last = new_seeds(plan.campaign, first + SEEDS + SHRINK_SEEDS, SEEDS)
+        shrunk = confirm([simple], last, fly)[0]
+    figures = result.figures(plan, found, places, candidates, chosen, shrunk, out)
+    if shrunk.violations:
+        result.write_scenario(out / result.SCENARIO, plan, shrunk)
+    write_whole(out / result.FIGURES, json.dumps(figures, indent=1, allow_nan=False).encode())
+    picture.write(out / result.PICTURE, plan, found, figures)
+    return figures
+
+
+class _Fly:
+    """Flies scenario tables that are none of the search's own, each in both settings where it is against another."""
+
+    def __init__(self, plan: SearchPlan, flights: Flown) -> None:
+        self._plan, self._flights, self._confirming = plan, flights, flights.plan
+        assert isinstance(self._confirming, ConfirmPlan)
+
+    def __call__(self, tables: Sequence[Table]) -> list[Measured]:
+        """Return what each is worth."""
+        asked, plan = self._plan.asked, self._confirming
+        assert isinstance(plan, ConfirmPlan)
+        pairs = [[each] for each in tables]
+        if asked.against is not None:
+            key, value = parse_set(asked.against)
+            pairs = [[each, set_key(each, key, value, "--against")] for each in tables]
+        rows = self._flights.rows(plan.add([each for pair in pairs for each in pair]))
+        count = self._plan.of_one_draw
+        return [measured(rows[i : i + count], asked.requirements) for i in range(0, len(rows), count)]

@@ -1,0 +1,146 @@
+"""``rig check``: suites, their reference decisions, JUnit XML."""
+
+import json
+import re
+from types import SimpleNamespace
+
+import pytest
+from junitparser import Failure, JUnitXml, Skipped
+
+from rig.campaign.check import DECISIONS, difference
+from rig.campaign.suite import read_suite
+
+OWN = """
+[[requirements]]
+id = "vote"
+at = "each onset"
+formula = "always[0.1, 1] abs(error.{signal}) <= threshold.{signal}"
+
+[[requirements]]
+id = "found"
+at = "each onset"
+formula = "eventually[0, 0.5] count.{signal}.3 >= 1"
+
+[[requirements]]
+id = "lost"
+at = "each loss"
+formula = "lost"
+"""
+SUITE = """
+requirements = ["own.toml"]
+[[cases]]
+name = "short"
+scenario = "f16_pitch_rate_hardover"
+set = { duration_s = 3.0, "faults.0.start_s" = 1.0THRESHOLD }
+"""
+
+
+def write(tmp_path, threshold=""):
+    (tmp_path / "own.toml").write_text(OWN)
+    (tmp_path / "suite.toml").write_text(SUITE.replace("THRESHOLD", threshold))
+
+
+def junit_tests(path):
+    return {test.name: test for suite in JUnitXml.fromfile(str(path)) for test in suite}
+
+
+def test_a_suite_is_met_and_read_by_junitparser(rig_command, tmp_path):
+    write(tmp_path)
+    code, out, err = rig_command("check", "suite.toml", "--junit", "out.xml")
+    assert code == 0, out + err
+    found = junit_tests("out.xml")
+    assert set(found) == {"vote pitch_rate", "found pitch_rate", "lost", DECISIONS}
+    assert [type(result) for result in found["lost"].result] == [Skipped]  # no loss: not applicable
+    assert [type(result) for result in found[DECISIONS].result] == [Skipped]  # no reference yet
+    vote = found["vote pitch_rate"]
+    assert vote.classname == "short" and vote.result == [] and vote.system_out.startswith("rig fly ")
+    known = {each.attrib["name"]: each.attrib["value"] for each in vote._elem.iter("property")}
+    assert known["id"] == "vote" and 0.0 < float(known["margin"]) < 1.0 and known["command"] == vote.system_out
+    assert JUnitXml.fromfile("out.xml").tests == 4
+
+
+def test_update_keeps_the_decisions_and_says_what_moved(rig_command, tmp_path):
+    write(tmp_path)
+    code, out, _ = rig_command("check", "suite.toml", "--update", "--json")
+    assert code == 0 and json.loads(out)["moved"] == {"short": ["+ 1.07 s pitch_rate.3 failed by comparison"]}
+    assert read_suite("suite.toml").decisions() == {"short": ["1.07 s pitch_rate.3 failed by comparison"]}
+    assert rig_command("check", "suite.toml")[0] == 0
+    write(tmp_path, ', "redundancy.signals.pitch_rate.persistence" = 20')
+    code, out, _ = rig_command("check", "suite.toml", "--json")
+    decided = next(one for one in json.loads(out)["tests"] if one["id"] == DECISIONS)
+    assert code == 1 and decided["result"] == "differs"
+    assert decided["text"] == "- 1.07 s pitch_rate.3 failed by comparison; + 1.19 s pitch_rate.3 failed by comparison"
+    code, out, _ = rig_command("check", "suite.toml", "--update", "--json")
+    assert code == 0 and len(json.loads(out)["moved"]["short"]) == 2
+    assert rig_command("check", "suite.toml")[0] == 0
+
+
+def test_one_changed_threshold_fails_with_the_id_and_the_margin(rig_command, tmp_path):
+    """With a threshold of 2 rad/s a hardover of 1.5 rad/s is not found."""
+    write(tmp_path, ', "redundancy.signals.pitch_rate.threshold" = 2.0')
+    code, out, _ = rig_command("check", "suite.toml", "--junit", "out.xml")
+    (failure,) = junit_tests("out.xml")["found pitch_rate"].result
+    assert code == 1 and isinstance(failure, Failure) and failure.message.startswith("found pitch_rate: margin -1 at")
+    assert "found pitch_rate" in out and "margin -1" in out
+
+
+def test_logs_and_campaigns_are_cases_too(rig_command, tmp_path):
+    write(tmp_path)
+    rig_command("fly", "f16_pitch_rate_hardover", "--set", "duration_s=3.0", "--set", "faults.0.start_s=1.0")
+    (log,) = (tmp_path / "logs").glob("*.mcap")
+    (tmp_path / "c.toml").write_text(
+        'base = "f16_pitch_rate_hardover"\n[set]\nduration_s = 3.0\n[vary]\n"faults.0.start_s" = [1.0, 2.0, 2.5]\n'
+    )
+    (tmp_path / "both.toml").write_text(
+        f'requirements = ["own.toml"]\n[[cases]]\nlog = "logs/{log.name}"\n'
+        '[[cases]]\ncampaign = "c.toml"\nruns = 2\nwithout = ["lost"]\n'
+    )
+    code, out, err = rig_command("check", "both.toml", "--update", "--json")
+    assert code == 0, err
+    assert read_suite("both.toml").decisions() == {
+        log.stem: ["1.07 s pitch_rate.3 failed by comparison"],
+        "c": [f"run {n}: {at} s pitch_rate.3 failed by comparison" for n, at in ((0, "1.070"), (1, "2.070"))],
+    }
+    tests = [SimpleNamespace(**one) for one in json.loads(out)["tests"]]
+    assert [(one.case, one.id) for one in tests if one.case == "c"] == [("c", "vote"), ("c", "found"), ("c", DECISIONS)]
+    assert "of run" in next(one.text for one in tests if one.case == "c" and one.id == "vote")
+
+
+@pytest.mark.parametrize(
+    ("suite", "says"),
+    [
+        ("", "cases"),
+        ('[[cases]]\nscenario = "no_such"\n', "suite.toml: cases: scenario: no_such: no such file"),
+        ('[[cases]]\nlog = "no.mcap"\n', "suite.toml: cases: log: no.mcap: no such log"),
+        ('[[cases]]\nlog = "a"\nscenario = "b"\n', "a case has one of scenario, log, campaign"),
+        ('[[cases]]\nscenario = "f16_stuck_twins"\nruns = 2\n', "runs: is for campaign"),
+        ('[[cases]]\nscenario = "f16_stuck_twins"\nwithout = ["x"]\n', "without: no requirement 'x' among its own"),
+        ('[[cases]]\nscenario = "f16_stuck_twins"\n' * 2, "f16_stuck_twins: two cases of this name"),
+        ('[[cases]]\nscenario = "f16_stuck_twins"\nset = { "canard" = 1 }\n', "suite.toml: f16_stuck_twins: .*canard"),
+        ('[[cases]]\nscenario = "f16_stuck_twins"\nrequirements = ["x"]\n', "x: no such file of requirements"),
+    ],
+)
+def test_a_bad_suite_is_one_line(rig_command, tmp_path, suite, says):
+    (tmp_path / "suite.toml").write_text(suite)
+    code, out, err = rig_command("check", "suite.toml", "--junit", "out.xml")
+    assert (code, out, err.count("\n")) == (2, "", 1) and re.search(says, err), err
+    assert not (tmp_path / "out.xml").exists()
+
+
+def test_no_output_over_an_input(rig_command, tmp_path):
+    write(tmp_path)
+    for name in ("suite.toml", "suite.decisions.toml"):
+        code, _, err = rig_command("check", "suite.toml", "--junit", name)
+        assert code == 2 and "is the input" in err
+
+
+def test_the_bundled_suite_has_every_scenario_and_a_decision_of_each():
+    from rig.scenario import names
+
+    suite = read_suite("bundled")
+    kept = suite.decisions()
+    assert kept is not None and {case.called for case in suite.cases} == {*names(), "smoke"} == set(kept)
+
+
+def test_what_moved_is_what_is_gone_and_what_is_new():
+    assert difference(["a", "b"], ["b", "c"]) == ["- a", "+ c"]

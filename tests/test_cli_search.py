@@ -1,0 +1,80 @@
+"""``rig search``: bad input is one line and writes nothing; the command from nothing to the scenario file."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Command = Callable[..., tuple[int, str, str]]
+FILE = """
+base = "base.toml"
+sampling = "random"
+runs = 1
+"""
+BASE = """
+duration_s = 1.5
+redundancy.manager = "mean"
+[[faults]]
+kind = "offset"
+signal = "pitch_rate"
+channels = [1]
+start_s = 0.5
+offset = 0.1
+"""
+OFFSET = """
+[vary]
+"faults.0.offset" = { low = 0.05, high = 1.0, log = true }
+"""
+
+
+def space(folder: Path, varied: str = OFFSET) -> str:
+    (folder / "base.toml").write_text(BASE)
+    (folder / "space.toml").write_text(FILE + varied)
+    return str(folder / "space.toml")
+
+
+@pytest.mark.parametrize(
+    ("varied", "options", "told"),
+    [
+        ('[vary]\nturbulence = ["none", "light"]\n', (), "vary: no number varies with none: a search needs a range"),
+        (OFFSET, ("--flights", "25"), "--flights: 25 draws are below 24 at random and a population of 6"),
+        (OFFSET, ("--requirement", "vot"), "--requirement 'vot': unknown, "),
+        (OFFSET, ("--requirements", "redundanc"), "redundanc: no such file of requirements; bundled: "),
+        (OFFSET, ("--against", "redundancy.managr=median"), "--against redundancy.managr=median: redundancy.managr: "),
+        (OFFSET, ("--against", "faults.0.offset=1"), "--against faults.0.offset: varies in the campaign"),
+        (OFFSET, ("--against", "median"), "--against median: must be key=value"),
+        (OFFSET, ("--method", "best"), "--method best: must be one of cma, random"),
+        (OFFSET, ("--set", "redundancy.manager=rig.none:Other", "--bench"), "redundancy.manager: "),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(
+    rig_command: Command, tmp_path: Path, varied: str, options: tuple[str, ...], told: str
+):
+    given = () if "--requirement" in options else ("--requirement", "vote")
+    code, out, err = rig_command("search", space(tmp_path, varied), *given, "--flights", "60", "--out", "s", *options)
+    assert (code, out) == (2, "") and told in err and err.count("\n") == 1
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_folder_of_something_else_is_refused(rig_command: Command, tmp_path: Path):
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "mine.txt").write_text("mine")
+    code, _, err = rig_command("search", space(tmp_path), "--requirement", "vote", "--flights", "60", "--out", "s")
+    assert code == 2 and err == "error: --out s: is no campaign's folder, and not empty\n"
+    assert [path.name for path in (tmp_path / "s").iterdir()] == ["mine.txt"]
+
+
+def test_from_nothing_to_a_scenario_that_violates(
+    rig_command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("rig.search.shrink.TRIES", 2)
+    arguments = ("search", space(tmp_path), "--requirement", "vote", "--flights", "36", "--bench", "--workers", "1")
+    code, out, err = rig_command(*arguments, "--out", "s")
+    assert code == 0 and out.splitlines()[0].startswith("flights ") and "least margin" in err
+    code, again, _ = rig_command(*arguments, "--out", "s", "--json")
+    figures = json.loads(again)
+    assert figures == json.loads((tmp_path / "s" / "search.json").read_text())
+    assert figures["violated"] > 0 and figures["scenario"] == "s/worst.toml"
+    code, out, _ = rig_command("fly", "s/worst.toml", "--requirements", "redundancy", "--strict", "--json")
+    assert code == 1

@@ -1,0 +1,70 @@
+"""Managers of the user's own open loop: what they are given, and what a calibration makes of them."""
+
+import league_flights
+import numpy as np
+import polars as pl
+import pytest
+from league_flights import RATE_HZ, plan, white, white_signal
+from scipy.stats import norm
+
+from rig.errors import BadInput
+from rig.league.calibration import Calibrated, calibrate
+from rig.league.entrants import Entrant, entrants, fails_nobody
+from rig.league.own_class import calibrated_number, voted, with_values
+from rig.league.trials import Runner, Told, shared_out
+
+NAME = "league_flights:Limited"
+
+
+@pytest.mark.parametrize(("own", "manager"), [("Wrapped", "cross-voter"), ("WrappedInnovation", "innovation")])
+def test_a_manager_of_the_rig_decides_the_same_as_a_class_of_the_users(own: str, manager: str):
+    """With every state of the reference, which "innovation" reads."""
+    both = [Entrant(f"league_flights:{own}", f"league_flights:{own}"), Entrant(manager, manager)]
+    calibrated = {(e.name, "pitch_rate"): Calibrated(e.name, "pitch_rate") for e in both}
+    rows = Runner(plan(), Told(both, calibrated, 0.01, {"pitch_rate": 0.05}))(shared_out(plan(), 18, 5)[0])
+    first, second = (rows.filter(pl.col("entrant") == e.name).drop("entrant") for e in both)
+    assert first.equals(second) and first["outcome"].n_unique() > 1
+
+
+def test_the_calibrated_number_of_a_class_is_that_of_the_normal_law():
+    sigma, budget = 0.1, 30.0
+    found = calibrate(Entrant(NAME, NAME), white_signal(), white(sigma, 48, 3000), budget)
+    expected = sigma * norm.isf(budget / 3600.0 / RATE_HZ / 4 / 2)  # four channels, two sides
+    assert 0.95 * expected < found.values["limit"] < 1.35 * expected
+    assert league_flights.Limited.limit == 2.0
+
+
+def test_each_flight_of_a_batch_is_voted_alone_and_numbers_return_to_what_they_were():
+    channels = np.zeros((20, 700, 4))
+    channels[17, 650, 2], channels[3, 5, 0] = 9.0, -9.0
+    read = {"channels": channels, "reference": np.zeros((20, 700)), "second_reference": np.zeros((20, 700))}
+    with pytest.raises(RuntimeError), with_values(NAME, {"limit": 1.0}):
+        raise RuntimeError
+    assert calibrated_number(NAME) == ("limit", 2.0)
+    failed, votes = voted(NAME, {"limit": 5.0}, white_signal().params, read)
+    assert failed.any(axis=1).sum() == 2 and failed[17, 650:, 2].all() and failed[3, 5:, 0].all()
+    assert failed[17, 649, 2] == 0 and (votes == 0.0).all()
+    assert not voted(NAME, {"limit": 10.0}, white_signal().params, read)[0].any()
+
+
+def test_without_a_number_it_is_compared_by_its_vote_alone():
+    (own,) = entrants("league_flights:Wrapped")[3:]
+    assert fails_nobody(own, white_signal()) and not fails_nobody(Entrant(NAME, NAME), white_signal())
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("league_flights:Nameless", "calibrate = 'gain': must name a number above 0 of a class"),
+        ("league_flights:Absent", "cannot be imported"),
+        ("no_such_module:Voter", "cannot be imported"),
+    ],
+)
+def test_a_class_that_cannot_take_part_is_one_line(name: str, said: str):
+    with pytest.raises(BadInput, match=f"--managers: {name}: {said}"):
+        entrants(name)
+
+
+def test_a_class_that_raises_is_one_line():
+    with pytest.raises(BadInput, match="raised in frame 2: ValueError: no third frame"):
+        voted("league_flights:Raising", {}, white_signal().params, {"channels": np.zeros((1, 9, 4))})

@@ -1,0 +1,112 @@
+"""A league of recordings: half of them calibrates, the other half has the faults."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from rig.errors import BadInput
+from rig.league.entrants import BIASED, OURS, SHIPPED, entrants
+from rig.league.recorded import PIECES, cut_pieces, league
+from rig.recordings.settings import VoteConfig
+from rig.thresholds.data import Data, load
+from rig.thresholds.design import DataBlock
+
+CONFIG = VoteConfig.model_validate({"default": {"threshold": 1.0, "persistence": 3}})
+RATE_HZ = 50
+
+
+def write(folder: Path, files: int, seconds: int = 20, motion: float = 1.0) -> None:
+    """Write recordings of two signals, noise of 0.02 on channels that differ by constants."""
+    time_s = np.arange(seconds * RATE_HZ) / RATE_HZ
+    for i in range(files):
+        rng = np.random.default_rng(i)
+        columns: dict[str, Any] = {"time_s": time_s}
+        for name in ("x", "y"):
+            moved = motion * np.sin(time_s + i)[:, None] + np.array([-0.1, 0.02, 0.05, 0.1])
+            samples = moved + 0.02 * rng.standard_normal((len(time_s), 4))
+            columns |= {f"{name}.{c + 1}": samples[:, c] for c in range(4)}
+        pl.DataFrame(columns).write_csv(folder / f"flight_{i}.csv")
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Data:
+    folder = tmp_path_factory.mktemp("recordings")
+    write(folder, 4)
+    return load([folder], CONFIG, "config")
+
+
+@pytest.fixture(scope="module")
+def result(data: Data) -> dict[str, Any]:
+    return league(data, CONFIG, entrants("cross-voter,median,league_flights:Limited"))
+
+
+def test_a_level_is_the_least_that_fails_nobody_in_its_half(data: Data, result: dict[str, Any]):
+    """Of the cross-voter: the largest least distance from the median of three frames in a row."""
+    for row in result["levels"]:
+        if row["entrant"] != "cross-voter" or row["signal"] != "x":
+            continue
+        largest = 0.0
+        for block in data.signals["x"][row["half"] :: 2]:
+            apart = np.abs(block.samples - np.median(block.samples, axis=0))
+            largest = max(largest, float(np.lib.stride_tricks.sliding_window_view(apart, 3, axis=1).min(axis=2).max()))
+        assert largest <= row["told"]["threshold"] < 1.05 * largest
+
+
+def test_every_piece_has_one_outcome_and_differences_pair_them(result: dict[str, Any]):
+    every = [row for row in result["table"] if row["kind"] == "all"]
+    assert {row["signal"] for row in every} == {"x", "y"}
+    for row in every:
+        assert row["trials"] == 11 * PIECES * 2
+        assert row["isolated"] + row["wrong channel"] + row["missed"] + row["prior"] == row["trials"]
+    by_pair = {(row["signal"], row["entrant"]): row for row in every}
+    for row in result["differences"]:
+        if row["kind"] == "all":
+            mine, ours = (by_pair[row["signal"], name]["isolated"] for name in (row["entrant"], row["ours"]))
+            assert row["trials"] == 11 * PIECES * 2 and row["value"] == pytest.approx((mine - ours) / row["trials"])
+
+
+def test_what_is_large_is_found_and_who_fails_nobody_misses_it(result: dict[str, Any]):
+    offsets = {row["entrant"]: row for row in result["table"] if (row["signal"], row["kind"]) == ("x", "offset 2")}
+    assert offsets[SHIPPED]["isolated"] == 2 * PIECES
+    assert offsets["median"]["missed"] == 2 * PIECES
+    small = {
+        row["entrant"]: row for row in result["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
+    }
+    assert small[BIASED]["isolated"] > small[OURS]["isolated"] + PIECES / 2  # constants are four times the noise
+
+
+def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):
+    cut = cut_pieces(data.signals["x"])
+    assert cut is not None and cut.onset == 500 and cut.samples.shape == (PIECES, 901, 4)
+    first = data.signals["x"][0].samples[:, 4:905]  # the first of 48 evenly over four times 100 rows
+    assert np.array_equal(cut.samples[0].T, first)
+    assert cut_pieces([DataBlock("short", np.zeros((4, 900)), 50.0)]) is None
+
+
+def test_too_few_or_too_short_recordings_are_one_line(tmp_path: Path):
+    write(tmp_path, 1, seconds=2)
+    with pytest.raises(BadInput, match="--recordings: 1 recording: one half calibrates"):
+        league(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
+    write(tmp_path, 2, seconds=2)
+    with pytest.raises(BadInput, match="--recordings: all are shorter than the 18 s of a trial"):
+        league(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ([], "--recordings: needs --config"),
+        (["--config", "c.toml", "--healthy", "H"], "--recordings: a league of recordings has no --healthy"),
+    ],
+)
+def test_options_that_do_not_go_together_are_one_line(rig_command: Any, more: list[str], said: str):
+    code, out, err = rig_command("league", "--recordings", "R", *more)
+    assert (code, out, err.count("\n")) == (2, "", 1) and said in err
+
+
+def test_a_league_without_anything_says_what_is_needed(rig_command: Any):
+    code, _, err = rig_command("league")
+    assert code == 2 and "CAMPAIGN is needed, or --recordings with --config" in err

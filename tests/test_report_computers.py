@@ -1,0 +1,67 @@
+"""Several computers in the report of a flight: who was failed by whom for what, and what the lanes commanded."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig.assess.of_log import score_log
+from rig.assess.record import Yardstick
+from rig.flight.assembly import fly
+from rig.flight.result import Flight
+from rig.report import computers
+from rig.report.course import Course
+from rig.report.flight import report
+from rig.report.gathered import Kept
+
+ONSET, FAILED = 100, 105
+WRONG = 'kind="wrong_command", signal="computer.B", surface="elevator", does="hardover", start_s=1.0'
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    sets = ["duration_s=2.5", "computers.count=4", f"faults=[{{{WRONG}}}]"]
+    return fly(None, overrides=sets, out=tmp_path_factory.mktemp("logs"))
+
+
+def test_the_page_says_who_failed_which_lane_for_what_and_after_how_long(flight: Flight, tmp_path: Path):
+    report(flight.log, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    told = "1.05 s: lane failed, B: by lanes A, C and D in the vote of commands, 50 ms after the onset of its fault"
+    assert f"<li>{told}</li>" in page
+    assert 'id="computers"' in page and 'id="commands"' in page
+
+
+def test_the_states_are_those_of_lanes_and_of_votes_that_were_not_normal(flight: Flight):
+    log, course = flight.recorded, Course(1)
+    for block in log.blocks():
+        course.add(block.rows, block.lanes)
+    spans = [span for span in computers.states(course, log.rate_hz, 4) if span.lane in ("lane B", "vote elevator")]
+    told = [(span.lane, round(span.begin_s, 2), round(span.end_s, 2), span.label) for span in spans]
+    assert told[0] == ("lane B", 0.0, 1.04, "engaged")
+    assert told[1:3] == [("lane B", 1.04, 1.05, "suspect"), ("lane B", 1.05, 2.5, "failed: vote of commands")]
+    assert ("vote elevator", 1.0, 1.05, "isolated") in told
+    lanes = {span.lane for span in computers.states(course, log.rate_hz, 4)}
+    assert lanes == {"lane A", "lane B", "lane C", "lane D", "leading lane", "vote elevator"}
+
+
+def test_the_picture_shows_one_command_leave_the_threshold_of_the_others(flight: Flight):
+    log, scored = flight.recorded, score_log(flight.log, Yardstick(), twin=False)
+    one = computers.happened(scored, log.events)
+    assert one is not None and one.begin == ONSET - 50 and log.lanes is not None
+    kept = Kept(log.rows[one.begin : one.end], log.lanes[one.begin : one.end])
+    figure: Any = computers.commands(kept, scored, one)
+    low, high = flight.scenario.airframe.surface_limits[0]
+    limit = np.degrees(flight.scenario.computers.command_threshold * (high - low))
+    of_elevator = {line.name: np.array(line.y) for line in figure.data if line.yaxis == "y" and line.name}
+    voted = of_elevator.pop("vote of the leading lane")
+    beyond = {name: int((np.abs(values - voted) > limit).sum()) for name, values in of_elevator.items()}
+    frames = one.end - ONSET  # a hardover goes on in the lane that is out
+    assert beyond == {"lane A": 0, "lane B": frames, "lane C": 0, "lane D": 0}
+
+
+def test_a_flight_with_one_computer_has_no_such_section(tmp_path: Path):
+    plain = fly(None, overrides=["duration_s=0.5"], out=tmp_path)
+    report(plain.log, tmp_path / "page.html")
+    assert "<h2>Computers</h2>" not in (tmp_path / "page.html").read_text()

@@ -1,0 +1,187 @@
+"""One search: the same table for any workers and after any interruption; every find is flown from its file."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rig.assess.requirements import Requirement
+from rig.campaign import table
+from rig.campaign.config import from_what
+from rig.campaign.folder import open_folder
+from rig.campaign.run import again
+from rig.errors import BadInput
+from rig.scenario import load
+from rig.search import run as running
+from rig.search import shrink as shrinking
+from rig.search.objective import chosen
+from rig.search.plan import Asked, SearchPlan
+from rig.search.run import Ended, run
+from rig.util.progress import listening
+
+BASE = {
+    "title": "Two offsets",
+    "aircraft": "f16",
+    "duration_s": 3.0,
+    "redundancy": {"manager": "median"},
+    "faults": [
+        {"kind": "offset", "signal": "pitch_rate", "channels": [c], "start_s": 0.5, "offset": 0.1} for c in (1, 2)
+    ],
+}
+VARY = {
+    "faults.0.offset": {"low": 0.03, "high": 0.3, "log": True},
+    "faults.1.start_s": {"low": 0.5, "high": 1.5},
+}
+SIGNS = [{"name": "alike", "set": {"faults.1.offset": 0.15}}, {"name": "apart", "set": {"faults.1.offset": -0.15}}]
+
+
+def plan(flights: int = 44, formula: str = "", **asked: Any) -> SearchPlan:
+    data = {"base": BASE, "sampling": "random", "runs": 1, "vary": VARY, "cases": {"signs": SIGNS}}
+    requirements = [Requirement(id="x", formula=formula)] if formula else chosen(["vote"])
+    ids = tuple(each.id for each in requirements)
+    return SearchPlan(from_what(data, "c.toml"), "c.toml", Asked(ids, flights, **asked), requirements)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _few_confirming() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(running, "SEEDS", 3)
+        patch.setattr(shrinking, "TRIES", 4)
+        yield
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ended]:
+    out = tmp_path_factory.mktemp("search") / "whole"
+    return out, run(plan(), out, workers=1)
+
+
+def margin(told: str) -> float:
+    return next(one["margin"] for one in json.loads(told) if one["requirement"] == "vote")
+
+
+def cut(whole: Path, out: Path, parts: int) -> Path:
+    """The folder as a kill leaves it after so many parts, the next one half written."""
+    shutil.copytree(whole, out)
+    shutil.rmtree(out / "confirmed")
+    for path in sorted((out / "runs").iterdir())[parts:]:
+        path.unlink()
+    for name in ("search.json", "search.html", "worst.toml"):
+        (out / name).unlink()
+    return out
+
+
+def content(out: Path) -> tuple[Any, ...]:
+    figures = json.loads((out / "search.json").read_text())
+    confirmed = sorted(path.name for path in (out / "confirmed" / "runs").iterdir())
+    return {**figures, "scenario": None}, (out / "worst.toml").read_text(), len(confirmed) > 0
+
+
+def test_a_search_tells_what_it_found(whole: tuple[Path, Ended]):
+    figures, at_random = whole[1].figures, whole[1].figures["random"]
+    assert set(figures) == {*("flights", "violated", "random", "least_margin", "worst", "scenario", "confirmed")}
+    assert 24 < figures["flights"] == whole[1].flights <= 44 and at_random["flights"] == 24
+    assert figures["violated"] >= at_random["violated"] and figures["least_margin"] < 0.0
+    runs = open_folder(whole[0]).tables["runs"]
+    assert figures["violated"] == sum(
+        '"vote", "signal": "pitch_rate", "status": "violated"' in told for told in runs["requirements"]
+    )
+    assert figures["least_margin"] == min(map(margin, runs["requirements"]))
+    assert figures["worst"]["arm"] == "alike" and figures["confirmed"][0] >= 2
+    assert "Plotly.newPlot" in (whole[0] / "search.html").read_text()
+
+
+@pytest.mark.parametrize(("workers", "parts"), [(2, 1), (3, 4)])
+def test_any_workers_and_interruption_give_the_same(
+    whole: tuple[Path, Ended], tmp_path: Path, workers: int, parts: int
+):
+    out = cut(whole[0], tmp_path / "cut", parts)
+    ended = run(plan(), out, workers=workers)
+    assert ended.table_sha256 == whole[1].table_sha256 and content(out) == content(whole[0])
+    sums = [table.sha256(_confirmed(folder)) for folder in (out, whole[0])]
+    assert sums[0] == sums[1]
+
+
+def _confirmed(folder: Path) -> dict[str, Any]:
+    from rig.campaign import parts
+    from rig.search.plan import ConfirmPlan
+
+    return parts.read(folder / "confirmed", ConfirmPlan(plan()))
+
+
+def test_an_interruption_while_it_confirms_costs_no_flight(whole: tuple[Path, Ended], tmp_path: Path):
+    def interrupt(what: str, done: int, total: int) -> None:
+        if what == "shrinking":
+            raise KeyboardInterrupt
+
+    out = tmp_path / "cut"
+    with pytest.raises(KeyboardInterrupt), listening(interrupt):
+        run(plan(), out, workers=1)
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*.parquet")}
+    assert any("confirmed" in path.parts for path in before) and not (out / "worst.toml").exists()
+    assert run(plan(), out, workers=1).table_sha256 == whole[1].table_sha256
+    assert before == {path: path.stat().st_mtime_ns for path in before} and content(out) == content(whole[0])
+
+
+def test_the_find_violates_when_it_is_flown_from_its_file(whole: tuple[Path, Ended]):
+    from rig.assess.requirements import fly_requirements
+
+    scenario = load(whole[0] / "worst.toml")
+    verdict = fly_requirements(scenario, chosen(["vote"]))[0]
+    assert verdict.status == "violated" and scenario.requirements == ["redundancy"]
+    assert f"vote violated in {whole[1].figures['confirmed'][0]} of 3 seeds" in scenario.title
+
+
+def test_the_runs_of_a_search_are_flown_again_as_those_of_a_campaign(whole: tuple[Path, Ended], tmp_path: Path):
+    folder = open_folder(whole[0])
+    number = whole[1].figures["worst"]["run"]
+    flight, digest = again(folder, number, tmp_path)
+    assert flight.digest == digest and number > 0
+    assert folder.status()["done"] == whole[1].flights and folder.status()["table_sha256"] == whole[1].table_sha256
+    with pytest.raises(BadInput, match="confirming flights"):
+        open_folder(whole[0] / "confirmed")
+
+
+def test_the_confirmed_seeds_are_those_of_no_flight_of_the_search(whole: tuple[Path, Ended]):
+    searched, confirmed = open_folder(whole[0]).tables["runs"]["seed"], _confirmed(whole[0])["runs"]["seed"]
+    assert not set(searched) & set(confirmed)
+
+
+def test_a_folder_of_another_search_is_refused(whole: tuple[Path, Ended]):
+    with pytest.raises(BadInput, match=r"holds runs of another campaign: .*seed was 0, is 1"):
+        run(plan(seed=1), whole[0], workers=1)
+
+
+def test_against_another_setting_both_flights_are_of_one_draw(tmp_path: Path):
+    ended = run(plan(70, against="redundancy.manager=cross-channel"), tmp_path / "s", workers=1)
+    runs = open_folder(tmp_path / "s").tables["runs"]
+    assert runs["manager"].to_list() == ["median", "cross-channel"] * (ended.flights // 2)
+    assert runs["seed"][::2].to_list() == runs["seed"][1::2].to_list() and runs["seed"].n_unique() == len(runs) // 2
+    margins = [margin(told) for told in runs["requirements"]]
+    least = min(ours - theirs for ours, theirs in zip(margins[::2], margins[1::2], strict=True))
+    assert ended.figures["least_margin"] == pytest.approx(least)
+    assert ended.figures["random"]["flights"] == 24 and again(open_folder(tmp_path / "s"), 1, tmp_path)[1]
+
+
+def test_a_key_of_against_that_is_none_is_refused(tmp_path: Path):
+    with pytest.raises(BadInput, match=r"^--against redundancy.managr=median: redundancy.managr: .*manager"):
+        run(plan(70, against="redundancy.managr=median"), tmp_path / "s", workers=1)
+    with pytest.raises(BadInput, match=r"^--against faults.0.offset: varies in the campaign"):
+        plan(70, against="faults.0.offset=0.1")
+    assert not (tmp_path / "s").exists()
+
+
+def test_open_loop_trials_find_what_flies(tmp_path: Path):
+    ended = run(plan(bench=True), tmp_path / "s", workers=1)
+    assert ended.figures["least_margin"] < 0.0 and ended.figures["worst"]["arm"] == "alike"
+    assert ended.figures["confirmed"][0] >= 2  # of flights
+    with pytest.raises(BadInput, match="open-loop trials"):
+        open_folder(tmp_path / "s")
+
+
+def test_what_open_loop_trials_do_not_have_is_refused(tmp_path: Path):
+    with pytest.raises(BadInput, match=r"^--bench: .*x: formula: column 1: 'departure': an open-loop trial has no"):
+        run(plan(bench=True, formula="departure >= 0.2"), tmp_path / "s", workers=1)

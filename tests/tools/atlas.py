@@ -1,0 +1,133 @@
+"""The atlas of worst cases: docs/worst.md and docs/worst.svg, made again; scenarios of faults/worst/ are listed.
+
+    python tests/tools/atlas.py search OUT.json [--flights 96] [--workers 2]     # every cell, resumed where it stopped
+    python tests/tools/atlas.py page OUT.json                                    # docs/worst.md, docs/worst.svg
+
+A cell is a manager, an aircraft, a signal and a number of faults (search_here.space). It is searched open loop; the
+candidate of the least margin is then flown on five new seeds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from multiprocessing import Pool
+from pathlib import Path
+from statistics import median
+from typing import Any, Final
+
+import numpy as np
+from atlas_page import write
+from search_here import REQUIREMENT, plan_of, search_here, space
+
+from rig import aircraft
+from rig.assess.requirements import check_rows
+from rig.campaign.flying import fly
+from rig.frame import INDEX, Block, State
+from rig.scenario import Scenario
+from rig.search.confirm import new_seeds
+from rig.settings import build
+
+MANAGERS: Final = ("cross-channel", "median", "mean")
+AIRCRAFT: Final = ("f16", "b747", "b737")
+SIGNALS: Final = ("pitch_rate", "normal_load_factor", "static_pressure", "angle_of_attack")
+FAULTS: Final = (1, 2, 3)
+SEEDS: Final = 5
+CELLS: Final = [(m, a, s, n) for m in MANAGERS for a in AIRCRAFT for s in SIGNALS for n in FAULTS]
+Cell = tuple[str, str, str, int]
+
+
+def search(job: tuple[Cell, int]) -> dict[str, Any]:
+    """Return what the search of one cell found."""
+    (manager, plane, signal, faults), flights = job
+    plan = plan_of(space(manager, plane, signal, faults), flights)
+    found = search_here(plan)
+    best = min(range(len(found)), key=lambda i: found[i].value)
+    violated = [i for i, each in enumerate(found) if each.violated]
+    table = plan.data(best)
+    flown = [_flown(table, seed, plan.requirements) for seed in new_seeds(plan.campaign, flights, SEEDS)]
+    margins = [margin for margin, _, _ in flown]
+    worst = flown[int(np.argmin(margins))]
+    return {
+        "manager": manager,
+        "aircraft": plane,
+        "signal": signal,
+        "faults": faults,
+        "trials": len(found),
+        "trials_to_first": violated[0] + 1 if violated else None,
+        "margin": min(each.margin for each in found),
+        "flown_margin": float(median(margins)),
+        "flown_violated": sum(violates for _, violates, _ in flown),
+        "scenario": _brief(table["faults"]),
+        "why": worst[2],
+        "table": table,
+    }
+
+
+def _flown(table: dict[str, Any], seed: int, requirements: Any) -> tuple[float, bool, str]:
+    """Return least margin of the vote, whether it is violated, and why, of a flight."""
+    data = aircraft.merge(aircraft.tables(table["aircraft"]), {**table, "seed": seed})
+    scenario = build(Scenario, data, "atlas")
+    flight = fly(scenario)
+    verdict = next(each for each in check_rows(flight.rows, scenario, requirements) if each.requirement == REQUIREMENT)
+    return verdict.margin, verdict.status == "violated", why(scenario, flight.rows, verdict.instant_s)
+
+
+def why(scenario: Scenario, rows: Block, instant_s: float) -> str:
+    """Return one line: which channels stood at the worst instant, and which had been failed."""
+    signal = scenario.faults[0].signal
+    faulty = {point.channel for fault in scenario.faults for point in fault.points}
+    frame = min(round(instant_s * scenario.rate_hz), len(rows) - 1)
+    failed = [c + 1 for c in range(4) if rows["state"][frame, INDEX[signal], c] == State.FAILED]
+    healthy = [c for c in failed if c not in faulty]
+    off = abs(float(rows["voted"][frame, INDEX[signal]] - rows["truth"][frame, INDEX[signal]]))
+    times = off / getattr(scenario.redundancy.signals, signal).threshold
+    begin = f"at {instant_s:.1f} s the vote is off by {times:.2g} thresholds"
+    lost = " and the aircraft is lost" if len(rows) < scenario.frames else ""
+    if healthy:
+        return f"{begin}: healthy channel {_listed(healthy)} failed, the faulty ones agree{lost}"
+    if failed:
+        left = len(faulty) - len(failed)
+        return f"{begin}: {_listed(failed)} failed, {left} faulty still voted{lost}"
+    return f"{begin}: nobody is failed{lost}"
+
+
+def _listed(channels: list[int]) -> str:
+    return " and ".join(map(str, channels))
+
+
+def _brief(faults: list[dict[str, Any]]) -> str:
+    """Return the faults as one line."""
+    texts = []
+    for fault in faults:
+        size = next(value for key, value in fault.items() if "thresholds" in key)
+        unit = "/s" if fault["kind"] == "drift" else ""
+        texts.append(f"{size:.2g}{unit} at {fault['start_s']:.2f} s")
+    return f"{faults[0]['kind']} {', '.join(texts)}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("search", "page"))
+    parser.add_argument("results", type=Path)
+    parser.add_argument("--flights", type=int, default=96)
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    done = json.loads(given.results.read_text()) if given.results.exists() else {}
+    if given.what == "page":
+        write(list(done.values()), Path(__file__).parents[2])
+        return
+    jobs = [(cell, given.flights) for cell in CELLS if " ".join(map(str, cell)) not in done]
+    with Pool(given.workers) as pool:
+        for found in pool.imap(search, jobs):
+            name = " ".join(str(found[key]) for key in ("manager", "aircraft", "signal", "faults"))
+            done[name] = found
+            given.results.write_text(json.dumps(done, indent=1))
+            print(
+                f"{len(done)}/{len(CELLS)} {name}: {found['margin']:.2f} {found['flown_violated']} of {SEEDS}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""Searches in this process: the schedule of ``rig search`` over open-loop trials, without a folder; and its spaces.
+
+A space: 1 to 3 faults of one sign on channels of one signal, drifts or offsets, 0.4 to 10 thresholds (drifts: a
+twentieth to five thresholds a second), each from 3 to 6 s of a flight of 14 s in light turbulence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from rig.campaign.config import Campaign, from_what
+from rig.campaign.plan import Run
+from rig.search.bench import trial_row
+from rig.search.objective import Measured, chosen, measured
+from rig.search.plan import Asked, SearchPlan
+from rig.search.schedule import Method, schedule
+
+REQUIREMENT: Final = "vote"
+DURATION_S: Final = 14.0
+START_S: Final = {"low": 3.0, "high": 6.0}
+KINDS: Final = {
+    "drift": ("rate_thresholds_per_s", {"low": 0.05, "high": 5.0, "log": True}),
+    "offset": ("offset_thresholds", {"low": 0.4, "high": 10.0, "log": True}),
+}
+
+
+def space(manager: str, aircraft: str, signal: str, faults: int) -> Campaign:
+    """Return the space of so many faults on the first channels of a signal: an arm of drifts, one of offsets."""
+    base = {
+        "title": f"{aircraft}, {manager}: {signal}, {faults} fault{'s' if faults > 1 else ''}",
+        "aircraft": aircraft,
+        "duration_s": DURATION_S,
+        "turbulence": "light",
+        "redundancy": {"manager": manager},
+    }
+    return from_what(
+        {
+            "title": base["title"],
+            "base": base,
+            "sampling": "random",
+            "runs": 1,
+            "cases": {"kind": [_case(kind, signal, faults) for kind in KINDS]},
+        },
+        base["title"],
+    )
+
+
+def _case(kind: str, signal: str, faults: int) -> dict[str, Any]:
+    size, varied = KINDS[kind]
+    tables = [{"kind": kind, "signal": signal, "channels": [i + 1], "start_s": 4.0, size: 1.0} for i in range(faults)]
+    vary = {f"faults.{i}.{size}": varied for i in range(faults)}
+    starts = {f"faults.{i}.start_s": START_S for i in range(faults)}
+    return {"name": kind, "set": {"faults": tables}, "vary": {**vary, **starts}}
+
+
+def plan_of(campaign: Campaign, flights: int, method: Method = "cma", seed: int = 0) -> SearchPlan:
+    """Return the plan of a search for a violated vote."""
+    asked = Asked((REQUIREMENT,), flights, method, seed=seed, bench=True)
+    return SearchPlan(campaign, campaign.title, asked, chosen([REQUIREMENT]))
+
+
+def search_here(plan: SearchPlan) -> list[Measured]:
+    """Return what each draw of the plan is worth, open loop."""
+    coming = schedule(plan.arms, plan.most_draws, plan.asked.seed, plan.asked.method)
+    next(coming)
+    results: list[Measured] = []
+    numbers = list(range(len(plan.choices)))
+    while True:
+        new = [measured([trial_row(each, plan.requirements)], plan.asked.requirements) for each in _runs(plan, numbers)]
+        results += new
+        try:
+            numbers = plan.add(coming.send([each.value for each in new]))
+        except StopIteration:
+            return results
+
+
+def _runs(plan: SearchPlan, numbers: Sequence[int]) -> list[Run]:
+    return [plan[number] for number in numbers]
