@@ -15,6 +15,7 @@ from rig.league.healthy import Flight, Healthy
 from rig.league.trials import of_signals
 
 CAMPAIGN = Path("docs/examples/league.toml")
+SMALL = Path("docs/examples/league_small.toml").resolve()
 HEALTHY = Path("docs/examples/league_healthy.toml")
 RATE_HZ = 100.0
 
@@ -25,6 +26,11 @@ def plan() -> Plan:
     campaign = read(CAMPAIGN, {})
     cases = {**campaign.cases, "signal": campaign.cases["signal"][:1]}
     return Plan(campaign.model_copy(update={"cases": cases}), "league.toml")
+
+
+@cache
+def small() -> Plan:
+    return Plan(read(SMALL, {}), str(SMALL))
 
 
 class Wrapped:

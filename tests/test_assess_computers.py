@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from rig.assess import cells
+from rig.assess.actuator_sentence import bypass_text
 from rig.assess.of_log import Scored, score_log
-from rig.assess.record import Yardstick
+from rig.assess.record import ActuatorScore, Yardstick
 from rig.flight.assembly import fly
 
 ONE_AFTER_THE_OTHER = (
@@ -49,8 +50,13 @@ def test_the_score_has_every_lane_with_test_and_accusers_the_links_and_the_back_
 def test_the_last_sentence_names_the_lanes_and_the_back_up_and_blames_no_channel(lost: Scored):
     told = lost.conclusion[-1]
     assert "computers A, B, C and D failed; the back-up flew from 2.03 s on (no lane is engaged)" in told
-    assert "elevator bypassed at 2.02 s, for 10 ms in all" in told  # until the back-up drives the coils
     assert told.endswith("4 of 4 detectable faults detected, no healthy channel failed")
+
+
+def test_a_surface_that_is_moved_again_is_not_told_as_bypassed_to_the_end():
+    passing, lasting = ActuatorScore([], {}, 202, 3), ActuatorScore([], {}, 202, 58)
+    assert bypass_text(passing, 260, 100.0) == "bypassed at 2.02 s, for 30 ms in all"
+    assert bypass_text(lasting, 260, 100.0) == "bypassed from 2.02 s on"
 
 
 def test_the_table_has_a_row_for_each(lost: Scored):

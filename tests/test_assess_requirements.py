@@ -227,6 +227,11 @@ def test_blocks_of_any_size_give_the_same(monkeypatch):
     assert len(results) == 1
 
 
+def test_a_formula_of_two_hundred_nodes_is_measured():
+    assert measured(" or ".join(["lost"] * 100), flown())[2:4] == ("violated", -1.0)
+    assert measured("not " * 199 + "lost", flown())[2:4] == ("met", 1.0)
+
+
 def test_memory_is_bounded_by_the_longest_window():
     requirement = Requirement(id="one", formula="always[0, 2] once[0, 3] truth.pitch_rate < 1", at="each onset")
     recorder = RequirementsRecorder([requirement], formulas.SUBJECT)

@@ -2,11 +2,14 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from test_assess_parts import Q, flight, offset, scored
 
 from rig.assess import score
+from rig.assess.outcome_records import SPAN
 from rig.assess.record import Window
+from rig.assess.scoring import _above_before_loss
 from rig.campaign.rows import fault_rows, signal_rows
 from rig.frame import State
 
@@ -63,6 +66,27 @@ def test_time_at_level_0_is_lost():
     found = scored([{"kind": "dropout", "signal": "pitch_rate", "channels": [1, 2, 3, 4], "start_s": 0.5}])
     assert window(found).lost_s == found.signals["pitch_rate"].lost_s == pytest.approx(0.43)  # from frame 57 on
     assert found.signals["pitch_rate"].level_at_end == 0 and found.signals["roll_rate"].lost_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("spans", "before"),
+    [
+        ([(30, 0, 0)], 0),  # never lost
+        ([(30, 5, 20)], 20),  # lost after 20 frames off, 10 more after it
+        ([(12, 0, 0), (30, 5, 20)], 32),  # off before the span in which it was lost
+        ([(3, 9, 0), (30, 5, 20)], 0),  # lost at once
+    ],
+)
+def test_frames_off_count_up_to_the_first_at_level_0(spans: list[tuple[int, int, int]], before: int):
+    made = np.zeros(len(spans), SPAN)
+    for name, column in zip(("above", "lost", "above_lost"), zip(*spans, strict=True), strict=True):
+        made[name] = column
+    assert _above_before_loss(made) == before
+
+
+def test_a_loss_whose_vote_was_kept_until_then_has_no_wrong_vote_first():
+    found = scored([{"kind": "dropout", "signal": "pitch_rate", "channels": [1, 2, 3, 4], "start_s": 0.5}])
+    assert window(found).lost_s > 0.0 and not window(found).wrong_vote_first
 
 
 def test_a_fault_on_no_channel_of_a_signal_has_no_window():

@@ -49,3 +49,15 @@ def test_after_a_flight_by_a_unit_which_is_named_in_the_place_of_the_manager(rig
     log = next_of(out)[0][1]
     assert "unit     first_valid" in rig_command("info", log)[1]
     assert rig_command("report", log)[0] == 0 and "unit first_valid" in Path(log).with_suffix(".html").read_text()
+
+
+def test_many_channels_that_fail_alike_are_one_line_and_every_lane_has_its_own(rig_command, tmp_path: Path):
+    fault = 'faults=[{kind="power_loss", signal="bus.1", start_s=0.2}]'
+    sets = ["duration_s=0.5", "computers.count=4", fault]
+    code, out, _ = rig_command("fly", "--out", str(tmp_path), *(each for text in sets for each in ("--set", text)))
+    told = [" ".join(line.split()) for line in out.splitlines()]
+    alike = [line.split(" channel failed ")[1] for line in told if " channel failed " in line]
+    signals = "failed by comparison: 19 signals, pitch_rate, roll_rate, yaw_rate ..."
+    assert code == 0 and alike == [f"channel 1 {signals}", f"channel 3 {signals}"]
+    lanes = [line for line in told if " lane failed " in line]
+    assert [line.split(" lane failed ")[1][:1] for line in lanes] == ["A", "C"]

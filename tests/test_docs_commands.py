@@ -22,6 +22,7 @@ README = ROOT / "README.md"
 TUTORIALS = (
     "first-flight",
     "own-scenario",
+    "computers",
     "own-voter",
     "own-unit",
     "own-aircraft",

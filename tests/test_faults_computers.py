@@ -85,6 +85,18 @@ def test_a_lane_that_was_failed_for_its_clock_relays_no_old_words():
     assert (flight.lanes["state"][-1, 0, INDEX["pitch_rate"]][[0, 3]] == State.OK).all()
 
 
+def test_a_lane_that_lies_beside_a_silent_one_takes_no_channel_of_the_good_ones_along():
+    """B is silent; D, who lies, leaves no majority until it is failed: within a signal's persistence."""
+    lie = '{kind="link_lie", signal="ccdl.D", offset_thresholds=5.0, different=true, start_s=0.3}'
+    loss = '{kind="link_loss", signal="ccdl.B", start_s=0.1}'
+    flight = flown(seconds=0.6, sets=(f"faults=[{loss}, {lie}]", EXACT))
+    out, test = out_from(flight, "D") or (0, LaneTest.NONE)
+    assert test == LaneTest.COMMANDS and out <= 36
+    held, sampled = flight.bus["channels"][:, 0, :, 2], flight.rows["channels"][:, :, 2]
+    assert np.isnan(held[30:out]).all() and (held[out:] == sampled[out:]).all()
+    assert (flight.lanes["state"][-1, 0, :, 2] != State.FAILED).all()
+
+
 @pytest.mark.parametrize(
     ("fault", "lane"), [(DAC.format(0.05), "D"), ('kind="checksum", signal="computer.B", factor=0.98', "B")]
 )

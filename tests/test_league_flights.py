@@ -37,6 +37,9 @@ def test_a_flight_is_that_of_its_scenario_with_what_was_calibrated(told: Told, t
     values = drawn_values(made, 1, Generator(SFC64(streams_of(unit)[0])))
     scenario = flight_scenario(plan(), unit, 0, values)
     assert scenario.faults[0].start_s == values[0, "start_s"][0]
+    threshold = scenario.redundancy.signals.pitch_rate.threshold
+    size, drawn = scenario.faults[0].size, values[0, "rate_thresholds_per_s"][0]
+    assert size is not None and not size.thresholds and size.value == pytest.approx(drawn * threshold)
     sets = {
         "cusum": {"redundancy.manager": "cusum", "redundancy.rivals.cusum.signals.pitch_rate.allowance": 0.3},
         OURS: {f"redundancy.signals.pitch_rate.{key}": value for key, value in KEYS[OURS].items()},

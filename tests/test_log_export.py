@@ -1,6 +1,7 @@
 """A log as a table, and what a log says of itself."""
 
 import json
+import subprocess
 import sys
 import weakref
 from pathlib import Path
@@ -42,6 +43,15 @@ def run(capsys, monkeypatch, *arguments: object) -> tuple[int, str, str]:
     with pytest.raises(SystemExit) as ended:
         cli.main()
     return int(ended.value.code or 0), *capsys.readouterr()
+
+
+def test_the_command_does_without_the_compiler(flown: Path, tmp_path: Path):
+    """Which takes a fifth of the memory in which a log of any length is exported."""
+    loaded = "print('numba' in sys.modules, 'polars' in sys.modules)"
+    code = f"import sys; from rig.cli.main import main\ntry: main()\nfinally: {loaded}"
+    command = [sys.executable, "-c", code, "export", str(flown), "--to", "csv", "--out", str(tmp_path / "a.csv")]
+    ran = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines()[-1] == "False True"
 
 
 @pytest.mark.parametrize("to", ["csv", "parquet", "npz"])

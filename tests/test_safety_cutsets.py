@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import polars as pl
 import pytest
 
+from rig.aircraft import folder
 from rig.campaign.folder import open_folder
 from rig.campaign.table import sha256
 from rig.errors import BadInput
@@ -225,6 +227,15 @@ def test_a_set_whose_chances_are_swapped_between_two_orders_is_named(monkeypatch
     assert rows[0].shows == "p < 0.12 only"  # 0 of 20 shows no more
 
 
+def test_sets_of_two_conditions_are_compared_each_with_its_own_flights(monkeypatch, tmp_path: Path):
+    found = claimed(tmp_path, {"stuck": [20, 20]}, {})
+    found += [replace(found[0], condition="manoeuvre-settled", sequences={("stuck",): (0, 20)})]
+    truth = {f"f16-{LATENT}": Counted(20, 20), "f16-manoeuvre-settled": Counted(20)}
+    monkeypatch.setattr(confirm, "of_campaign", lambda folder, signal: {("stuck",): truth[folder.name]})
+    rows = confirm.rows(tmp_path, "pitch_rate", found, confirm.plans(ASKED, found, ["f16"], [], 20, 7))
+    assert [(row.condition, row.agrees) for row in rows] == [(LATENT, True), ("manoeuvre-settled", True)]
+
+
 def test_new_flights_are_of_every_order_and_subset_on_every_aircraft_and_point(tmp_path: Path):
     found = claimed(
         tmp_path, {"stuck, offset": [9, 20], "offset, stuck": [3, 20]}, {"stuck": [0, 20], "offset": [0, 20]}
@@ -239,6 +250,14 @@ def test_new_flights_are_of_every_order_and_subset_on_every_aircraft_and_point(t
         confirm.plans(ASKED, found, ["f16"], [], 5, ASKED.seed)
     (at_point,) = confirm.plans(ASKED, found, ["f16"], ["10000ft_m08"], 5, 7).values()
     assert at_point[0].scenario().flight_point == "10000ft_m08"
+
+
+def test_flights_of_an_aircraft_of_ones_own_stay_in_the_folder(tmp_path: Path):
+    found = claimed(tmp_path, {"stuck, offset": [9, 20], "offset, stuck": [3, 20]}, {"stuck": [0, 20]})
+    own = tmp_path / "mine"
+    shutil.copytree(folder("f16"), own)
+    (name,) = confirm.plans(ASKED, found, [str(own)], [], 5, 7)
+    assert Path("confirm", name).parent == Path("confirm") and name.endswith(f"_mine-{LATENT}")
 
 
 def test_damaged_sets_are_one_line(tmp_path: Path):

@@ -19,12 +19,23 @@ from rig.util.outputs import require_apart
 
 THRESHOLDS = ["thresholds", "in.csv", "--config", "c.toml", "--budget", "3", "--monitored", "m.csv"]
 VOTE = ["vote", "in.csv", "--config", "c.csv", "--inject", "f.csv"]
+TREE = ["reliability", "tree", "C", "--rates", "r.toml"]
+CASE = ["reliability", "report", "S", "--cells", "T", "--faults", "C", "--rates", "r.toml"]
 REPLAY = ["replay", "q.mcap", "--redundancy", "r.mcap"]
-OWN = ("C/campaign.json", "C/lock", "C/runs/000000-000003.parquet", "C/logs/run_000000.mcap")
+OWN = (
+    "C/campaign.json",
+    "C/lock",
+    "C/runs/000000-000003.parquet",
+    "C/logs/run_000000.mcap",
+    "C/search.json",
+    "C/worst.toml",
+)
 LEAGUE = ("L/league.json", "L/levels.json", "L/result.json", "L/lock", "L/units/000000-000000.parquet")
+SETS = ("S/cutsets.json", "S/sets.json", "S/confirmed.json")
 # A command without the option that names its output, that option, and what it must not be.
 COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["report", "q.mcap"], "--out", ("q.mcap", OWN[0])),
+    (["report", "q.mcap", "--requirements", "c.toml"], "--out", ("c.toml",)),
     (["export", "q.mcap", "--to", "csv"], "--out", ("q.mcap", OWN[0])),
     (["export", "q.mcap", "--to", "parquet"], "--out", ("q.mcap", *LEAGUE)),
     (["export", "q.mcap", "--to", "npz"], "--out", ("q.mcap",)),
@@ -32,6 +43,7 @@ COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["recover", "q.mcap"], "--out", ("q.mcap", *OWN)),
     (REPLAY, "--out", ("q.mcap", "r.mcap", OWN[0])),
     (VOTE, "--out", ("in.csv", "c.csv", "f.csv", OWN[2])),
+    ([*VOTE, "--requirements", "m.csv"], "--out", ("m.csv",)),
     (["vote", "T", "--config", "c.csv"], "--out", ("T/cells.parquet",)),
     (["vote", "D", "--config", "c.csv"], "--out", ("D/in.csv",)),
     (THRESHOLDS, "--out", ("in.csv", "c.toml", "m.csv", OWN[0])),
@@ -41,7 +53,14 @@ COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["view", "q.mcap", "b.mcap"], "--screenshot", ("q.mcap", "b.mcap", OWN[0])),
     (["campaign", "report", "C"], "--out", OWN),
     (["reliability", "run", "C", "T", "--rates", "r.toml"], "--report", ("r.toml", OWN[0], "T/trials.json")),
+    (["league", "reliability", "--healthy", "C", "--out", "L"], "--plot", ("C/campaign.json",)),
     (["aircraft", "design", "f16_own"], "--out", ("f16_own/aircraft.toml",)),
+    (["league", "reliability", "--healthy", "C", "--out", "new"], "--plot", (OWN[0], LEAGUE[2])),
+    (TREE, "--out", ("r.toml", OWN[0], "S/sets.json")),
+    ([*TREE, "--out", "o.xml"], "--chain", ("r.toml", OWN[0])),
+    ([*TREE, "--out", "o.xml"], "--svg", ("r.toml", OWN[0])),
+    (["reliability", "fmea", "C", "--rates", "r.toml"], "--out", ("r.toml", OWN[0], "S/cutsets.json")),
+    (CASE, "--out", ("r.toml", OWN[0], "S/confirmed.json", "T/cells.parquet")),
 )
 # These write under new names in a folder.
 FOLDERS: tuple[list[str], ...] = (
@@ -51,6 +70,8 @@ FOLDERS: tuple[list[str], ...] = (
     ["reliability", "trials", "reliability", "--runs", "1"],
     ["league", "reliability", "--healthy", "C"],
     ["study", "ding2015"],
+    ["search", "s.toml", "--requirement", "load_factor", "--flights", "100"],
+    ["reliability", "cutsets", "--order", "1", "--flights", "1"],
 )
 FILES = ("q.mcap", "b.mcap", "r.mcap", "in.csv", "m.csv", "c.csv", "f.csv", "c.toml", "r.toml", "D/in.csv")
 
@@ -87,7 +108,7 @@ SPELLINGS: dict[str, Callable[[str], str]] = {
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with inputs: what is in them does not matter, they are not read."""
     monkeypatch.chdir(tmp_path)
-    for name in (*FILES, *OWN, *LEAGUE, "T/trials.json", "T/cells.parquet"):
+    for name in (*FILES, *OWN, *LEAGUE, *SETS, "T/trials.json", "T/cells.parquet"):
         path = Path(name)
         path.parent.mkdir(exist_ok=True, parents=True)
         path.write_text(f"this is {name}")
@@ -104,11 +125,12 @@ def everything(folder: Path) -> dict[str, bytes]:
 def _cases() -> Iterator[Any]:
     """Every command with each file that it must not write to, by each of its names.
 
-    A hard link of what a campaign keeps is replaced and not written to: where the folder is no input, no file is lost.
+    A hard link of what a campaign keeps is replaced and not written to: where it is no input, no file is lost.
     """
     for command, option, paths in COMMANDS:
         for path, spelled in product(paths, SPELLINGS):
-            if spelled != "hard link" or path not in OWN + LEAGUE or ("C" in command and path != "C/lock"):
+            read = Path(path).parts[0] in command and path not in ("C/lock", "C/worst.toml")
+            if spelled != "hard link" or path not in OWN + LEAGUE + SETS or read:
                 yield pytest.param(command, option, path, spelled, id=f"{' '.join(command)} {option} {path}, {spelled}")
 
 
@@ -180,7 +202,7 @@ def test_the_name_that_is_not_given_is_not_the_input_either(rig_command, here, c
 @pytest.mark.parametrize("command", FOLDERS, ids=lambda command: " ".join(command[:2]))
 def test_a_folder_for_outputs_is_not_the_input(rig_command, here, command):
     shutil.copy(bundled("faults") / "f16_pitch_rate_hardover.toml", "s.toml")
-    if command[0] == "campaign":
+    if command[0] in ("campaign", "search"):
         Path("s.toml").write_text('title = "two"\nruns = 2\nbase = "f16_pitch_rate_hardover"\n')
     before = everything(here)
     code, said, error = rig_command(*command, "--out", "s.toml")
@@ -245,6 +267,23 @@ def test_a_source_of_a_mapping_is_in_its_folder(rig_command, here, source):
     assert everything(here) == before
 
 
+@pytest.mark.parametrize("spelled", ["same", "dot", "absolute", "link", "hard link", "link to the folder"])
+def test_the_results_of_a_suite_are_none_of_its_files(rig_command, here, spelled):
+    Path("a.toml").write_text('title = "short"\naircraft = "f16"\nduration_s = 0.5\n')
+    shutil.copy(bundled("faults") / "requirements" / "handling.toml", "asked.toml")
+    Path("suite.toml").write_text('requirements = ["asked.toml"]\n[[cases]]\nscenario = "a.toml"\n')
+    Path("suite.decisions.toml").write_text("a = []\n")
+    for name in ("suite.toml", "a.toml", "asked.toml", "suite.decisions.toml"):
+        junit = SPELLINGS[spelled](name)
+        before = everything(here)
+        code, said, error = rig_command("check", "suite.toml", "--junit", junit)
+        assert (code, said) == (2, "") and "is the input" in error and everything(here) == before
+        for path in ("link.toml", "hard.toml", "here"):
+            Path(path).unlink(missing_ok=True)
+    code, _, error = rig_command("check", "suite.toml", "--junit", "voter.py")
+    assert (code, error) == (2, "error: --junit voter.py: is JUnit XML: its name must end with .xml\n")
+
+
 def test_gains_do_not_replace_what_the_aircraft_is_made_from(rig_command, here):
     Path("f16_own/gains.toml").unlink()
     Path("f16_own/gains.toml").symlink_to("aircraft.toml")
@@ -279,10 +318,11 @@ def test_every_option_that_names_an_output_is_in_the_tables():
     found = {(path, option) for path, option in _outputs(typer.main.get_command(app), ())}
     listed = {(_of(command), option) for command, option, _ in COMMANDS}
     listed |= {(_of(command), "--out") for command in FOLDERS} | {(("campaign", "fly"), "--out")}  # a new log
+    listed |= {(("check",), "--junit")}  # whose inputs the suite names: a test of its own
     assert found == listed
 
 
-OPTIONS = ("--out", "--save", "--screenshot", "--plot", "--report")
+OPTIONS = ("--out", "--save", "--screenshot", "--plot", "--report", "--chain", "--svg", "--junit")
 GROUPS = ("campaign", "reliability", "aircraft", "study")
 
 

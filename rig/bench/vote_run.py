@@ -76,8 +76,8 @@ def run(recorded: Path, config: Path | None, out: Path, options: Options) -> dic
     config : settings of the signals; None: those of the scenario in ``recorded``, the log of a flight
     """
     lap = Laps()
-    asked = load_requirements(options.requirements)
-    with output(out, [recorded, config, options.faults]) as part:
+    with output(out, [recorded, config, options.faults, *options.requirements]) as part:
+        asked = load_requirements(options.requirements)
         made = vote_file(recorded, config, options, lap)
         measured = measure_votes(made.recording, made.voted, asked) if asked else ()
         write(part, out, made.recording, made.voted)

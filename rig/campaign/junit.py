@@ -13,12 +13,12 @@ from rig.util.files import write_text
 
 def write_junit(path: Path, title: str, results: Sequence[CaseResult]) -> None:
     """Write one <testsuite> for each case and one <testcase> for each requirement and for the decisions."""
-    root = Xml.Element("testsuites", name=plain(title), **_counts([one for each in results for one in each.tests]))
+    counts = _counts([one for each in results for one in each.tests])
+    root = Xml.Element("testsuites", {"name": plain(title), **counts})
     root.set("time", f"{sum(each.seconds for each in results):.3f}")
     for each in results:
-        suite = Xml.SubElement(
-            root, "testsuite", name=plain(each.name), time=f"{each.seconds:.3f}", **_counts(each.tests)
-        )
+        about = {"name": plain(each.name), "time": f"{each.seconds:.3f}", **_counts(each.tests)}
+        suite = Xml.SubElement(root, "testsuite", about)
         for one in each.tests:
             _test(suite, one, each.seconds / len(each.tests))
     Xml.indent(root)

@@ -92,7 +92,8 @@ class Suite:
     @property
     def inputs(self) -> list[Path]:
         """All files that are read."""
-        return [self.path, self.decisions_file, *(case.path for case in self.cases)]
+        asked = dict.fromkeys(name for case in self.cases for name in self.names_of(case))
+        return [self.path, self.decisions_file, *(case.path for case in self.cases), *map(Path, asked)]
 
     def names_of(self, case: Case) -> list[str]:
         """Return the sets and files of requirements of a case."""

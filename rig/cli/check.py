@@ -10,7 +10,7 @@ from typer import Argument, Exit, Option
 from rig.cli.common import Json, UnitFile, emit
 from rig.cli.table import MOST_LINES, Column, field, line, rest, table
 from rig.cli.working import working
-from rig.util.outputs import require_apart
+from rig.util.outputs import require_apart, require_ending
 from rig.util.progress import tell
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def check(
 
     read = read_suite(suite)
     require_apart({"--junit": junit}, [*read.inputs, unit])
+    require_ending("--junit", junit, "JUnit XML", ".xml")
     tested = None if unit is None else read_unit(unit)
     with working("starting", not as_json):
         results = list(check_suite(read, tested, lambda name: tell(f"checking {name}")))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -21,7 +22,7 @@ from rig.units.quantities import moment
 from rig.util.progress import tell
 
 if TYPE_CHECKING:
-    from rig.assess.requirements import Verdict
+    from rig.assess.requirements import MeasuredConclusion, Verdict
     from rig.flight.assembly import Flight
     from rig.flight.frame_cost import Bench
     from rig.record.event import Event
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from rig.view.stream import Stream
 
 FEW: Final = 3
+_OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (failed by \w+|readmitted)")
 LOOK_S: Final = 0.1  # between two looks for a viewer, or for Ctrl-C
 FlightSeed = Annotated[int | None, Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)]
 Rerun = Annotated[
@@ -71,7 +73,6 @@ def fly(
     from rig.assess.conclusion import next_commands
     from rig.assess.requirements import MeasuredConclusion, plain, violated
     from rig.flight.assembly import fly as fly_scenario
-    from rig.unit.unit import running
     from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
@@ -95,13 +96,20 @@ def fly(
             live=keyboard(watch and (realtime or realtime_factor is not None)),
             outcome=outcome,
         )
-        with running(unit if outcome.needs_twin else None) as tested:
-            verdicts = outcome.verdicts(flight.log, tested, allow_code or bool(sets))
+        verdicts = _verdicts(outcome, flight, unit, allow_code or bool(sets))
     measured = {"requirements": [plain(one) for one in verdicts]} if outcome.requirements else {}
     told = lambda: {"conclusion": flight.conclusion, **measured, "next": next_commands(flight)}  # noqa: E731
     emit(as_json, lambda: {**flight.summary(), **told()}, lambda: show_flight(flight, verdicts=verdicts))
     if strict and violated(verdicts):
         raise Exit(1)
+
+
+def _verdicts(outcome: MeasuredConclusion, flight: Flight, unit: Path | None, allow_code: bool) -> tuple[Verdict, ...]:
+    """Return the verdicts of a flight; the unit that flew it flies its twin where that is named."""
+    from rig.unit.unit import running
+
+    with running(unit if outcome.needs_twin else None) as tested:
+        return outcome.verdicts(flight.log, tested, allow_code)
 
 
 class Watching:
@@ -190,13 +198,28 @@ def _verdict(flight: Flight) -> None:
 
 def _events(events: Iterable[Event]) -> Iterator[Event]:
     """Yield the events; more than FEW of one frame that say the same of several signals as one."""
-    for (about, *_), group in groupby(events, lambda event: (event.text.partition(": ")[2], event.frame, event.name)):
-        several = list(group)
-        if about and len(several) > FEW:
-            names = ", ".join(event.text.partition(": ")[0] for event in several[:FEW])
-            yield replace(several[0], text=f"{about}: {len(several)} signals, {names} ...")
-        else:
-            yield from several
+    for _, of_frame in groupby(events, lambda event: event.frame):
+        alike: dict[object, list[tuple[str, Event]]] = {}
+        for i, event in enumerate(of_frame):
+            signal, about = _said_of(event)
+            alike.setdefault((event.name, about) if about else i, []).append((signal, event))
+        for several in alike.values():
+            if len(several) <= FEW:
+                yield from (event for _, event in several)
+                continue
+            _, first = several[0]
+            names = ", ".join(signal for signal, _ in several[:FEW])
+            yield replace(first, text=f"{_said_of(first)[1]}: {len(several)} signals, {names} ...")
+
+
+def _said_of(event: Event) -> tuple[str, str]:
+    """Return the signal of an event, and what it says of it or of its channel; "" where it says no such thing."""
+    from rig.frame import DISCRETE_INDEX, INDEX
+
+    if channel := _OF_CHANNEL.fullmatch(event.text):
+        return channel[1], f"channel {channel[2]} {channel[3]}"
+    signal, _, about = event.text.partition(": ")
+    return (signal, about) if signal in INDEX or signal in DISCRETE_INDEX else ("", "")
 
 
 def _timing(flight: Flight) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from typer import Argument, Option
 
@@ -13,6 +13,9 @@ from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
 from rig.util.outputs import require_apart, require_page
+
+if TYPE_CHECKING:
+    from rig.league.prepared import Asked
 
 _MANAGERS: Final = "cross-channel,cusum,glr,parity,innovation,selection,median"
 _LEVELS: Final = (
@@ -55,37 +58,39 @@ def _size(row: dict[str, Any], place: int) -> float | None:
     return None if row["sizes"] is None else row["sizes"][place]["value"]
 
 
+Campaign = Annotated[
+    str | None, Argument(metavar="FILE|NAME", help="A campaign of faults: file or bundled name.", show_default=False)
+]
+Healthy = Annotated[
+    Path | None, Option(metavar="HEALTHY", help="Healthy flights: a flown campaign with its logs.", show_default=False)
+]
+Out = Annotated[
+    Path | None, Option(metavar="DIR", help="Folder of the league; a begun one is continued.", show_default=False)
+]
+Second = Annotated[
+    Path | None,
+    Option(metavar="HEALTHY", help="Other healthy flights, to test the budget on.", show_default=False),
+]
+Plot = Annotated[Path | None, Option(metavar="FILE", help="The pictures as a page: .html.", show_default=False)]
+Recordings = Annotated[
+    list[Path] | None,
+    Option(metavar="INPUT", help="In place of all that: healthy recordings, a half each.", show_default=False),
+]
+Config = Annotated[Path | None, Option(metavar="CONFIG", help="Their settings, as for rig vote.", show_default=False)]
+
+
 def league(
-    campaign: Annotated[
-        str | None,
-        Argument(metavar="FILE|NAME", help="A campaign of faults, its file or bundled name.", show_default=False),
-    ] = None,
-    healthy: Annotated[
-        Path | None,
-        Option(metavar="HEALTHY", help="Healthy flights: a flown campaign with its logs.", show_default=False),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        Option(metavar="DIR", help="Folder of the league; a begun one is continued.", show_default=False),
-    ] = None,
+    campaign: Campaign = None,
+    healthy: Healthy = None,
+    out: Out = None,
     managers: Annotated[str, Option(metavar="NAME,NAME...", help="Who takes part; ours always does.")] = _MANAGERS,
     budget: Annotated[float, Option(metavar="RATE", help="False isolations an hour and signal.")] = 0.01,
-    second: Annotated[
-        Path | None,
-        Option(metavar="HEALTHY", help="Other healthy flights, to test the budget on.", show_default=False),
-    ] = None,
+    second: Second = None,
     trials: Annotated[int, Option(metavar="N", help="Trials of each combination.", min=1, max=10**6)] = 500,
     flights: Annotated[int, Option(metavar="N", help="Flights in closed loop, of the same draws.", min=0)] = 0,
-    plot: Annotated[
-        Path | None, Option(metavar="FILE", help="The pictures as a page: .html.", show_default=False)
-    ] = None,
-    recordings: Annotated[
-        list[Path] | None,
-        Option(metavar="INPUT", help="In place of all that: healthy recordings, a half each.", show_default=False),
-    ] = None,
-    config: Annotated[
-        Path | None, Option(metavar="CONFIG", help="Their settings, as for rig vote.", show_default=False)
-    ] = None,
+    plot: Plot = None,
+    recordings: Recordings = None,
+    config: Config = None,
     align: Annotated[bool, Option("--align", help="Take constant delays and offsets off their channels.")] = False,
     repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False,
     seed: Seed = 0,
@@ -93,30 +98,32 @@ def league(
     as_json: Json = False,
 ) -> None:
     """Calibrate managers to one budget of false isolations, and give all of them the same faults."""
-    from rig.league.entrants import entrants
-
+    given = {"CAMPAIGN": campaign, "--healthy": healthy, "--out": out}
     if recordings:
-        given = {"CAMPAIGN": campaign, "--healthy": healthy, "--out": out, "--second": second, "--plot": plot}
-        if refused := [name for name, value in given.items() if value is not None]:
-            raise BadInput(f"--recordings: a league of recordings has no {refused[0]}")
-        if config is None:
-            raise BadInput("--recordings: needs --config, the settings of rig vote")
+        refused = {**given, "--second": second, "--plot": plot}
+        for name in (name for name, value in refused.items() if value is not None):
+            raise BadInput(f"--recordings: a league of recordings has no {name}")
         _recordings(recordings, config, managers, align, repair_time, as_json)
         return
-    if campaign is None or healthy is None or out is None:
-        missing = next(
-            name for name, value in (("CAMPAIGN", campaign), ("--healthy", healthy), ("--out", out)) if value is None
-        )
-        raise BadInput(f"rig league: {missing} is needed, or --recordings with --config")
+    for name in (name for name, value in given.items() if value is None):
+        raise BadInput(f"rig league: {name} is needed, or --recordings with --config")
+    assert campaign is not None and healthy is not None and out is not None
+    from rig.league.entrants import entrants
+    from rig.league.prepared import Asked
+
+    asked = Asked(entrants(managers), budget, healthy, second, trials, seed, flights)
+    _flown(campaign, asked, out, plot, workers, as_json)
+
+
+def _flown(campaign: str, asked: Asked, out: Path, plot: Path | None, workers: int, as_json: bool) -> None:
+    """Run a league of a campaign, print it, and draw it."""
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
-    from rig.league.prepared import Asked
     from rig.league.run import run
 
     plan = Plan(read(campaign, {}), str(find(campaign)))
-    require_apart({"--out": out, "--plot": plot}, [find(campaign), healthy, second])
+    require_apart({"--out": out, "--plot": plot}, [find(campaign), asked.healthy, asked.second])
     require_page("--plot", plot)
-    asked = Asked(entrants(managers), budget, healthy, second, trials, seed, flights)
     with working("the league", not as_json, steps=True):
         result = run(plan, asked, out, workers)
         if plot is not None:
@@ -126,8 +133,12 @@ def league(
     emit(as_json, result, lambda: _show(result))
 
 
-def _recordings(inputs: list[Path], config: Path, managers: str, align: bool, repair_time: bool, as_json: bool) -> None:
+def _recordings(
+    inputs: list[Path], config: Path | None, managers: str, align: bool, repair_time: bool, as_json: bool
+) -> None:
     """Run a league of recordings and print it."""
+    if config is None:
+        raise BadInput("--recordings: needs --config, the settings of rig vote")
     from rig.league.entrants import entrants
     from rig.league.recorded import league as of_recordings
     from rig.recordings.alignment import AlignOptions

@@ -266,7 +266,7 @@ def _export_table(log: Path, to: str, out: Path | None, owners: list[str], for_v
 
     target = out or Path(f"{log.with_suffix('')}.{to}")
     require_apart({"--out": target}, [log])
-    with working("writing", not as_json):
+    with working("writing", not as_json, compiles=False):
         names, rows = write(log, to, target, owners, for_vote)
     about = {"log": str(log), "out": str(target), "rows": rows, "columns": names}
     text = f"{target}: {rows} rows, {len(names)} columns"

@@ -92,7 +92,7 @@ def report(
     from rig.report.flight import report as write
 
     target = out or log.with_suffix(".html")
-    require_apart({"--out": target}, [log])
+    require_apart({"--out": target}, [log, *(requirements or ())])
     require_page("--out", out)
     with working("reading the log", not as_json):
         facts = write(log, target, requirements or ())

@@ -27,19 +27,21 @@ _EVENT: Final = "numba:compile"  # of each kernel that is not in the cache
 
 
 @contextmanager
-def working(what: str, enabled: bool = True, *, steps: bool = False) -> Iterator[None]:
+def working(what: str, enabled: bool = True, *, steps: bool = False, compiles: bool = True) -> Iterator[None]:
     """Show on standard error that a command is at ``what``, and how far; nothing when not ``enabled``.
 
     On a terminal a spinner with what is told (progress.tell) and the time.  Else one plain line, when kernels have
     to be compiled, and with ``steps`` one for each step of minutes of work.
+    compiles : False for what needs no kernel, nor the 80 MB of the compiler
     """
+    compilation = _compilation if compiles else nullcontext
     with bar(enabled, SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()) as shown:
         if shown is None:
-            with listening(_Lines().step) if steps and enabled else nullcontext(), _compilation(_Line(enabled)):
+            with listening(_Lines().step) if steps and enabled else nullcontext(), compilation(_Line(enabled)):
                 yield
             return
         display = _Display(shown, what)
-        with listening(display.step), _compilation(display):
+        with listening(display.step), compilation(display):
             yield
 
 

@@ -54,7 +54,7 @@ class LinkData(NamedTuple):
     link: NDArray[Any]  # (1,) LINK, in place
     signals: NDArray[Any]  # (S,) PARAMS of the signals' monitors: ranges and thresholds
     parts: NDArray[np.float64]  # (LinkPart, 4, 4) in this frame
-    relays: NDArray[np.uint8]  # (4,) lanes whose relays count, the same for all: else good lanes could be parted
+    relays: NDArray[np.uint8]  # (4,) lanes whose relays count, for all: none of a lane that the others have failed
     now: NDArray[Any]  # (4,) MESSAGE of this frame, by sender
     before: NDArray[Any]  # (4,) of the frame before
     got: NDArray[Any]  # (4, 4) the last that came

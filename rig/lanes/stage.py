@@ -176,7 +176,7 @@ def join(lanes):
     for i in range(lanes.fitted):
         lane = lanes.health.lane[i]
         lanes.running[i], lanes.counted[i] = lane["running"], is_engaged(lane)
-        lanes.links.relays[i] = lane["failed_for"] != LaneTest.CLOCK  # it relays words of the frame before
+        lanes.links.relays[i] = lane["failed_for"] not in (LaneTest.COMMANDS, LaneTest.LINK, LaneTest.CLOCK)
         if lane["joins"] != 0:
             leader = other_engaged(i, lanes)
             if leader != NOBODY:

@@ -21,6 +21,8 @@ from rig.assess.outcome import NEVER
 from rig.bench.trials import RESULT
 from rig.campaign.flying import fly
 from rig.campaign.plan import Plan
+from rig.faults import Fault
+from rig.faults.settings import in_thresholds
 from rig.frame import INDEX, SIGNALS, State, to_frame
 from rig.league.calibration import Calibrated
 from rig.league.entrants import Entrant, OfSignal, flown_by
@@ -78,7 +80,20 @@ def flight_scenario(
     data = {**run.data, "seed": int(state[0]) >> 1}
     for (place, key), drawn in values.items():
         data = set_key(data, f"faults.{place}.{key}", float(drawn[trial]), plan.source)
-    return build(Scenario, aircraft.merge(aircraft.tables(run.aircraft), data), plan.source).trusted(plan.trust)
+    made = build(Scenario, aircraft.merge(aircraft.tables(run.aircraft), data), plan.source)
+    faults = [_absolute(fault, made) for fault in made.faults]
+    return made.model_copy(update={"faults": faults}).trusted(plan.trust)
+
+
+def _absolute(fault: Fault, scenario: Scenario) -> Fault:
+    """Return a fault whose magnitude in thresholds is an amount: an entrant may have another threshold."""
+    for key in fault.sizes:
+        name = in_thresholds(key)
+        value = getattr(fault, name, None)
+        if value is not None:
+            threshold = getattr(scenario.redundancy.signals, fault.signal).threshold
+            return fault.model_copy(update={key: value * threshold, name: None})
+    return fault
 
 
 def _flown(scenario: Scenario, entrant: Entrant, signal: OfSignal, mine: Calibrated, made: Cell) -> dict[str, Any]:

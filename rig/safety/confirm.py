@@ -32,7 +32,7 @@ SHOWN: Final = ("modes", "condition", "gap", "lost", "interval", "wrong_vote_fir
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One sequence: what the enumeration counted, and what came of the new flights."""
+    """One sequence: what the enumeration counted, and what the new flights lost."""
 
     aircraft: str
     point: str  # "" for the aircraft's own
@@ -131,8 +131,12 @@ def plans(
             for condition in dict.fromkeys(claim.condition for claim in found):
                 of_condition = [claim for claim in found if claim.condition == condition]
                 wanted = sorted({each for claim in of_condition for each in claim.sequences}, key=lambda s: (len(s), s))
-                made["-".join(filter(None, (name, point, condition)))] = plan(new, condition, wanted, "confirm")
+                made[_folder(name, point, condition)] = plan(new, condition, wanted, "confirm")
     return made
+
+
+def _folder(aircraft: str, point: str, condition: str) -> str:
+    return "-".join(filter(None, (aircraft, point, condition)))
 
 
 def fly(out: Path, made: dict[str, Plan], workers: int, report: Report | None = None) -> list[Result]:
@@ -154,7 +158,7 @@ def _rows(folder: Path, signal: str, found: Sequence[Claim], made: Plan, name: s
     return [
         _row(aircraft, point, claim, modes, before, counted[modes])
         for claim in found
-        if name.endswith(claim.condition)
+        if name == _folder(aircraft, point, claim.condition)
         for modes, before in claim.sequences.items()
         if modes in counted
     ]
@@ -162,8 +166,9 @@ def _rows(folder: Path, signal: str, found: Sequence[Claim], made: Plan, name: s
 
 def _row(aircraft: str, point: str, claim: Claim, modes: Modes, before: tuple[int, int], now: Counted) -> Row:
     again = now.lost, now.flown
-    table = [[lost, flown - lost] for lost, flown in (before, again)]
-    return Row(aircraft, point, claim.condition, modes, claim.modes, before, again, float(fisher_exact(table)[1]), True)
+    test: Any = fisher_exact([[lost, flown - lost] for lost, flown in (before, again)])
+    p_value = float(test.pvalue)
+    return Row(aircraft, point, claim.condition, modes, claim.modes, before, again, p_value, True)
 
 
 def write_rows(out: Path, found: Sequence[Row]) -> None:

@@ -35,7 +35,7 @@ from rig.sensors.params import calibrate
 
 OUTCOME: Final = "bench"  # of a run of the table
 _TRUTH_SEED: Final = 0  # of the healthy flight
-_MOST_PLACES: Final = 8
+_MOST_PLACES: Final = 32
 _OFFERS: Final = WITH_TRUTH | {"healthy"}
 
 

@@ -67,7 +67,8 @@ def write_scenario(path: Path, plan: SearchPlan, shrunk: Confirmed) -> None:
     texts = [f"#   {each.id}: {' '.join(each.formula.split())}" for each in requirements]
     head = "\n".join([f"# Found by rig search, {violated}{other}. Requirement:", *texts])
     table = {**shrunk.table, "title": f"{base}: {', '.join(asked.requirements)} {violated}", "seed": shrunk.seed}
-    sets = [name for name in names() if any(each in requirements for each in load_requirements([name]))]
+    asked_for = [dict(each) for each in requirements]
+    sets = [name for name in names() if any(dict(each) in asked_for for each in load_requirements([name]))]
     if sets:
         table["requirements"] = sets
     write_whole(path, f"{head}\n{tomli_w.dumps(_simple_first(table))}".encode())

@@ -28,7 +28,7 @@ from rig.search.objective import Measured, measured
 from rig.search.plan import ConfirmPlan, SearchPlan
 from rig.search.schedule import schedule
 from rig.search.shrink import SEEDS as SHRINK_SEEDS
-from rig.search.shrink import shrink
+from rig.search.shrink import shrink, simplest
 from rig.util.interrupt import interruptible
 from rig.util.progress import tell
 
@@ -109,9 +109,9 @@ def _finished(plan: SearchPlan, found: list[Measured], others: Flown, out: Path)
     if chosen.violations:
         tell("shrinking")
         few = new_seeds(plan.campaign, first + SEEDS, SHRINK_SEEDS)
-        simple = shrink(chosen.table, few, fly)
+        kept = shrink(chosen.table, few, fly)
         last = new_seeds(plan.campaign, first + SEEDS + SHRINK_SEEDS, SEEDS)
-        shrunk = confirm([simple], last, fly)[0]
+        shrunk = simplest(kept, last, fly)
     figures = result.figures(plan, found, places, candidates, chosen, shrunk, out)
     if shrunk.violations:
         result.write_scenario(out / result.SCENARIO, plan, shrunk)

@@ -10,31 +10,46 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 from rig.faults import KINDS
-from rig.search.confirm import Fly, Table, confirm
+from rig.search.confirm import Confirmed, Fly, Table, confirm
 
 SEEDS: Final = 5
 MOST: Final = 3  # of them must violate
+BACK: Final = 6  # steps at the edge that other seeds may undo
 TRIES: Final = 40  # each flown on all of the seeds
 _SMALLER: Final = (0.5, 0.75, 0.9)  # times a size
 _LATER_S: Final = (2.0, 1.0, 0.5)
 _DIGITS: Final = 2
 
 
-def shrink(table: Table, seeds: Sequence[int], fly: Fly) -> Table:
-    """Return the simplest table found that violates on MOST of ``seeds``; the given one where no step holds."""
-    left = TRIES
+def shrink(table: Table, seeds: Sequence[int], fly: Fly) -> list[Table]:
+    """Return the given table and after it each simpler one that violates on MOST of ``seeds``, the simplest last."""
+    left, kept = TRIES, [table]
     for step in (_fewer_faults, _calmer, _rounded, _smaller, _later):
         held = True
         while held:  # again from what was kept, until no step holds
             held = False
-            for tried in step(table):
+            for tried in step(kept[-1]):
                 if left == 0:
-                    return table
+                    return kept
                 left -= 1
                 if confirm([tried], seeds, fly)[0].violations >= MOST:
-                    table, held = tried, step is not _rounded
+                    kept.append(tried)
+                    held = step is not _rounded
                     break
-    return table
+    return kept
+
+
+def simplest(kept: Sequence[Table], seeds: Sequence[int], fly: Fly) -> Confirmed:
+    """Return the last of ``kept`` that violates on as large a share of many seeds, flown on them.
+
+    Where none of the last BACK does, the one of them that violates on most.
+    """
+    flown: list[Confirmed] = []
+    for table in reversed(kept[-BACK:]):
+        flown.append(confirm([table], seeds, fly)[0])
+        if flown[-1].violations * SEEDS >= MOST * len(seeds):
+            return flown[-1]
+    return max(flown, key=lambda each: each.violations)
 
 
 def _fewer_faults(table: Table) -> Iterator[Table]:

@@ -20,7 +20,7 @@ CUTSETS: Final = "cutsets.json"  # and that of cut sets,
 SETS: Final = "sets.json"  # which holds the minimal ones
 CONFIRMED: Final = "confirmed.json"  # and how they were flown again
 _OWN: Final = {  # files of such a folder that are nobody else's, by their path in it
-    CAMPAIGN: re.compile(r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap"),
+    CAMPAIGN: re.compile(r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap|search\.json|worst\.toml"),
     TRIALS: re.compile(r"trials\.json|\w+\.parquet"),
     CUTSETS: re.compile(r"(cutsets|sets|confirmed)\.json"),
     LEAGUE: re.compile(r"(league|levels|result)\.json|lock|(units|flights)/\d+-\d+\.parquet"),

@@ -1,6 +1,7 @@
 """The atlas of worst cases: docs/worst.md and docs/worst.svg, made again; scenarios of faults/worst/ are listed.
 
     python tests/tools/atlas.py search OUT.json [--flights 96] [--workers 2]     # every cell, resumed where it stopped
+    python tests/tools/atlas.py scenarios OUT.json [--workers 2]                 # faults/worst/*.toml, by flights
     python tests/tools/atlas.py page OUT.json                                    # docs/worst.md, docs/worst.svg
 
 A cell is a manager, an aircraft, a signal and a number of faults (search_here.space). It is searched open loop; the
@@ -11,13 +12,14 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from multiprocessing import Pool
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
 import numpy as np
-from atlas_page import write
+from atlas_page import name_of, write
 from search_here import REQUIREMENT, plan_of, search_here, space
 
 from rig import aircraft
@@ -25,7 +27,12 @@ from rig.assess.requirements import check_rows
 from rig.campaign.flying import fly
 from rig.frame import INDEX, Block, State
 from rig.scenario import Scenario
+from rig.search import confirm
 from rig.search.confirm import new_seeds
+from rig.search.objective import Measured
+from rig.search.result import write_scenario
+from rig.search.shrink import SEEDS as FEW
+from rig.search.shrink import shrink, simplest
 from rig.settings import build
 
 MANAGERS: Final = ("cross-channel", "median", "mean")
@@ -34,6 +41,16 @@ SIGNALS: Final = ("pitch_rate", "normal_load_factor", "static_pressure", "angle_
 FAULTS: Final = (1, 2, 3)
 SEEDS: Final = 5
 CELLS: Final = [(m, a, s, n) for m in MANAGERS for a in AIRCRAFT for s in SIGNALS for n in FAULTS]
+WRITTEN: Final = (  # cells whose scenario is made simple and kept
+    ("cross-channel", "f16", "pitch_rate", 3),
+    ("cross-channel", "f16", "normal_load_factor", 3),
+    ("cross-channel", "f16", "static_pressure", 3),
+    ("cross-channel", "b737", "angle_of_attack", 3),
+    ("cross-channel", "b747", "angle_of_attack", 2),
+    ("median", "f16", "pitch_rate", 2),
+    ("mean", "f16", "pitch_rate", 1),
+)
+ROOT: Final = Path(__file__).parents[2]
 Cell = tuple[str, str, str, int]
 
 
@@ -64,6 +81,24 @@ def search(job: tuple[Cell, int]) -> dict[str, Any]:
     }
 
 
+def simplify(found: dict[str, Any]) -> str:
+    """Make a cell's scenario simple by flights, and write it; return its name and on how many seeds it violates."""
+    cell = tuple(found[key] for key in ("manager", "aircraft", "signal", "faults"))
+    plan = plan_of(space(*cell), found["trials"])
+    first = found["trials"] + SEEDS
+    few, many = new_seeds(plan.campaign, first, FEW), new_seeds(plan.campaign, first + FEW, confirm.SEEDS)
+
+    def flights(tables: Sequence[dict[str, Any]]) -> list[Measured]:
+        flown = [_flown(table, table["seed"], plan.requirements) for table in tables]
+        return [Measured(margin, 0.0, violates) for margin, violates, _ in flown]
+
+    simple = simplest(shrink(found["table"], few, flights), many, flights)
+    path = ROOT / "faults" / "worst" / f"{name_of(found)}.toml"
+    path.parent.mkdir(exist_ok=True)
+    write_scenario(path, plan, simple)
+    return f"{path.name}: {simple.violations} of {len(many)}"
+
+
 def _flown(table: dict[str, Any], seed: int, requirements: Any) -> tuple[float, bool, str]:
     """Return least margin of the vote, whether it is violated, and why, of a flight."""
     data = aircraft.merge(aircraft.tables(table["aircraft"]), {**table, "seed": seed})
@@ -83,17 +118,16 @@ def why(scenario: Scenario, rows: Block, instant_s: float) -> str:
     off = abs(float(rows["voted"][frame, INDEX[signal]] - rows["truth"][frame, INDEX[signal]]))
     times = off / getattr(scenario.redundancy.signals, signal).threshold
     begin = f"at {instant_s:.1f} s the vote is off by {times:.2g} thresholds"
-    lost = " and the aircraft is lost" if len(rows) < scenario.frames else ""
+    lost = ", the aircraft is lost" if len(rows) < scenario.frames else ""
     if healthy:
-        return f"{begin}: healthy channel {_listed(healthy)} failed, the faulty ones agree{lost}"
+        return f"{begin}: healthy {_listed(healthy)} failed, as the faulty ones agree{lost}"
     if failed:
-        left = len(faulty) - len(failed)
-        return f"{begin}: {_listed(failed)} failed, {left} faulty still voted{lost}"
-    return f"{begin}: nobody is failed{lost}"
+        return f"{begin}: {_listed(failed)} failed, {len(faulty) - len(failed)} faulty in the vote{lost}"
+    return f"{begin}: no channel failed{lost}"
 
 
 def _listed(channels: list[int]) -> str:
-    return " and ".join(map(str, channels))
+    return f"channel{'s' if len(channels) > 1 else ''} {' and '.join(map(str, channels))}"
 
 
 def _brief(faults: list[dict[str, Any]]) -> str:
@@ -108,14 +142,19 @@ def _brief(faults: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("search", "page"))
+    parser.add_argument("what", choices=("search", "scenarios", "page"))
     parser.add_argument("results", type=Path)
     parser.add_argument("--flights", type=int, default=96)
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     done = json.loads(given.results.read_text()) if given.results.exists() else {}
     if given.what == "page":
-        write(list(done.values()), Path(__file__).parents[2])
+        write([{**each, "seeds": SEEDS} for each in done.values()], ROOT, SEEDS)
+        return
+    if given.what == "scenarios":
+        with Pool(given.workers) as pool:
+            for line in pool.imap_unordered(simplify, [done[" ".join(map(str, cell))] for cell in WRITTEN]):
+                print(line, flush=True)
         return
     jobs = [(cell, given.flights) for cell in CELLS if " ".join(map(str, cell)) not in done]
     with Pool(given.workers) as pool:

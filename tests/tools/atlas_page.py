@@ -1,2 +1,154 @@
-def write(*a):
-    pass
+"""Page and picture of the atlas of worst cases: docs/worst.md and docs/worst.svg."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+from xml.sax.saxutils import escape
+
+from rig.util.palette import BLUE, LIGHT_BLUE, PALE_BLUE, PALE_RED, RED
+
+Row = dict[str, Any]
+WIDTH, HEIGHT, LEFT, TOP = 62, 30, 178, 64  # of a cell; of labels
+GROUP: Final = 12  # px between groups
+# A margin's colour from a bound on, and its text's.
+COLOURS: Final = (
+    (0.6, BLUE, "#ffffff"), (0.3, LIGHT_BLUE, "#1d2630"), (0.0, PALE_BLUE, "#1d2630"),
+    (-1.0, PALE_RED, "#1d2630"), (-5.0, "#e08077", "#1d2630"), (-1e9, RED, "#ffffff"),
+)  # fmt: skip
+STYLE: Final = (
+    "text{font:13px system-ui,sans-serif;text-anchor:middle;fill:#1d2630}"
+    ".row{text-anchor:end}.soft{fill:#5b6773}"
+    "@media(prefers-color-scheme:dark){.label{fill:#e8edf2}.soft{fill:#a9b4bf}}"
+)
+HEAD: Final = """# Worst cases
+
+What 1, 2 and 3 faults of one sign on one signal can do to the vote, by manager and aircraft: the least margin that
+a [search](search.md) found of the [requirement](margins.md) `vote` (the vote stays within the threshold of the
+truth, or the signal is lost and that is announced), in thresholds. Below 0 it is violated.
+
+![Least margin of the vote by manager, aircraft, signal and number of faults](worst.svg)
+
+In the picture opened by itself each cell leads to its scenario, or to its row below. Blue is met, red violated; the
+number is the median margin of {seeds} flights.
+
+- Space: drifts (0.05 to 5 thresholds a second) or offsets (0.4 to 10 thresholds) on the first channels, each from 3
+  to 6 s of 14 s in light turbulence.
+- Budget: {trials} open-loop trials a cell, 24 of them at random; the candidate of the least margin is then flown on
+  {seeds} new seeds. So small a budget finds what is easy to find: a blue cell is no proof. `first` is the trial
+  that first violated.
+- Again: `python tests/tools/atlas.py search OUT.json`, `scenarios`, `page`. {total} trials and {flights} flights.
+
+{findings}
+
+## Scenarios
+
+Made simple by flights, each with a seed that violates: `rig fly worst/NAME --requirements redundancy`.
+
+{scenarios}
+"""
+
+
+def write(rows: Sequence[Row], root: Path, seeds: int) -> None:
+    """Write page and picture."""
+    names = sorted(path.stem for path in (root / "faults" / "worst").glob("*.toml"))
+    (root / "docs" / "worst.svg").write_text(picture(rows, names), encoding="utf-8")
+    (root / "docs" / "worst.md").write_text(page(rows, names, root, seeds), encoding="utf-8")
+
+
+def name_of(row: Row) -> str:
+    """Return the name of a cell's scenario."""
+    return f"{row['aircraft']}_{row['signal']}_{row['faults']}_{row['manager'].replace('-', '_')}"
+
+
+def picture(rows: Sequence[Row], names: Sequence[str]) -> str:
+    """Return the heat map as SVG, on any ground."""
+    columns = list(dict.fromkeys((row["signal"], row["faults"]) for row in rows))
+    lines = list(dict.fromkeys((row["manager"], row["aircraft"]) for row in rows))
+    signals = list(dict.fromkeys(signal for signal, _ in columns))
+    managers = list(dict.fromkeys(manager for manager, _ in lines))
+    x = {c: LEFT + i * WIDTH + signals.index(c[0]) * GROUP for i, c in enumerate(columns)}
+    y = {each: TOP + i * HEIGHT + managers.index(each[0]) * GROUP for i, each in enumerate(lines)}
+    parts = [
+        *(_text(x[c] + WIDTH / 2, TOP - 8, f"{c[1]} fault{'s' if c[1] > 1 else ''}", "label soft") for c in columns),
+        *(_text(x[signal, 2] + WIDTH / 2, TOP - 32, signal.replace("_", " "), "label") for signal in signals),
+        *(_text(LEFT - 10, y[each] + HEIGHT / 2 + 5, f"{each[0]}, {each[1]}", "label row") for each in lines),
+        *(_cell(row, x[row["signal"], row["faults"]], y[row["manager"], row["aircraft"]], names) for row in rows),
+    ]
+    width, height = max(x.values()) + WIDTH + 10, max(y.values()) + HEIGHT + 10
+    size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
+    return "\n".join([head, f"<style>{STYLE}</style>", *parts, "</svg>\n"])
+
+
+def _cell(row: Row, x: float, y: float, names: Sequence[str]) -> str:
+    margin = row["flown_margin"]
+    fill, ink = next((fill, ink) for bound, fill, ink in COLOURS if margin >= bound)
+    name = name_of(row)
+    link = f"../faults/worst/{name}.toml" if name in names else f"worst.md#{row['manager']}-{row['aircraft']}"
+    edge = f'stroke="{ink}" stroke-width="1.5"' if name in names else 'stroke="none"'
+    box = f'<rect x="{x + 1}" y="{y + 1}" width="{WIDTH - 2}" height="{HEIGHT - 2}" rx="3" fill="{fill}" {edge}/>'
+    text = f'<text x="{x + WIDTH / 2}" y="{y + HEIGHT / 2 + 5}" style="fill:{ink}">{_short(margin)}</text>'
+    title = escape(f"{row['scenario']}: {row['why']}")
+    return f'<a href="{link}"><title>{title}</title>{box}{text}</a>'
+
+
+def _short(margin: float) -> str:
+    return f"{margin:.2f}" if abs(margin) < 1.0 else f"{margin:.1f}"
+
+
+def _text(x: float, y: float, text: str, kind: str) -> str:
+    return f'<text x="{x:g}" y="{y:g}" class="{kind}">{escape(text)}</text>'
+
+
+def page(rows: Sequence[Row], names: Sequence[str], root: Path, seeds: int) -> str:
+    """Return the page."""
+    total = sum(row["trials"] for row in rows)
+    texts = [HEAD.format(
+        seeds=seeds, trials=rows[0]["trials"], total=total, flights=seeds * len(rows),
+        findings=findings(rows), scenarios=scenarios(names, root),
+    )]  # fmt: skip
+    for manager, plane in dict.fromkeys((row["manager"], row["aircraft"]) for row in rows):
+        texts.append(f"\n## {manager} {plane}\n\n| signal | faults | margin | violated | first | the case | why |")
+        texts.append("|---|---|---|---|---|---|---|")
+        texts += [_line(row, seeds) for row in rows if (row["manager"], row["aircraft"]) == (manager, plane)]
+    return "\n".join(texts) + "\n"
+
+
+def _line(row: Row, seeds: int) -> str:
+    first = row["trials_to_first"] or "-"
+    found = (
+        f"{row['flown_margin']:.2f} | {row['flown_violated']} of {seeds} | {first} | {row['scenario']} | {row['why']}"
+    )
+    return f"| {row['signal'].replace('_', ' ')} | {row['faults']} | {found} |"
+
+
+def findings(rows: Sequence[Row]) -> str:
+    """Return what the cells of each manager say, a line each."""
+    lines = []
+    for manager in dict.fromkeys(row["manager"] for row in rows):
+        told = []
+        for count in dict.fromkeys(row["faults"] for row in rows):
+            own = [row for row in rows if (row["manager"], row["faults"]) == (manager, count)]
+            violated = sum(row["flown_violated"] > seeds_half(row) for row in own)
+            least = min(row["flown_margin"] for row in own)
+            many = f"{count} fault{'s' if count > 1 else ''}"
+            told.append(f"{many} violated in {violated} of {len(own)} cells (least {least:.2f})")
+        lines.append(f"- `{manager}`: {'; '.join(told)}.")
+    return "\n".join(lines)
+
+
+def seeds_half(row: Row) -> float:
+    """Return half of the seeds that a candidate is flown on."""
+    return row["seeds"] / 2.0
+
+
+def scenarios(names: Sequence[str], root: Path) -> str:
+    """Return a table of the scenarios that are kept."""
+    lines = ["| scenario | what is found |", "|---|---|"]
+    for name in names:
+        first = (root / "faults" / "worst" / f"{name}.toml").read_text(encoding="utf-8").splitlines()
+        title = next(line for line in first if line.startswith("title")).partition('"')[2].rstrip('"')
+        lines.append(f"| `{name}` | {title} |")
+    return "\n".join(lines)

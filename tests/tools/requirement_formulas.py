@@ -16,7 +16,7 @@ import numpy as np
 
 from rig.assess.requirements import Requirement, RequirementsRecorder
 from rig.assess.requirements.subject import EVERYTHING, Subject, Watched
-from rig.frame import INDEX, SIGNALS, End, State, new_block
+from rig.frame import DISCRETES, INDEX, SIGNALS, End, State, new_block
 
 RATE_HZ, MOST = 100.0, 1000.0
 Q, P = INDEX["pitch_rate"], INDEX["roll_rate"]
@@ -38,7 +38,7 @@ SUBJECT = Subject(
     rate_hz=RATE_HZ,
     frames=200,
     signals=tuple(Watched(s.name, s.unit, s.wraps, 4, 0.5, 5) for s in SIGNALS),
-    discretes=(Watched("gear_down", "", False, 4, 1.0, 5),) * 2,
+    discretes=tuple(Watched(d.name, "", False, 4, 1.0, 5) for d in DISCRETES),
     offers=EVERYTHING,
     called="the flight",
     faulted=("pitch_rate",),

@@ -1,5 +1,7 @@
 """A learned monitor: logistic regression on four features of each channel's residual, weights in learned.json.
 
+The evidence that a channel is faulty is the weighted sum of its features: its log odds but for a constant.
+
     rig fly --set redundancy.manager=learned:Learned
     rig league docs/examples/league.toml --managers learned:Learned --healthy HEALTHY --out DIR
 
@@ -47,10 +49,10 @@ class Features:
 
 
 class Learned:
-    """Median of the channels in use; fails a channel whose log odds exceed the limit for 8 frames."""
+    """Median of the channels in use; fails a channel whose evidence exceeds the limit for 8 frames."""
 
     calibrate = "limit"  # what a league chooses
-    limit = 8.0  # log odds
+    limit = 12.0
 
     def __init__(self, params):
         self.low, self.high, self.wraps = (params[name].copy() for name in ("low", "high", "wraps"))
@@ -60,8 +62,7 @@ class Learned:
         self.above = np.zeros((len(params), 4), int)
         self.vote = np.full(len(params), np.nan)
         self.features = Features(len(params))
-        learned = json.loads(Path(__file__).with_name("learned.json").read_text())
-        self.weights, self.constant = np.array(learned["weights"]), learned["constant"]
+        self.weights = np.array(json.loads(Path(__file__).with_name("learned.json").read_text())["weights"])
 
     def step(self, bus, fcc, k):
         """Vote and monitor row k."""
@@ -72,11 +73,11 @@ class Learned:
         samples = unwrap(np.where(usable, channels, np.nan), self.vote, self.wraps)
         some = usable.any(axis=1)
         self.vote[some] = np.nanmedian(samples[some], axis=1)
-        odds = self.features.update((samples - self.vote[:, None]) / self.threshold) @ self.weights + self.constant
-        bad = self.fitted & ~self.failed & ((odds > self.limit) | ~usable)
+        evidence = self.features.update((samples - self.vote[:, None]) / self.threshold) @ self.weights
+        bad = self.fitted & ~self.failed & ((evidence > self.limit) | ~usable)
         self.above = np.where(bad, self.above + 1, 0)
-        rows = np.arange(len(odds))
-        worst = np.where(self.above >= PERSISTENCE, np.where(usable, odds, np.inf), -np.inf).argmax(axis=1)
+        rows = np.arange(len(evidence))
+        worst = np.where(self.above >= PERSISTENCE, np.where(usable, evidence, np.inf), -np.inf).argmax(axis=1)
         alone = usable.sum(axis=1) < 3  # of two, nobody knows which
         fails = (self.above[rows, worst] >= PERSISTENCE) & ~(alone & usable[rows, worst])
         self.failed[rows[fails], worst[fails]] = True  # one a frame

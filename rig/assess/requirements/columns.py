@@ -98,8 +98,13 @@ def acting_bits(rows: Block) -> NDArray[np.uint8]:
 
 def _nothing_acts(rows: Block, faults: list[list[int]]) -> NDArray[np.bool_]:
     """Return (m, n) whether none of the faults of each channel acts."""
-    bits = acting_bits(rows)
-    return np.array([~bits[:, numbers].any(axis=1) for numbers in faults])
+    free = np.ones((len(faults), len(rows)), np.bool_)
+    if rows["acting"].any():
+        bits = acting_bits(rows)
+        for i, numbers in enumerate(faults):
+            if numbers:
+                free[i] = ~bits[:, numbers].any(axis=1)
+    return free
 
 
 class _Counts:
@@ -115,10 +120,13 @@ class _Counts:
     def of(self, rows: Block) -> Floats:
         """Return (m, n)."""
         state, n = self._state(rows), len(rows)
+        if not (state == State.SUSPECT).any():
+            self._before = np.zeros_like(self._before)
+            return np.where(state == State.FAILED, 1.0, 0.0)
         place = np.arange(n)
         last_unset = np.maximum.accumulate(np.where(state != State.SUSPECT, place, -1), axis=1)
         run = place - last_unset + np.where(last_unset < 0, self._before, 0)
-        self._before = run[:, -1:] if n else self._before
+        self._before = run[:, -1:]
         return np.where(state == State.FAILED, 1.0, np.minimum(run, self._persistence - 1) / self._persistence)
 
 

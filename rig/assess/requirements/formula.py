@@ -115,8 +115,8 @@ def _signed(node: Node, sign: int) -> Node:
 
 def reach(node: Node) -> tuple[float, float]:
     """Return how far a formula looks back and ahead, s."""
-    back_s = max((reach(part)[0] for part in node.parts), default=0.0)
-    ahead_s = max((reach(part)[1] for part in node.parts), default=0.0)
+    below = [reach(part) for part in node.parts]
+    back_s, ahead_s = (max((each[i] for each in below), default=0.0) for i in (0, 1))
     if node.op == Op.ONCE:
         return back_s + node.window[1], ahead_s
     return back_s, ahead_s + (node.window[1] if node.op in _WINDOWS else 0.0)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.requirements.columns import Columns, TwinColumns, acting_bits
+from rig.assess.requirements.columns import Columns, TwinColumns
 from rig.assess.requirements.formula import CHANNEL, SIGNAL, Formula, body, read_formula
-from rig.assess.requirements.margins import Held, decisive, frames_reach, refuse_empty_windows, values
+from rig.assess.requirements.instants import Instants, Measured
+from rig.assess.requirements.margins import decisive, frames_reach, refuse_empty_windows, values
 from rig.assess.requirements.requirement import Requirement
-from rig.assess.requirements.subject import Quantity, Subject, holds, lookup, unknown_of
+from rig.assess.requirements.subject import Quantity, Subject, Watched, holds, lookup, unknown_of
 from rig.errors import BadInput
 from rig.faults.grammar import Refused
 from rig.frame import Block, End
@@ -37,29 +38,6 @@ class Verdict(NamedTuple):
 def not_applicable(requirement: str, signal: str = "") -> Verdict:
     """Return the verdict where nothing was there to decide on."""
     return Verdict(requirement, signal, "not applicable", np.nan, np.nan, {})
-
-
-@dataclass(slots=True)
-class Measured:
-    """One formula of a requirement on one signal, while it is measured."""
-
-    requirement: Requirement
-    signal: str
-    formula: Formula
-    places: list[int]  # of its names among all columns
-    scales: list[float]
-    back: int  # frames
-    ahead: int
-    pending: list[int] = field(default_factory=list)  # instants
-    least: tuple[float, float] = (np.inf, 1.0)  # margin and verdict
-    instant: int = -1
-    numbers: list[float] = field(default_factory=list)
-    drawn: int = 0  # frames whose margins are in ``line``
-    line: list[NDArray[np.float64]] = field(default_factory=list)
-
-    def held(self, columns: NDArray[np.float64], first: int, rate_hz: float, end: tuple[int | None, bool]) -> Held:
-        """Return the columns as this formula reads them."""
-        return Held(columns, first, self.places, self.scales, rate_hz, *end)
 
 
 class RequirementsRecorder:
@@ -93,8 +71,9 @@ class RequirementsRecorder:
         self._twin = None if twin is None or not of_twin else TwinColumns(twin, Columns(of_twin, subject))
         self._memory, self._start = np.empty((len(self.quantities), _ROOM)), 0
         self._first = self._end = 0  # frames that are held
-        self._lost = False
-        self._instants = _Instants(self.measured, subject)
+        self._back = max((one.back for one in self.measured), default=0)
+        self._lost, self._leaders = False, dict[tuple[str, str], Measured]()  # with the least margin of the channels
+        self._instants = Instants(self.measured, subject)
 
     @property
     def needs_twin(self) -> bool:
@@ -113,10 +92,15 @@ class RequirementsRecorder:
         self._instants.find(rows, self._end)
         self._end += n
         self._lost = bool(rows["end"][-1] != End.FLYING)
+        needed = self._end - self._back
         for one in self.measured:
-            self._measure(one, [k for k in one.pending if k + one.ahead < self._end], (None, False))
-            self._draw(one, None, False)
-        needed = min(min([*one.pending, self._needed(one)]) - one.back for one in self.measured)
+            if one.pending and one.pending[0] + one.ahead < self._end:
+                self._measure(one, [k for k in one.pending if k + one.ahead < self._end], (None, False))
+            if self._lines:
+                self._draw(one, None, False)
+                needed = min(needed, one.drawn - one.back)
+            if one.pending:
+                needed = min(needed, one.pending[0] - one.back)
         self._start, self._first = self._start + max(needed - self._first, 0), max(self._first, needed)
 
     def finish(self) -> tuple[Verdict, ...]:
@@ -124,13 +108,9 @@ class RequirementsRecorder:
         for one in self.measured:
             self._measure(one, list(one.pending), (self._end, self._lost))
             self._draw(one, self._end, self._lost)
-        least: dict[tuple[str, str], Measured] = {}  # of the channels
-        for one in self.measured:
-            key = one.requirement.id, one.signal
-            least[key] = min(least.get(key, one), one, key=lambda each: each.least)
         found = {each.id: list[Verdict]() for each in self.requirements}
-        for (id_, _), one in least.items():
-            found[id_].append(self._verdict(one))
+        for key, one in {one.key: one for one in self.measured}.items():  # of the channels the least
+            found[key[0]].append(self._verdict(self._leaders.get(key, one)))
         return tuple(one for id_, all_of in found.items() for one in all_of or [not_applicable(id_)])
 
     def _room(self, n: int) -> NDArray[np.float64]:
@@ -155,17 +135,23 @@ class RequirementsRecorder:
         measured = values(one.formula.root, instants[0], instants[-1], held)[:, np.array(instants) - instants[0]]
         for k, (verdict, margin) in zip(instants, measured.T, strict=True):
             if not np.isnan(margin) and (margin, verdict) < one.least:
-                one.least, one.instant = (float(margin), float(verdict)), decisive(one.formula.root, k, held)
-                one.numbers = columns[one.places, one.instant - self._first].tolist()
-
-    def _needed(self, one: Measured) -> int:
-        return one.drawn if self._lines else self._end
+                one.least, one.instant = (float(margin), float(verdict)), k
+                if (
+                    one.key not in self._leaders
+                    or one.least < self._leaders[one.key].least
+                    or one is self._leaders[one.key]
+                ):
+                    self._leaders[one.key] = one
+                    one.instant = decisive(one.formula.root, k, held)
+                    one.numbers = columns[one.places, one.instant - self._first].tolist()
 
     def _draw(self, one: Measured, frames: int | None, lost: bool) -> None:
         """Add the margins of the frames that can be told: of what the formula says of each frame."""
+        if not self._lines:
+            return
         node = body(one.formula.root)
         end = self._end if frames is not None else self._end - frames_reach(node, self.subject.rate_hz)[1]
-        if self._lines and end > one.drawn:
+        if end > one.drawn:
             columns = self._memory[:, self._start : self._start + self._end - self._first]
             held = one.held(columns, self._first, self.subject.rate_hz, (frames, lost))
             one.line.append(values(node, one.drawn, end - 1, held)[1])
@@ -178,7 +164,7 @@ class RequirementsRecorder:
         """
         found: dict[tuple[str, str], NDArray[np.float64]] = {}
         for one in self.measured:
-            key, line = (one.requirement.id, one.signal), np.concatenate([np.empty(0), *one.line])
+            key, line = one.key, np.concatenate([np.empty(0), *one.line])
             found[key] = np.fmin(found[key], line) if key in found else line
         return found
 
@@ -236,14 +222,27 @@ def _texts(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, st
 
 def _formula(requirement: Requirement, text: str, subject: Subject) -> Formula:
     try:
-        return read_formula(
-            text,
-            lambda name: lookup(name, subject) is not None and not _is_flag(name, subject),
-            lambda name: holds(name, subject),
-            lambda name: _unknown(name, subject),
-        )
+        return _read(text, subject.signals, subject.discretes, subject.offers, subject.called)
     except Refused as refused:
         raise BadInput(f"{requirement.where}: formula: column {refused.column}: {refused}") from None
+
+
+@lru_cache(maxsize=4096)
+def _read(
+    text: str,
+    signals: tuple[Watched, ...],
+    discretes: tuple[Watched, ...],
+    offers: frozenset[str],
+    called: str,
+) -> Formula:
+    """Return a formula over signals and discretes: many flights have the same."""
+    subject = Subject(1.0, 0, signals, discretes, offers=offers, called=called)
+    return read_formula(
+        text,
+        lambda name: lookup(name, subject) is not None and not _is_flag(name, subject),
+        lambda name: holds(name, subject),
+        lambda name: _unknown(name, subject),
+    )
 
 
 def _is_flag(name: str, subject: Subject) -> bool:
@@ -276,55 +275,3 @@ def _scales(
 
 
 _COMPARISONS: Final = ("LESS", "LESS_EQUAL", "GREATER", "GREATER_EQUAL", "EQUAL", "NOT_EQUAL")
-
-
-class _Instants:
-    """Finds the instants of requirements in the rows: the start, onsets of faults, losses of signals."""
-
-    def __init__(self, measured: Sequence[Measured], subject: Subject) -> None:
-        self._measured, self._subject = measured, subject
-        self._acted = np.zeros(64, np.uint8)
-        self._levels: NDArray[Any] | None = None
-        kinds = {one.requirement.at for one in measured}
-        self._onsets, self._losses = "each onset" in kinds, "each loss" in kinds
-        names = [watched.name for watched in subject.signals]
-        self._places = {name: i for i, name in enumerate(names)}
-
-    def find(self, rows: Block, first: int) -> None:
-        """Add the instants in ``rows`` (n,), from frame ``first`` on, to what is pending."""
-        onsets = self._onsets_in(rows) if self._onsets else []
-        losses = self._losses_in(rows) if self._losses else {}
-        for one in self._measured:
-            match one.requirement.at:
-                case "start":
-                    one.pending += [0] if first == 0 else []
-                case "each onset":
-                    one.pending += [first + k for k in onsets]
-                case "each loss":
-                    signals = [one.signal] if one.signal else _signals_of_loss(one, self._subject)
-                    lost = {k for name in signals for k in losses.get(self._places[name], ())}
-                    one.pending += [first + k for k in sorted(lost)]
-
-    def _onsets_in(self, rows: Block) -> list[int]:
-        """Return the rows in which a fault acts for the first time."""
-        if not rows["acting"].any():
-            return []
-        acts = acting_bits(rows)
-        new = np.flatnonzero(acts.any(axis=0) & (self._acted == 0))
-        self._acted |= acts.any(axis=0)
-        return sorted({int(np.argmax(acts[:, fault])) for fault in new})
-
-    def _losses_in(self, rows: Block) -> dict[int, list[int]]:
-        """Return, by signal, the rows in which its level becomes 0."""
-        lost = rows["level"][:, : len(self._places)] == 0
-        before = np.zeros(lost.shape[1], bool) if self._levels is None else self._levels
-        began = lost & ~np.vstack([before, lost[:-1]])
-        self._levels = lost[-1].copy()
-        return {int(s): np.flatnonzero(began[:, s]).tolist() for s in np.flatnonzero(began.any(axis=0))}
-
-
-def _signals_of_loss(one: Measured, subject: Subject) -> list[str]:
-    given = one.requirement.signals
-    if isinstance(given, list):
-        return given
-    return [watched.name for watched in subject.signals] if given == "*" else list(subject.faulted)

@@ -119,17 +119,17 @@ def lookup(name: str, subject: Subject) -> Quantity | None:
 
 def _of_signal(name: str, parts: Name, subject: Subject) -> Quantity | None:
     for field_name, listed in (("signal", subject.signals), ("discrete", subject.discretes)):
-        places = {watched.name: i for i, watched in enumerate(listed)}
-        if parts.of not in places:
+        place = next((i for i, watched in enumerate(listed) if watched.name == parts.of), None)
+        if place is None:
             continue
-        watched = listed[places[parts.of]]
+        watched = listed[place]
         if field_name == "discrete" and parts.family in _NOT_OF_DISCRETES:
             return None
         most = watched.channels if parts.family in _SAMPLED else CHANNELS
         if parts.family in (*OF_CHANNELS, CHANNEL_ERROR) and not 1 <= parts.channel <= most:
             return None
         unit = "" if parts.family in ("level", "count", "failed", "healthy") else watched.unit
-        made: dict[str, Any] = {field_name: places[parts.of]}
+        made: dict[str, Any] = {field_name: place}
         return Quantity(name, parts, unit, **made)
     return None
 

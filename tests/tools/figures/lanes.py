@@ -266,7 +266,8 @@ def lanes_pairs(folder: str) -> None:
     runs, alarms = (pl.read_parquet(Path(folder) / name / "*.parquet") for name in ("runs", "alarms"))
     lost = runs.filter(~pl.col("survived"))
     pairs = counted(f"{first}, then {second}" for first, second in lost.select("first", "second").iter_rows())
-    print(f"lost {lost.height} of {runs.height} {pairs}; with something healthy failed: {counted(_healthy(alarms))}")
+    told = f"lost {lost.height} of {runs.height}{f' ({pairs})' if pairs else ''}"
+    print(f"{told}; flights with something healthy failed: {counted(_healthy(alarms))}")
 
 
 def _healthy(alarms: pl.DataFrame) -> list[str]:

@@ -1,0 +1,97 @@
+"""The instants of requirements, found in the rows: the start, onsets of faults, losses of signals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.assess.requirements.columns import acting_bits
+from rig.assess.requirements.formula import Formula
+from rig.assess.requirements.margins import Held
+from rig.assess.requirements.requirement import Requirement
+from rig.assess.requirements.subject import Subject
+from rig.frame import Block
+
+
+@dataclass(slots=True)
+class Measured:
+    """One formula of a requirement on one signal, while it is measured."""
+
+    requirement: Requirement
+    signal: str
+    formula: Formula
+    places: list[int]  # of its names among all columns
+    scales: list[float]
+    back: int  # frames
+    ahead: int
+    pending: list[int] = field(default_factory=list)  # instants
+    least: tuple[float, float] = (np.inf, 1.0)  # margin and verdict
+    instant: int = -1
+    numbers: list[float] = field(default_factory=list)
+    drawn: int = 0  # frames whose margins are in ``line``
+    line: list[NDArray[np.float64]] = field(default_factory=list)
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Requirement and signal, which it has in common with the other channels."""
+        return self.requirement.id, self.signal
+
+    def held(self, columns: NDArray[np.float64], first: int, rate_hz: float, end: tuple[int | None, bool]) -> Held:
+        """Return the columns as this formula reads them."""
+        return Held(columns, first, self.places, self.scales, rate_hz, *end)
+
+
+class Instants:
+    """Finds the instants of requirements in the rows: the start, onsets of faults, losses of signals."""
+
+    def __init__(self, measured: Sequence[Measured], subject: Subject) -> None:
+        self._measured, self._subject = measured, subject
+        self._acted = np.zeros(64, np.uint8)
+        self._levels: NDArray[Any] | None = None
+        kinds = {one.requirement.at for one in measured}
+        self._onsets, self._losses = "each onset" in kinds, "each loss" in kinds
+        names = [watched.name for watched in subject.signals]
+        self._places = {name: i for i, name in enumerate(names)}
+
+    def find(self, rows: Block, first: int) -> None:
+        """Add the instants in ``rows`` (n,), from frame ``first`` on, to what is pending."""
+        onsets = self._onsets_in(rows) if self._onsets else []
+        losses = self._losses_in(rows) if self._losses else {}
+        for one in self._measured:
+            match one.requirement.at:
+                case "start":
+                    one.pending += [0] if first == 0 else []
+                case "each onset":
+                    one.pending += [first + k for k in onsets]
+                case "each loss":
+                    signals = [one.signal] if one.signal else _signals_of_loss(one, self._subject)
+                    lost = {k for name in signals for k in losses.get(self._places[name], ())}
+                    one.pending += [first + k for k in sorted(lost)]
+
+    def _onsets_in(self, rows: Block) -> list[int]:
+        """Return the rows in which a fault acts for the first time."""
+        if not rows["acting"].any():
+            return []
+        acts = acting_bits(rows)
+        new = np.flatnonzero(acts.any(axis=0) & (self._acted == 0))
+        self._acted |= acts.any(axis=0)
+        return sorted({int(np.argmax(acts[:, fault])) for fault in new})
+
+    def _losses_in(self, rows: Block) -> dict[int, list[int]]:
+        """Return, by signal, the rows in which its level becomes 0."""
+        lost = rows["level"][:, : len(self._places)] == 0
+        before = np.zeros(lost.shape[1], bool) if self._levels is None else self._levels
+        began = lost & ~np.vstack([before, lost[:-1]])
+        self._levels = lost[-1].copy()
+        return {int(s): np.flatnonzero(began[:, s]).tolist() for s in np.flatnonzero(began.any(axis=0))}
+
+
+def _signals_of_loss(one: Measured, subject: Subject) -> list[str]:
+    given = one.requirement.signals
+    if isinstance(given, list):
+        return given
+    return [watched.name for watched in subject.signals] if given == "*" else list(subject.faulted)
