@@ -26,6 +26,7 @@ from rig.safety.mode_tree import ModeModel, mode_chain, mode_tree
 from rig.safety.open_psa import open_psa
 from rig.safety.signal_chain import chain_file, lost, transitions
 from rig.safety.signal_tree import SignalModel, signal_tree
+from rig.safety.tree_picture import picture
 from rig.safety.tree_result import solve
 
 HOURS = (1.0, 10.0, 100.0, 1000.0)
@@ -260,6 +261,18 @@ def test_each_order_has_its_own_chance_in_the_chain_and_their_mean_in_the_tree()
     of = ModeModel("pitch_rate", 3, {"stuck": 1e-4, "offset": 3e-4}, orders)
     assert of.sets() == {("offset", "stuck"): 0.5}
     assert solve(mode_tree(of), mode_chain(of), (1.0,), {}).at[0].differs == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_picture_draws_every_way_to_lose_the_signal_and_one_of_what_is_alike():
+    tree = signal_tree(CASES["layer"])
+    root = ET.fromstring(picture(tree, 1.0))
+    texts = [each.text or "" for each in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert "and 2 more like it" in texts and "layer computers lost" in texts
+    whole = " ".join(texts)
+    for name in tree.gates["signal_lost"].inputs:
+        first = tree.gates[name].label.split()[0]
+        assert first in whole, name
+    assert len(texts) < 3 * (len(tree.gates) + len(tree.events))
 
 
 RATES = """

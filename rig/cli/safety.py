@@ -100,7 +100,7 @@ def _show(result: TreeResult) -> None:
     table(result.at, _AT)
     most = max((abs(each.differs) for each in result.at), default=0.0)
     line(f"static tree: {result.static}, differs from the chain by at most {100 * most:.2g} %")
-    line("not kept: " + ", ".join(f"{good} {chance:.3g}" for good, chance in result.not_kept.items()))
+    line("not kept: " + "; ".join(f"{good} {chance:.3g}" for good, chance in result.not_kept.items()))
 
 
 @reliability_app.command()

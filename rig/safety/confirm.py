@@ -8,6 +8,7 @@ Source: docs/safety.md, 'Confirming'; Fisher (1922).
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from rig.util.files import is_file
 from rig.util.outputs import CONFIRMED, SETS
 
 LEVEL: Final = 0.01
+_NO_NAME: Final = re.compile(r"\W")
 SHOWN: Final = ("modes", "condition", "gap", "lost", "interval", "wrong_vote_first", "announced_first", "aircraft_lost",
                 "orders", "subsets")  # fmt: skip # of a set, in sets.json
 
@@ -136,7 +138,8 @@ def plans(
 
 
 def _folder(aircraft: str, point: str, condition: str) -> str:
-    return "-".join(filter(None, (aircraft, point, condition)))
+    """Return the name of a campaign's folder; an aircraft of one's own is named by its path."""
+    return "-".join(filter(None, (_NO_NAME.sub("_", aircraft), point, condition)))
 
 
 def fly(out: Path, made: dict[str, Plan], workers: int, report: Report | None = None) -> list[Result]:

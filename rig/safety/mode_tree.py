@@ -80,10 +80,7 @@ def mode_tree(model: ModeModel) -> FaultTree:
         name = ", ".join(modes)
         chosen = sorted({tuple(sorted(zip(modes, on, strict=True))) for on in permutations(n, len(modes))})
         gates = [
-            tree.all_of(
-                f"set_{number}_{k}", [events[place] for place in places], " ".join(f"{m} {i}" for m, i in places)
-            )
-            for k, places in enumerate(chosen, 1)
+            tree.all_of(f"set_{number}_{k}", [events[place] for place in places]) for k, places in enumerate(chosen, 1)
         ]
         some = tree.any_of(f"set_{number}", gates, name)
         lost = tree.event(f"set_{number}_not_kept", f"{name}: not kept, mean of its orders", chance=chance)

@@ -1,10 +1,11 @@
 """A fault tree as an SVG picture: gates as boxes with their kind, events as circles with their probability.
 
-A gate with many inputs, or that was drawn before, is drawn once and named where it comes again.
+Of inputs that differ in the numbers of their channels alone the first is drawn; what was drawn before is named.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from html import escape
 from typing import Final
@@ -13,7 +14,7 @@ from rig.safety.fault_tree import FaultTree
 from rig.util.palette import SERIES, SOFT
 
 WIDTH, HEIGHT, ROW, GAP = 150, 46, 100, 14
-MOST: Final = 8  # inputs of a gate that are drawn one by one
+_NUMBER: Final = re.compile(r"(channel|channels|box of channel|and) \d")
 CHARACTERS: Final = 24  # of a line in a box
 INK: Final = "#222222"
 
@@ -34,12 +35,22 @@ class _Drawing:
         self.drawn.add(name)
         below: list[float] = []
         if gate is not None and not again:
-            shown = gate.inputs if len(gate.inputs) <= MOST else gate.inputs[:1]
-            below = [self.draw(each, depth + 1) for each in shown]
-            if len(shown) < len(gate.inputs):
-                below.append(self._box([f"and {len(gate.inputs) - 1} more like it"], depth + 1, SOFT))
+            groups: dict[object, list[str]] = {}
+            for each in gate.inputs:
+                groups.setdefault(self._kind(each), []).append(each)
+            for alike in groups.values():
+                below.append(self.draw(alike[0], depth + 1))
+                if len(alike) > 1:
+                    below.append(self._box([f"and {len(alike) - 1} more like it"], depth + 1, SOFT))
         middle = (below[0] + below[-1]) / 2 if below else None
         return self._box(self._lines(name, again), depth, SERIES[0] if gate else SERIES[1], middle, below)
+
+    def _kind(self, name: str) -> object:
+        """Return what inputs that are drawn once have in common: no label, a label but for its numbers, or a rate."""
+        if name in self.tree.gates:
+            return _NUMBER.sub("", self.tree.gates[name].label)
+        event = self.tree.events[name]
+        return name if event.per_hour is None else (_NUMBER.sub("", event.label), event.per_hour)
 
     def _lines(self, name: str, again: bool) -> list[str]:
         if name in self.tree.events:

@@ -11,10 +11,12 @@ import math
 import sys
 from random import Random
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 from rig.assess.requirements import Requirement, RequirementsRecorder
+from rig.assess.requirements import recorder as recorder_module
 from rig.assess.requirements.subject import EVERYTHING, Subject, Watched
 from rig.frame import DISCRETES, INDEX, SIGNALS, End, State, new_block
 
@@ -208,14 +210,15 @@ def case(number: int) -> tuple[Any, Any, float, Random]:
 
 
 def measured(tree: Any, rows: Any, scale: float, random: Random) -> tuple[str, float]:
-    """Return status and margin as the rig has them, the rows given in blocks of any size."""
+    """Return status and margin as the rig has them, the rows given in blocks of any size, and put together or not."""
     requirement = Requirement(id="random", formula=text(tree), at="each onset", scale=scale)
-    recorder, first = RequirementsRecorder([requirement], SUBJECT), 0
-    while first < len(rows):
-        size = random.choice((1, 3, 20, 64))
-        recorder.record(rows[first : first + size])
-        first += size
-    found = recorder.finish()[0]
+    with patch.object(recorder_module, "BATCH", random.choice((1, 10, 1000))):
+        recorder, first = RequirementsRecorder([requirement], SUBJECT), 0
+        while first < len(rows):
+            size = random.choice((1, 3, 20, 64))
+            recorder.record(rows[first : first + size])
+            first += size
+        found = recorder.finish()[0]
     return found.status, found.margin
 
 

@@ -107,24 +107,33 @@ def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
 
 
 def _yes_no(column: Floats, sign: int) -> Floats:
-    margin = np.where(column != 0.0, 1.0, -1.0)
-    wrong = np.isnan(column)
-    return np.array([np.where(wrong, -sign, margin), np.where(wrong, -sign * MOST, margin)])
+    out = np.empty((2, len(column)))
+    out[:] = np.where(column != 0.0, 1.0, -1.0)
+    return _with_nan(out, column, sign)
 
 
 def _compared(node: Node, a: int, b: int, held: Held) -> Floats:
-    left, right = (number(part, a, b, held) for part in node.parts)
     with np.errstate(all="ignore"):
-        apart = np.broadcast_to(np.asarray(right - left, np.float64), (b - a + 1,))
-        if node.op in (Op.GREATER, Op.GREATER_EQUAL):
-            apart = -apart
-        elif node.op in (Op.EQUAL, Op.NOT_EQUAL):
-            apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
-        met = apart > 0.0 if node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL) else apart >= 0.0
-        margin = np.clip(apart / held.scales[node.place], -MOST, MOST)
-    wrong = np.isnan(apart)
-    verdict = np.where(wrong, -node.sign, np.where(met, 1.0, -1.0))
-    return np.array([verdict, np.where(wrong, -node.sign * MOST, margin)])
+        left, right = (number(part, a, b, held) for part in node.parts)
+        if node.op in (Op.LESS, Op.LESS_EQUAL):
+            apart = right - left
+        else:
+            apart = left - right
+            if node.op in (Op.EQUAL, Op.NOT_EQUAL):
+                apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
+        out = np.empty((2, b - a + 1))
+        out[0] = np.where(apart > 0.0 if node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL) else apart >= 0.0, 1.0, -1.0)
+        out[1] = apart / held.scales[node.place]
+        np.minimum(np.maximum(out[1], -MOST, out=out[1]), MOST, out=out[1])
+    return _with_nan(out, out[1], node.sign)
+
+
+def _with_nan(out: Floats, of: Floats, sign: int) -> Floats:
+    """Violate what is no number, whatever is negated; out : (2, n) of ``of`` (n,), in place."""
+    wrong = np.isnan(of)
+    if wrong.any():
+        out[0, wrong], out[1, wrong] = -sign, -sign * MOST
+    return out
 
 
 def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
@@ -134,22 +143,21 @@ def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
     if node.op == Op.QUANTITY:
         return held.of(node.place, a, b)
     of = [number(part, a, b, held) for part in node.parts]
-    with np.errstate(all="ignore"):
-        match node.op:
-            case Op.NEGATE:
-                return -of[0]
-            case Op.ABS:
-                return np.abs(of[0])
-            case Op.ADD:
-                return of[0] + of[1]
-            case Op.SUBTRACT:
-                return of[0] - of[1]
-            case Op.MULTIPLY:
-                return of[0] * of[1]
-            case Op.DIVIDE:
-                return np.where(np.equal(of[1], 0.0), np.nan, np.divide(of[0], of[1]))  # as in a trigger
-            case Op.MIN:
-                return np.minimum(of[0], of[1])
+    match node.op:
+        case Op.NEGATE:
+            return -of[0]
+        case Op.ABS:
+            return np.abs(of[0])
+        case Op.ADD:
+            return of[0] + of[1]
+        case Op.SUBTRACT:
+            return of[0] - of[1]
+        case Op.MULTIPLY:
+            return of[0] * of[1]
+        case Op.DIVIDE:
+            return np.where(np.equal(of[1], 0.0), np.nan, np.divide(of[0], of[1]))  # as in a trigger
+        case Op.MIN:
+            return np.minimum(of[0], of[1])
     return np.maximum(of[0], of[1])
 
 

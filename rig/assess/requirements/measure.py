@@ -83,7 +83,7 @@ def check_rows(
     else:
         recorder = RequirementsRecorder(requirements, subject)
     for part in cuts(len(rows)):
-        recorder.record(rows[part])
+        recorder.take(rows[part])
     return recorder.finish()
 
 
@@ -114,7 +114,7 @@ def check_log(
     try:
         recorder = recorder_of(scenario, requirements, twin, unit)
         for block in log.blocks():
-            recorder.record(block.rows)
+            recorder.take(block.rows)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     return recorder.finish()

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.requirements.bound import bind
 from rig.assess.requirements.columns import Columns, TwinColumns
-from rig.assess.requirements.formula import CHANNEL, SIGNAL, Formula, body, read_formula
+from rig.assess.requirements.formula import body
 from rig.assess.requirements.instants import Instants, Measured
-from rig.assess.requirements.margins import decisive, frames_reach, refuse_empty_windows, values
+from rig.assess.requirements.margins import decisive, frames_reach, values
 from rig.assess.requirements.requirement import Requirement
-from rig.assess.requirements.subject import Quantity, Subject, Watched, holds, lookup, unknown_of
+from rig.assess.requirements.subject import Quantity, Subject
 from rig.errors import BadInput
-from rig.faults.grammar import Refused
 from rig.frame import Block, End
-from rig.text import choices, quoted
 
 Status = Literal["met", "violated", "not applicable"]
 _ROOM: Final = 1024  # frames
+BATCH: Final = 1000  # rows; a block of a second costs as many calls as ten
 
 
 class Verdict(NamedTuple):
@@ -58,7 +57,7 @@ class RequirementsRecorder:
         self._lines = lines
         self.subject, quantities = subject, dict[str, Quantity]()
         self.requirements = tuple(requirements)
-        self.measured = [one for each in requirements for one in _bind(each, subject, quantities)]
+        self.measured = [one for each in requirements for one in bind(each, subject, quantities)]
         own = [q for q in quantities.values() if not q.parts.twin]
         of_twin = [q for q in quantities.values() if q.parts.twin]
         self.quantities = [*own, *of_twin]
@@ -70,6 +69,8 @@ class RequirementsRecorder:
         self._own, self._columns = len(own), Columns(own, subject)
         self._twin = None if twin is None or not of_twin else TwinColumns(twin, Columns(of_twin, subject))
         self._memory, self._start = np.empty((len(self.quantities), _ROOM)), 0
+        self._batch: Block | None = None  # rows that are put together; how many
+        self._batched = 0
         self._first = self._end = 0  # frames that are held
         self._back = max((one.back for one in self.measured), default=0)
         self._lost, self._leaders = False, dict[tuple[str, str], Measured]()  # with the least margin of the channels
@@ -81,7 +82,29 @@ class RequirementsRecorder:
         return any(q.parts.twin for q in self.quantities)
 
     def record(self, rows: Block, timing: Any = None, lanes: Any = None) -> None:
-        """Take the next rows (n,), of a flight or of a bench."""
+        """Take the next rows (n,), of a flight or of a bench; short blocks are put together to BATCH of them."""
+        if not len(rows) or not self.measured:
+            return
+        if self._batch is None and len(rows) < BATCH:
+            self._batch = np.empty(BATCH, rows.dtype)
+        if self._batch is None or len(rows) >= BATCH:
+            self._flush()
+            self.take(rows)
+            return
+        if self._batched + len(rows) > BATCH:
+            self._flush()
+        part = self._batch[self._batched : self._batched + len(rows)]
+        part.view(np.uint8)[:] = np.ascontiguousarray(rows).view(np.uint8)  # the bytes: not field by field
+        self._batched += len(rows)
+
+    def _flush(self) -> None:
+        """Take the rows that were put together."""
+        if self._batch is not None and self._batched:
+            batched, self._batched = self._batched, 0
+            self.take(self._batch[:batched])
+
+    def take(self, rows: Block) -> None:
+        """Measure the next rows (n,) at once: none may wait in a batch."""
         n = len(rows)
         if not n or not self.measured:
             return
@@ -105,6 +128,7 @@ class RequirementsRecorder:
 
     def finish(self) -> tuple[Verdict, ...]:
         """Return the verdicts: the flight is over, whatever windows reach beyond its end."""
+        self._flush()
         for one in self.measured:
             self._measure(one, list(one.pending), (self._end, self._lost))
             self._draw(one, self._end, self._lost)
@@ -180,98 +204,3 @@ class RequirementsRecorder:
         status: Status = "met" if verdict > 0.0 else "violated"
         at_s = one.instant / self.subject.rate_hz
         return Verdict(one.requirement.id, one.signal, status, margin + 0.0, at_s, numbers)  # 0.0, never -0.0
-
-
-def _bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quantity]) -> list[Measured]:
-    """Return the formulas of a requirement on the subject's signals; their ``quantities`` are added."""
-    measured: list[Measured] = []
-    for signal, text in _texts(requirement, subject):
-        formula = _formula(requirement, text, subject)
-        found = {name: lookup(name, subject) for name in formula.names}
-        quantities |= {name: quantity for name, quantity in found.items() if quantity is not None}
-        try:
-            refuse_empty_windows(formula.root, subject.rate_hz)
-        except BadInput as error:
-            raise BadInput(f"{requirement.where}: formula: {error}") from None
-        scales = _scales(requirement, formula, subject, quantities)
-        back, ahead = frames_reach(formula.root, subject.rate_hz)
-        measured.append(Measured(requirement, signal, formula, [], scales, back, ahead))
-    return measured
-
-
-def _signals(requirement: Requirement, subject: Subject) -> list[str]:
-    """Return the signals that a requirement is measured on, or one that is empty."""
-    known = [watched.name for watched in subject.signals]
-    given = requirement.signals
-    for name in given if isinstance(given, list) else ():
-        if name not in known:
-            accepted = choices(name, known)
-            raise BadInput(f"{requirement.where}: signals: {subject.called} has no {quoted(name)}, {accepted}")
-    named = known if given == "*" else list(subject.faulted) if given is None else list(given)
-    return named if SIGNAL in requirement.formula else [""]
-
-
-def _texts(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, str]]:
-    """Yield signal and text of the formulas of a requirement: of each signal, and of each of its channels."""
-    fitted = {watched.name: watched.channels for watched in subject.signals}
-    for signal in _signals(requirement, subject):
-        text = requirement.formula.replace(SIGNAL, signal)
-        for channel in range(1, fitted[signal] + 1) if CHANNEL in text else (0,):
-            yield signal, text.replace(CHANNEL, str(channel))
-
-
-def _formula(requirement: Requirement, text: str, subject: Subject) -> Formula:
-    try:
-        return _read(text, subject.signals, subject.discretes, subject.offers, subject.called)
-    except Refused as refused:
-        raise BadInput(f"{requirement.where}: formula: column {refused.column}: {refused}") from None
-
-
-@lru_cache(maxsize=4096)
-def _read(
-    text: str,
-    signals: tuple[Watched, ...],
-    discretes: tuple[Watched, ...],
-    offers: frozenset[str],
-    called: str,
-) -> Formula:
-    """Return a formula over signals and discretes: many flights have the same."""
-    subject = Subject(1.0, 0, signals, discretes, offers=offers, called=called)
-    return read_formula(
-        text,
-        lambda name: lookup(name, subject) is not None and not _is_flag(name, subject),
-        lambda name: holds(name, subject),
-        lambda name: _unknown(name, subject),
-    )
-
-
-def _is_flag(name: str, subject: Subject) -> bool:
-    """Return True for a yes or no that is no number either."""
-    found = lookup(name, subject)
-    return found is not None and holds(name, subject) and found.discrete < 0
-
-
-def _unknown(name: str, subject: Subject) -> str:
-    return f"{quoted(name)} is a yes or no, not a number" if holds(name, subject) else unknown_of(name, subject)
-
-
-def _scales(
-    requirement: Requirement, formula: Formula, subject: Subject, quantities: dict[str, Quantity]
-) -> list[float]:
-    """Return the scale of each comparison: as given, else the threshold of its signal, else 1."""
-    given = requirement.scale
-    if isinstance(given, list) and len(given) != formula.comparisons:
-        raise BadInput(f"{requirement.where}: scale: {len(given)} for {formula.comparisons} comparisons")
-    if given is not None:
-        return list(given) if isinstance(given, list) else [given] * formula.comparisons
-    scales = [1.0] * formula.comparisons
-    for node in formula.root.walk():
-        if node.op.name not in _COMPARISONS:
-            continue
-        of = [quantities[formula.names[each.place]] for each in node.walk() if each.op.name == "QUANTITY"]
-        signals = [quantity.signal for quantity in of if quantity.measured]
-        scales[node.place] = subject.signals[signals[0]].threshold if signals else 1.0
-    return scales
-
-
-_COMPARISONS: Final = ("LESS", "LESS_EQUAL", "GREATER", "GREATER_EQUAL", "EQUAL", "NOT_EQUAL")

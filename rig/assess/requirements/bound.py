@@ -1,0 +1,117 @@
+"""Requirements bound to a subject: their formulas with quantities, scales and reach, kept for the next flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+from rig.assess.requirements.formula import CHANNEL, COMPARISONS, SIGNAL, Formula, read_formula
+from rig.assess.requirements.instants import Measured
+from rig.assess.requirements.margins import frames_reach, refuse_empty_windows
+from rig.assess.requirements.requirement import Requirement
+from rig.assess.requirements.subject import Quantity, Subject, Watched, holds, lookup, unknown_of
+from rig.errors import BadInput
+from rig.faults.grammar import Op, Refused
+from rig.text import choices, quoted
+
+
+class Bound(NamedTuple):
+    """A formula over the signals of a subject; scales : of its comparisons, where none are given; reach in frames."""
+
+    formula: Formula
+    quantities: tuple[Quantity, ...]
+    scales: tuple[float, ...]
+    back: int
+    ahead: int
+
+
+def bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quantity]) -> list[Measured]:
+    """Return the formulas of a requirement on the subject's signals; their ``quantities`` are added.  BadInput."""
+    measured: list[Measured] = []
+    about = subject.signals, subject.discretes, subject.offers, subject.called, subject.rate_hz
+    for signal, text in _texts(requirement, subject):
+        try:
+            bound = _bound(text, *about)
+        except Refused as refused:
+            raise BadInput(f"{requirement.where}: formula: column {refused.column}: {refused}") from None
+        except BadInput as error:
+            raise BadInput(f"{requirement.where}: formula: {error}") from None
+        quantities |= {each.name: each for each in bound.quantities}
+        scales = _scales(requirement, bound)
+        measured.append(Measured(requirement, signal, bound.formula, [], scales, bound.back, bound.ahead))
+    return measured
+
+
+def _signals(requirement: Requirement, subject: Subject) -> list[str]:
+    """Return the signals that a requirement is measured on, or one that is empty."""
+    known = [watched.name for watched in subject.signals]
+    given = requirement.signals
+    for name in given if isinstance(given, list) else ():
+        if name not in known:
+            accepted = choices(name, known)
+            raise BadInput(f"{requirement.where}: signals: {subject.called} has no {quoted(name)}, {accepted}")
+    named = known if given == "*" else list(subject.faulted) if given is None else list(given)
+    return named if SIGNAL in requirement.formula else [""]
+
+
+def _texts(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, str]]:
+    """Yield signal and text of the formulas of a requirement: of each signal, and of each of its channels."""
+    fitted = {watched.name: watched.channels for watched in subject.signals}
+    for signal in _signals(requirement, subject):
+        text = requirement.formula.replace(SIGNAL, signal)
+        for channel in range(1, fitted[signal] + 1) if CHANNEL in text else (0,):
+            yield signal, text.replace(CHANNEL, str(channel))
+
+
+@lru_cache(maxsize=4096)
+def _bound(
+    text: str,
+    signals: tuple[Watched, ...],
+    discretes: tuple[Watched, ...],
+    offers: frozenset[str],
+    called: str,
+    rate_hz: float,
+) -> Bound:
+    """Return a formula over signals and discretes: many flights have the same.  Refused, BadInput."""
+    subject = Subject(rate_hz, 0, signals, discretes, offers=offers, called=called)
+    formula = read_formula(
+        text,
+        lambda name: lookup(name, subject) is not None and not _is_flag(name, subject),
+        lambda name: holds(name, subject),
+        lambda name: _unknown(name, subject),
+    )
+    refuse_empty_windows(formula.root, rate_hz)
+    quantities = tuple(found for name in formula.names if (found := lookup(name, subject)) is not None)
+    return Bound(formula, quantities, _own_scales(formula, quantities, subject), *frames_reach(formula.root, rate_hz))
+
+
+def _is_flag(name: str, subject: Subject) -> bool:
+    """Return True for a yes or no that is no number either."""
+    found = lookup(name, subject)
+    return found is not None and holds(name, subject) and found.discrete < 0
+
+
+def _unknown(name: str, subject: Subject) -> str:
+    return f"{quoted(name)} is a yes or no, not a number" if holds(name, subject) else unknown_of(name, subject)
+
+
+def _own_scales(formula: Formula, quantities: tuple[Quantity, ...], subject: Subject) -> tuple[float, ...]:
+    """Return the scale of each comparison where none is given: the threshold of its signal, else 1."""
+    scales = [1.0] * formula.comparisons
+    for node in formula.root.walk():
+        if node.op in COMPARISONS:
+            of = [quantities[each.place] for each in node.walk() if each.op == Op.QUANTITY]
+            signals = [quantity.signal for quantity in of if quantity.measured]
+            scales[node.place] = subject.signals[signals[0]].threshold if signals else 1.0
+    return tuple(scales)
+
+
+def _scales(requirement: Requirement, bound: Bound) -> list[float]:
+    """Return the scale of each comparison.  BadInput: given for another number of them."""
+    given, comparisons = requirement.scale, bound.formula.comparisons
+    if isinstance(given, list) and len(given) != comparisons:
+        raise BadInput(f"{requirement.where}: scale: {len(given)} for {comparisons} comparisons")
+    if given is None:
+        return list(bound.scales)
+    return list(given) if isinstance(given, list) else [given] * comparisons
