@@ -23,7 +23,8 @@ from rig.util.files import bundled, is_file
 DESIGNED_AT_HZ: Final = 100.0  # outlier thresholds: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
 BESIDE: Final = {"threshold", "threshold_triplex"}  # what outlier thresholds are designed beside
-OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
+OUTLIERS: Final = {"outlier_threshold": None, "outlier_threshold_triplex": None}
+STALE: Final = {"stale_frames": 0}  # designed by the repeats of a sensor's samples, whatever the threshold
 
 
 def names() -> list[str]:
@@ -79,32 +80,37 @@ def sensor_classes() -> dict[str, SensorClass]:
 def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:
     """Merge, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``.
 
-    Outlier thresholds go where ``above`` has other sensors or thresholds than they were designed beside.
+    What is designed from healthy samples goes where ``above`` has other sensors, or other thresholds beside it.
     """
-    below = without_outliers(below, above)
+    below = without_designed(below, above)
     wanted, present = above.get("sensors"), below.get("sensors")
     if not isinstance(wanted, dict) or not isinstance(present, dict):
         return merge(below, above)
     return merge({**below, "sensors": under(present, wanted, sensor_classes(), source)}, above)
 
 
-def without_outliers(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Return ``below`` without outlier thresholds of signals whose sensors or thresholds ``above`` changes."""
+def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Return ``below`` without outlier thresholds of signals whose sensors or thresholds ``above`` changes, and without
+    a count of stale samples where it changes the sensors."""
     signals = _tables(below.get("redundancy"), "signals")
-    gone = {name: {**signals[name], **dict.fromkeys(OUTLIERS)} for name in _redesigned(above) if name in signals}
+    sensors = _other_sensors(above)
+    off = {**dict.fromkeys(_redesigned(above, sensors), OUTLIERS), **{key: {**OUTLIERS, **STALE} for key in sensors}}
+    gone = {name: {**signals[name], **keys} for name, keys in off.items() if name in signals}
     return merge(below, {"redundancy": {"signals": gone}}) if gone else below
 
 
-def _redesigned(above: dict[str, Any]) -> Collection[str]:
+def _other_sensors(above: dict[str, Any]) -> Collection[str]:
+    """Return the signals that ``above`` gives other errors."""
+    return [name for name, table in _tables(above, "sensors").items() if table.keys() - SAME_ERRORS]
+
+
+def _redesigned(above: dict[str, Any], sensors: Collection[str]) -> Collection[str]:
     """Return the signals that ``above`` gives other errors or thresholds; at a lower rate, all of them."""
     rate_hz = above.get("rate_hz")
     if isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ:
         return INDEX
-    sensors, monitors = _tables(above, "sensors"), _tables(above.get("redundancy"), "signals")
-    return {
-        *(name for name, table in sensors.items() if table.keys() - SAME_ERRORS),
-        *(name for name, table in monitors.items() if table.keys() & BESIDE),
-    }
+    monitors = _tables(above.get("redundancy"), "signals")
+    return {*sensors, *(name for name, table in monitors.items() if table.keys() & BESIDE)}
 
 
 def _tables(data: Any, key: str) -> dict[str, dict[str, Any]]:

@@ -267,14 +267,15 @@ def _changed(scenario: Scenario, sets: Sequence[str], seed: int | None, allow_co
     return made.trusted(replace(trust, named=named_manager(map(parse_set, sets)) or trust.named))
 
 
-# What scenarios of older logs lack and files must give, as those flights had it: an inertial unit without forces.
+# What scenarios of older logs lack, as those flights had it: an inertial unit without forces, no rule of common mode.
 OLDER: Final[dict[str, Any]] = {
+    "redundancy": {"common_mode": "report"},
     "inertial": {
         "force_noise_std_m_s2": 0.0,
         "force_bias_tolerance_m_s2": 0.0,
         "force_scale_tolerance": 0.0,
         "force_quantum_m_s2": 0.0,
-    }
+    },
 }
 
 

@@ -100,4 +100,5 @@ def redundancy(scenario: Scenario) -> Redundancy:
     suite = scenario.sensors
     ranges, channels, discretes = sensors.ranges(suite), sensors.channels(suite), sensors.discrete_channels(suite)
     settings, references, rate_hz = scenario.redundancy, scenario.references, scenario.rate_hz
-    return Redundancy(settings, ranges, channels, references, rate_hz, discretes, scenario.trust)
+    tested = scenario.control.tested
+    return Redundancy(settings, ranges, channels, references, rate_hz, discretes, scenario.trust, tested)

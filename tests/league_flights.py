@@ -83,13 +83,13 @@ class Raising(Limited):
 
 
 def white_signal(persistence: int = 1) -> OfSignal:
-    """Pitch rate with a threshold of 1, failed after so many frames."""
+    """Pitch rate with a threshold of 1, failed after so many frames, whose samples may repeat."""
     _, (signal,) = of_signals(plan())
     params = signal.params.copy()
     for field in ("threshold", "threshold_triplex", "threshold_duplex"):
         params[field] = 1.0
     params["persistence"] = params["singular_persistence"] = persistence
-    params["low"], params["high"] = -1e9, 1e9
+    params["low"], params["high"], params["stale_frames"] = -1e9, 1e9, 0
     return signal._replace(params=params)
 
 

@@ -10,6 +10,7 @@ from rig import scenario
 from rig.campaign.flying import fly
 from rig.computer.analytic.sources import FROM_UNIT, PARTNERS, SECOND, Config, second
 from rig.frame import INDEX, Resolver, Source, State
+from rig.stages import redundancy
 
 TEN = constant(10, 10.1, 9.9, 10)
 
@@ -140,10 +141,39 @@ def test_a_signal_without_a_reference_has_no_second():
 @pytest.mark.parametrize("signal", ["pitch_rate", "angle_of_attack"])
 def test_gyros_and_vanes_that_run_away_together_lose_the_aircraft_or_the_signal(signal):
     fault = f'faults=[{{kind="hardover", signal="{signal}", channels=[1,2,3,4], start_s=3.0}}]'
-    reported = fly(scenario.load(None, [fault, "duration_s=20"]))
+    reported = fly(scenario.load(None, [fault, "duration_s=20", 'redundancy.common_mode="report"']))
     assert not reported.verdict.survived and (reported.rows["common_mode"][:, INDEX[signal]] == 1).any()
-    failed = fly(scenario.load(None, [fault, "duration_s=20", 'redundancy.common_mode="fail"']))
+    failed = fly(scenario.load(None, [fault, "duration_s=20"]))
     assert failed.verdict.survived and failed.verdict.failed == {signal: [1, 2, 3, 4]}
     assert failed.rows["source"][-1, INDEX[signal]] == Source.REFERENCE
     names = {event.name for event in failed.events}
     assert "common mode" in names
+
+
+@pytest.mark.parametrize(
+    ("sets", "reported"),
+    [
+        ([], set()),
+        (["control.law=fault-tolerant"], {"pitch_angle"}),
+        (["control.law=fault-tolerant", "redundancy.signals.pitch_angle.common_mode=fail"], set()),
+        (["redundancy.signals.heading.common_mode=report"], {"heading"}),
+        (["redundancy.common_mode=report", "redundancy.signals.heading.common_mode=fail"], {*INDEX} - {"heading"}),
+    ],
+)
+def test_a_common_mode_fails_all_but_what_the_law_tests_itself_unless_the_signal_says_otherwise(sets, reported):
+    fails = redundancy(scenario.load(None, sets)).manager.params["common_fails"]
+    assert {name for name, s in INDEX.items() if not fails[s]} == reported
+
+
+def test_a_log_from_before_the_rule_is_flown_as_it_was():
+    data = scenario.load().resolved()
+    del data["redundancy"]["common_mode"]
+    assert scenario.from_resolved(data, "log").redundancy.common_mode == "report"
+
+
+def test_a_wrong_pair_that_in_line_monitors_keep_is_failed_by_both_references():
+    found = fly(scenario.load("f16_singular_2_2_lying_ilm", ["duration_s=15"]))
+    s = INDEX["pitch_rate"]
+    by_ilm, by_both = (int((found.rows["state"][:, s, c] == State.FAILED).argmax()) for c in (0, 2))
+    assert by_both == by_ilm + 10 and found.rows["resolver"][by_both, s] == Resolver.COMMON
+    assert (found.rows["source"][by_both:, s] == Source.REFERENCE).all()

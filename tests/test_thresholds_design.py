@@ -13,7 +13,7 @@ from rig.thresholds.design import DataBlock, Design, Grid, Threshold, designs, r
 from rig.thresholds.healthy import BEYOND, Envelope, beyond, envelope, suspects
 from rig.thresholds.holdout import Count, count, holdout
 from rig.thresholds.run import design
-from rig.thresholds.tradeoff import Found, Kind, Tradeoff, best, faulty, inject, pieces, tradeoff
+from rig.thresholds.tradeoff import Found, Kind, Tradeoff, faulty, inject, pieces, ranked, tradeoff
 
 GIVEN = RecordedSignal(threshold=1.0)
 RATE = 100.0
@@ -184,8 +184,8 @@ def test_the_best_design_finds_most_and_of_equals_the_shortest_is_taken():
 
     threshold = {4: Threshold(4, 1.0, 1.0, 40, 0.0)}
     asked = [Design(f, n, n, threshold) for f in (0.0, 0.1) for n in (8, 24)]
-    assert best(asked, [row(40), row(41), row(30), row(41)]) == 1
-    assert best(asked, [row(41), row(41), row(41), row(41)]) == 0
+    assert ranked(asked, [row(40), row(41), row(30), row(41)]) == [1, 3, 0, 2]
+    assert ranked(asked, [row(41), row(41), row(41), row(41)])[0] == 0
 
 
 def test_halves_are_flown_with_the_thresholds_of_the_other():

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rig.aircraft import merge, without_outliers
+from rig.aircraft import merge, without_designed
 from rig.errors import BadInput
 from rig.flight.recorder import Findings
 from rig.frame import TIMING, new_block
@@ -73,7 +73,7 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
                 f"--set {text}: only redundancy.* and the monitors in actuators.* can be changed without flying"
             )
         above = override(above, text)
-    data = merge(without_outliers(data, above), given)
+    data = merge(without_designed(data, above), given)
     for text in sets:
         data = override(data, text)
     source = " with ".join(["redundancy", *([str(file)] if file else []), *(f"--set {text}" for text in sets)])

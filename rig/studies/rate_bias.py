@@ -196,6 +196,7 @@ def settings(case: Case, fault: Fault | None, law: str) -> list[str]:
     """Return the overrides of the default scenario."""
     faults = "" if fault is None else f"{{{fault.keys},start_s={case.onset_s}}}"
     return [
+        "redundancy.common_mode=report",  # laws are compared, not the monitor
         *(f"aircraft={case.aircraft}", f"flight_point={case.flight_point}", f"turbulence={case.turbulence}"),
         *(f"duration_s={case.onset_s + AFTER_S}", f"pilot={{manoeuvres=[{case.manoeuvres}]}}"),
         *(f"faults=[{faults}]", f"control.law={law}"),

@@ -123,6 +123,7 @@ def fly(case: Case, law: str, fault: str | None) -> Block:
     """Fly and return all rows of one flight."""
     faults = "" if fault is None else f'{{signal="pitch_angle",channels=[1,2,3,4],start_s={ONSET_S},{FAULTS[fault]}}}'
     sets = [
+        "redundancy.common_mode=report",  # laws are compared, not the monitor
         *(f"aircraft={case.aircraft}", f"flight_point={POINTS[case.aircraft]}", f"duration_s={DURATION_S}"),
         *(f"turbulence={case.turbulence}", f"control.vertical={case.hold}", f"faults=[{faults}]"),
         *(f"pilot={{manoeuvres=[{STEPS[case.hold]}]}}", *LAWS[law]),

@@ -15,7 +15,6 @@ from rig.assess.outcome import channel_bits, count_healthy, mark_failed, mark_wr
 from rig.bench.run import step
 from rig.computer.redundancy.config import MANAGERS, PARAMS, fill
 from rig.computer.redundancy.lowpass import follow
-from rig.computer.redundancy.manager import new_state
 from rig.computer.redundancy.managers import Manager
 from rig.frame import CHANNELS, Ilm, rows
 from rig.kernels import long_kernel
@@ -40,10 +39,18 @@ def outcomes(
     samples : (R, n, C), NaN where a sample is not comparable; faulty : (R,) the channel that is, from ``onset`` on
     begun : (R,) the manager's states at first; as at the start of a flight when not given
     """
-    params = parameters(settings, samples.shape[2], rate_hz)
+    return outcomes_of(
+        samples, faulty, onset, Manager(MANAGERS[0], parameters(settings, samples.shape[2], rate_hz)), begun
+    )
+
+
+def outcomes_of(
+    samples: Floats, faulty: NDArray[np.int64], onset: int, manager: Manager, begun: NDArray[Any] | None = None
+) -> NDArray[Any]:
+    """Return the same by a ``manager`` of one signal, whichever it is."""
+    params = manager.params
     signals = np.repeat(blank_records(params["threshold"], params["fitted"], lingers(params)), len(samples))
-    manager = Manager(MANAGERS[0], params)
-    fresh = np.repeat(new_state(params), len(samples)) if begun is None else begun
+    fresh = np.repeat(manager.new_state(), len(samples)) if begun is None else begun
     _run(four(samples), faulty, onset, _blank_row(), manager.data, fresh, signals)
     return signals
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -19,12 +19,12 @@ from rig.thresholds.healthy import Envelope, Suspect, envelope, suspects
 from rig.thresholds.holdout import Count, holdout
 from rig.thresholds.lasting import LIMITS, residuals
 from rig.thresholds.tail import CLUSTERS
-from rig.thresholds.tradeoff import Tradeoff, best, pieces, tradeoff
+from rig.thresholds.tradeoff import Pieces, Tradeoff, pieces, ranked, tradeoff
 from rig.util.progress import tell
 
 RULE: Final = (
-    "most of the injected faults found rightly at this budget; of equals the shorter persistence, then filter, "
-    "then without bias and sums"
+    "most of the injected faults found rightly at this budget, within it in the hold-out; of equals the shorter "
+    "persistence, then filter, then without bias and sums"
 )
 MARKED: Final = 100.0  # extrapolation from which a design is marked
 FEW: Final = 9  # flights below which budgets did not hold
@@ -123,19 +123,45 @@ def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
         return Signal(given, len(used), hours, suspected, motion, made, [], 0, None, notes)
     size = max(motion.value, motion.noise)
     tradeoffs = [tradeoff(cut, design, given, size) for design in made]
-    chosen = best(made, tradeoffs)
-    for design in _summed(blocks, given, made[chosen], grid, number):
-        made.append(design)
-        tradeoffs.append(tradeoff(cut, design, given, size))
-        if tradeoffs[-1].share_with_small > tradeoffs[chosen].share_with_small:
-            chosen = len(made) - 1
-    held_out = holdout(blocks, given, grid, made[chosen])
-    if made[chosen].lasts and held_out and any(count.over for count in held_out.values()):
-        notes.append(f"{name}: no learned bias, no sums: with them the hold-out had more than the budget allows")
-        plain = [i for i, design in enumerate(made) if not design.lasts]
-        chosen = plain[best([made[i] for i in plain], [tradeoffs[i] for i in plain])]
-        held_out = holdout(blocks, given, grid, made[chosen])
-    return Signal(given, len(used), hours, suspected, motion, made, tradeoffs, chosen, held_out, notes)
+    tried: dict[int, dict[int, Count] | None] = {}
+    for i in _in_order(made, tradeoffs, lambda i: _summed(blocks, given, made[i], grid, number), cut, given, size):
+        tried[i] = holdout(blocks, given, grid, made[i])
+        if not exceeds(tried[i]):
+            break
+    chosen = next((i for i in tried if not exceeds(tried[i])), None)
+    if chosen is None:
+        chosen = next(i for i in tried if not made[i].lasts)
+        notes.append(f"{name}: with every design the hold-out had more than the budget allows: record more")
+    elif len(tried) > 1:
+        what = f"{len(tried) - 1} design{'s' * (len(tried) > 2)} that find{'s' * (len(tried) == 2)} more"
+        notes.append(f"{name}: {what} left out: the hold-out had more than the budget allows")
+    return Signal(given, len(used), hours, suspected, motion, made, tradeoffs, chosen, tried[chosen], notes)
+
+
+def exceeds(held_out: dict[int, Count] | None) -> bool:
+    """Return True if at any level a hold-out has more false isolations than the budget allows."""
+    return held_out is not None and any(count.over for count in held_out.values())
+
+
+def _in_order(
+    made: list[Design],
+    tradeoffs: list[Tradeoff],
+    summed: Callable[[int], list[Design]],
+    cut: Pieces,
+    given: RecordedSignal,
+    size: float,
+) -> Iterator[int]:
+    """Yield the places of designs, the best first; before each, those with sums beside it that find more.
+
+    Designs with sums are added to ``made`` and ``tradeoffs`` when their turn comes.
+    """
+    for i in ranked(made, tradeoffs):
+        begin = len(made)
+        made += summed(i)
+        tradeoffs += [tradeoff(cut, design, given, size) for design in made[begin:]]
+        better = [k for k in range(begin, len(made)) if tradeoffs[k].share_with_small > tradeoffs[i].share_with_small]
+        yield from sorted(better, key=lambda k: -tradeoffs[k].share_with_small)
+        yield i
 
 
 def _summed(

@@ -169,12 +169,12 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
     return threshold / 4.0 * _STEP**high
 
 
-def best(designs: Sequence[Design], found: Sequence[Tradeoff]) -> int:
-    """Return the design that finds the largest share rightly; of equals the shortest persistence and filter, and
-    without a learned bias."""
+def ranked(designs: Sequence[Design], found: Sequence[Tradeoff]) -> list[int]:
+    """Return the places of the designs, that which finds the largest share rightly first; of equals the shortest
+    persistence and filter, and without a learned bias."""
 
     def order(i: int) -> tuple[float, int, float, bool]:
         one = designs[i]
         return -round(found[i].share, 9), one.persistence, one.filter_s, bool(one.outliers)
 
-    return min(range(len(designs)), key=order)
+    return sorted(range(len(designs)), key=order)

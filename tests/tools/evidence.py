@@ -1,6 +1,6 @@
 """What the monitor gets wrong: last channels, third faults, splits, boxes, common faults, healthy channels, counted.
 
-    python tests/tools/evidence.py [--workers 2] [--rows last,third,...] [--json FILE]
+    python tests/tools/evidence.py [--workers 2] [--rows last,third,...] [--set KEY=VALUE] [--json FILE]
 
 Every row flies each signal, sign and aircraft that its function names; the same code prints the same counts.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -44,9 +44,9 @@ class Try:
     about: str
     sets: tuple[str, ...]
 
-    def seeded(self, seed: int) -> Try:
-        """The same flight with noise, calibration and coverage of its own."""
-        return Try(self.row, self.about, (*self.sets, f"seed={seed}"))
+    def seeded(self, seed: int, more: Sequence[str] = ()) -> Try:
+        """The same flight with noise, calibration and coverage of its own, and ``more`` settings over all."""
+        return Try(self.row, self.about, (*self.sets, f"seed={seed}", *more))
 
 
 def offset(name: str, channels: list[int], thresholds: float, start_s: float) -> Table:
@@ -133,7 +133,7 @@ def common() -> Iterator[Try]:
     for aircraft in ALL:
         for name in SIGNAL_NAMES:
             away = {"kind": "hardover", "signal": name, "channels": [1, 2, 3, 4], "start_s": 5.0}
-            yield flight("common", name, aircraft, 40.0, [away], 'redundancy.common_mode="fail"')
+            yield flight("common", name, aircraft, 40.0, [away])
 
 
 def healthy() -> Iterator[Try]:
@@ -233,9 +233,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--rows", default=",".join(ROWS))
+    parser.add_argument("--set", action="append", default=[], help="laid over the settings of every flight")
     parser.add_argument("--json", default="")
     asked = parser.parse_args()
-    tries = [one.seeded(i) for row in asked.rows.split(",") for i, one in enumerate(ROWS[row](), 1)]
+    tries = [one.seeded(i, asked.set) for row in asked.rows.split(",") for i, one in enumerate(ROWS[row](), 1)]
     began = perf_counter()
     with ProcessPoolExecutor(asked.workers, mp_context=get_context("forkserver")) as pool:
         found = list(pool.map(outcome_of, tries, chunksize=4))

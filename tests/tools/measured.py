@@ -64,7 +64,7 @@ FIGURES: Final = {  # name: its module
     ),
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
-    **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures")},
+    **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures", "quad_rivals")},
 }
 
 
@@ -134,7 +134,7 @@ PAGES: Final = {
             Section(
                 "Healthy flights",
                 [
-                    "rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy",
+                    "rig campaign run false-alarm --out {folder}/healthy",
                     "rig campaign report {folder}/healthy",
                 ],
                 "^table|^false alarms",
@@ -209,6 +209,7 @@ PAGES: Final = {
         "Thresholds from a budget, and four recorders of one quadrotor",
         [
             Section("Real flights that did not design them", [f"{SHOW} thresholds_quad {QUADROTOR}"]),
+            Section("Ours and rivals at one budget", [f"{SHOW} quad_rivals {QUADROTOR}"]),
             Section("Noise of known kinds", [f"{SHOW} thresholds_synthetic"]),
             Section("A million rows", [f"{SHOW} thresholds_speed"]),
             Section("Healthy channels failed", [f"{SHOW} quad_isolations {QUADROTOR}"]),

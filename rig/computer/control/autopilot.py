@@ -55,6 +55,11 @@ class Config(Settings):
     backup_path_rad_s: float = Field(default=0.2, gt=0.0)  # bandwidth at which it holds altitude
     tolerant: Tolerant = Tolerant()
 
+    @property
+    def tested(self) -> tuple[str, ...]:
+        """Signals whose common faults the law finds by itself."""
+        return LAWS[names(LAWS).index(self.law)].tested
+
 
 PARAM: Final = np.dtype(
     [

@@ -30,6 +30,7 @@ class Mode(NamedTuple):
     description: str
     limits: tuple[str, ...] = ()  # settings of [control] that bound it
     kernel: Any = None  # that commands the attitude, or tests a sensor; None: nothing beyond stick or demand
+    tested: tuple[str, ...] = ()  # signals whose common faults it finds by itself: the manager only reports them
 
 
 @kernel
@@ -74,7 +75,12 @@ LATERAL: Final = (
 SPEED: Final = (Mode("off", "throttle stays"), Mode("airspeed", "true airspeed by throttle"))
 LAWS: Final = (
     Mode("autopilot", "sensors as voted"),
-    Mode("fault-tolerant", "pitch-angle sensor tested, its estimate flown while it is faulty", (), monitor_pitch_angle),
+    Mode(
+        "fault-tolerant",
+        "pitch-angle sensor tested, its estimate flown while it is faulty",
+        kernel=monitor_pitch_angle,
+        tested=("pitch_angle",),
+    ),
 )
 STICK, PITCH, ALTITUDE = range(len(VERTICAL))
 _, ROLL, HEADING = range(len(LATERAL))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -41,15 +42,17 @@ class Redundancy:
         rate_hz: float,
         discrete_channels: NDArray[np.int64] | None = None,
         trust: Trust | None = None,
+        tested: Collection[str] = (),
     ) -> None:
         """Make the stage.  BadInput: the user's manager.
 
         ranges (S, 2), channels (S,), discrete_channels (D,) : of the sensors; all discretes have four when not given
         trust : whether a manager class that the settings name may be run; it may not when not given
+        tested : signals whose common faults the control law finds by itself
         """
         params = parameters(config.signals, ranges, channels, rate_hz)
         measured_thresholds(params, config, designed)
-        params["common_persistence"], params["common_fails"] = config.common_persistence, config.common_mode == "fail"
+        params["common_persistence"], params["common_fails"] = config.common_persistence, common_fails(config, tested)
         kind = manager_kind(config.manager)
         self.references = References(config.references, designed, rate_hz, kind.refers)
         own = kind.kernel is None
@@ -69,6 +72,12 @@ class Redundancy:
     def data(self) -> RedundancyData:
         """Data of ``refer``, ``decide`` and ``conclude`` besides the row."""
         return RedundancyData(self.references.data, self.manager.data, self.discretes.data)
+
+
+def common_fails(config: Config, tested: Collection[str]) -> list[bool]:
+    """Return for each signal whether a common mode fails it (ours); one of ``tested`` only by its own setting."""
+    general = {signal.name: "report" if signal.name in tested else config.common_mode for signal in SIGNALS}
+    return [(getattr(config.signals, name).common_mode or mode) == "fail" for name, mode in general.items()]
 
 
 def measured_thresholds(params: NDArray[np.void], config: Config, designed: Designed) -> None:

@@ -22,6 +22,7 @@ from rig.settings import Settings
 from rig.text import choices
 
 ResolverName = Literal["ilm", "reference", "trend", "extremes", "middle"]
+CommonMode = Literal["report", "fail"]  # what two references against all channels do to a signal
 
 
 class SignalConfig(Settings):
@@ -55,6 +56,7 @@ class SignalConfig(Settings):
         default=None, gt=0
     )  # sum of what exceeds it that fails a channel, unit times seconds
     stale_frames: int = Field(default=0, ge=0)  # a sample repeated so often miscompares
+    common_mode: CommonMode | None = None  # that of [redundancy] when not given
     mean: Literal["plain", "trend-weighted"] = "plain"
     readmit_frames: int = Field(default=100, ge=1)  # agreement needed before a reset readmits
     fade_s: float = Field(default=0.0, ge=0)  # after a change of level
@@ -135,7 +137,7 @@ class Config(Settings):
     box_persistence: int = Field(default=8, ge=1)  # frames for which they do
     discrete_persistence: int = Field(default=PERSISTENCE, ge=1)  # frames, of a discrete that has none of its own
     discretes: DiscreteConfigs = DiscreteConfigs()  # pyright: ignore[reportInvalidTypeForm]  # from the frame's table
-    common_mode: Literal["report", "fail"] = "report"  # what two references against all channels do to a signal
+    common_mode: CommonMode = "fail"  # of signals without one of their own that the control law does not test itself
     common_persistence: int = Field(default=10, ge=1)  # frames
     resets: list[Reset] = []
     references: References = References()
