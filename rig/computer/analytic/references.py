@@ -3,8 +3,8 @@
 Every reference reads the votes of the last frame and this frame's ``inertial``; never the truth, never the
 signal that it is compared with, but for what two of them remember of it (sources.REMEMBERED): a slow memory,
 fed only by frames in which the signal's channels agreed, or nothing disputed the last of them.  A reference is NaN
-while one of its partners is lost, has no majority, or a last channel that is disputed.  They begin with the votes
-of the first frame.
+while one of its partners is lost or has no majority; of a disputed last channel it reads the last vote before the
+dispute.  They begin with the votes of the first frame.
 
 Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the equations
 are in kinematics.py, inertial_unit.py and strapdown.py.
@@ -57,7 +57,7 @@ STATE: Final = np.dtype(
         ("gyros", "i8"),  # channels in the votes of pitch and yaw rate
         # Of the last frame, a bit for each signal:
         ("lost", "i8"),  # no channel
-        ("singular", "i8"),  # no majority, or a last channel that is disputed
+        ("singular", "i8"),  # no majority
         ("agreed", "i8"),  # all channels in use agree, and nothing disputes a last one
         ("roll_angle", "f8"),  # by the voted gyros
         ("rolling", "u1"),  # whether that has begun
@@ -178,8 +178,10 @@ def look_back(fcc, st):
             lost |= 1 << s
             continue
         disputed = pattern[s] == Pattern.NORMAL and resolver[s] in (Resolver.ILM, Resolver.REFERENCE)
-        if disputed or Pattern.P2_2 <= pattern[s] <= Pattern.P1_1:
+        torn = Pattern.P2_2 <= pattern[s] <= Pattern.P1_1
+        if torn:
             singular |= 1 << s
+        if disputed or torn:
             if st["started"] != 0:
                 continue
         elif pattern[s] == Pattern.NORMAL and resolver[s] == Resolver.NONE:
@@ -212,7 +214,7 @@ def answer(inertial, fcc, data):
 
 @kernel
 def opinion(s, source, partners, inertial, p, st, air):
-    """Return signal s by a source; NaN when there is none, or a partner is lost or without a vote of its channels.
+    """Return signal s by a source; NaN when there is none, or a partner is lost or has no majority.
 
     Some sources remember: each runs once a frame.  partners : a bit for each signal; air : density and speed
     """
