@@ -363,19 +363,28 @@ def test_a_lost_partner_makes_its_references_unusable_until_it_is_back(lost: str
 
 
 @pytest.mark.parametrize("torn", [signal.name for signal in SIGNALS])
-@pytest.mark.parametrize("pattern", [one for one in Pattern if one.is_singular])
-def test_a_partner_without_majority_gives_no_reference_and_leaves_no_trace_of_its_vote(torn: str, pattern: Pattern):
-    """Two equal halves: whichever its vote follows, the references that read it say nothing, and go on afterwards."""
+@pytest.mark.parametrize(
+    ("pattern", "resolver"),
+    [
+        *((one, Resolver.NONE) for one in Pattern if one.is_singular),
+        (Pattern.NORMAL, Resolver.REFERENCE),
+        (Pattern.NORMAL, Resolver.ILM),
+    ],
+)
+def test_a_vote_without_majority_or_of_a_disputed_last_channel_leaves_no_trace(
+    torn: str, pattern: Pattern, resolver: Resolver
+):
+    """References that read a vote without majority are NaN; of a disputed last channel they read the vote before."""
     quiet, wild = busy(), busy()
     for block in (quiet, wild):
-        block["pattern"][40:48, INDEX[torn]] = pattern
+        block["pattern"][40:48, INDEX[torn]], block["resolver"][40:48, INDEX[torn]] = pattern, resolver
     wild["voted"][40:48, INDEX[torn]] += 1.0
     run(quiet)
     run(wild)
     for (name, chosen), partners in PARTNERS.items():
         if source(BY_PARTNERS, name) == chosen:
             gone = np.zeros(len(wild), bool)
-            gone[41:49] = torn in partners
+            gone[41:49] = torn in partners and pattern.is_singular
             assert np.array_equal(np.isnan(ref(wild, name)), gone), name
             assert ref(wild, name).tobytes() == ref(quiet, name).tobytes()
 
@@ -583,3 +592,22 @@ def test_a_last_channel_feeds_what_is_remembered_unless_it_is_disputed(level, pa
     block["level"], block["pattern"], block["resolver"] = level, pattern, resolver
     look_back(block[0], state[0])
     assert bool((int(state[0]["agreed"]) >> s) & 1) == agreed
+
+
+def test_two_healthy_last_channels_that_are_references_of_each_other_stay_in_use():
+    """At 2 s each signal is left with channel 2 alone: the last yaw rate is disputed in the frame of the step.
+
+    Were the reference's yaw rate read, sideslip and lateral load factor would be off, and each voted by the other's.
+    """
+    read = [signal.name for signal in SIGNALS if not signal.name.startswith(("stick", "pedal"))]
+    out = [("[3, 4]", 1.0), ("[1]", 2.0)]
+    faults = ", ".join(
+        f"{{kind='dropout', signal='{name}', channels={which}, start_s={at}}}" for name in read for which, at in out
+    )
+    given = scenario.load(None, ["duration_s=2.3", "turbulence='light'", f"faults=[{faults}]"])
+    rows = np.concatenate([block.copy() for block, _ in frames(Rig(given), given)])
+    assert Resolver.REFERENCE in rows["resolver"][200:, INDEX["yaw_rate"]]  # else nothing was tried
+    for name, near in (("lateral_load_factor", 0.1), ("angle_of_sideslip", 0.02)):
+        s = INDEX[name]
+        assert rows["level"][-1, s] == 1 and Resolver.REFERENCE not in rows["resolver"][200:, s], name
+        assert np.abs(rows["voted"] - rows["truth"])[200:, s].max() < near, name

@@ -3,7 +3,8 @@
 Every reference reads the votes of the last frame and this frame's ``inertial``; never the truth, never the
 signal that it is compared with, but for what two of them remember of it (sources.REMEMBERED): a slow memory,
 fed only by frames in which the signal's channels agreed, or nothing disputed the last of them.  A reference is NaN
-while one of its partners is lost or has no majority.  They begin with the votes of the first frame.
+while one of its partners is lost or has no majority; of a disputed last channel it reads the last vote before the
+dispute.  They begin with the votes of the first frame.
 
 Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the equations
 are in kinematics.py, inertial_unit.py and strapdown.py.
@@ -165,18 +166,25 @@ def remember(bus, fcc, data):
 
 @kernel
 def look_back(fcc, st):
-    """Keep the votes, and which signals are lost, have no majority, or agree; a vote without majority is not kept."""
+    """Keep the votes, and which signals are lost, have no majority, or agree; a vote without majority is not kept.
+
+    Nor is that of a last channel which its monitor or its reference disputes: the vote is a substitute then, and two
+    signals that are references of each other would close a loop through their substitutes (ours).
+    """
     voted, level, pattern, resolver, kept = fcc["voted"], fcc["level"], fcc["pattern"], fcc["resolver"], st["voted"]
     lost, singular, agreed = 0, 0, 0
     for s in range(S):
         if level[s] == 0 or not math.isfinite(voted[s]):
             lost |= 1 << s
             continue
-        if Pattern.P2_2 <= pattern[s] <= Pattern.P1_1:
+        disputed = pattern[s] == Pattern.NORMAL and resolver[s] in (Resolver.ILM, Resolver.REFERENCE)
+        torn = Pattern.P2_2 <= pattern[s] <= Pattern.P1_1
+        if torn:
             singular |= 1 << s
+        if disputed or torn:
             if st["started"] != 0:
                 continue
-        elif pattern[s] == Pattern.NORMAL and resolver[s] == Resolver.NONE:  # of a last channel: nothing disputes it
+        elif pattern[s] == Pattern.NORMAL and resolver[s] == Resolver.NONE:
             agreed |= 1 << s
         kept[s] = voted[s]
     st["lost"], st["singular"], st["agreed"] = lost, singular, agreed
