@@ -21,7 +21,17 @@ from rig.computer.redundancy.managers import Manager
 from rig.errors import BadInput
 from rig.frame import CHANNELS, Ilm, State, rows
 from rig.kernels import long_kernel
-from rig.league.entrants import BIASED, OURS, Entrant, OfSignal, designed_values, levels, manager, with_settings_of
+from rig.league.entrants import (
+    BIASED,
+    LASTING,
+    OURS,
+    Entrant,
+    OfSignal,
+    designed_values,
+    levels,
+    manager,
+    with_settings_of,
+)
 from rig.league.flown import first_enough, flights_failing, isolations, scaled
 from rig.league.healthy import Flight, Healthy, measured
 from rig.league.outcomes import differences, table
@@ -31,7 +41,7 @@ from rig.recordings.settings import RecordedSignal, VoteConfig
 from rig.thresholds.data import Data
 from rig.thresholds.design import DataBlock
 from rig.thresholds.healthy import envelope
-from rig.thresholds.lasting import residuals
+from rig.thresholds.lasting import ALLOWANCES, LIMITS, residuals, stale_frames
 from rig.thresholds.monitored import four, parameters
 from rig.thresholds.tradeoff import GAIN, LATER_S, NOISE, SHARES, SMALL, Kind, Pieces, faulty
 
@@ -88,7 +98,9 @@ def _values(entrants: Sequence[Entrant], signal: OfSignal, blocks: Sequence[Data
         given = measured(entrant, signal, Healthy({signal.name: flights}, 0.0, ""))
         of = with_settings_of(signal, entrant, given)
         asked = levels(entrant, of)
-        if entrant.designed:
+        if entrant.name == LASTING:
+            found[entrant.name] = _lasting(entrant, signal, blocks, found[BIASED])
+        elif entrant.designed:
             threshold = found[OURS]["threshold"] if entrant.name == BIASED else signal.threshold * _HIGHEST
             bound = float(residuals([block.samples for block in blocks], signal.given.wraps).means.max())
             found[entrant.name] = _ours(entrant, signal, flights, threshold, bound)
@@ -126,6 +138,47 @@ def _ours(
     return told(max((_STEPS if at is None else at) - 1, 0))
 
 
+def _lasting(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], biased: dict[str, Any]) -> dict[str, Any]:
+    """Return ours with learned biases, stale samples and, where noise dominates, sums.
+
+    Each limit has the least allowance that fails nobody in ``blocks``; taken is the limit, or none, that isolates most
+    in them.
+    """
+    samples, flights = [block.samples for block in blocks], _flights(blocks)
+    measured_of, cut = residuals(samples, signal.given.wraps), cut_pieces(blocks)
+    found = [{**biased, "stale_frames": stale_frames(samples, signal.rate_hz)}]
+    if cut is None or not measured_of.noisy:
+        return found[0]
+    for limit in LIMITS:
+
+        def told(step: int, limit: float = limit) -> dict[str, Any]:
+            amounts = {"slow_limit": limit, "slow_allowance": float(ALLOWANCES[-1 - step])}
+            return {**found[0], **{name: amount * measured_of.spread for name, amount in amounts.items()}}
+
+        last = len(ALLOWANCES) - 1
+        at = first_enough(lambda step, told=told: _fails(entrant, signal, told(step), flights), last)
+        if at != 0:
+            found.append(told(last if at is None else at - 1))
+    faults = [samples for _, samples in _with_faults(cut, blocks, signal)]
+
+    def isolated(values: dict[str, Any]) -> int:
+        outcomes = [_became(_failed_at(entrant, signal, values, each), cut)[0] for each in faults]
+        return sum(int((outcome == "isolated").sum()) for outcome in outcomes)
+
+    return max(found, key=isolated)
+
+
+def _with_faults(
+    cut: Pieces, blocks: Sequence[DataBlock], signal: OfSignal
+) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Yield the name of each fault and the pieces (R, n, C) with it."""
+    motion = envelope(blocks, signal.given.wraps)
+    for name, kind, size in _faults(max(motion.value, motion.noise)):
+        samples = cut.samples.copy()
+        samples[np.arange(len(samples)), :, cut.channel] = faulty(cut, kind, size)
+        yield name, samples
+
+
 def _trials(
     entrants: Sequence[Entrant],
     signal: OfSignal,
@@ -137,10 +190,7 @@ def _trials(
     cut = cut_pieces(blocks)
     if cut is None:
         return
-    motion = envelope(blocks, signal.given.wraps)
-    for number, (name, kind, size) in enumerate(_faults(max(motion.value, motion.noise))):
-        samples = cut.samples.copy()
-        samples[np.arange(len(samples)), :, cut.channel] = faulty(cut, kind, size)
+    for number, (name, samples) in enumerate(_with_faults(cut, blocks, signal)):
         for entrant in entrants:
             failed_at = _failed_at(entrant, signal, values[entrant.name], samples)
             outcome, delay_s = _became(failed_at, cut)
