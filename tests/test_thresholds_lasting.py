@@ -91,7 +91,7 @@ def test_behind_learned_biases_outliers_are_smaller_and_the_budget_holds(biased:
     others = [flight(100 + k, 10.0, 120.0) for k in range(15)]
     found = count(others, GIVEN, learned, 20.0)[4]
     assert found.expected == pytest.approx(10.0) and not found.over
-    lower = replace(learned, outliers={4: replace(learned.outliers[4], upper=0.4 * learned.outliers[4].upper)})
+    lower = replace(learned, outliers={4: replace(learned.outliers[4], upper=0.1 * learned.outliers[4].upper)})
     assert count(others, GIVEN, lower, 20.0)[4].over
 
 
@@ -108,7 +108,7 @@ def test_a_transient_of_a_frame_less_than_the_persistence_fails_nobody_with_a_no
 ):
     learned = biased[1]
     hit = [with_transients(flight(200 + k, 10.0, 120.0), 7, 1000.0) for k in range(10)]
-    within = replace(learned, outliers={4: replace(learned.outliers[4], upper=0.4 * learned.outliers[4].upper)})
+    within = replace(learned, outliers={4: replace(learned.outliers[4], upper=0.25 * learned.outliers[4].upper)})
     failed, with_less = (
         sum(len(isolations(each.T, design.settings(GIVEN), RATE, 50)) for each in hit) for design in (learned, within)
     )
