@@ -317,3 +317,23 @@ def test_ids_are_distinct_and_sets_are_found(tmp_path):
 def test_every_bundled_requirement_has_a_source_and_a_text():
     for name in names():
         assert all(each.source and each.text for each in load_requirements([name]))
+
+
+@pytest.mark.parametrize("at", ["start", "each onset"])
+def test_the_channels_measured_together_are_the_least_of_each_alone(at):
+    """Formulas of one channel each are another way to the same verdict."""
+    random = Random(7)
+    formula = (
+        "always[0.02, 0.3] (abs(error.{signal}.N) <= 1 or once[0.05, 0.1] failed.{signal}.N"
+        " or not always[0, 0.05] level.{signal} > 1) and ((not failed.{signal}.N) until[0, 0.1] level.{signal} < 3)"
+    )
+    decided = set()
+    for _ in range(20):
+        rows = formulas.random_rows(random)
+        keys = {"at": at, "signals": ["pitch_rate"], "scale": 0.3}
+        together = measured(formula.replace("N", "{channel}"), rows, **keys)
+        alone = [measured(formula.replace("N", str(channel)), rows, **keys) for channel in (1, 2, 3, 4)]
+        least = min(alone, key=lambda one: (one.margin, one.status == "met"))
+        assert together == least or together.status == least.status == "not applicable"
+        decided |= {int(name[-1]) for name in together.values if name[-1].isdigit()}
+    assert decided == {1, 2, 3, 4}

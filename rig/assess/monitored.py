@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from rig.frame import INDEX, INERTIAL
 from rig.scenario import Scenario
 
 MARGIN: Final = 10  # frames: counts that wait after a pattern without a majority, lags of the sensors
+_LATEST: Final[list[tuple[ref[Scenario], NDArray[np.void], NDArray[np.void]]]] = []  # one at most; settings are frozen
 _HALF: Final = 0.5  # an error of a discrete is 0 or 1
 
 
@@ -69,11 +71,21 @@ class Monitored(NamedTuple):
         return cls(params, signals, watched, box_signals)
 
 
-def of_scenario(scenario: Scenario) -> Monitored:
-    """Return what is monitored in a flight."""
+def settings_of(scenario: Scenario) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Return config.PARAMS (S,) and DISCRETE_PARAMS (D,) of a flight, read once; the caller's own."""
+    for latest, params, discretes in _LATEST:
+        if latest() is scenario:
+            return params.copy(), discretes.copy()
     fitted, config = sensors.discrete_channels(scenario.sensors), scenario.redundancy
     discretes = discrete_parameters(config.discretes, fitted, config.discrete_persistence, scenario.rate_hz)
-    return Monitored.of(monitor(scenario), discretes, config.box_signals)
+    params = monitor(scenario)
+    _LATEST[:] = [(ref(scenario), params, discretes)]
+    return params.copy(), discretes.copy()
+
+
+def of_scenario(scenario: Scenario) -> Monitored:
+    """Return what is monitored in a flight."""
+    return Monitored.of(*settings_of(scenario), scenario.redundancy.box_signals)
 
 
 def blank_records(threshold: Any, fitted: Any, linger: NDArray[Any]) -> NDArray[Any]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
-from rig.assess.requirements.formula import CHANNEL, COMPARISONS, SIGNAL, Formula, read_formula
+from rig.assess.requirements.formula import CHANNEL, COMPARISONS, SIGNAL, Formula, Node, read_formula
 from rig.assess.requirements.instants import Measured
 from rig.assess.requirements.margins import frames_reach, refuse_empty_windows
 from rig.assess.requirements.requirement import Requirement
@@ -26,20 +27,31 @@ class Bound(NamedTuple):
     ahead: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _About:
+    """What formulas are over, one object for all flights that have it in common: its hash costs nothing."""
+
+    subject: Subject
+
+
 def bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quantity]) -> list[Measured]:
     """Return the formulas of a requirement on the subject's signals; their ``quantities`` are added.  BadInput."""
     measured: list[Measured] = []
-    about = subject.signals, subject.discretes, subject.offers, subject.called, subject.rate_hz
+    about = _about(subject.signals, subject.discretes, subject.offers, subject.called, subject.rate_hz)
     for signal, text in _texts(requirement, subject):
         try:
-            bound = _bound(text, *about)
+            bound = _bound(text, about)
         except Refused as refused:
             raise BadInput(f"{requirement.where}: formula: column {refused.column}: {refused}") from None
         except BadInput as error:
             raise BadInput(f"{requirement.where}: formula: {error}") from None
         quantities |= {each.name: each for each in bound.quantities}
-        scales = _scales(requirement, bound)
-        measured.append(Measured(requirement, signal, bound.formula, [], scales, bound.back, bound.ahead))
+        root, names, scales = bound.formula.root, bound.formula.names, _scales(requirement, bound)
+        last = measured[-1] if measured else None
+        if last is not None and last.signal == signal and last.root is root and last.scales == scales:
+            last.names.append(names)  # of the next channel
+        else:
+            measured.append(Measured(requirement, signal, root, [names], scales, bound.back, bound.ahead))
     return measured
 
 
@@ -64,17 +76,17 @@ def _texts(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, st
             yield signal, text.replace(CHANNEL, str(channel))
 
 
+@lru_cache(maxsize=64)
+def _about(
+    signals: tuple[Watched, ...], discretes: tuple[Watched, ...], offers: frozenset[str], called: str, rate_hz: float
+) -> _About:
+    return _About(Subject(rate_hz, 0, signals, discretes, offers=offers, called=called))
+
+
 @lru_cache(maxsize=4096)
-def _bound(
-    text: str,
-    signals: tuple[Watched, ...],
-    discretes: tuple[Watched, ...],
-    offers: frozenset[str],
-    called: str,
-    rate_hz: float,
-) -> Bound:
+def _bound(text: str, about: _About) -> Bound:
     """Return a formula over signals and discretes: many flights have the same.  Refused, BadInput."""
-    subject = Subject(rate_hz, 0, signals, discretes, offers=offers, called=called)
+    subject, rate_hz = about.subject, about.subject.rate_hz
     formula = read_formula(
         text,
         lambda name: lookup(name, subject) is not None and not _is_flag(name, subject),
@@ -82,8 +94,15 @@ def _bound(
         lambda name: _unknown(name, subject),
     )
     refuse_empty_windows(formula.root, rate_hz)
+    formula = replace(formula, root=_one_of(formula.root))
     quantities = tuple(found for name in formula.names if (found := lookup(name, subject)) is not None)
     return Bound(formula, quantities, _own_scales(formula, quantities, subject), *frames_reach(formula.root, rate_hz))
+
+
+@lru_cache(maxsize=4096)
+def _one_of(root: Node) -> Node:
+    """Return the one object for all trees that are equal: of channels, which are measured together."""
+    return root
 
 
 def _is_flag(name: str, subject: Subject) -> bool:

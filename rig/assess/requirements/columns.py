@@ -91,7 +91,7 @@ def _faults_on(subject: Subject, name: str, channel: int) -> list[int]:
     return [i for i, on in enumerate(subject.faults) if (name, channel) in on]
 
 
-def acting_bits(rows: Block) -> NDArray[np.uint8]:
+def _acting_bits(rows: Block) -> NDArray[np.uint8]:
     """Return (n, 64) whether each fault of the scenario acts in ``rows`` (n,)."""
     return np.unpackbits(np.ascontiguousarray(rows["acting"]), axis=1, bitorder="little")
 
@@ -100,7 +100,7 @@ def _nothing_acts(rows: Block, faults: list[list[int]]) -> NDArray[np.bool_]:
     """Return (m, n) whether none of the faults of each channel acts."""
     free = np.ones((len(faults), len(rows)), np.bool_)
     if rows["acting"].any():
-        bits = acting_bits(rows)
+        bits = _acting_bits(rows)
         for i, numbers in enumerate(faults):
             if numbers:
                 free[i] = ~bits[:, numbers].any(axis=1)

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.requirements.columns import acting_bits
-from rig.assess.requirements.formula import Formula
+from rig.assess.requirements.formula import Node
 from rig.assess.requirements.margins import Held
 from rig.assess.requirements.requirement import Requirement
 from rig.assess.requirements.subject import Subject
@@ -18,20 +17,31 @@ from rig.frame import Block
 
 
 @dataclass(slots=True)
+class Least:
+    """The least margin of a requirement on one signal so far, of all its channels."""
+
+    least: tuple[float, float] = (np.inf, 1.0)  # margin and verdict
+    instant: int = -1
+    names: tuple[str, ...] = ()  # of the formula of the channel that has it
+    places: list[int] = field(default_factory=list)  # of the names among all columns
+    numbers: list[float] = field(default_factory=list)
+
+
+@dataclass(slots=True)
 class Measured:
-    """One formula of a requirement on one signal, while it is measured."""
+    """One formula of a requirement on one signal, while it is measured: on C channels at once if it is of each."""
 
     requirement: Requirement
     signal: str
-    formula: Formula
-    places: list[int]  # of its names among all columns
+    root: Node
+    names: list[tuple[str, ...]]  # C, of its quantities
     scales: list[float]
     back: int  # frames
     ahead: int
     pending: list[int] = field(default_factory=list)  # instants
-    least: tuple[float, float] = (np.inf, 1.0)  # margin and verdict
-    instant: int = -1
-    numbers: list[float] = field(default_factory=list)
+    places: list[list[int]] = field(default_factory=list)  # C, of the names among all columns
+    rows: list[slice | list[int]] = field(default_factory=list)  # of each name: places, or one that all have in common
+    least: Least = field(default_factory=Least)
     drawn: int = 0  # frames whose margins are in ``line``
     line: list[NDArray[np.float64]] = field(default_factory=list)
 
@@ -40,9 +50,15 @@ class Measured:
         """Requirement and signal, which it has in common with the other channels."""
         return self.requirement.id, self.signal
 
+    def place(self, order: dict[str, int]) -> None:
+        """Take the places of the names among all columns."""
+        self.places = [[order[name] for name in names] for names in self.names]
+        every = [list(of) for of in zip(*self.places, strict=True)]
+        self.rows = [slice(of[0], of[0] + 1) if len(set(of)) == 1 else of for of in every]
+
     def held(self, columns: NDArray[np.float64], first: int, rate_hz: float, end: tuple[int | None, bool]) -> Held:
         """Return the columns as this formula reads them."""
-        return Held(columns, first, self.places, self.scales, rate_hz, *end)
+        return Held(columns, first, self.rows, self.scales, rate_hz, *end, seen={})
 
 
 class Instants:
@@ -76,10 +92,10 @@ class Instants:
         """Return the rows in which a fault acts for the first time."""
         if not rows["acting"].any():
             return []
-        acts = acting_bits(rows)
-        new = np.flatnonzero(acts.any(axis=0) & (self._acted == 0))
-        self._acted |= acts.any(axis=0)
-        return sorted({int(np.argmax(acts[:, fault])) for fault in new})
+        acts = np.unpackbits(np.bitwise_or.reduce(rows["acting"], axis=0), bitorder="little")
+        new = np.flatnonzero(acts & (self._acted == 0)).tolist()
+        self._acted |= acts
+        return sorted({int(np.argmax(rows["acting"][:, fault // 8] & (1 << fault % 8) != 0)) for fault in new})
 
     def _losses_in(self, rows: Block) -> dict[int, list[int]]:
         """Return, by signal, the rows in which its level becomes 0."""

@@ -1,6 +1,7 @@
 """Verdict and margin of a formula over frames that are held: windows by sliding minima, linear in time.
 
-Values of a condition are (2, n): its verdict as 1 or -1, and its margin; NaN where nothing was flown to decide on.
+Values of a condition are (2, C, n) of C channels at once, (2, 1, n) of what is the same on each: its verdict as 1 or
+-1, and its margin; NaN where nothing was flown to decide on.
 Margins: (b - a) / scale of ``a < b``, -|a - b| / scale of ``==``; ``not`` negates, ``and`` and ``always`` take the
 least, ``or`` and ``eventually`` the largest; +-1 of a yes or no; within +-MOST.  A number that is NaN violates.
 
@@ -11,6 +12,7 @@ and of the unbounded until from a on.  The rule for a lost aircraft is ours.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,22 +26,42 @@ from rig.kernels import kernel
 
 Floats = NDArray[np.float64]
 MOST: Final = 1000.0  # JSON has no infinity
+_REMEMBERED: Final = 8192  # frames of a condition, so that memory stays bounded
 _SLACK: Final = 1e-6  # of a frame: a time on a frame is that frame
 
 
 class Held(NamedTuple):
-    """Columns (Q, n) of the frames from ``first`` on, of a formula's names in ``places``, and the flight's end.
+    """Columns (Q, n) of the frames from ``first`` on, the rows of a formula's names in them, and the flight's end.
 
+    rows : of each name its row, or one for each channel
     frames : flown, None while it goes on; lost : the aircraft was
+    seen : conditions by identity, and from which frame on, of all channels
     """
 
     columns: Floats
     first: int
-    places: list[int]
+    rows: list[slice | list[int]]
     scales: list[float]  # of its comparisons
     rate_hz: float
     frames: int | None = None
     lost: bool = False
+    seen: dict[int, tuple[int, Floats]] | None = None
+    channel: int = -1  # the one that is measured, from 0; -1: all
+
+    def on(self, channel: int) -> Held:
+        """Return what is held of one channel."""
+        rows = [of if isinstance(of, slice) else slice(of[channel], of[channel] + 1) for of in self.rows]
+        return self._replace(rows=rows, channel=channel)
+
+    def known(self, node: Node, a: int, b: int) -> Floats | None:
+        """Return a condition in the frames ``a`` to ``b`` as it was seen, None if it was not."""
+        if self.seen is None or id(node) not in self.seen:
+            return None
+        first, of = self.seen[id(node)]
+        if a < first or b >= first + of.shape[-1]:
+            return None
+        part = of[..., a - first : b + 1 - first]
+        return part if self.channel < 0 or part.shape[1] == 1 else part[:, self.channel : self.channel + 1]
 
     @property
     def end(self) -> int:
@@ -47,8 +69,8 @@ class Held(NamedTuple):
         return self.first + self.columns.shape[1]
 
     def of(self, place: int, lo: int, hi: int) -> Floats:
-        """Return the quantity in the frames ``lo`` to ``hi``."""
-        return self.columns[self.places[place], lo - self.first : hi + 1 - self.first]
+        """Return the quantity in the frames ``lo`` to ``hi``, (1, n) or (C, n)."""
+        return self.columns[self.rows[place], lo - self.first : hi + 1 - self.first]
 
 
 def frames_of(node: Node, rate_hz: float) -> tuple[int, int]:
@@ -75,18 +97,30 @@ def frames_reach(node: Node, rate_hz: float) -> tuple[int, int]:
 
 
 def values(node: Node, lo: int, hi: int, held: Held) -> Floats:
-    """Return (2, hi - lo + 1) of a condition in the frames ``lo`` to ``hi``; NaN in those that are not held."""
+    """Return (2, C, hi - lo + 1) of a condition in the frames ``lo`` to ``hi``; NaN in those that are not held."""
     a, b = max(lo, held.first), min(hi, held.end - 1)
     if a == lo and b == hi:
         return _condition(node, a, b, held)
-    out = np.full((2, hi - lo + 1), np.nan)
-    if a <= b:
-        out[:, a - lo : b + 1 - lo] = _condition(node, a, b, held)
+    if a > b:
+        return np.full((2, 1, hi - lo + 1), np.nan)
+    known = _condition(node, a, b, held)
+    out = np.full((2, known.shape[1], hi - lo + 1), np.nan)
+    out[..., a - lo : b + 1 - lo] = known
     return out
 
 
 def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
-    """Return (2, b - a + 1) of frames that are held."""
+    """Return (2, C, b - a + 1) of frames that are held, and remember it."""
+    known = held.known(node, a, b)
+    if known is not None:
+        return known
+    found = _measured(node, a, b, held)
+    if held.seen is not None and held.channel < 0 and b - a < _REMEMBERED:
+        held.seen[id(node)] = a, found
+    return found
+
+
+def _measured(node: Node, a: int, b: int, held: Held) -> Floats:
     if node.op == Op.HOLDS:
         return _yes_no(held.of(node.place, a, b), node.sign)
     if node.op in COMPARISONS:
@@ -98,38 +132,64 @@ def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
         return least(*(values(part, a, b, held) for part in node.parts))
     first, last = frames_of(node, held.rate_hz)
     if node.op == Op.ALWAYS:
-        return _cut(least_of(values(node.parts[0], a + first, b + last, held), last - first + 1), a, b, node, held)
+        return _cut(_in_window(node, a + first, b + last, last - first + 1, held), a, b, node, held)
     if node.op == Op.EVENTUALLY:
-        return largest_of(values(node.parts[0], a + first, b + last, held), last - first + 1)
+        return _in_window(node, a + first, b + last, last - first + 1, held)
     if node.op == Op.ONCE:
-        return largest_of(values(node.parts[0], a - last, b - first, held), last - first + 1)
+        return _in_window(node, a - last, b - first, last - first + 1, held)
     return _until(node, a, b, held)
 
 
+def _in_window(node: Node, lo: int, hi: int, width: int, held: Held) -> Floats:
+    """Return (2, C, n) of n windows that begin from frame ``lo`` on and end up to ``hi``."""
+    part, least = node.parts[0], node.op == Op.ALWAYS
+    if hi - lo + 1 > width:
+        return (least_of if least else largest_of)(values(part, lo, hi, held), width)
+    a, b = max(lo, held.first), min(hi, held.end - 1)
+    if a > b:
+        return np.full((2, 1, 1), np.nan)
+    return (np.fmin if least else np.fmax).reduce(_condition(part, a, b, held), axis=-1, keepdims=True)
+
+
+def values_at(node: Node, instants: Sequence[int], channels: int, held: Held) -> Floats:
+    """Return (2, channels, m) of a condition at m instants, in order: windows between them are not gone through."""
+    out = np.empty((2, channels, len(instants)))
+    if node.op in (Op.ALWAYS, Op.EVENTUALLY):
+        first, last = frames_of(node, held.rate_hz)
+        a, b = max(instants[0] + first, held.first), min(instants[-1] + last, held.end - 1)
+        if b - a >= _REMEMBERED:
+            out[:] = values(node, instants[0], instants[-1], held)[..., np.array(instants) - instants[0]]
+            return out
+        if a <= b:
+            _condition(node.parts[0], a, b, held)  # remembered
+    for i, k in enumerate(instants):
+        out[..., i] = values(node, k, k, held)[..., 0]
+    return out
+
+
 def _yes_no(column: Floats, sign: int) -> Floats:
-    out = np.empty((2, len(column)))
+    out = np.empty((2, *column.shape))
     out[:] = np.where(column != 0.0, 1.0, -1.0)
     return _with_nan(out, column, sign)
 
 
 def _compared(node: Node, a: int, b: int, held: Held) -> Floats:
-    with np.errstate(all="ignore"):
-        left, right = (number(part, a, b, held) for part in node.parts)
-        if node.op in (Op.LESS, Op.LESS_EQUAL):
-            apart = right - left
-        else:
-            apart = left - right
-            if node.op in (Op.EQUAL, Op.NOT_EQUAL):
-                apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
-        out = np.empty((2, b - a + 1))
-        out[0] = np.where(apart > 0.0 if node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL) else apart >= 0.0, 1.0, -1.0)
-        out[1] = apart / held.scales[node.place]
-        np.minimum(np.maximum(out[1], -MOST, out=out[1]), MOST, out=out[1])
+    left, right = (number(part, a, b, held) for part in node.parts)
+    if node.op in (Op.LESS, Op.LESS_EQUAL):
+        apart = right - left
+    else:
+        apart = left - right
+        if node.op in (Op.EQUAL, Op.NOT_EQUAL):
+            apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
+    out = np.empty((2, *(np.shape(apart) or (1, b - a + 1))))
+    out[0] = np.where(apart > 0.0 if node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL) else apart >= 0.0, 1.0, -1.0)
+    np.divide(apart, held.scales[node.place], out=out[1])
+    np.minimum(np.maximum(out[1], -MOST, out=out[1]), MOST, out=out[1])
     return _with_nan(out, out[1], node.sign)
 
 
 def _with_nan(out: Floats, of: Floats, sign: int) -> Floats:
-    """Violate what is no number, whatever is negated; out : (2, n) of ``of`` (n,), in place."""
+    """Violate what is no number, whatever is negated; out : (2, C, n) of ``of`` (C, n), in place."""
     wrong = np.isnan(of)
     if wrong.any():
         out[0, wrong], out[1, wrong] = -sign, -sign * MOST
@@ -137,7 +197,7 @@ def _with_nan(out: Floats, of: Floats, sign: int) -> Floats:
 
 
 def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
-    """Return a number in the frames ``a`` to ``b``."""
+    """Return a number in the frames ``a`` to ``b``; errors of arithmetic are the caller's to ignore."""
     if node.op == Op.NUMBER:
         return node.value
     if node.op == Op.QUANTITY:
@@ -162,27 +222,26 @@ def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
 
 
 def least_of(of: Floats, width: int) -> Floats:
-    """Return (2, n) the least of each ``width`` neighbours of (2, n + width - 1), NaN apart; NaN where all are."""
-    filled = np.where(np.isnan(of), np.inf, of)
-    count = filled.shape[1] - width + 1
-    least = (
-        filled.min(axis=1, keepdims=True)
-        if count == 1
-        else minimum_filter1d(filled, width, axis=1)[:, width // 2 : width // 2 + count]
-    )
-    return np.where(least == np.inf, np.nan, least)
+    """Return (2, C, n) the least of each ``width`` neighbours of (2, C, n + width - 1); NaN only where all are."""
+    return of if width == 1 else _extreme_of(of, width, minimum_filter1d, np.inf)
 
 
 def largest_of(of: Floats, width: int) -> Floats:
     """Return what ``least_of`` does, of the largest."""
-    filled = np.where(np.isnan(of), -np.inf, of)
-    count = filled.shape[1] - width + 1
-    largest = (
-        filled.max(axis=1, keepdims=True)
-        if count == 1
-        else maximum_filter1d(filled, width, axis=1)[:, width // 2 : width // 2 + count]
-    )
-    return np.where(largest == -np.inf, np.nan, largest)
+    return of if width == 1 else _extreme_of(of, width, maximum_filter1d, -np.inf)
+
+
+def _extreme_of(of: Floats, width: int, filtered: Callable[..., Floats], none: float) -> Floats:
+    """Return the extremes; none : what is no extreme beside any number."""
+    missing = np.isnan(of)
+    gaps = bool(missing.any())
+    filled = np.where(missing, none, of) if gaps else of
+    count = filled.shape[-1] - width + 1
+    if count == 1:
+        found = (filled.min if none > 0.0 else filled.max)(axis=-1, keepdims=True)
+    else:
+        found = filtered(filled, width, axis=-1)[..., width // 2 : width // 2 + count]
+    return np.where(found == none, np.nan, found) if gaps else found
 
 
 def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:
@@ -193,28 +252,33 @@ def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:
     width = last - first + 1
     missing = np.clip(np.arange(a, b + 1) + last - (held.frames - 1), 0, width)
     cut = missing > 0
-    out[0, cut], out[1, cut] = -1.0, np.fmin(out[1, cut], -1.0 - missing[cut] / width)
+    if not cut.any():
+        return out
+    out = out.copy()
+    out[0][:, cut], out[1][:, cut] = -1.0, np.fmin(out[1][:, cut], -1.0 - missing[cut] / width)
     return out
 
 
 def _until(node: Node, a: int, b: int, held: Held) -> Floats:
     """Return the least of: eventually q; p up to the window; and p until q, without a bound, from there on."""
     first, last = frames_of(node, held.rate_hz)
-    p, q = (values(part, a, b + last, held) for part in node.parts)
-    reached = largest_of(q[:, first:], last - first + 1)
+    left, right = (values(part, a, b + last, held) for part in node.parts)
+    p, q = np.broadcast_arrays(left, right)
+    reached = largest_of(q[..., first:], last - first + 1)
     p = np.where(np.isnan(p), np.inf, p)
-    unbounded = np.empty_like(p)
-    until_backwards(p, np.where(np.isnan(q), -np.inf, q), unbounded)
-    out = np.minimum(reached, unbounded[:, first : first + b - a + 1])  # NaN where nothing was flown stays
+    unbounded = np.empty((2, p.shape[1], p.shape[2]))
+    q = np.where(np.isnan(q), -np.inf, q)
+    until_backwards(*(of.reshape(-1, of.shape[-1]) for of in (p, q, unbounded)))
+    out = np.minimum(reached, unbounded[..., first : first + b - a + 1])  # NaN where nothing was flown stays
     if first > 0:
-        before = least_of(p[:, : b - a + first], first)
+        before = least_of(p[..., : b - a + first], first)
         out = np.fmin(out, np.where(np.isnan(reached), np.nan, before))
     return out
 
 
 @kernel
 def until_backwards(p, q, out):
-    """Fill ``out`` (2, n) with p until q to the end of the rows, p and q (2, n)."""
+    """Fill ``out`` (m, n) with p until q to the end of the rows, p and q (m, n)."""
     for i in range(p.shape[0]):
         last = -np.inf
         for k in range(p.shape[1] - 1, -1, -1):
@@ -223,20 +287,21 @@ def until_backwards(p, q, out):
 
 
 def decisive(node: Node, k: int, held: Held) -> int:
-    """Return the frame whose numbers give the margin of a condition in frame ``k``."""
+    """Return the frame whose numbers give the margin of a condition in frame ``k``, on one channel."""
     if node.op == Op.HOLDS or node.op in COMPARISONS:
         return k
     if node.op == Op.NOT:
         return decisive(node.parts[0], k, held)
     if node.op in (Op.AND, Op.OR):
-        margins = [values(part, k, k, held)[1, 0] for part in node.parts]
+        margins = [values(part, k, k, held)[1, 0, 0] for part in node.parts]
         chosen = _extreme(np.array(margins), node.op == Op.AND)
         return k if chosen is None else decisive(node.parts[chosen], k, held)
     first, last = frames_of(node, held.rate_hz)
     if node.op == Op.UNTIL:
         return _decisive_until(node, k, held)
     lo, hi = (k - last, k - first) if node.op == Op.ONCE else (k + first, k + last)
-    margins = values(node.parts[0], lo, hi, held)[1]
+    lo, until = max(lo, held.first), min(hi, held.end - 1)
+    margins = values(node.parts[0], lo, until, held)[1, 0] if lo <= until else np.empty(0)
     chosen = _extreme(margins, node.op == Op.ALWAYS)
     cut = node.op == Op.ALWAYS and held.lost and held.frames is not None and hi >= held.frames
     if chosen is None or (cut and margins[chosen] > -1.0):
@@ -245,14 +310,17 @@ def decisive(node: Node, k: int, held: Held) -> int:
 
 
 def _extreme(margins: Floats, least: bool) -> int | None:
-    if np.isnan(margins).all():
+    missing = np.isnan(margins)
+    if missing.all():
         return None
-    return int(np.nanargmin(margins) if least else np.nanargmax(margins))
+    if missing.any():
+        margins = np.where(missing, np.inf if least else -np.inf, margins)
+    return int(margins.argmin() if least else margins.argmax())
 
 
 def _decisive_until(node: Node, k: int, held: Held) -> int:
     first, last = frames_of(node, held.rate_hz)
-    p, q = (values(part, k, k + last, held)[1] for part in node.parts)
+    p, q = (values(part, k, k + last, held)[1, 0] for part in node.parts)
     p, q = np.where(np.isnan(p), np.inf, p), np.where(np.isnan(q), -np.inf, q)
     before = np.minimum.accumulate(np.concatenate([[np.inf], p[:-1]]))
     j = first + int(np.argmax(np.minimum(q, before)[first:]))

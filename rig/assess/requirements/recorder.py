@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rig.assess.requirements.bound import bind
 from rig.assess.requirements.columns import Columns, TwinColumns
 from rig.assess.requirements.formula import body
-from rig.assess.requirements.instants import Instants, Measured
-from rig.assess.requirements.margins import decisive, frames_reach, values
+from rig.assess.requirements.instants import Instants, Least, Measured
+from rig.assess.requirements.margins import decisive, frames_reach, values, values_at
 from rig.assess.requirements.requirement import Requirement
 from rig.assess.requirements.subject import Quantity, Subject
 from rig.errors import BadInput
@@ -62,8 +62,10 @@ class RequirementsRecorder:
         of_twin = [q for q in quantities.values() if q.parts.twin]
         self.quantities = [*own, *of_twin]
         order = {q.name: i for i, q in enumerate(self.quantities)}
+        leasts = dict[tuple[str, str], Least]()
         for one in self.measured:
-            one.places = [order[name] for name in one.formula.names]
+            one.place(order)
+            one.least = leasts.setdefault(one.key, one.least)
         if of_twin and twin is None:
             raise BadInput(f"{of_twin[0].name}: {subject.called} has no twin here")
         self._own, self._columns = len(own), Columns(own, subject)
@@ -73,7 +75,7 @@ class RequirementsRecorder:
         self._batched = 0
         self._first = self._end = 0  # frames that are held
         self._back = max((one.back for one in self.measured), default=0)
-        self._lost, self._leaders = False, dict[tuple[str, str], Measured]()  # with the least margin of the channels
+        self._lost = False
         self._instants = Instants(self.measured, subject)
 
     @property
@@ -133,8 +135,8 @@ class RequirementsRecorder:
             self._measure(one, list(one.pending), (self._end, self._lost))
             self._draw(one, self._end, self._lost)
         found = {each.id: list[Verdict]() for each in self.requirements}
-        for key, one in {one.key: one for one in self.measured}.items():  # of the channels the least
-            found[key[0]].append(self._verdict(self._leaders.get(key, one)))
+        for one in {one.key: one for one in self.measured}.values():
+            found[one.requirement.id].append(self._verdict(one))
         return tuple(one for id_, all_of in found.items() for one in all_of or [not_applicable(id_)])
 
     def _room(self, n: int) -> NDArray[np.float64]:
@@ -156,29 +158,31 @@ class RequirementsRecorder:
         one.pending = [k for k in one.pending if k not in instants] if len(instants) < len(one.pending) else []
         columns = self._memory[:, self._start : self._start + self._end - self._first]
         held = one.held(columns, self._first, self.subject.rate_hz, end)
-        measured = values(one.formula.root, instants[0], instants[-1], held)[:, np.array(instants) - instants[0]]
-        for k, (verdict, margin) in zip(instants, measured.T, strict=True):
-            if not np.isnan(margin) and (margin, verdict) < one.least:
-                one.least, one.instant = (float(margin), float(verdict)), k
-                if (
-                    one.key not in self._leaders
-                    or one.least < self._leaders[one.key].least
-                    or one is self._leaders[one.key]
-                ):
-                    self._leaders[one.key] = one
-                    one.instant = decisive(one.formula.root, k, held)
-                    one.numbers = columns[one.places, one.instant - self._first].tolist()
+        with np.errstate(all="ignore"):
+            of, found = one.least, None
+            measured = values_at(one.root, instants, len(one.names), held)
+            for channel, (verdicts, margins) in enumerate(measured.transpose(1, 0, 2).tolist()):
+                for k, verdict, margin in zip(instants, verdicts, margins, strict=True):
+                    if (margin, verdict) < of.least:  # not where it is NaN
+                        of.least, found = (margin, verdict), (channel, k)
+            if found is None:
+                return
+            channel, k = found
+            of.names, of.places = one.names[channel], one.places[channel]
+            of.instant = decisive(one.root, k, held.on(channel))
+        of.numbers = columns[of.places, of.instant - self._first].tolist()
 
     def _draw(self, one: Measured, frames: int | None, lost: bool) -> None:
         """Add the margins of the frames that can be told: of what the formula says of each frame."""
         if not self._lines:
             return
-        node = body(one.formula.root)
+        node = body(one.root)
         end = self._end if frames is not None else self._end - frames_reach(node, self.subject.rate_hz)[1]
         if end > one.drawn:
             columns = self._memory[:, self._start : self._start + self._end - self._first]
             held = one.held(columns, self._first, self.subject.rate_hz, (frames, lost))
-            one.line.append(values(node, one.drawn, end - 1, held)[1])
+            with np.errstate(all="ignore"):
+                one.line.append(np.fmin.reduce(values(node, one.drawn, end - 1, held)[1]))
             one.drawn = end
 
     def lines(self) -> dict[tuple[str, str], NDArray[np.float64]]:
@@ -194,13 +198,14 @@ class RequirementsRecorder:
 
     def _verdict(self, one: Measured) -> Verdict:
         """Return what became of a formula."""
-        margin, verdict = one.least
-        if one.instant < 0:
+        least = one.least
+        margin, verdict = least.least
+        if least.instant < 0:
             return not_applicable(one.requirement.id, one.signal)
         numbers = {
             name: (value, self.quantities[place].unit)
-            for name, place, value in zip(one.formula.names, one.places, one.numbers, strict=True)
+            for name, place, value in zip(least.names, least.places, least.numbers, strict=True)
         }
         status: Status = "met" if verdict > 0.0 else "violated"
-        at_s = one.instant / self.subject.rate_hz
+        at_s = least.instant / self.subject.rate_hz
         return Verdict(one.requirement.id, one.signal, status, margin + 0.0, at_s, numbers)  # 0.0, never -0.0
