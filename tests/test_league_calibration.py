@@ -7,8 +7,8 @@ from scipy.stats import chi2
 
 from rig.errors import BadInput
 from rig.league.calibration import calibrate, require_time
-from rig.league.entrants import BIASED, OURS, Entrant, entrants, fails_nobody, levels
-from rig.league.flown import isolations
+from rig.league.entrants import BIASED, LASTING, OURS, Entrant, entrants, fails_nobody, levels
+from rig.league.flown import isolations, transients
 from rig.league.healthy import measured
 
 
@@ -41,6 +41,14 @@ def test_a_learned_bias_lets_ours_see_less_where_channels_differ_by_constants():
     assert biased.shown["outlier_threshold"] < 0.3 * plain.shown["threshold"]
     assert plain.seen is not None and biased.seen is not None
     assert plain.seen + biased.seen <= 6  # 3.3 each are allowed in ten minutes
+    bursts = [row for row in transients(Entrant(BIASED, OURS), signal, biased.values, flights) if row["frames"] == 7]
+    assert [(row["failed"], row["bursts"]) for row in bursts] == [(0, 110), (0, 110)]
+
+
+def test_all_that_lasts_is_what_thresholds_chooses_sums_where_noise_dominates():
+    found = calibrate(Entrant(LASTING, OURS), white_signal(8), white(0.1, 10, 9000), 20.0)
+    assert 0.0 < found.values["slow_allowance"] < 0.1 and found.values["slow_limit"] > 24 * 0.05
+    assert found.keys["slow_allowance"] == found.values["slow_allowance"]
 
 
 def test_a_budget_that_no_level_reaches_is_told_with_what_was_counted():
@@ -85,7 +93,7 @@ def test_a_rival_is_told_the_spread_and_the_largest_mean_of_healthy_residuals():
 
 
 def test_variants_are_told_and_calibrated_like_their_rival():
-    (long, guess) = entrants("cusum 120,parity guess middle")[3:]
+    (long, guess) = entrants("cusum 120,parity guess middle")[4:]
     healthy = white(0.1, 8, 9000)
     found = calibrate(long, white_signal(), healthy, 20.0)
     short = calibrate(Entrant("cusum", "cusum"), white_signal(), healthy, 20.0)

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from rig.errors import BadInput
-from rig.league.entrants import BIASED, OURS, SHIPPED, entrants
+from rig.league.entrants import BIASED, LASTING, OURS, SHIPPED, entrants
 from rig.league.recorded import PIECES, cut_pieces, league
 from rig.recordings.settings import VoteConfig
 from rig.thresholds.data import Data, load
@@ -18,15 +18,17 @@ CONFIG = VoteConfig.model_validate({"default": {"threshold": 1.0, "persistence":
 RATE_HZ = 50
 
 
-def write(folder: Path, files: int, seconds: int = 20, motion: float = 1.0) -> None:
-    """Write recordings of two signals, noise of 0.02 on channels that differ by constants."""
+def write(
+    folder: Path, files: int, seconds: int = 20, apart: float = 1.0, noise: float = 0.02, names: str = "xy"
+) -> None:
+    """Write recordings of signals, noise on channels that differ by constants."""
     time_s = np.arange(seconds * RATE_HZ) / RATE_HZ
     for i in range(files):
         rng = np.random.default_rng(i)
         columns: dict[str, Any] = {"time_s": time_s}
-        for name in ("x", "y"):
-            moved = motion * np.sin(time_s + i)[:, None] + np.array([-0.1, 0.02, 0.05, 0.1])
-            samples = moved + 0.02 * rng.standard_normal((len(time_s), 4))
+        for name in names:
+            moved = np.sin(time_s + i)[:, None] + apart * np.array([-0.1, 0.02, 0.05, 0.1])
+            samples = moved + noise * rng.standard_normal((len(time_s), 4))
             columns |= {f"{name}.{c + 1}": samples[:, c] for c in range(4)}
         pl.DataFrame(columns).write_csv(folder / f"flight_{i}.csv")
 
@@ -76,6 +78,18 @@ def test_what_is_large_is_found_and_who_fails_nobody_misses_it(result: dict[str,
         row["entrant"]: row for row in result["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
     }
     assert small[BIASED]["isolated"] > small[OURS]["isolated"] + PIECES / 2  # constants are four times the noise
+
+
+def test_where_noise_dominates_what_lasts_finds_more(tmp_path: Path):
+    """Offsets of a twentieth of the motion, below the noise of a sample."""
+    write(tmp_path, 4, apart=0.1, noise=0.1, names="x")
+    found = league(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
+    told = [row["told"] for row in found["levels"] if row["entrant"] == LASTING]
+    assert len(told) == 2 and any(0.0 < of["slow_allowance"] < of["slow_limit"] for of in told)
+    small = {
+        row["entrant"]: row for row in found["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
+    }
+    assert small[LASTING]["isolated"] > small[BIASED]["isolated"] + PIECES / 2
 
 
 def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):

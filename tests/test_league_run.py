@@ -102,7 +102,13 @@ def test_every_trial_has_one_outcome_for_each_entrant_and_all_kinds_add_up(whole
 
 def test_the_second_campaign_is_counted_for_those_that_can_fail_somebody(whole: tuple[Path, dict[str, Any]]):
     counted = {row["entrant"]: row for row in whole[1]["second"]}
-    assert set(counted) == {"cross-channel", "cross-channel bias", "cross-channel shipped", "cusum"}
+    assert set(counted) == {
+        "cross-channel",
+        "cross-channel bias",
+        "cross-channel lasting",
+        "cross-channel shipped",
+        "cusum",
+    }
     assert all(row["expected"] == pytest.approx(row["hours"]) for row in counted.values())  # one an hour
 
 

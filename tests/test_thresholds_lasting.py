@@ -11,6 +11,7 @@ from rig.recordings.settings import RecordedSignal
 from rig.thresholds.design import DataBlock, Design, Grid, designs, with_sums
 from rig.thresholds.holdout import count
 from rig.thresholds.lasting import alarms, begun, bias_bound, residuals, stale_frames, unbiased
+from rig.thresholds.monitored import isolations
 from rig.thresholds.tradeoff import inject, pieces
 
 RATE = 100.0
@@ -90,8 +91,37 @@ def test_behind_learned_biases_outliers_are_smaller_and_the_budget_holds(biased:
     others = [flight(100 + k, 10.0, 120.0) for k in range(15)]
     found = count(others, GIVEN, learned, 20.0)[4]
     assert found.expected == pytest.approx(10.0) and not found.over
-    lower = replace(learned, outliers={4: replace(learned.outliers[4], upper=0.4 * learned.outliers[4].upper)})
+    lower = replace(learned, outliers={4: replace(learned.outliers[4], upper=0.1 * learned.outliers[4].upper)})
     assert count(others, GIVEN, lower, 20.0)[4].over
+
+
+def with_transients(one: DataBlock, frames: int, size: float) -> np.ndarray:
+    """Return the samples of a flight with so many frames of ``size`` on a channel every 5 s, on each in turn."""
+    samples = one.samples.copy()
+    for i, k in enumerate(range(1000, samples.shape[1] - 200, 500)):
+        samples[i % 4, k : k + frames] += size
+    return samples
+
+
+def test_a_transient_of_a_frame_less_than_the_persistence_fails_nobody_with_a_noisy_frame_beside_it(
+    biased: list[Design],
+):
+    learned = biased[1]
+    hit = [with_transients(flight(200 + k, 10.0, 120.0), 7, 1000.0) for k in range(10)]
+    within = replace(learned, outliers={4: replace(learned.outliers[4], upper=0.25 * learned.outliers[4].upper)})
+    failed, with_less = (
+        sum(len(isolations(each.T, design.settings(GIVEN), RATE, 50)) for each in hit) for design in (learned, within)
+    )
+    assert failed == 0 and with_less > 20  # of 220
+
+
+def test_an_outlier_threshold_is_exceeded_in_few_frames_by_any_channel(biased: list[Design]):
+    at, exceeding, frames = biased[1].outliers[4].upper, 0, 0
+    for k in range(15):
+        noise = flight(300 + k).samples  # without biases, as if they were learned without an error
+        apart = np.abs(noise[:, None] - noise[None]) + np.where(np.eye(4, dtype=bool), np.inf, 0.0)[:, :, None]
+        exceeding, frames = exceeding + int((apart.min(axis=1).max(axis=0) > at).sum()), frames + noise.shape[1]
+    assert exceeding / frames < 5e-4
 
 
 def test_pieces_begin_with_what_was_learned_before(biased: list[Design]):

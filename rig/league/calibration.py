@@ -19,6 +19,7 @@ from rig.computer.redundancy.config import SignalConfig
 from rig.errors import BadInput
 from rig.league.entrants import (
     BIASED,
+    LASTING,
     Entrant,
     Level,
     OfSignal,
@@ -29,10 +30,11 @@ from rig.league.entrants import (
 )
 from rig.league.flown import exceeded, failing, isolations
 from rig.league.healthy import Flight, Healthy, measured
+from rig.thresholds.data import Data
 from rig.thresholds.design import DataBlock, Design, Grid, Threshold, designs, from_tail
 from rig.thresholds.distances import in_use
-from rig.thresholds.lasting import Rule
-from rig.thresholds.run import MARKED, extrapolation
+from rig.thresholds.lasting import RULES, Rule
+from rig.thresholds.run import MARKED, extrapolation, of_signal
 from rig.thresholds.tail import CLUSTERS, GAP_S, LEAST, peaks
 from rig.util.runs import cluster_starts
 
@@ -142,18 +144,25 @@ def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
 
 
 def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float) -> Design | None:
-    """Return the last design of a signal, with learned biases where they lower the threshold; None: too few events."""
+    """Return the last design of a signal, with learned biases where they lower the threshold; None: too few events.
+
+    With all that lasts it is the one that ``rig thresholds`` chooses.
+    """
     flights = healthy.flights[signal.name]
     blocks = [DataBlock(each.name, np.ascontiguousarray(each.samples.T), signal.rate_hz) for each in flights]
-    lasting: list[Rule] = ["bias"] if entrant.name == BIASED else []
+    lasting: dict[str, Sequence[Rule]] = {BIASED: ["bias"], LASTING: RULES}
     persistence = (int(signal.params["persistence"][0]),)
-    grid = Grid(budget_per_h, persistence, filters_s=(signal.given.filter_s,), lasting=lasting)
+    grid = Grid(budget_per_h, persistence, filters_s=(signal.given.filter_s,), lasting=lasting.get(entrant.name, ()))
+    if entrant.name == LASTING:
+        names = [block.name for block in blocks]
+        data = Data(names, signal.rate_hz, healthy.hours, {signal.name: blocks}, {signal.name: signal.given})
+        return of_signal(signal.name, data, grid, keep=True).design
     made = designs(blocks, signal.given, grid, zlib.crc32(signal.name.encode()))
     return made[-1] if made else None
 
 
 def _shown(chosen: Design, signal: OfSignal) -> dict[str, float]:
-    amounts = ("threshold", "outlier_threshold", "bias_bound")
+    amounts = ("threshold", "outlier_threshold", "bias_bound", "slow_")
     return {name: float(value) / signal.threshold for name, value in chosen.keys().items() if name.startswith(amounts)}
 
 

@@ -1,7 +1,7 @@
 """Who takes part in a league, and which of its settings a calibration chooses.
 
-Ours is there three times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the same with learned
-biases, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's scenario.
+Ours is there four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the same with learned
+biases, with all that lasts, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's scenario.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rig.text import choices
 from rig.util.trust import Trust
 
 OURS: Final = DEFAULT
-BIASED, SHIPPED = f"{OURS} bias", f"{OURS} shipped"
+BIASED, LASTING, SHIPPED = f"{OURS} bias", f"{OURS} lasting", f"{OURS} shipped"
 UNBOUNDED: Final = "unbounded"
 VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of rivals, named behind one: "cusum 60 guess"
     "guess": {"ties": "guess"},
@@ -38,7 +38,9 @@ INTEGRAL_S: Final = 2.0  # of "selection": its integral, in deviations times sec
 _DESIGNED: Final = tuple(
     name
     for name in PARAMS.names or ()
-    if name.startswith(("threshold", "outlier_threshold", "bias_", "slow_", "filter_", "persistence", "singular"))
+    if name.startswith(
+        ("threshold", "outlier_threshold", "bias_", "slow_", "stale_", "filter_", "persistence", "singular")
+    )
 )
 Values = Mapping[str, Any]  # of settings by name
 
@@ -104,7 +106,7 @@ def entrants(managers: str) -> list[Entrant]:
     others = [_entrant(name) for name in names if name != OURS]
     if not others:
         raise BadInput(f"--managers: name one or more besides {OURS}, of {', '.join(MANAGERS[1:])}, or module:name")
-    return [*(Entrant(name, OURS) for name in (OURS, BIASED, SHIPPED)), *others]
+    return [*(Entrant(name, OURS) for name in (OURS, BIASED, LASTING, SHIPPED)), *others]
 
 
 def _entrant(name: str) -> Entrant:

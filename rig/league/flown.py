@@ -110,9 +110,13 @@ def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
 
 
 def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dict[str, Any]:
-    """Return the levels times 2^(-step / 16); of ours the thresholds and outlier thresholds."""
+    """Return the levels times 2^(-step / 16); of ours the thresholds, outlier thresholds and allowance."""
     factor = 2.0 ** (-step / 16.0)
-    names = tuple(level.name for level in levels(entrant, signal)) or ("threshold", "outlier_threshold")
+    names = tuple(level.name for level in levels(entrant, signal)) or (
+        "threshold",
+        "outlier_threshold",
+        "slow_allowance",
+    )
     return {name: value * factor if name.startswith(names) else value for name, value in values.items()}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from rig.campaign.statistics import detectable, mcnemar, paired_difference
-from rig.league.entrants import BIASED, OURS
+from rig.league.entrants import BIASED, LASTING, OURS
 from rig.league.trials import OUTCOMES, STATES
 
 ISOLATED: Final = pl.col("outcome") == "isolated"
@@ -115,11 +115,11 @@ def differences(rows: pl.DataFrame, what: pl.Expr = ISOLATED) -> list[dict[str, 
     """Return, for each group, its isolated less ours, of every entrant: share, 95 % interval, exact p.
 
     what : what is counted of a trial, true or false; of flights also whether the aircraft is lost
-    ours : the row of ours it is compared with, as designed and with learned biases
+    ours : the row of ours it is compared with, as designed, with learned biases, with all that lasts
     ``peak_smaller`` and ``peak_larger`` count the trials in which its largest vote error was smaller or larger.
     """
     counted = rows.with_columns(what.alias("_what"))
-    return [row for ours in (OURS, BIASED) for row in _differences(counted, ours)]
+    return [row for ours in (OURS, BIASED, LASTING) for row in _differences(counted, ours)]
 
 
 def _differences(rows: pl.DataFrame, ours: str) -> Iterator[dict[str, Any]]:

@@ -21,7 +21,17 @@ from rig.computer.redundancy.managers import Manager
 from rig.errors import BadInput
 from rig.frame import CHANNELS, Ilm, State, rows
 from rig.kernels import long_kernel
-from rig.league.entrants import BIASED, OURS, Entrant, OfSignal, designed_values, levels, manager, with_settings_of
+from rig.league.entrants import (
+    BIASED,
+    LASTING,
+    OURS,
+    Entrant,
+    OfSignal,
+    designed_values,
+    levels,
+    manager,
+    with_settings_of,
+)
 from rig.league.flown import first_enough, flights_failing, isolations, scaled
 from rig.league.healthy import Flight, Healthy, measured
 from rig.league.outcomes import differences, table
@@ -29,14 +39,15 @@ from rig.league.own_class import voted
 from rig.league.trials import SCHEMA
 from rig.recordings.settings import RecordedSignal, VoteConfig
 from rig.thresholds.data import Data
-from rig.thresholds.design import DataBlock
+from rig.thresholds.design import DataBlock, Grid
 from rig.thresholds.healthy import envelope
-from rig.thresholds.lasting import residuals
+from rig.thresholds.lasting import ALLOWANCES, LIMITS, residuals, stale_frames
 from rig.thresholds.monitored import four, parameters
 from rig.thresholds.tradeoff import GAIN, LATER_S, NOISE, SHARES, SMALL, Kind, Pieces, faulty
 
 BEFORE_S: Final = 10.0
 PIECES: Final = 48  # of a signal and half
+CHOOSING: Final = 16  # of the calibrating half, by which ours with all that lasts is chosen
 _STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a thousandth of it
 _HIGHEST: Final = 64.0
 _ROWS: Final = rows(1)
@@ -84,14 +95,17 @@ def _flights(blocks: Sequence[DataBlock]) -> list[Flight]:
 def _values(entrants: Sequence[Entrant], signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, dict[str, Any]]:
     """Return what each entrant is told: of its levels the least of a grid with which it fails nobody in ``blocks``."""
     flights, found = _flights(blocks), dict[str, dict[str, Any]]()
+    bound = float(residuals([block.samples for block in blocks], signal.given.wraps).means.max())
     for entrant in entrants:
         given = measured(entrant, signal, Healthy({signal.name: flights}, 0.0, ""))
         of = with_settings_of(signal, entrant, given)
         asked = levels(entrant, of)
-        if entrant.designed:
-            threshold = found[OURS]["threshold"] if entrant.name == BIASED else signal.threshold * _HIGHEST
-            bound = float(residuals([block.samples for block in blocks], signal.given.wraps).means.max())
-            found[entrant.name] = _ours(entrant, signal, flights, threshold, bound)
+        if entrant.name == LASTING:
+            found[entrant.name] = _lasting(entrant, signal, blocks, bound)
+        elif entrant.name == BIASED:
+            found[entrant.name] = _ours(entrant, signal, flights, found[OURS]["threshold"], bound)
+        elif entrant.designed:
+            found[entrant.name] = _ours(entrant, signal, flights, signal.threshold * _HIGHEST)
         elif asked:
             highest = {**given, **{level.name: level.default * _HIGHEST for level in asked}}
             at = first_enough(
@@ -108,22 +122,76 @@ def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: 
 
 
 def _ours(
-    entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float
+    entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float = 0.0
 ) -> dict[str, Any]:
-    """Return ours with the least threshold, or with learned biases the least outlier threshold below ``highest``."""
+    """Return ours with the least threshold, or with biases within ``bound`` the least outlier threshold."""
     none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")
     plain: dict[str, Any] = {**dict.fromkeys(none), "bias_bound": 0.0, "slow_allowance": None, "slow_limit": None}
 
     def told(steps: int) -> dict[str, Any]:
         level = highest * 2.0 ** (-steps / 16.0)
         update = {**plain, "threshold": level}
-        if entrant.name == BIASED:
+        if bound > 0.0:
             learned = {"outlier_threshold": level, "outlier_threshold_triplex": level, "bias_bound": bound}
             update |= {"threshold": max(highest, bound), **learned}
         return designed_values(signal, signal.given.model_copy(update=update))
 
     at = first_enough(lambda steps: _fails(entrant, signal, told(steps), flights), _STEPS)
     return told(max((_STEPS if at is None else at) - 1, 0))
+
+
+def _lasting(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], bound: float) -> dict[str, Any]:
+    """Return ours with all that lasts, of the persistences of ``rig thresholds`` and limits of the sums, or none.
+
+    Each has the least levels that fail nobody in ``blocks``; taken is the one that isolates most in them.
+    """
+    flights, cut, found = _flights(blocks), cut_pieces(blocks, CHOOSING), list[dict[str, Any]]()
+    for frames in Grid(0.0).persistence:
+        of_frames = {"persistence": frames, "singular_persistence": frames}
+        given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "singular_persistence_s": None})
+        of = signal._replace(given=given)
+        highest = _ours(entrant, of, flights, signal.threshold * _HIGHEST)["threshold"]
+        biased = _ours(entrant, of, flights, highest, bound)
+        found += _with_sums(entrant, of, blocks, biased)
+    if cut is None:
+        return found[0]
+    faults = [samples for _, samples in _with_faults(cut, blocks, signal)]
+
+    def isolated(values: dict[str, Any]) -> int:
+        outcomes = [_became(_failed_at(entrant, signal, values, each), cut)[0] for each in faults]
+        return sum(int((outcome == "isolated").sum()) for outcome in outcomes)
+
+    return max(found, key=isolated)
+
+
+def _with_sums(
+    entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], biased: dict[str, Any]
+) -> Iterator[dict[str, Any]]:
+    """Yield ours with stale samples, then where noise dominates with each limit and its least allowance as well."""
+    samples, flights = [block.samples for block in blocks], _flights(blocks)
+    of, last = residuals(samples, signal.given.wraps), len(ALLOWANCES) - 1
+    plain = {**biased, "stale_frames": stale_frames(samples, signal.rate_hz)}
+    yield plain
+    for limit in LIMITS if of.noisy else ():
+
+        def told(step: int, limit: float = limit) -> dict[str, Any]:
+            allowance = float(ALLOWANCES[last - step])
+            return {**plain, "slow_limit": limit * of.spread, "slow_allowance": allowance * of.spread}
+
+        at = first_enough(lambda step, told=told: _fails(entrant, signal, told(step), flights), last)
+        if at != 0:
+            yield told(last if at is None else at - 1)
+
+
+def _with_faults(
+    cut: Pieces, blocks: Sequence[DataBlock], signal: OfSignal
+) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Yield the name of each fault and the pieces (R, n, C) with it."""
+    motion = envelope(blocks, signal.given.wraps)
+    for name, kind, size in _faults(max(motion.value, motion.noise)):
+        samples = cut.samples.copy()
+        samples[np.arange(len(samples)), :, cut.channel] = faulty(cut, kind, size)
+        yield name, samples
 
 
 def _trials(
@@ -137,10 +205,7 @@ def _trials(
     cut = cut_pieces(blocks)
     if cut is None:
         return
-    motion = envelope(blocks, signal.given.wraps)
-    for number, (name, kind, size) in enumerate(_faults(max(motion.value, motion.noise))):
-        samples = cut.samples.copy()
-        samples[np.arange(len(samples)), :, cut.channel] = faulty(cut, kind, size)
+    for number, (name, samples) in enumerate(_with_faults(cut, blocks, signal)):
         for entrant in entrants:
             failed_at = _failed_at(entrant, signal, values[entrant.name], samples)
             outcome, delay_s = _became(failed_at, cut)

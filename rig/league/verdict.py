@@ -8,13 +8,13 @@ from typing import Any, Final
 from scipy.stats import poisson
 
 from rig.assess.words import PRIOR
-from rig.league.entrants import BIASED, OURS, SHIPPED, UNBOUNDED
+from rig.league.entrants import BIASED, LASTING, OURS, SHIPPED, UNBOUNDED
 from rig.league.outcomes import ALL
 from rig.league.trials import STATES
 from rig.thresholds.holdout import OVER
 
 Row = dict[str, Any]
-_OURS: Final = (OURS, BIASED, SHIPPED)
+_OURS: Final = (OURS, BIASED, LASTING, SHIPPED)
 
 
 def verdict(result: Mapping[str, Any]) -> list[str]:
@@ -25,7 +25,7 @@ def verdict(result: Mapping[str, Any]) -> list[str]:
     table, differences, silent = result["table"], result["differences"], result["silent"]
     rivals = [row for row in differences if row["entrant"] not in (*silent, *_OURS) and UNBOUNDED not in row["entrant"]]
     lines: list[str] = []
-    for ours in (OURS, BIASED):
+    for ours in (OURS, BIASED, LASTING):
         lines += _losses([row for row in rivals if row["ours"] == ours], ours)
     plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
     lines += _leads([row for row in plain if row in rivals])
@@ -61,7 +61,7 @@ def _leads(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _among(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield how ours as shipped and with learned biases differ from ours as designed."""
+    """Yield how ours as shipped, with learned biases and with all that lasts differ from ours as designed."""
     for row in rows:
         if row["ours"] == OURS:
             yield f"{row['entrant']} against {OURS}: {_where(row)}: it isolates {_points(row)}"

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.recordings.settings import RecordedSignal
-from rig.thresholds.distances import DUPLEX, exceeded_each, in_use
+from rig.thresholds.distances import DUPLEX, exceeded_each, in_use, near_first, nearest
 from rig.thresholds.lasting import ALLOWANCES, OFF, Rule, alarms, bias_bound, residuals, stale_frames, unbiased
 from rig.thresholds.monitored import low_passed
 from rig.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
 
 Floats = NDArray[np.float64]
+BESIDE: Final = 1e-4  # of healthy frames beyond an outlier threshold: one beside a transient makes it last longer
 EXACT: Final = ("bias_s", "stale_frames")  # keys that are not rounded
 FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
 
@@ -166,7 +167,8 @@ def _biased(
     """Return ``plain`` with learned biases and outlier thresholds behind them; None where those are not lower.
 
     Who has a larger bias than the bound would be an outlier for all of a flight, so none is cut; no threshold is below
-    it: what is hidden by a bias stays within what two samples may be apart.
+    it: what is hidden by a bias stays within what two samples may be apart.  Nor is an outlier threshold within the
+    noise of single frames: a transient of persistence - 1 frames with a noisy one beside it would fail a channel.
     """
     bound = rounded_up(bound)
     learning = given.model_copy(update={"bias_bound": bound})
@@ -181,13 +183,25 @@ def _biased(
             return [unbiased(flight.samples[chosen], x[chosen], learning, flight.rate_hz) for flight, x in pairs]
 
         (found,) = _at_level(flights, compared, given.wraps, frames, level, asked)
-        if found is not None and found.upper < before.upper:
-            outliers[level] = found
+        least = _of_one_frame(compared, given.wraps, len(flights[0].samples), level)
+        if found is not None and max(found.upper, least) < before.upper:
+            outliers[level] = replace(found, upper=max(found.upper, least))
     lasting = {"bias_bound": bound, "bias_s": given.bias_s}
     if max(plain.thresholds) not in outliers:
         return None
     thresholds = {level: replace(at, upper=max(at.upper, bound)) for level, at in plain.thresholds.items()}
     return replace(plain, thresholds=thresholds, outliers=outliers, lasting=lasting)
+
+
+def _of_one_frame(compared: Callable[[tuple[int, ...]], list[Floats]], wraps: bool, fitted: int, level: int) -> float:
+    """Return the distance that a channel has from all others in BESIDE of the frames; of all choices the largest."""
+    largest = 0.0
+    for channels in in_use(fitted, level):
+        parts = [near_first(samples) if wraps else samples for samples in compared(channels) if samples.size]
+        distances = np.concatenate([np.maximum.reduce(nearest(samples)) for samples in parts] or [np.zeros(1)])
+        comparable = distances[np.isfinite(distances)]
+        largest = max(largest, float(np.quantile(comparable, 1.0 - BESIDE)) if len(comparable) else 0.0)
+    return largest
 
 
 def with_sums(

@@ -86,7 +86,7 @@ def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
     keep : flights that hold a fault are not left out
     """
     with ThreadPoolExecutor(min(os.cpu_count() or 1, len(data.signals))) as pool:
-        work = pool.map(lambda name: _signal(name, data, grid, keep), data.signals)
+        work = pool.map(lambda name: of_signal(name, data, grid, keep), data.signals)
         signals: dict[str, Signal] = {}
         for name, made in zip(data.signals, work, strict=True):
             signals[name] = made
@@ -96,7 +96,8 @@ def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
     return signals
 
 
-def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
+def of_signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
+    """Design one signal of the data, as ``design`` does."""
     flights, given = data.signals[name], data.settings[name]
     suspected = [
         suspect
