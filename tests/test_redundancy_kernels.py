@@ -348,7 +348,7 @@ def test_boxes_and_common_modes_have_their_defaults_and_least_settings():
     every: Any = {"signals": {s.name: {"threshold": 1.0} for s in SIGNALS}}
     plain = Config.model_validate(every)
     assert (plain.box_signals, plain.box_persistence) == (4, 8)
-    assert (plain.common_mode, plain.common_persistence) == ("report", 10)
+    assert (plain.common_mode, plain.common_persistence) == ("fail", 10)
     for key, least in (("box_signals", 0), ("box_persistence", 1), ("common_persistence", 1)):
         assert getattr(Config.model_validate({**every, key: least}), key) == least
         with pytest.raises(ValidationError, match=key):
