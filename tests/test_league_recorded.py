@@ -9,10 +9,11 @@ import pytest
 
 from rig.errors import BadInput
 from rig.league.entrants import BIASED, LASTING, OURS, SHIPPED, entrants
-from rig.league.recorded import PIECES, cut_pieces, league
+from rig.league.recorded import BEFORE_S, PIECES, league
 from rig.recordings.settings import VoteConfig
 from rig.thresholds.data import Data, load
 from rig.thresholds.design import DataBlock
+from rig.thresholds.tradeoff import pieces
 
 CONFIG = VoteConfig.model_validate({"default": {"threshold": 1.0, "persistence": 3}})
 RATE_HZ = 50
@@ -93,11 +94,11 @@ def test_where_noise_dominates_what_lasts_finds_more(tmp_path: Path):
 
 
 def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):
-    cut = cut_pieces(data.signals["x"])
+    cut = pieces(data.signals["x"], PIECES, BEFORE_S)
     assert cut is not None and cut.onset == 500 and cut.samples.shape == (PIECES, 901, 4)
     first = data.signals["x"][0].samples[:, 4:905]  # the first of 48 evenly over four times 100 rows
     assert np.array_equal(cut.samples[0].T, first)
-    assert cut_pieces([DataBlock("short", np.zeros((4, 900)), 50.0)]) is None
+    assert pieces([DataBlock("short", np.zeros((4, 900)), 50.0)], PIECES, BEFORE_S) is None
 
 
 def test_too_few_or_too_short_recordings_are_one_line(tmp_path: Path):

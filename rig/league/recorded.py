@@ -43,7 +43,7 @@ from rig.thresholds.design import DataBlock, Grid
 from rig.thresholds.healthy import envelope
 from rig.thresholds.lasting import ALLOWANCES, LIMITS, residuals, stale_frames
 from rig.thresholds.monitored import four, parameters
-from rig.thresholds.tradeoff import GAIN, LATER_S, NOISE, SHARES, SMALL, Kind, Pieces, faulty
+from rig.thresholds.tradeoff import GAIN, LATER_S, NOISE, SHARES, SMALL, Kind, Pieces, faulty, pieces
 
 BEFORE_S: Final = 10.0
 PIECES: Final = 48  # of a signal and half
@@ -145,7 +145,7 @@ def _lasting(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], bo
 
     Each has the least levels that fail nobody in ``blocks``; taken is the one that isolates most in them.
     """
-    flights, cut, found = _flights(blocks), cut_pieces(blocks, CHOOSING), list[dict[str, Any]]()
+    flights, cut, found = _flights(blocks), pieces(blocks, CHOOSING, BEFORE_S), list[dict[str, Any]]()
     for frames in Grid(0.0).persistence:
         of_frames = {"persistence": frames, "singular_persistence": frames}
         given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "singular_persistence_s": None})
@@ -202,7 +202,7 @@ def _trials(
     part: int,
 ) -> Iterator[pl.DataFrame]:
     """Yield the rows of each fault and entrant; part : number of the signal and half."""
-    cut = cut_pieces(blocks)
+    cut = pieces(blocks, PIECES, BEFORE_S)
     if cut is None:
         return
     for number, (name, samples) in enumerate(_with_faults(cut, blocks, signal)):
@@ -230,20 +230,6 @@ def _faults(motion: float) -> Faults:
         ("gain", "gain", GAIN),
         ("stuck", "stuck", 0.0),
     ]
-
-
-def cut_pieces(blocks: Sequence[DataBlock], count: int = PIECES) -> Pieces | None:
-    """Return ``count`` pieces spread evenly over recordings, from BEFORE_S before the onset; None: all too short."""
-    rate_hz = blocks[0].rate_hz
-    onset, length = round(BEFORE_S * rate_hz), round((BEFORE_S + LATER_S) * rate_hz) + 1
-    room = np.array([max(block.samples.shape[1] - length + 1, 0) for block in blocks])
-    if not room.any():
-        return None
-    at = ((np.arange(count) + 0.5) * room.sum() / count).astype(np.int64)
-    block = np.searchsorted(np.cumsum(room), at, side="right")
-    begin = at - (np.cumsum(room) - room)[block]
-    samples = np.ascontiguousarray([blocks[b].samples[:, k : k + length].T for b, k in zip(block, begin, strict=True)])
-    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate_hz)
 
 
 def _failed_at(
@@ -279,10 +265,10 @@ def _run(samples, rows, manager, fresh, failed_at):
 
 
 def _became(failed_at: NDArray[np.int64], cut: Pieces) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    pieces = np.arange(len(failed_at))
-    mine, failed = failed_at[pieces, cut.channel], failed_at != NEVER
+    trials = np.arange(len(failed_at))
+    mine, failed = failed_at[trials, cut.channel], failed_at != NEVER
     before = (failed & (failed_at < cut.onset)).any(axis=1)
     others = failed.copy()
-    others[pieces, cut.channel] = False
+    others[trials, cut.channel] = False
     outcome = np.select([before, others.any(axis=1), mine != NEVER], [PRIOR, "wrong channel", "isolated"], "missed")
     return outcome, np.where(outcome == "isolated", (mine - cut.onset) / cut.rate_hz, np.nan)

@@ -47,7 +47,7 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """``samples`` (R, n, C) from BEFORE_S before the onset on, and the channel (R,) that becomes faulty."""
+    """``samples`` (R, n, C) from the seconds before the onset on, and the channel (R,) that becomes faulty."""
 
     samples: Floats
     channel: NDArray[np.int64]
@@ -85,10 +85,10 @@ def _share(kinds: dict[str, Found]) -> float:
     return sum(found.right for found in kinds.values()) / sum(sum(found[:3]) for found in kinds.values())
 
 
-def pieces(flights: Sequence[DataBlock], count: int = PIECES) -> Pieces | None:
-    """``count`` pieces spread evenly over the flights; None when the flights are all too short for one."""
+def pieces(flights: Sequence[DataBlock], count: int = PIECES, before_s: float = BEFORE_S) -> Pieces | None:
+    """Return ``count`` pieces spread evenly over the flights; None when the flights are all too short for one."""
     rate = flights[0].rate_hz
-    onset, length = round(BEFORE_S * rate), round((BEFORE_S + LATER_S) * rate) + 1
+    onset, length = round(before_s * rate), round((before_s + LATER_S) * rate) + 1
     room = np.array([max(flight.samples.shape[1] - length + 1, 0) for flight in flights])
     if not room.any():
         return None
