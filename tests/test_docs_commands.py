@@ -45,6 +45,7 @@ PARSED = {
     "rig reliability report": "needs all of these, tests/test_safety_fmea.py",
     "rig reliability run": "needs the campaign `reliability`, tests/test_reliability_run.py",
     "rig reliability trials": "needs hours, tests/test_reliability_trials.py",
+    "rig search worst-pitch-rate": "300 flights, tests/test_cli_search.py",
     "rig view": "a window or a picture, tests/test_view_*.py",
 }
 OTHERS = {  # not commands of ours
