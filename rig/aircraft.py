@@ -65,6 +65,12 @@ def tables(name: str) -> dict[str, Any]:
     return merged
 
 
+def default_stale_frames() -> dict[str, int]:
+    """Return the count of stale samples that all aircraft share, by signal."""
+    signals = read_toml(bundled("aircraft") / "defaults.toml")["redundancy"]["signals"]
+    return {name: int(keys.get("stale_frames", 0)) for name, keys in signals.items()}
+
+
 def own_tables(name: str) -> dict[str, Any]:
     """Return an aircraft's tables before anything is designed: the defaults and its own."""
     path = folder(name) / "aircraft.toml"

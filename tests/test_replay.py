@@ -194,6 +194,7 @@ def drifting(tmp_path: Path) -> Path:
     """
     none = [f"redundancy.references.{s}=none" for s in _REFERRED]
     sets = [*none, "redundancy.signals.pitch_rate.threshold=0.0505", "redundancy.signals.pitch_rate.persistence=8"]
+    sets += ["redundancy.signals.pitch_rate.stale_frames=0"]  # samples made by hand repeat
     which = scenario.load(None, ["duration_s=4", "faults=[]", *sets])
     rows = new_block(400)
     rows["valid"], rows["ilm"] = 1, 2

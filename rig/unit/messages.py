@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.aircraft import default_stale_frames
 from rig.frame import SIGNALS
 from rig.unit.host import HEAD
 from rig.unit.layout import FROM_UNIT, LAYOUT, READY, SEAM, SEAMS, TO_UNIT, VERSION, Kind, Seam, place
@@ -80,23 +83,27 @@ def _wrong_size(message: bytes, name: str) -> str:
 def config_for(seam: Seam, config: NDArray[Any]) -> NDArray[np.uint8]:
     """Return the bytes of CONFIG (1,) as a unit of a version of the records reads them.
 
-    UnitStopped: a setting is on that the version has no field for.
+    UnitStopped: a setting is on that the version has no field for.  A unit of version 1 flies without the count of
+    stale samples that all aircraft share: its scenarios did not ask for it.
     """
     config["version"], config["layout"] = seam.version, seam.layout
     if seam == SEAM:
         return config.view(np.uint8)
-    if key := asked_since_2(config):
+    if key := asked_since_2(config, default_stale_frames()):
         raise UnitStopped(f"was built for version {seam.version} of the records, which has no {key}: {REBUILD}")
     whole = config.view(np.uint8)[: seam.config_bytes].copy()
     whole[-8:] = np.frombuffer((seam.config_bytes - 8).to_bytes(8, "little"), np.uint8)  # length, no checksum
     return whole
 
 
-def asked_since_2(config: NDArray[Any]) -> str:
-    """Return the first setting of CONFIG (1,) that is on and not in version 1 of the records; empty for none."""
+def asked_since_2(config: NDArray[Any], unasked: Mapping[str, int] = MappingProxyType({})) -> str:
+    """Return the first setting of CONFIG (1,) that is on and not in version 1 of the records; empty for none.
+
+    unasked : the count of stale samples of a signal that nobody asked for
+    """
     for signal, settings in zip(SIGNALS, config[0]["lasting"], strict=True):
         for name in _SWITCHES:
-            if settings[name] > 0:
+            if settings[name] > 0 and (name != "stale_frames" or settings[name] != unasked.get(signal.name)):
                 return f"redundancy.signals.{signal.name}.{name}"
     return ""
 
