@@ -1,6 +1,6 @@
 """How often a search passes the bound that few random flights pass: 20 cells, open loop.
 
-    python tests/tools/search_cells.py [--random 1000] [--flights 600] [--seeds 2] [--workers 2]
+    python tests/tools/search_cells.py [--random 1000] [--flights 600] [--seeds 2] [--workers 2] [--free-signs]
 
 For each cell and seed: the bound that 1 % (and 5 %) of ``--random`` random draws pass, and the share of the search's
 draws after its random tenth that pass it, over 1 % (5 %).  Table and counts are printed.
@@ -24,10 +24,10 @@ CELLS = [
 SHARES = (0.01, 0.05)
 
 
-def cell(job: tuple[tuple[str, str, str, int], int, int, int]) -> tuple[float, ...]:
+def cell(job: tuple[tuple[str, str, str, int], int, int, int, bool]) -> tuple[float, ...]:
     """Least margins, share of random flights that violate, and the ratios of one cell and seed."""
-    (manager, aircraft, signal, faults), many, flights, seed = job
-    campaign = space(manager, aircraft, signal, faults)
+    (manager, aircraft, signal, faults), many, flights, seed, free_signs = job
+    campaign = space(manager, aircraft, signal, faults, free_signs)
     random = np.array([each.value for each in search_here(plan_of(campaign, many, "random", 100 + seed))])
     plan = plan_of(campaign, flights, "cma", seed)
     after = np.array([each.value for each in search_here(plan)])[plan.random :]
@@ -39,12 +39,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     for name, value in (("--random", 1000), ("--flights", 600), ("--seeds", 2), ("--workers", 2)):
         parser.add_argument(name, type=int, default=value)
+    parser.add_argument("--free-signs", action="store_true")
     given = parser.parse_args()
-    jobs = [(each, given.random, given.flights, seed) for each in CELLS for seed in range(given.seeds)]
+    jobs = [
+        (each, given.random, given.flights, seed, given.free_signs) for each in CELLS for seed in range(given.seeds)
+    ]
     print(f"{'cell':52} seed  random  search  violated   1 %   5 %")
     ratios = []
     with Pool(given.workers) as pool:
-        for (each, _, _, seed), row in zip(jobs, pool.imap(cell, jobs), strict=True):
+        for (each, _, _, seed, _), row in zip(jobs, pool.imap(cell, jobs), strict=True):
             ratios.append(row[3:])
             named = ", ".join(map(str, each))
             print(

@@ -1,7 +1,8 @@
 """Searches in this process: the schedule of ``rig search`` over open-loop trials, without a folder; and its spaces.
 
 A space: 1 to 3 faults of one sign on channels of one signal, drifts or offsets, 0.4 to 10 thresholds (drifts: a
-twentieth to five thresholds a second), each from 3 to 6 s of a flight of 14 s in light turbulence.
+twentieth to five thresholds a second), each from 3 to 6 s of a flight of 14 s in light turbulence.  With free signs
+each fault is anything up to that size, to either side.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ KINDS: Final = {
 }
 
 
-def space(manager: str, aircraft: str, signal: str, faults: int) -> Campaign:
+def space(manager: str, aircraft: str, signal: str, faults: int, free_signs: bool = False) -> Campaign:
     """Return the space of so many faults on the first channels of a signal: an arm of drifts, one of offsets."""
     base = {
         "title": f"{aircraft}, {manager}: {signal}, {faults} fault{'s' if faults > 1 else ''}",
@@ -40,14 +41,16 @@ def space(manager: str, aircraft: str, signal: str, faults: int) -> Campaign:
             "base": base,
             "sampling": "random",
             "runs": 1,
-            "cases": {"kind": [_case(kind, signal, faults) for kind in KINDS]},
+            "cases": {"kind": [_case(kind, signal, faults, free_signs) for kind in KINDS]},
         },
         base["title"],
     )
 
 
-def _case(kind: str, signal: str, faults: int) -> dict[str, Any]:
+def _case(kind: str, signal: str, faults: int, free_signs: bool) -> dict[str, Any]:
     size, varied = KINDS[kind]
+    if free_signs:
+        varied = {"low": -varied["high"], "high": varied["high"]}
     tables = [{"kind": kind, "signal": signal, "channels": [i + 1], "start_s": 4.0, size: 1.0} for i in range(faults)]
     vary = {f"faults.{i}.{size}": varied for i in range(faults)}
     starts = {f"faults.{i}.start_s": START_S for i in range(faults)}
