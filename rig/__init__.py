@@ -13,21 +13,26 @@ if TYPE_CHECKING:
     from rig.public.fault import fault
     from rig.public.flight import Flight, fly
     from rig.public.log import Log, read_log
-    from rig.public.results import score, vote, write_report
+    from rig.public.results import score, vote
+    from rig.report.flight import write_report
+    from rig.report.flight import write_report as report
     from rig.scenario import Scenario, load
 
 _HOME = {
     **dict.fromkeys(("Flight", "fly"), "rig.public.flight"),
     **dict.fromkeys(("Log", "read_log"), "rig.public.log"),
     **dict.fromkeys(("Scenario", "load"), "rig.scenario"),
-    **dict.fromkeys(("score", "vote", "write_report"), "rig.public.results"),
+    **dict.fromkeys(("score", "vote"), "rig.public.results"),
     "fault": "rig.public.fault",
+    "write_report": "rig.report.flight",
 }
-__all__ = ["Flight", "Log", "Scenario", "fault", "fly", "load", "read_log", "score", "vote", "write_report"]
+__all__ = ["Flight", "Log", "Scenario", "fault", "fly", "load", "read_log", "report", "score", "vote", "write_report"]
 
 
 def __getattr__(name: str) -> Any:
     """Import on first use: ``rig --help`` must not load numba and JSBSim."""
+    if name == "report":
+        return import_module("rig.report")  # which can be called
     if name not in _HOME:
         raise AttributeError(f"module 'rig' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)

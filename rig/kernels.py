@@ -24,7 +24,7 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def cache_root() -> Path:
-    """Where generated files may be kept between flights; RIG_CACHE_DIR overrides it."""
+    """Return where generated files may be kept between flights; RIG_CACHE_DIR overrides it."""
     named = os.environ.get("RIG_CACHE_DIR")
     if named:
         return Path(named)
@@ -45,7 +45,7 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        """What numba takes this for where a kernel names it."""
+        """Return what numba takes this for where a kernel names it."""
         return self.inner._numba_type_
 
     @cached_property

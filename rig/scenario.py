@@ -137,7 +137,7 @@ class Scenario(Settings):
 
     @property
     def has_servos(self) -> bool:
-        """Whether servo actuators move the surfaces."""
+        """Return whether servo actuators move the surfaces."""
         return self.actuators.model == "servo"
 
     @property

@@ -294,7 +294,7 @@ def test_gains_do_not_replace_what_the_aircraft_is_made_from(rig_command, here):
 
 def test_a_page_in_python_ends_with_html_too(here):
     with pytest.raises(BadInput, match=r"out page.txt: is a page for a browser"):
-        rig.write_report("q.mcap", "page.txt")
+        rig.report("q.mcap", "page.txt")
 
 
 def test_what_harms_nothing_is_allowed(here):

@@ -89,7 +89,7 @@ def step(held, p, j, k, noise):
 
 @kernel
 def failures(st, fitted):
-    """How many channels are failed."""
+    """Return how many channels are failed."""
     found = 0
     for c in range(fitted):
         found += st["failed"][c] != 0
@@ -98,7 +98,7 @@ def failures(st, fitted):
 
 @kernel
 def level(st, params):
-    """How far a state without a failure is on its way to one, 0 to ``persistence`` - 1."""
+    """Return how far a state without a failure is on its way to one, 0 to ``persistence`` - 1."""
     found, blamed = 0, False
     for c in range(params["fitted"]):
         found = max(found, st["count"][c])

@@ -58,12 +58,12 @@ class Checked:
 
     @property
     def passed(self) -> bool:
-        """Whether it keeps to the seam and to every decision; bits are a grade, not a requirement."""
+        """Return whether it keeps to the seam and to every decision; bits are a grade, not a requirement."""
         return all(one.passed for one in self.requirements if one.part != "bits")
 
     @property
     def grade(self) -> str:
-        """What can be said of it."""
+        """Return what can be said of it."""
         if not self.passed:
             return "failed"
         parts = {one.part for one in self.requirements if one.passed}
@@ -114,7 +114,7 @@ def _of_class(unit: Unit, cases: list[Case], seam_only: bool) -> Iterator[Requir
 
 
 def _seam(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
-    """How it answers, whatever it decides."""
+    """Return how it answers, whatever it decides."""
     longest = max(cases, key=lambda case: len(case.inputs))
     config, inputs = longest.config.copy(), longest.inputs
     config["form"] = Form[unit.form.replace("-", "_").upper()]
@@ -149,7 +149,7 @@ def _unanswered(said: NDArray[Any]) -> str:
 
 
 def _same(one: NDArray[Any], other: NDArray[Any]) -> str:
-    """Where the bodies of two runs differ, in bytes."""
+    """Return where the bodies of two runs differ, in bytes."""
     names = ("frame", "said", *ANSWERS)
     for name in names:
         a, b = (run[name].tobytes() for run in (one, other))
@@ -198,7 +198,7 @@ def _foreign(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) 
 
 
 def _times(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> Requirement:
-    """How long an exchange takes here: told, not required."""
+    """Return how long an exchange takes here: told, not required."""
     tested.begin(config.copy())
     took = []
     for k in range(1000):

@@ -47,7 +47,7 @@ class Checked(NamedTuple):
 
     @property
     def good(self) -> bool:
-        """Whether a suite passes with it."""
+        """Return whether a suite passes with it."""
         return self.result in GOOD
 
 

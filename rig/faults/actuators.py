@@ -94,7 +94,7 @@ class Lvdt(_OfChannels):
 
     @property
     def magnitude(self) -> Size | None:
-        """How far the offset is from 0, or the factor from 1."""
+        """Return how far the offset is from 0, or the factor from 1."""
         return super().magnitude if self.factor is None else Size(abs(1.0 - self.factor), False)
 
 
@@ -161,7 +161,7 @@ class Leak(_OfAll):
 
     @property
     def effect(self) -> Effect:
-        """What is left of the flow."""
+        """Return what is left of the flow."""
         return Effect(Act.SCALE, 1.0 - self.share, part=Part.LEFT)
 
 
@@ -179,5 +179,5 @@ class HydraulicLoss(_OfAll):
 
     @property
     def effect(self) -> Effect:
-        """What is left of the pressure."""
+        """Return what is left of the pressure."""
         return Effect(Act.SCALE, 1.0 - self.share, part=Part.PRESSURE)

@@ -234,7 +234,7 @@ class Adc(_OfItsChannels):
 
     @property
     def magnitude(self) -> Size | None:
-        """How far the scale is from 1, or the offset from 0."""
+        """Return how far the scale is from 1, or the offset from 0."""
         return super().magnitude if self.factor is None else Size(abs(1.0 - self.factor), False)
 
     def effect_on(self, point: Point) -> Effect:
@@ -249,7 +249,7 @@ class Adc(_OfItsChannels):
 
     @property
     def effect(self) -> Effect:
-        """What it does to a channel."""
+        """Return what it does to a channel."""
         return self._of_samples
 
     @property

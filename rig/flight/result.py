@@ -56,7 +56,7 @@ class Flight:
 
     @property
     def voter(self) -> str:
-        """Who voted: ``manager cross-channel``, or ``unit NAME`` under test."""
+        """Return who voted: ``manager cross-channel``, or ``unit NAME`` under test."""
         return voter(self.scenario.redundancy.manager, None if self.unit is None else self.unit["name"])
 
     @cached_property

@@ -100,7 +100,7 @@ class Log:
 
     @property
     def frames(self) -> int:
-        """How many frames were flown."""
+        """Return how many frames were flown."""
         return len(self.rows)
 
     def blocks(self) -> Iterator[Frames]:

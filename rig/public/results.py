@@ -1,4 +1,4 @@
-"""``rig.score``, ``rig.write_report``, ``rig.vote``: what a flight or a recording came to."""
+"""``rig.score``, ``rig.vote``: what a flight or a recording came to."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from rig.recordings.alignment import AlignOptions
 from rig.scenario import plain_data
 from rig.settings import build
 from rig.unit.unit import running
-from rig.util.outputs import require_apart, require_page
 
 
 def score(
@@ -39,21 +38,6 @@ def score(
         unit, allow_code = unit or flight.unit_file or None, True
     with running(unit) as tested:
         return score_log(_log(flight), yardstick, twin, allow_code, tested)
-
-
-def write_report(flight: Flight | Path | str, out: Path | str | None = None) -> Path:
-    """Write one HTML file of a flight or its log, which opens offline, and return its path.
-
-    out : beside the log, with its name, when not given
-    """
-    from rig.report.flight import report
-
-    log = _log(flight)
-    target = log.with_suffix(".html") if out is None else Path(out)
-    require_apart({"out": target}, [log])
-    require_page("out", None if out is None else target)
-    report(log, target)
-    return target
 
 
 def vote(

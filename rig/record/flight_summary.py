@@ -84,7 +84,7 @@ class Verdict:
 
     @property
     def end(self) -> End:
-        """How the last frame ended the flight, if it did."""
+        """Return how the last frame ended the flight, if it did."""
         return End(self._last["end"][0])
 
     @property
@@ -104,5 +104,5 @@ class Verdict:
 
     @property
     def survived(self) -> bool:
-        """Whether the aircraft was still flying at the end."""
+        """Return whether the aircraft was still flying at the end."""
         return self.end == End.FLYING

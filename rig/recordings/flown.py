@@ -24,7 +24,7 @@ class Recorded:
 
     @property
     def what_if(self) -> str | None:
-        """What was changed, when these frames were never flown but are the answer to a what if."""
+        """Return what was changed, when these frames were never flown but are the answer to a what if."""
         return self.log.metadata.get("what if")
 
     @property

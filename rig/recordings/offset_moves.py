@@ -31,7 +31,7 @@ class OffsetMove:
 
     @property
     def moved(self) -> bool:
-        """Whether it is more than the spread explains."""
+        """Return whether it is more than the spread explains."""
         return self.offset_move > MOST_SPREADS * self.spread
 
 

@@ -75,7 +75,7 @@ class RecordedSignal(SignalConfig):
 
     @property
     def scale(self) -> float:
-        """How many SI units one ``unit`` is."""
+        """Return how many SI units one ``unit`` is."""
         return self._scale
 
     @property
@@ -85,7 +85,7 @@ class RecordedSignal(SignalConfig):
 
     @property
     def range_is_assumed(self) -> bool:
-        """Whether the limits are those of flight, or of one turn, and not CONFIG's."""
+        """Return whether the limits are those of flight, or of one turn, and not CONFIG's."""
         return self._range_is_assumed
 
     def shown(self, value: V) -> V:
@@ -152,7 +152,7 @@ class VoteConfig(Settings):
 
     @property
     def tables(self) -> TableFormat:
-        """How tables are written."""
+        """Return how tables are written."""
         return TableFormat(self.time_column, self.time_unit, self.separator, self.decimal)
 
     def signals(self, present: Collection[str], source: str) -> dict[str, RecordedSignal]:

@@ -114,7 +114,7 @@ def planned(plan: Plan, number: int) -> tuple[int, str]:
 
 
 def leaves_two_good(good: int, design: str) -> bool:
-    """Whether so many stay good that the faulty ones cannot have the vote, and the aircraft, to themselves."""
+    """Return whether so many stay good that the faulty ones cannot have the vote, and the aircraft, to themselves."""
     return good - AT_ONCE[design] >= 2
 
 

@@ -48,7 +48,7 @@ def side(path: Path | str) -> Side:
 
 
 def _is_voted(path: Path) -> bool:
-    """Whether the file has signals but no flight; what cannot be told here is for read_log to say."""
+    """Return whether the file has signals but no flight; what cannot be told here is for read_log to say."""
     if is_pipe(path):
         return False
     try:

@@ -47,16 +47,16 @@ class Comparison:
 
     @property
     def same(self) -> bool:
-        """Whether nothing is different or missing; what is within its tolerance is the same."""
+        """Return whether nothing is different or missing; what is within its tolerance is the same."""
         return not self.remarks and all(field.verdict in ("equal", "within") for field in self.fields)
 
     @property
     def identical(self) -> bool:
-        """Whether everything is equal to the bit."""
+        """Return whether everything is equal to the bit."""
         return not self.remarks and all(field.verdict == "equal" for field in self.fields)
 
     def counts(self) -> dict[str, int]:
-        """How many fields there are of each verdict."""
+        """Return how many fields there are of each verdict."""
         found = Counter(field.verdict for field in self.fields)
         return {name: found.get(name, 0) for name in ("equal", "within", "different", "missing in A", "missing in B")}
 

@@ -15,6 +15,7 @@ from rig.assess.of_log import Scored, score_log
 from rig.assess.record import Yardstick
 from rig.assess.requirements import plain
 from rig.computer.redundancy.managers import manager_kind
+from rig.flight.result import Flight
 from rig.frame import INDEX, SIGNALS
 from rig.log import LogFile, scenario_of
 from rig.log.info import FILE, overrides
@@ -29,6 +30,7 @@ from rig.report.moments import Moment, affected, limit, moment, signals_of
 from rig.report.page import DASH, write_page
 from rig.report.timeline import spans, timeline
 from rig.units.quantities import duration, quantity, seconds
+from rig.util.outputs import require_apart, require_page
 from rig.util.progress import tell
 from rig.view.series import threshold
 
@@ -58,6 +60,20 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
     told |= {"requirements": [plain(one) for one in margins.verdicts]} if margins.verdicts else {}
     return {"report": str(out), **told, **scored.as_dict()}
+
+
+def write_report(flight: Flight | Path | str, out: Path | str | None = None, requirements: Sequence[str] = ()) -> Path:
+    """Write one HTML file of a flight or its log, which opens offline, and return its path.
+
+    out : beside the log, with its name, when not given; requirements : bundled sets and files, as of ``report``
+    BadInput, one line: no log of a flight, no verdict, an ``out`` that is the log or no page.
+    """
+    log = flight.log if isinstance(flight, Flight) else Path(flight)
+    target = log.with_suffix(".html") if out is None else Path(out)
+    require_apart({"out": target}, [log, *requirements])
+    require_page("out", None if out is None else target)
+    report(log, target, requirements)
+    return target
 
 
 def _course(log: LogFile, faults: int) -> Course:

@@ -98,7 +98,7 @@ class Facts:
 
     @property
     def first_start_s(self) -> float | None:
-        """When the first fault begins whose time the scenario says."""
+        """Return when the first fault begins whose time the scenario says."""
         return min((fault.start_s for fault in self.faults if isfinite(fault.start_s)), default=None)
 
 

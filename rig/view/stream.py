@@ -112,7 +112,7 @@ class Stream:
 
     @property
     def watched(self) -> bool:
-        """Whether a viewer is connected to the server of "serve"; True for all that is not served."""
+        """Return whether a viewer is connected to the server of "serve"; True for all that is not served."""
         return not self.browser or viewer.connected(urlsplit(self.where.removeprefix("rerun+")).port or 0)
 
     def drain(self, timeout_s: float = 5.0) -> StreamReport:

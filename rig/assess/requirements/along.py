@@ -48,7 +48,7 @@ class MeasuredConclusion(FlightConclusion):
 
     @property
     def needs_twin(self) -> bool:
-        """Whether the twin is flown when the flight is over."""
+        """Return whether the twin is flown when the flight is over."""
         return any(each.names_twin for each in self.requirements)
 
     @property

@@ -80,7 +80,7 @@ class RequirementsRecorder:
 
     @property
     def needs_twin(self) -> bool:
-        """Whether a formula names ``twin.``"""
+        """Return whether a formula names ``twin.``"""
         return any(q.parts.twin for q in self.quantities)
 
     def record(self, rows: Block, timing: Any = None, lanes: Any = None) -> None:

@@ -43,7 +43,7 @@ class Requirement(Settings):
 
     @property
     def names_twin(self) -> bool:
-        """Whether the formula names the same flight without faults."""
+        """Return whether the formula names the same flight without faults."""
         return "twin." in self.formula
 
     @property

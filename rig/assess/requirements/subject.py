@@ -61,7 +61,7 @@ class Quantity(NamedTuple):
 
     @property
     def measured(self) -> bool:
-        """Whether its unit is that of its signal."""
+        """Return whether its unit is that of its signal."""
         return self.signal >= 0 and self.parts.family in (
             *("truth", "voted", "reference", "error", CHANNEL_ERROR, "threshold", "channel"),
         )
