@@ -29,7 +29,7 @@ from figures.patterns import SMALL
 from rig import scenario
 from rig.campaign.flying import CampaignFlight
 from rig.flight.assembly import fly as fly_logged
-from rig.frame import COMPUTERS, Health
+from rig.frame import COMPUTERS, SIGNALS, Health
 from rig.log import read_log
 from rig.log.export import export
 from rig.log.scan import recover
@@ -45,6 +45,7 @@ ROOT: Final = Path(__file__).parents[3]
 # One computer as before.
 
 DIGESTS: Final = """
+import sys
 from rig import scenario
 from rig.loop import Rig, fly
 from rig.record.flight_summary import Verdict
@@ -52,33 +53,41 @@ class Digest(Verdict):
     def record(self, rows, timing, *lanes):
         self.add(rows, [], *lanes)
 for name in scenario.names():
-    given, digest = scenario.load(name), Digest()
+    given, digest = scenario.load(name, sys.argv[1:]), Digest()
     fly(Rig(given), [digest])
     count = given.computers.count if hasattr(given, "computers") else 1
     print(name, count, given.actuators.model, digest.digest, flush=True)
 """  # of the bundled scenarios of any commit
 
 
+# Computers came before two settings that are on by default now.
+DEFAULTS_OF_THEN: Final = (
+    "redundancy.common_mode=report",
+    *(f"redundancy.signals.{signal.name}.stale_frames=0" for signal in SIGNALS),
+)
+
+
 def lanes_before(commit: str) -> None:
-    """Print how many scenarios that a commit has, of one computer, have the digest that it gives."""
+    """Print how many scenarios that a commit has, of one computer, have its digest at the defaults of then."""
     archive = subprocess.run(
         ["git", "archive", commit, "rig", "faults", "aircraft"], cwd=ROOT, capture_output=True, check=True
     )
     with TemporaryDirectory() as folder:
         with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
             files.extractall(folder, filter="data")
-        old, new = (_digests(Path(root)) for root in (folder, ROOT))
+        old, new = _digests(Path(folder)), _digests(ROOT, DEFAULTS_OF_THEN)
     same = [
         f"{model} {sum(old[key] == new[key] for key in keys)} of {len(keys)}"
         for model in ("lag", "servo")
         if (keys := [key for key in new if key in old and key[1:] == ("1", model)])
     ]
-    print(f"digests of one computer as {commit} gives them: {', '.join(same)}")
+    others = [key[0] for key in new if key[1] == "1" and old.get(key, new[key]) != new[key]]
+    print(f"digests of one computer as {commit} gives them: {', '.join(same)}; others: {', '.join(others) or 'none'}")
 
 
-def _digests(root: Path) -> dict[tuple[str, str, str], str]:
+def _digests(root: Path, sets: Sequence[str] = ()) -> dict[tuple[str, str, str], str]:
     environment = {**os.environ, "PYTHONPATH": str(root)}
-    command = [sys.executable, "-c", DIGESTS]
+    command = [sys.executable, "-c", DIGESTS, *sets]
     ran = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=True)
     return {(name, count, model): digest for name, count, model, digest in map(str.split, ran.stdout.splitlines())}
 
