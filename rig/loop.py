@@ -40,7 +40,7 @@ from rig.plant.pilot import Pilot
 from rig.scenario import Scenario
 from rig.sensors import SensorData, Sensors, measure
 from rig.sensors.inertial import Inertial, InertialData, sense
-from rig.stages import computers, faults, redundancy, servos
+from rig.stages import UNIT, computers, faults, redundancy, servos
 from rig.util.interrupt import Stop
 
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
@@ -74,7 +74,7 @@ class Rig:
     ) -> None:
         """BadInput when the aircraft cannot be loaded or trimmed, or the computer will not fly.
 
-        computer : binds a flight computer to the stages; the rig's own without it
+        computer : binds a flight computer to the stages; the rig's own without it; with a ``lane`` it is one of several
         keep_clean : frames of ``faults.clean``
         """
         seeds = scenario.streams()
@@ -99,8 +99,8 @@ class Rig:
         self.control.reset(self.plant.trim)
         self.actuators = servos(scenario, self.plant)
         alone = ComputerData(self.redundancy.data, self.control.data, self.faults.data)
-        own = "a unit under test" if computer is not None else self.redundancy.own
-        self.computers = computers(scenario, alone, self.sensors, own)
+        own = UNIT if computer is not None else self.redundancy.own
+        self.computers = computers(scenario, alone, self.sensors, own, getattr(computer, "lane", None))
         self._lanes: LaneBlock | None = None  # of the present block
         self.data = self._gather()
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,8 @@ from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.own import OwnManager
 from rig.errors import BadInput
 from rig.faults import Coils, Faults
-from rig.frame import MOVED, SIGNALS
-from rig.lanes.health import coverage
+from rig.frame import COMPUTERS, MOVED, SIGNALS
+from rig.lanes.health import NOBODY, coverage
 from rig.lanes.stage import Lanes
 from rig.lanes.think import ComputerData
 from rig.plant.airframe import Actuator
@@ -44,20 +44,37 @@ def servos(scenario: Scenario, plant: Plant | LinearPlant) -> Actuators | None:
     return made
 
 
-def computers(scenario: Scenario, alone: ComputerData, sensors: Sensors, own: OwnManager | str | None) -> Lanes | None:
+UNIT: Final = "a unit under test"  # that computes
+
+
+def computers(
+    scenario: Scenario,
+    alone: ComputerData,
+    sensors: Sensors,
+    own: OwnManager | str | None,
+    lane: str | None = None,
+) -> Lanes | None:
     """Return the lanes of several computers, None for one.  BadInput: another computer or manager than the rig's own.
 
-    alone : what one computer has at its first frame;  own : a manager of the user's, or who computes in its place
+    alone : what one computer has at its first frame;  own : a manager of the user's, or who computes in its place, of
+    all lanes or of one ``lane``
     """
     count, whose = scenario.computers.count, own
+    fitted = COMPUTERS[:count] if count > 1 else ()
+    if lane is not None and lane not in fitted:
+        have = f"there are {', '.join(fitted)}" if fitted else "there is one computer; set computers.count"
+        raise BadInput(f"lane {lane} is to be {own}, and {have}")
     if count == 1:
         return None
+    if lane is not None:
+        whose = None
     if isinstance(own, OwnManager):
         whose = f"the manager {scenario.redundancy.manager!r}"
     if whose is not None:
-        raise BadInput(f"computers.count: {count} computers fly by the rig's own managers; with {whose} allowed: 1")
-    seeds = scenario.streams()["computers"]
-    return Lanes(scenario.computers, alone, sensors.params["skew"], scenario.rate_hz, seeds)
+        why = f"{count} computers fly by the rig's own managers; with {whose} allowed: 1"
+        raise BadInput(f"computers.count: {why}{'; it may be one of them: --lane' if whose == UNIT else ''}")
+    seeds, outside = scenario.streams()["computers"], NOBODY if lane is None else COMPUTERS.index(lane)
+    return Lanes(scenario.computers, alone, sensors.params["skew"], scenario.rate_hz, seeds, outside)
 
 
 def actuator_monitors(scenario: Scenario) -> tuple[NDArray[Any], MonitorData]:

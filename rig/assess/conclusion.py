@@ -51,12 +51,13 @@ def next_commands(flight: Flight) -> list[str]:
 
     Those that vote again name the unit under test, or allow the code, that voted.
     """
-    log, again = quote(str(flight.log)), ""
+    log, again, fly = quote(str(flight.log)), "", ""
     if flight.unit_file:
         again = f" --unit {quote(flight.unit_file)}"
+        fly = " --fly" if (flight.unit or {}).get("lane") else ""  # one lane of several is not replayed
     elif ":" in flight.scenario.redundancy.manager:
         again = " --allow-code"
-    return [f"rig score {log}{again}", f"rig view {log}", f"rig replay {log}{again}"]
+    return [f"rig score {log}{again}", f"rig view {log}", f"rig replay {log}{again}{fly}"]
 
 
 def _healthy(found: Sequence[Isolation], although: str, about: Context) -> list[str]:

@@ -91,7 +91,10 @@ def score_log(
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
             raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE, or --no-twin")
-    misses = Misses(unit_of(log.metadata).get("on_miss") == "fault")
+    about = unit_of(log.metadata)
+    if unit is not None:
+        unit.fly_as(about)
+    misses = Misses(about.get("on_miss") == "fault")
     try:
         scored, times = _added_up(log, scenario, yardstick, misses, _twin(log, scenario, unit) if twin else None)
     except BadInput as error:
@@ -99,7 +102,7 @@ def score_log(
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
     sentences = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
-    voted_by = voter(scenario.redundancy.manager, unit_of(log.metadata).get("name"))
+    voted_by = voter(scenario.redundancy.manager, about.get("name"), about.get("lane"))
     return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), misses.all(), sentences, voted_by)
 
 

@@ -246,7 +246,7 @@ class Evidence(NamedTuple):
     """What sentences need of a flight besides its score."""
 
     params: NDArray[np.void]  # (S,) config.PARAMS of its manager
-    by_unit: bool  # a unit under test flew it
+    by_unit: bool  # a unit under test voted it
     silent: frozenset[str]  # signals of whose channels nothing was ever said
     columns: Columns  # of a signal with a fault
 

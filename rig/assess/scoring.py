@@ -109,6 +109,7 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
     isolations = {field: _isolations(outcome, kind, faults) for kind, field in ISOLATIONS.items()}
     acted_from = int(records.flight["acted_from"][0])
     measured = None if off is None else transients(off, faults, acted_from, scenario.rate_hz)
+    by_unit = bool(records.flight["unit"][0]) and scenario.computers.count == 1  # not one lane of several
     return Score(
         faults=faults,
         **isolations,
@@ -125,7 +126,7 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
         ),
         actuators={} if outcome.actuators is None else outcome.actuators.scores(),
         computers=None if outcome.computers is None else outcome.computers.score(),
-        evidence=Evidence(outcome.params, bool(records.flight["unit"][0]), frozenset(names), outcome.kept.of),
+        evidence=Evidence(outcome.params, by_unit, frozenset(names), outcome.kept.of),
     )
 
 

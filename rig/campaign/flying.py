@@ -14,7 +14,7 @@ from rig import loop
 from rig.campaign.servos import Coils
 from rig.errors import UnitDead
 from rig.flight.recorder import Findings, end_reason
-from rig.flight.unit_loop import unit_computer
+from rig.flight.unit_loop import UnitComputer
 from rig.frame import TIMING, Block, LaneBlock, new_block
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
@@ -52,7 +52,7 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlig
 
     UnitDead, UnitRefused: the unit under test.
     """
-    rig = loop.Rig(scenario, None if tested is None else unit_computer(tested), keep_clean=scenario.frames)
+    rig = loop.Rig(scenario, None if tested is None else UnitComputer(tested), keep_clean=scenario.frames)
     findings, beside, (rows, timing) = Findings(scenario), _Lanes(), loop.new_memory(scenario)
     loop.fly(rig, [findings, beside], memory=(rows, timing))
     flown = slice(findings.verdict.frames)

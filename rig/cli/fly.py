@@ -50,6 +50,10 @@ Factor = Annotated[
 Realtime = Annotated[
     bool, Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
 ]
+Lane = Annotated[
+    str | None,
+    Option(metavar="A|B|C|D", help="Of several computers, the one that --unit is.", show_default=False),
+]
 Watch = Annotated[bool, Option("--watch", help="Show the redundancy page while it flies.")]
 
 
@@ -64,6 +68,7 @@ def fly(
     realtime: Realtime = False,
     watch: Watch = False,
     unit: UnitFile = None,
+    lane: Lane = None,
     requirements: Requirements = None,
     strict: Strict = False,
     allow_code: AllowCodeOrSet = False,
@@ -92,6 +97,7 @@ def fly(
             watch=page,
             allow_code=allow_code,
             unit=unit,
+            lane=lane,
             realtime=realtime,
             live=keyboard(watch and (realtime or realtime_factor is not None)),
             outcome=outcome,

@@ -209,7 +209,7 @@ def _info(facts: dict[str, Any]) -> None:
 
     result, sets = facts["result"] or {}, facts["overrides"]
     line((facts["title"] or facts["log"], "bold"), f"  {facts['aircraft']}, seed {facts['seed']}")
-    who, _, name = voter(facts["manager"] or "not said", facts["unit"]).partition(" ")
+    who, _, name = voter(facts["manager"] or "not said", facts["unit"], facts["lane"]).partition(" ")
     field(who, name)
     if sets:
         left = len(sets) - MOST_OVERRIDES

@@ -19,18 +19,18 @@ import tomli_w
 from numpy.typing import NDArray
 
 from rig import loop
-from rig.errors import ManagerFailed, RigError
+from rig.errors import BadInput, ManagerFailed, RigError
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import Pace
 from rig.flight.pace import realtime as real_time
 from rig.flight.recorder import FlightRecords, RecordingThread, Watcher
 from rig.flight.result import Flight
-from rig.flight.unit_loop import unit_computer
+from rig.flight.unit_loop import UnitComputer
 from rig.frame import Block, LaneBlock
 from rig.log.of_flight import new_log
 from rig.overrides import Overrides, override_texts, plain_data
 from rig.scenario import Given, Scenario, find, load
-from rig.unit.settings import Unit, read_unit
+from rig.unit.settings import Unit, as_lane, read_unit
 from rig.unit.unit import UnitUnderTest, running
 from rig.util.interrupt import Stop, interruptible
 from rig.util.trust import Trust
@@ -79,6 +79,7 @@ def fly(
     watch: Watch | None = None,
     allow_code: bool = False,
     unit: Unit | str | Path | None = None,
+    lane: str | None = None,
     realtime: bool = False,
     live: Callable[[Keys], AbstractContextManager[object]] | None = None,
     outcome: Outcome | None = None,
@@ -95,6 +96,7 @@ def fly(
     live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs
     outcome : given every block with the clean channels, by which the flight is assessed
     unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
+    lane : of several computers, the one that the unit is, A to D; the others are the rig's own
     Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
     raises: the log is then finished.
     """
@@ -103,6 +105,9 @@ def fly(
     pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
     scenario = scenario if live is None else scenario.armed()
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit
+    if tested is None and lane is not None:
+        raise BadInput(f"--lane {lane}: of a unit under test, --unit")
+    tested = None if tested is None else as_lane(tested, lane)
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
     destination = _Destination(name, text, Path(out), rerun, progress, viewer, watch, sets, outcome)
@@ -155,7 +160,7 @@ def _fly_and_record(
         if to.outcome is None
         else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
     )
-    rig = loop.Rig(scenario, None if unit is None else unit_computer(unit, pace, stop), keep_clean=kept)
+    rig = loop.Rig(scenario, None if unit is None else UnitComputer(unit, pace, stop), keep_clean=kept)
     assess_rows = None
     if (outcome := to.outcome) is not None:
         outcome.begin(scenario)

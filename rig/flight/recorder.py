@@ -121,7 +121,8 @@ class FlightRecords(Findings):
         """Return what became of the exchanges with a unit under test, and how long they took."""
         if self._unit is None:
             return None
-        return {"name": self._unit.unit.name, **self._unit.result(), "reply": self._replies.as_dict()}
+        lane = {} if self._unit.lane is None else {"lane": self._unit.lane}
+        return {"name": self._unit.unit.name, **lane, **self._unit.result(), "reply": self._replies.as_dict()}
 
     def close(self, stop: Stop, failure: ManagerFailed | None) -> str:
         """End the unit's session and write what only the end can tell; return why the flight ended."""

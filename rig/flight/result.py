@@ -57,7 +57,8 @@ class Flight:
     @property
     def voter(self) -> str:
         """Return who voted: ``manager cross-channel``, or ``unit NAME`` under test."""
-        return voter(self.scenario.redundancy.manager, None if self.unit is None else self.unit["name"])
+        unit = self.unit or {}
+        return voter(self.scenario.redundancy.manager, unit.get("name"), unit.get("lane"))
 
     @cached_property
     def recorded(self) -> Log:

@@ -10,7 +10,7 @@ Python goes on with ``exchange`` and ``after_unit``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,15 +18,16 @@ from numpy.typing import NDArray
 
 from rig import loop
 from rig.actuators.stage import ActuatorData
-from rig.computer.analytic.references import ReferenceData, remember
+from rig.computer.analytic.references import ReferenceData
 from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.config import PARAMS
-from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
+from rig.computer.redundancy.discrete import DiscreteData
 from rig.faults import FaultData
 from rig.flight.pace import Pace
-from rig.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Law, Nested, UnitStatus, nested, new_block
+from rig.flight.unit_lane import around_lane
+from rig.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Nested, UnitStatus, nested, new_block
 from rig.kernels import bind, kernel
 from rig.loop import ComputerStep, Rig, StageData, after, before_votes, compute
 from rig.scenario import Scenario
@@ -34,24 +35,26 @@ from rig.sensors import SensorData
 from rig.sensors.inertial import InertialData
 from rig.unit.compiled_exchange import FOREVER_NS, PENDING, try_exchange
 from rig.unit.layout import Form
-from rig.unit.port import BLANK, FLOWN, ON_DISCRETES, STARTING, fill, take
+from rig.unit.port import BLANK, FLOWN, STARTING, conclude, fill, fly_trim, take
 from rig.unit.session import configuration
 from rig.unit.unit import UnitUnderTest
 from rig.util.blocks import in_blocks
 from rig.util.interrupt import Stop
 
 
-def unit_computer(
-    unit: UnitUnderTest, pace: Pace | None = None, stop: Stop | None = None
-) -> Callable[[Rig], ComputerStep]:
-    """Return a binder for Rig: the computer is ``unit``, whose session begins with the flight.  UnitRefused."""
-    deadline = None if pace is None or pace.period_s is None else pace.due
+class UnitComputer:
+    """A binder for Rig: its computer, or one of several, is ``unit``, whose session begins with the flight."""
 
-    def begin(rig: Rig) -> ComputerStep:
-        unit.begin(config_of(rig.scenario, rig.redundancy, rig.plant.trim, unit.form), deadline, stop)
-        return _around_unit(unit, rig.data)
+    def __init__(self, unit: UnitUnderTest, pace: Pace | None = None, stop: Stop | None = None) -> None:
+        self.lane = unit.lane
+        self._unit, self._stop = unit, stop
+        self._deadline = None if pace is None or pace.period_s is None else pace.due
 
-    return begin
+    def __call__(self, rig: Rig) -> ComputerStep:
+        """Begin the session.  UnitRefused."""
+        unit = self._unit
+        unit.begin(config_of(rig.scenario, rig.redundancy, rig.plant.trim, unit.form), self._deadline, self._stop)
+        return _around_unit(unit, rig.data) if self.lane is None else around_lane(unit, rig.data)
 
 
 def fly_rows(
@@ -66,7 +69,7 @@ def fly_rows(
     """
     if unit is None:
         return loop.fly_rows(scenario, frames_at_most, lanes=lanes)
-    rows = loop.fly_rows(scenario, frames_at_most, unit_computer(unit), lanes)
+    rows = loop.fly_rows(scenario, frames_at_most, UnitComputer(unit), lanes)
     unit.end()
     return rows
 
@@ -82,7 +85,7 @@ def fly_blocks(
 
 def _flown(scenario: Scenario, left: int, unit: UnitUnderTest | None) -> Iterator[tuple[Block, LaneBlock | None]]:
     """Yield the blocks of a flight as the loop flies them, ``left`` frames at most."""
-    rig = Rig(scenario, None if unit is None else unit_computer(unit))
+    rig = Rig(scenario, None if unit is None else UnitComputer(unit))
     for rows, _ in loop.frames(rig, scenario):
         lanes = rig.lanes(len(rows))
         yield rows[:left], lanes[0][:left] if lanes else None
@@ -211,7 +214,7 @@ def after_unit(block, raw, k, data, port, status):
     status = take(raw, k, port, status)
     row, answer = block[k], port.records[FLOWN]
     bus, fcc = row["bus"], row["fcc"]
-    conclude_unit(bus, fcc, answer["said"], data.redundancy)
+    conclude(bus, fcc, answer["said"], data.redundancy)
     if port.counts[STARTING] > 0:
         fly_trim(fcc, port.records[BLANK]["surface"])
     elif port.form == _REDUNDANCY:
@@ -221,20 +224,4 @@ def after_unit(block, raw, k, data, port, status):
     return status
 
 
-@kernel
-def fly_trim(fcc, trim):
-    """Hold the surfaces where the flight began, while the unit tests itself."""
-    for i in range(len(trim)):
-        fcc["surface"][i] = trim[i]
-    fcc["law"] = _EXTERNAL
-
-
-@kernel
-def conclude_unit(bus, fcc, said, data):
-    """Keep the unit's votes for the next references, and vote the discretes unless it has."""
-    remember(bus, fcc, data.references)
-    if said & ON_DISCRETES == 0:
-        vote_discretes(bus, fcc, data.discretes)
-
-
-_REDUNDANCY, _EXTERNAL = int(Form.REDUNDANCY), Law.EXTERNAL.value
+_REDUNDANCY = int(Form.REDUNDANCY)

@@ -42,6 +42,7 @@ class CommandData(NamedTuple):
     resolver: NDArray[np.uint8]  # (4, 4) of the votes
     differs: NDArray[np.uint8]  # (4, 4) the first lane's vote has failed the commands of the second
     integral: NDArray[np.float64]  # (4, 4) integrators of each lane at the end of the last frame
+    tells_integrals: NDArray[np.uint8]  # (4,) a unit under test with a control law of its own does not
     samples: NDArray[np.float64]  # (4,) workspace
     valid: NDArray[np.uint8]
     ilm: NDArray[np.uint8]
@@ -73,6 +74,7 @@ def commands(config: Config, limits: NDArray[np.float64], rate_hz: float) -> Com
         resolver=np.zeros(square, np.uint8),
         differs=np.zeros((_LANES, _LANES), np.uint8),
         integral=np.zeros((_LANES, len(INTEGRATED))),
+        tells_integrals=np.ones(_LANES, np.uint8),
         samples=np.zeros(_LANES),
         valid=np.zeros(_LANES, np.uint8),
         ilm=np.zeros(_LANES, np.uint8),
@@ -97,7 +99,7 @@ def equalise(i, law, links, health, data):
     for q in range(integral.shape[1]):
         n = 0
         for j in range(links.link[0]["fitted"]):
-            if is_engaged(health.lane[j]) and hears(i, j, links):
+            if data.tells_integrals[j] != 0 and is_engaged(health.lane[j]) and hears(i, j, links):
                 insert(ordered, n, integral[j, q])
                 n += 1
         if n > 0:

@@ -50,6 +50,7 @@ LANE: Final = np.dtype(
         ("health", "u1"),
         ("failed_for", "u1"),  # LaneTest
         ("running", "u1"),
+        ("silent", "u1"),  # its computer, a unit under test, has not answered in this frame
         ("joins", "u1"),  # in this frame: it takes over what the leading lane has
         ("accuses", "u1", (_LANES,)),  # LaneTest
         ("off_time", "i8", (_LANES,)),  # frames in a row that another's clock was off
@@ -137,6 +138,12 @@ def drawn(data: HealthData, rows: int, rng: Generator) -> HealthData:
 def is_engaged(lane):
     """Return True if a lane, a LANE record, takes part in votes of commands and accusations."""
     return lane["health"] == Health.ENGAGED or lane["health"] == Health.SUSPECT
+
+
+@kernel
+def answers(lane):
+    """Return True if a lane, a LANE record, runs, and its computer has answered where that is a unit under test."""
+    return lane["running"] != 0 and lane["silent"] == 0
 
 
 @kernel
@@ -230,7 +237,7 @@ def find_leading(data):
     """Find the first engaged lane, of those that run if there are; else, or by command, the back-up takes over."""
     system, leading = data.system[0], NOBODY
     for i in range(data.limits[0]["fitted"]):
-        if is_engaged(data.lane[i]) and (leading == NOBODY or data.lane[leading]["running"] < data.lane[i]["running"]):
+        if is_engaged(data.lane[i]) and (leading == NOBODY or answers(data.lane[leading]) < answers(data.lane[i])):
             leading = i
     if leading == NOBODY:
         system["backup"] = 1
@@ -244,10 +251,11 @@ def find_leading(data):
 def test_itself(i, k, frame, off, data):
     """Let lane i test itself; off : whether it puts out something else than it commands; k : row in the block."""
     limits, lane, parts, seen = data.limits[0], data.lane[i], data.parts, data.seen
-    lane["stopped_frames"] = lane["stopped_frames"] + 1 if lane["running"] == 0 else 0
+    lane["stopped_frames"] = 0 if answers(lane) else lane["stopped_frames"] + 1
     found = LaneTest.NONE.value
-    if lane["running"] == 0:
-        if seen[LaneTest.WATCHDOG, i] != 0 and lane["stopped_frames"] >= limits["watchdog_frames"]:
+    if not answers(lane):
+        seen_here = seen[LaneTest.WATCHDOG, i] != 0 or lane["silent"] != 0
+        if seen_here and lane["stopped_frames"] >= limits["watchdog_frames"]:
             found = LaneTest.WATCHDOG.value
     else:
         wraps = seen[LaneTest.WRAP_AROUND, i] != 0 and (off or parts[ComputerPart.INPUT, i] != 0.0)
@@ -298,7 +306,7 @@ def accuse(i, commands_differ, link_states, data):
     limits, lane = data.limits[0], data.lane[i]
     for j in range(limits["fitted"]):
         found = LaneTest.NONE.value
-        if i != j and lane["running"] != 0 and is_engaged(lane) and is_engaged(data.lane[j]):
+        if i != j and answers(lane) and is_engaged(lane) and is_engaged(data.lane[j]):
             if commands_differ[j] != 0:
                 found = LaneTest.COMMANDS.value
             elif link_states[j] == LinkState.FAILED:

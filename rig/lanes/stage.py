@@ -47,6 +47,7 @@ from rig.lanes.health import (
     NOBODY,
     HealthData,
     accuse,
+    answers,
     drawn,
     drives,
     engage,
@@ -57,7 +58,7 @@ from rig.lanes.health import (
     watch_clocks,
 )
 from rig.lanes.link import LinkData, links, share_samples
-from rig.lanes.think import ComputerData, think_lane
+from rig.lanes.think import ComputerData, give_references, think_lane
 
 _LANES: Final = len(COMPUTERS)
 _SURFACES: Final = len(SURFACES)
@@ -76,6 +77,7 @@ class LaneData(NamedTuple):
     """What the lanes have of their own; ``[i]`` of an array is what one computer has, the last the back-up's."""
 
     fitted: int  # lanes that think
+    outside: int  # the lane whose computer is a unit under test, or NOBODY
     bus: NDArray[Any]  # (4,) BUS
     fcc: NDArray[Any]  # (5,) FCC
     references: NDArray[Any]  # and so on: states, in place
@@ -101,9 +103,15 @@ class Lanes:
     """The lanes of a flight at their first frame; ``one`` : a computer at its own, from which all begin."""
 
     def __init__(
-        self, config: Config, one: ComputerData, skew: NDArray[np.float64], rate_hz: float, seeds: SeedSequence
+        self,
+        config: Config,
+        one: ComputerData,
+        skew: NDArray[np.float64],
+        rate_hz: float,
+        seeds: SeedSequence,
+        outside: int = NOBODY,
     ) -> None:
-        """skew : (S, 4) frames, of the sensors without the lanes' clocks."""
+        """skew : (S, 4) frames, of the sensors without the lanes' clocks; outside : as of LaneData."""
         redundancy, control, faults = one.redundancy, one.control, one.faults
         law = control.param[0]
         limits = np.stack([law["low"], law["high"]], axis=1)
@@ -115,6 +123,7 @@ class Lanes:
             told[:] = control.state[0]["surface"]
         self.data = LaneData(
             fitted=config.count,
+            outside=outside,
             bus=np.zeros(_LANES, BUS),
             fcc=np.zeros(_LANES + 1, FCC),
             references=_of_each(redundancy.references.state),
@@ -155,18 +164,30 @@ def think_all(row, k, data, lanes):
     if lanes is None:
         think_lane(row, row["bus"], row["fcc"], k, data)
     else:
-        break_computers(row, lanes.health.parts, lanes.health.seen, data.faults)
-        engage(row["frame"], lanes.health)
-        join(lanes)
-        share_samples(row, lanes.bus, lanes.clocks.clock[0]["lead"], lanes.running, data.faults, lanes.links)
-        think_apart(row, k, data, lanes)
-        command(row, lanes, data.faults)
-        watch(row["frame"], k, lanes)
-        lead(row, k, data, lanes)
-        give_orders(row["fcc"]["surface"], lanes)
-        for i in range(lanes.fitted):
-            note(lanes.rows[k, i], i, lanes)
-        run_on(lanes.clocks.clock[0], lanes.links.silent, lanes.counted, lanes.health.parts[ComputerPart.DRIFT])
+        think_before(row, k, data, lanes)
+        think_after(row, k, data, lanes)
+
+
+@kernel
+def think_before(row, k, data, lanes):
+    """Let the lanes share samples and think; of the lane outside up to the references, which its computer reads."""
+    break_computers(row, lanes.health.parts, lanes.health.seen, data.faults)
+    engage(row["frame"], lanes.health)
+    join(lanes)
+    share_samples(row, lanes.bus, lanes.clocks.clock[0]["lead"], lanes.running, data.faults, lanes.links)
+    think_apart(row, k, data, lanes)
+
+
+@kernel
+def think_after(row, k, data, lanes):
+    """Let the lanes tell and vote their commands, test and accuse, and fill the row's FCC record by the leading one."""
+    command(row, lanes, data.faults)
+    watch(row["frame"], k, lanes)
+    lead(row, k, data, lanes)
+    give_orders(row["fcc"]["surface"], lanes)
+    for i in range(lanes.fitted):
+        note(lanes.rows[k, i], i, lanes)
+    run_on(lanes.clocks.clock[0], lanes.links.silent, lanes.counted, lanes.health.parts[ComputerPart.DRIFT])
 
 
 @kernel
@@ -192,7 +213,7 @@ def other_engaged(i, lanes):
     """Return the first engaged lane that runs on, but i; NOBODY if there is none."""
     for j in range(lanes.fitted):
         lane = lanes.health.lane[j]
-        if j != i and is_engaged(lane) and lane["running"] != 0 and lane["joins"] == 0:
+        if j != i and is_engaged(lane) and answers(lane) and lane["joins"] == 0:
             return j
     return NOBODY
 
@@ -228,8 +249,12 @@ def think_apart(row, k, data, lanes):
     for i in range(lanes.fitted):
         if lanes.running[i] != 0:
             lanes.fcc[i] = row["fcc"]
-            think_lane(row, lanes.bus[i], lanes.fcc[i], k, of_lane(i, data, lanes))
-            keep_integrals(i, lanes.control[i, 0], lanes.commands)
+            own = of_lane(i, data, lanes)
+            if i == lanes.outside:
+                give_references(row, lanes.bus[i], lanes.fcc[i], k, own.redundancy.references, own.faults)
+            else:
+                think_lane(row, lanes.bus[i], lanes.fcc[i], k, own)
+                keep_integrals(i, lanes.control[i, 0], lanes.commands)
 
 
 @kernel

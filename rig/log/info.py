@@ -51,6 +51,7 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
         "aircraft": metadata.get("aircraft", ""),
         "manager": scenario.get("redundancy", {}).get("manager"),
         "unit": unit_of(metadata).get("name"),
+        "lane": unit_of(metadata).get("lane"),
         "overrides": overrides(log.attachments.get(FILE, b"").decode(errors="replace"), scenario),
         "seed": scenario.get("seed"),
         "rate_hz": log.rate_hz,

@@ -46,12 +46,16 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
     if recording.unit and unit is None:
         name = recording.unit.get("name")
         raise BadInput(f"{recording.path}: the unit under test {name!r} flew it: replay it with --unit FILE")
-    computer = Again(scenario, unit)
-    again = fly_blocks(scenario, log.frames, unit) if fly else _replayed(recording, computer)
+    if unit is not None and recording.unit:
+        unit.fly_as(recording.unit)
+    if not fly and unit is not None and unit.lane is not None:
+        raise BadInput(f"{recording.path}: {unit.unit.name} is one lane of several: fly it again, --fly")
+    computer = None if fly else Again(scenario, unit)
+    again = fly_blocks(scenario, log.frames, unit) if computer is None else _replayed(recording, computer)
     fields, moves, frames = list[Field](), Moves(), 0
     for old, new in zip_longest(log.blocks(), again):
         rows, lanes = new or (old.rows[:0], None if old.lanes is None else old.lanes[:0])
-        found = _compared(old, rows, lanes, None if fly else computer)
+        found = _compared(old, rows, lanes, computer)
         fields = [joined(*pair) for pair in zip(fields, found, strict=True)] if fields else found
         moves.add(old.rows, rows, old.lanes, lanes)
         frames += len(rows)

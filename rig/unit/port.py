@@ -16,7 +16,9 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, SURFACES, State, UnitStatus
+from rig.computer.analytic.references import remember
+from rig.computer.redundancy.discrete import vote_discretes
+from rig.frame import FLAT, SURFACES, Law, State, UnitStatus
 from rig.frame.fields import FIELD, FIELDS
 from rig.kernels import kernel
 from rig.unit.layout import (
@@ -135,6 +137,7 @@ _GROUPS: Final = _moves({**ANSWERS, "said": 0}, OUTPUT, OUTPUT)
 _VOTES: Final = _moves({name: 0 for name in ANSWERS if name not in _OWN_CONTROL}, OUTPUT, FLAT)
 _CONTROL: Final = _moves(dict.fromkeys(_OWN_CONTROL, 0), OUTPUT, FLAT)
 _LIMITS: Final = _limits()
+_EXTERNAL: Final = Law.EXTERNAL.value
 _WITH_SURFACES: Final = int(Form.FLIGHT_COMPUTER)
 _SURFACES: Final = len(SURFACES)
 _SELF_TEST, _LAST_STATUS = Status.SELF_TEST.value, max(Status).value
@@ -199,6 +202,25 @@ def take(raw, k, port, status):
     if port.form == _WITH_SURFACES:
         move(port.bytes[FLOWN], raw[k], _CONTROL)
     return status
+
+
+@kernel
+def fly_trim(fcc, trim):
+    """Hold the surfaces where the flight began, while the unit tests itself."""
+    for i in range(len(trim)):
+        fcc["surface"][i] = trim[i]
+    fcc["law"] = _EXTERNAL
+
+
+@kernel
+def conclude(bus, fcc, said, data):
+    """Keep the unit's votes for the next references, and vote the discretes unless it has ``said`` them.
+
+    data : has references and discretes
+    """
+    remember(bus, fcc, data.references)
+    if said & ON_DISCRETES == 0:
+        vote_discretes(bus, fcc, data.discretes)
 
 
 @kernel

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Final, Literal
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from rig.errors import BadInput
+from rig.frame import COMPUTERS
 from rig.settings import Settings, build, read_toml
 from rig.util.files import is_file
 
@@ -51,6 +52,7 @@ class Unit(Settings):
     on_miss: Literal["hold", "fault", "end"] = "hold"
     max_missed: int = Field(default=10, ge=1)  # frames in a row; then it is dead
     on_dead: Literal["end", "hold", "backup", "restart"] = "end"
+    lane: Literal["A", "B", "C", "D"] | None = None  # of several computers, the one that it is; None: the only one
     fmu: FmuMapping | None = None  # of an FMU that has not our variables
     reuse: bool = True  # a campaign flies one session after the other with the same process
     _folder: Path = PrivateAttr(default=Path())  # of the unit file
@@ -135,9 +137,24 @@ class Unit(Settings):
         return {**self.model_dump(exclude_none=True), "sha256": self.sha256()}
 
 
-def voter(manager: str, unit: str | None = None) -> str:
-    """Return who voted a flight, as every command names it: the ``unit`` under test of this name, else the manager."""
+def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str:
+    """Return who voted a flight, as every command names it: the ``unit`` under test of this name, else the manager.
+
+    lane : of several computers, the one that the unit was
+    """
+    if lane is not None:
+        return f"manager {manager}, unit {unit} as lane {lane}"
     return f"manager {manager}" if unit is None else f"unit {unit}"
+
+
+def as_lane(unit: Unit, lane: str | None) -> Unit:
+    """Return the settings of a unit that is to be this ``lane``, that of its file when None.  BadInput: it cannot."""
+    if lane is not None and lane not in COMPUTERS:
+        raise BadInput(f"--lane {lane}: must be one of {', '.join(COMPUTERS)}")
+    unit = unit if lane is None else unit.model_copy(update={"lane": lane})
+    if unit.lane is not None and unit.carrier == "python":
+        raise BadInput(f"{unit.source}: lane: a class votes in the place of our manager, and is no lane of several")
+    return unit
 
 
 def read_unit(path: Path | str) -> Unit:

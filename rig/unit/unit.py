@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -60,6 +60,7 @@ class UnitUnderTest:
         crowded : other flights want the cores, on which neither side should then poll for a message
         """
         self.unit, self.form, self._patience = unit, _FORMS[unit.form], patience(crowded)
+        self.lane: str | None = unit.lane  # of several computers
         self.said, self.printed = "", ""  # its text about itself; its standard output, known when it is closed
         self.end_wrong, self._begun = "", False  # how it ended if not as it was told to, known then, too
         self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
@@ -280,6 +281,10 @@ class UnitUnderTest:
     def metadata(self) -> dict[str, str]:
         """Return what the log of a flight has of its unit."""
         return {"unit": json.dumps({**self.unit.about(), "said": self.said})}
+
+    def fly_as(self, metadata: Mapping[str, Any]) -> None:
+        """Be the lane that a log's unit was, which an option may have chosen; metadata : of the log, on the unit."""
+        self.lane = metadata.get("lane")
 
     def result(self) -> dict[str, Any]:
         """Return what became of the exchanges of a flight."""

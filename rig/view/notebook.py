@@ -38,8 +38,9 @@ def line(log: Log) -> str:
 def table(log: Log, conclusion: Sequence[str], overrides: Sequence[str] = (), path: Path | None = None) -> str:
     """Return HTML: what was flown, verdict, failed channels, conclusion, digest; no frames."""
     scenario = _scenario(log)
-    manager, unit = scenario.get("redundancy", {}).get("manager", ""), unit_of(log.metadata).get("name")
-    flown = (f"seed {scenario.get('seed', '')}", voter(manager, unit) if manager else "", *overrides)
+    manager, unit = scenario.get("redundancy", {}).get("manager", ""), unit_of(log.metadata)
+    voted = voter(manager, unit.get("name"), unit.get("lane")) if manager else ""
+    flown = (f"seed {scenario.get('seed', '')}", voted, *overrides)
     cells = [
         ("scenario", f"{scenario.get('title') or scenario.get('aircraft', '')}, {', '.join(filter(None, flown))}"),
         ("verdict", _verdict(log)),

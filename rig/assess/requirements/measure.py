@@ -12,9 +12,9 @@ from rig.assess.requirements.subject import Subject, of_flight
 from rig.assess.transients import twin_blocks
 from rig.errors import BadInput
 from rig.flight.operator_keys import pressed
-from rig.flight.unit_loop import unit_computer
+from rig.flight.unit_loop import UnitComputer
 from rig.frame import Block
-from rig.log import LogFile, scenario_of
+from rig.log import LogFile, scenario_of, unit_of
 from rig.scenario import Scenario, from_resolved
 from rig.unit.unit import UnitUnderTest
 from rig.util.blocks import cuts
@@ -63,7 +63,7 @@ def fly_requirements(
     twin : as of ``recorder_of``; unit : under test, that flies it.  BadInput before the first frame.
     """
     recorder = recorder_of(scenario, requirements, twin, unit)
-    loop.fly(loop.Rig(scenario, None if unit is None else unit_computer(unit)), [recorder])
+    loop.fly(loop.Rig(scenario, None if unit is None else UnitComputer(unit)), [recorder])
     return recorder.finish()
 
 
@@ -111,6 +111,8 @@ def check_log(
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
             raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE")
+    if unit is not None:
+        unit.fly_as(unit_of(log.metadata))
     try:
         recorder = recorder_of(scenario, requirements, twin, unit)
         for block in log.blocks():

@@ -24,8 +24,8 @@ from unit_files import udp, written
 import rig
 from figures import table
 from rig import loop
+from rig.flight.unit_loop import UnitComputer
 from rig.flight.unit_loop import fly_rows as fly_unit
-from rig.flight.unit_loop import unit_computer
 from rig.frame import Block, UnitStatus
 from rig.replay.vote_again import OUTPUTS, vote_again
 from rig.scenario import Scenario, load, names
@@ -98,7 +98,7 @@ def frame_us(scenario: Scenario, unit: UnitUnderTest | None) -> tuple[float, flo
 
     Other load on the machine takes few frames and makes them long: the mean has it, the median has not.
     """
-    flight = loop.Rig(scenario, None if unit is None else unit_computer(unit))
+    flight = loop.Rig(scenario, None if unit is None else UnitComputer(unit))
     frames: list[float] = []
     began = time.perf_counter()
     for _, timing in loop.frames(flight, scenario):
