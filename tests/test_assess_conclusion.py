@@ -235,7 +235,8 @@ def test_channels_are_listed_as_in_a_sentence():
 )
 def test_the_next_commands_can_be_pasted(manager: str, unit_file: str, again: str):
     scenario: Any = SimpleNamespace(redundancy=SimpleNamespace(manager=manager))
-    flight: Any = SimpleNamespace(log=Path("my logs/x.mcap"), unit_file=unit_file, scenario=scenario)
+    unit = {"name": "u"} if unit_file else None
+    flight: Any = SimpleNamespace(log=Path("my logs/x.mcap"), unit_file=unit_file, unit=unit, scenario=scenario)
     log = "'my logs/x.mcap'"
     assert next_commands(flight) == [f"rig score {log}{again}", f"rig view {log}", f"rig replay {log}{again}"]
 

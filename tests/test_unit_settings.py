@@ -15,7 +15,7 @@ UDP = 'name = "u"\ncarrier = "udp"\n'
 WRONG = {
     LIBRARY + 'on_miss = "wait"\n': "on_miss: input should be 'hold', 'fault' or 'end'",
     LIBRARY + "deadline = 1.5\n": "deadline: input should be less than or equal to 1, got 1.5",
-    LIBRARY + "latency = 1\n": "latency: unknown key; nearest: latency_frames, isolate, path; all keys: docs/unit.md",
+    LIBRARY + "latency = 1\n": "latency: unknown key; nearest: latency_frames, isolate, lane; all keys: docs/unit.md",
     'name = "u"\n': "path: the carrier library needs it",
     'path = "u.so"\n': "name: field required",
     'name = "u"\npath = "v.so"\n': "path: v.so: no such file",

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.actuator_sentence import bypassed
-from rig.assess.context import Context, channel, channels, comparable
+from rig.assess.context import Context, channel, channels, comparable, place
 from rig.assess.fault_sentence import fault_sentences
 from rig.assess.lane_sentence import computers_lost
 from rig.assess.record import Episode, Isolation, Score
 from rig.assess.words import BY_DESIGN
 from rig.computer.redundancy.reference_monitor import reference_threshold
+from rig.faults.places import site
 from rig.frame import CHANNELS, INDEX, SIGNALS, Ilm, Pattern
 from rig.scenario import Scenario
 from rig.units.angles import differences
@@ -61,11 +62,14 @@ def next_commands(flight: Flight) -> list[str]:
 
 
 def _healthy(found: Sequence[Isolation], although: str, about: Context) -> list[str]:
-    return [
-        f"{channel(one.signal, one.channel)} was healthy and was failed at {seconds(one.frame, about.rate_hz)} "
-        f"by {one.resolver}, {although}"
-        for one in found
-    ]
+    return [_isolated(one, f"at {seconds(one.frame, about.rate_hz)} by {one.resolver}", although) for one in found]
+
+
+def _isolated(one: Isolation, how: str, although: str) -> str:
+    """Return a sentence of a channel, or of a computer, which may be a unit under test: no fault was put on it."""
+    if site(one.signal) == "computer":
+        return f"{place(one.signal)} was failed {how} without a fault put on it"
+    return f"{channel(one.signal, one.channel)} was healthy and was failed {how}, {although}"
 
 
 def _by_design(score: Score, about: Context) -> Iterator[str]:

@@ -19,7 +19,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from rig import loop
-from rig.errors import BadInput, ManagerFailed, RigError
+from rig.errors import ManagerFailed, RigError
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import Pace
 from rig.flight.pace import realtime as real_time
@@ -105,9 +105,7 @@ def fly(
     pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
     scenario = scenario if live is None else scenario.armed()
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit
-    if tested is None and lane is not None:
-        raise BadInput(f"--lane {lane}: of a unit under test, --unit")
-    tested = None if tested is None else as_lane(tested, lane)
+    tested = as_lane(tested, lane)
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
     destination = _Destination(name, text, Path(out), rerun, progress, viewer, watch, sets, outcome)

@@ -16,13 +16,11 @@ from typing import Any, Final
 import numpy as np
 
 from rig.computer.control.law import control_law
-from rig.computer.redundancy import vote_signals
-from rig.computer.redundancy.discrete import vote_discretes
 from rig.frame import FLAT, Nested, UnitStatus, nested, new_block
 from rig.kernels import bind, kernel
 from rig.lanes.command import keep_integrals
 from rig.lanes.stage import of_lane, think_after, think_before
-from rig.lanes.think import ComputerData
+from rig.lanes.think import ComputerData, think_beside
 from rig.loop import ComputerStep, StageData, after, before
 from rig.unit.layout import Form
 from rig.unit.port import BLANK, FLOWN, ON_DISCRETES, STARTING, conclude, fill, fly_trim, take
@@ -92,7 +90,8 @@ def take_in(data, lanes, own, port, status):
     if lanes.running[i] == 0:
         return
     computer, bus, fcc, said = of_lane(i, data, lanes), own[0]["bus"], own[0]["fcc"], port.records[FLOWN]["said"]
-    think_beside(lanes.fcc[i], own[1], bus, said, port.form, computer)
+    own[1]["bus"], own[1]["fcc"] = bus, lanes.fcc[i]
+    think_beside(own[1], (said & ON_DISCRETES) != 0, port.form != _REDUNDANCY, computer)
     conclude(bus, fcc, said, computer.redundancy)
     if port.counts[STARTING] > 0:
         fly_trim(fcc, port.records[BLANK]["surface"])
@@ -101,18 +100,3 @@ def take_in(data, lanes, own, port, status):
         keep_integrals(i, lanes.control[i, 0], lanes.commands)
     lanes.fcc[i] = fcc
     lanes.running[i] = answered
-
-
-@kernel
-def think_beside(references, beside, bus, said, form, computer):
-    """Keep up what a lane that starts again, or the back-up, takes over from this one: the unit's own is not known.
-
-    It is what our own manager and law have after the same samples; their answer is not used.
-    references : FCC record of the lane with them alone;  beside : FRAME record, workspace
-    """
-    beside["bus"], beside["fcc"] = bus, references
-    vote_signals(beside["bus"], beside["fcc"], computer.redundancy.manager)
-    if said & ON_DISCRETES:
-        vote_discretes(beside["bus"], beside["fcc"], computer.redundancy.discretes)
-    if form != _REDUNDANCY:
-        control_law(beside["bus"], beside["fcc"], computer.control)

@@ -6,4 +6,8 @@ stage.py     several of them: state and records of each lane, and who leads
 clock.py     when each lane samples, and how their clocks are kept together
 link.py      what each lane's BUS has of the others' channels
 exchange.py  what each lane holds of another's word, after one round or two
+command.py   the vote of their commands
+health.py    who accuses and fails whom
+takeover.py  what a lane that starts again, and the back-up, begin with
+backup.py    the law that flies without a lane
 """

@@ -27,7 +27,7 @@ from rig.computer.redundancy.discrete import DiscreteData
 from rig.computer.redundancy.manager import ManagerData
 from rig.faults import FaultData, break_computers, corrupt_commands
 from rig.faults.parts import ComputerPart
-from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, LaneTest, S, lane_rows
+from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, S, lane_rows
 from rig.kernels import kernel
 from rig.lanes.backup import PLACE, fly_backup
 from rig.lanes.clock import ClockData, clocks, run_on, sample_early
@@ -39,7 +39,6 @@ from rig.lanes.command import (
     keep_integrals,
     middle_of_engaged,
     note_unresolved,
-    rejoin,
     vote_commands,
 )
 from rig.lanes.config import Config
@@ -47,7 +46,6 @@ from rig.lanes.health import (
     NOBODY,
     HealthData,
     accuse,
-    answers,
     drawn,
     drives,
     engage,
@@ -58,6 +56,7 @@ from rig.lanes.health import (
     watch_clocks,
 )
 from rig.lanes.link import LinkData, links, share_samples
+from rig.lanes.takeover import join
 from rig.lanes.think import ComputerData, give_references, think_lane
 
 _LANES: Final = len(COMPUTERS)
@@ -188,56 +187,6 @@ def think_after(row, k, data, lanes):
     for i in range(lanes.fitted):
         note(lanes.rows[k, i], i, lanes)
     run_on(lanes.clocks.clock[0], lanes.links.silent, lanes.counted, lanes.health.parts[ComputerPart.DRIFT])
-
-
-@kernel
-def join(lanes):
-    """Let lanes that start again or are readmitted, and the back-up, take over what the leading lane has."""
-    system = lanes.health.system[0]
-    for i in range(lanes.fitted):
-        lane = lanes.health.lane[i]
-        lanes.running[i], lanes.counted[i] = lane["running"], is_engaged(lane)
-        lanes.links.relays[i] = lane["failed_for"] not in (LaneTest.COMMANDS, LaneTest.LINK, LaneTest.CLOCK)
-        if lane["joins"] != 0:
-            leader = other_engaged(i, lanes)
-            if leader != NOBODY:
-                take_over(i, leader, lanes)
-            if is_engaged(lane):
-                rejoin(i, leader, lanes.commands)
-    if system["taken_over"] != 0:
-        take_over(PLACE, system["led"], lanes)
-
-
-@kernel
-def other_engaged(i, lanes):
-    """Return the first engaged lane that runs on, but i; NOBODY if there is none."""
-    for j in range(lanes.fitted):
-        lane = lanes.health.lane[j]
-        if j != i and is_engaged(lane) and answers(lane) and lane["joins"] == 0:
-            return j
-    return NOBODY
-
-
-@kernel
-def take_over(i, j, lanes):
-    """Give computer i all that computer j has."""
-    lanes.fcc[i] = lanes.fcc[j]
-    copy(lanes.references, i, j)
-    copy(lanes.manager, i, j)
-    copy(lanes.boxes, i, j)
-    copy(lanes.discretes, i, j)
-    copy(lanes.control, i, j)
-    copy(lanes.fdi, i, j)
-    copy(lanes.kept, i, j)
-    copy(lanes.gain, i, j)
-    copy(lanes.memory, i, j)
-
-
-@kernel
-def copy(states, i, j):
-    """Copy what computer j has of ``states``, (5, n) records, to computer i."""
-    for n in range(states.shape[1]):
-        states[i, n] = states[j, n]
 
 
 @kernel

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import RedundancyData, conclude, refer, vote_signals
+from rig.computer.redundancy.discrete import vote_discretes
 from rig.faults import FaultData, corrupt_reference
 from rig.kernels import kernel
 
@@ -27,8 +28,14 @@ class ComputerData(NamedTuple):
 def think_lane(row, bus, fcc, k, data):
     """Fill the FCC record of one computer in row k from its BUS record; row : FRAME record, data : ComputerData."""
     give_references(row, bus, fcc, k, data.redundancy.references, data.faults)
-    vote_signals(bus, fcc, data.redundancy.manager)
+    vote(bus, fcc, data)
     follow_votes(bus, fcc, data)
+
+
+@kernel
+def vote(bus, fcc, data):
+    """Vote the continuous signals of one computer."""
+    vote_signals(bus, fcc, data.redundancy.manager)
 
 
 @kernel
@@ -44,3 +51,17 @@ def follow_votes(bus, fcc, data):
     """Write all that follows from a computer's votes: what it keeps of them, discretes, surfaces."""
     conclude(bus, fcc, data.redundancy)
     control_law(bus, fcc, data.control)
+
+
+@kernel
+def think_beside(row, discretes, law, data):
+    """Keep up the state that another takes over from a computer outside, whose own memory is not known.
+
+    It is what our own manager and law have after the same samples, and changes nothing that is flown.
+    row : FRAME with BUS and references of its lane, workspace;  discretes, law : True if the computer has its own
+    """
+    vote(row["bus"], row["fcc"], data)
+    if discretes:
+        vote_discretes(row["bus"], row["fcc"], data.redundancy.discretes)
+    if law:
+        control_law(row["bus"], row["fcc"], data.control)

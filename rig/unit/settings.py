@@ -147,8 +147,12 @@ def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str
     return f"manager {manager}" if unit is None else f"unit {unit}"
 
 
-def as_lane(unit: Unit, lane: str | None) -> Unit:
+def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
     """Return the settings of a unit that is to be this ``lane``, that of its file when None.  BadInput: it cannot."""
+    if unit is None and lane is None:
+        return None
+    if unit is None:
+        raise BadInput(f"--lane {lane}: of a unit under test, --unit")
     if lane is not None and lane not in COMPUTERS:
         raise BadInput(f"--lane {lane}: must be one of {', '.join(COMPUTERS)}")
     unit = unit if lane is None else unit.model_copy(update={"lane": lane})
