@@ -81,8 +81,7 @@ def fly(
     from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
-    if watch and as_json:
-        raise BadInput("--watch: not with --json, which prints one object and nothing else")
+    _refuse_both(watch, as_json)
     outcome = MeasuredConclusion(requirements or ())
     with watching(watch, realtime_factor) as page, working("starting", not (as_json or watch)):
         flight = fly_scenario(
@@ -108,6 +107,11 @@ def fly(
     emit(as_json, lambda: {**flight.summary(), **told()}, lambda: show_flight(flight, verdicts=verdicts))
     if strict and violated(verdicts):
         raise Exit(1)
+
+
+def _refuse_both(watch: bool, as_json: bool) -> None:
+    if watch and as_json:
+        raise BadInput("--watch: not with --json, which prints one object and nothing else")
 
 
 def _verdicts(outcome: MeasuredConclusion, flight: Flight, unit: Path | None, allow_code: bool) -> tuple[Verdict, ...]:
