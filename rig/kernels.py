@@ -38,10 +38,11 @@ class Kernel:
     Python calls the other, which is compiled for the few kernels that Python calls at all.
     """
 
-    def __init__(self, function: Callable[..., object], *, nogil: bool) -> None:
+    def __init__(self, function: Callable[..., object], *, nogil: bool = False, inlined: bool = False) -> None:
         update_wrapper(self, function)
         self.py_func: Any = function
         self._nogil = nogil
+        self.targetoptions = {"inline": "always" if inlined else "never"}  # where numba looks for it in a call
 
     @property
     def _numba_type_(self) -> Any:
@@ -79,7 +80,15 @@ def kernel(function: F) -> F:
 
     Without numba's runtime an allocation does not compile, and views of a row's fields cost no counting.
     """
-    return _compiled(function, nogil=False)
+    return _compiled(function)
+
+
+def inlined(function: F) -> F:
+    """``kernel`` whose statements become the caller's: a step between others, which numba would optimise once more.
+
+    Every kernel is optimised with all that it reaches, so one that only calls others costs as much as they do together.
+    """
+    return _compiled(function, inlined=True)
 
 
 def long_kernel(function: F) -> F:
@@ -87,8 +96,8 @@ def long_kernel(function: F) -> F:
     return _compiled(function, nogil=True)
 
 
-def _compiled(function: F, *, nogil: bool) -> F:
-    made: Any = function if _config.DISABLE_JIT else Kernel(function, nogil=nogil)
+def _compiled(function: F, **how: bool) -> F:
+    made: Any = function if _config.DISABLE_JIT else Kernel(function, **how)
     return made
 
 

@@ -32,7 +32,7 @@ from rig.computer.redundancy.own import OwnManager
 from rig.errors import ManagerFailed
 from rig.faults import FaultData, corrupt
 from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, lane_rows, nested, new_block
-from rig.kernels import bind, kernel
+from rig.kernels import bind, inlined, kernel
 from rig.lanes.stage import LaneData, orders, sample, think_all
 from rig.lanes.think import ComputerData, follow_votes, give_references
 from rig.plant.jsbsim import plant
@@ -177,7 +177,7 @@ def before(block, k, data):
     corrupt(row, k, data.faults)
 
 
-@kernel
+@inlined
 def think(block, k, data):
     """Fill all that the computer writes of row k."""
     think_all(block[k], k, ComputerData(data.redundancy, data.control, data.faults), data.lanes)

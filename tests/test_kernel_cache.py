@@ -83,6 +83,16 @@ def test_an_edit_compiles_what_reaches_it_and_nothing_else(tmp_path: Path):
     assert _run(tmp_path) == ([3.0, 3.0], set())  # both states are kept
 
 
+def test_an_inlined_kernel_is_compiled_with_its_caller_alone_and_an_edit_of_it_compiles_that_again(tmp_path: Path):
+    names = {"import kernel": "import inlined, kernel", "@kernel\ndef inner": "@inlined\ndef inner"}
+    inlined = _HELPER
+    for old, new in names.items():
+        inlined = inlined.replace(old, new)
+    assert _run(tmp_path, helper=inlined) == ([3.0, 3.0], {"outer", "other", "apart"})
+    assert _run(tmp_path, helper=inlined) == ([3.0, 3.0], set())
+    assert _run(tmp_path, helper=inlined.replace("x * GAIN", "x * GAIN + 1.0")) == ([4.0, 3.0], {"outer"})
+
+
 def test_a_checkout_elsewhere_uses_what_is_equal(tmp_path: Path):
     first, second = tmp_path / "first", tmp_path / "second"
     first.mkdir()

@@ -28,7 +28,7 @@ from rig.computer.redundancy.manager import ManagerData
 from rig.faults import FaultData, break_computers, corrupt_commands
 from rig.faults.parts import ComputerPart
 from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, S, lane_rows
-from rig.kernels import kernel
+from rig.kernels import inlined, kernel
 from rig.lanes.backup import PLACE, fly_backup
 from rig.lanes.clock import ClockData, clocks, run_on, sample_early
 from rig.lanes.command import (
@@ -167,7 +167,7 @@ def think_all(row, k, data, lanes):
         think_after(row, k, data, lanes)
 
 
-@kernel
+@inlined
 def think_before(row, k, data, lanes):
     """Let the lanes share samples and think; of the lane outside up to the references, which its computer reads."""
     break_computers(row, lanes.health.parts, lanes.health.seen, data.faults)
@@ -177,7 +177,7 @@ def think_before(row, k, data, lanes):
     think_apart(row, k, data, lanes)
 
 
-@kernel
+@inlined
 def think_after(row, k, data, lanes):
     """Let the lanes tell and vote their commands, test and accuse, and fill the row's FCC record by the leading one."""
     command(row, lanes, data.faults)
@@ -189,7 +189,7 @@ def think_after(row, k, data, lanes):
     run_on(lanes.clocks.clock[0], lanes.links.silent, lanes.counted, lanes.health.parts[ComputerPart.DRIFT])
 
 
-@kernel
+@inlined
 def think_apart(row, k, data, lanes):
     """Let every lane that runs think on its own BUS."""
     for i in range(lanes.fitted):

@@ -13,7 +13,7 @@ from rig.computer.control.state import ControlData
 from rig.computer.redundancy import RedundancyData, conclude, refer, vote_signals
 from rig.computer.redundancy.discrete import vote_discretes
 from rig.faults import FaultData, corrupt_reference
-from rig.kernels import kernel
+from rig.kernels import inlined, kernel
 
 
 class ComputerData(NamedTuple):
@@ -32,7 +32,7 @@ def think_lane(row, bus, fcc, k, data):
     follow_votes(bus, fcc, data)
 
 
-@kernel
+@inlined
 def vote(bus, fcc, data):
     """Vote the continuous signals of one computer."""
     vote_signals(bus, fcc, data.redundancy.manager)

@@ -22,7 +22,7 @@ from rig.computer.redundancy.rivals.parity import parity
 from rig.computer.redundancy.rivals.step import NOBODY, RIVAL_STATE
 from rig.computer.redundancy.rivals.sums import CUSUM_STATE, cusum, innovation
 from rig.computer.redundancy.rivals.weighted import weighted
-from rig.kernels import kernel
+from rig.kernels import inlined, kernel
 
 
 class ManagerKind(NamedTuple):
@@ -130,7 +130,7 @@ class Manager:
         return ManagerData(self.choice, self.params, self.state, self.boxes, self.rival)
 
 
-@kernel
+@inlined
 def vote_signals(bus, fcc, data):
     """Vote a row by the chosen manager."""
     vote_chosen(bus, fcc, data, data.rival)
