@@ -20,7 +20,7 @@ from rig.frame import FLAT, Nested, UnitStatus, nested, new_block
 from rig.kernels import bind, kernel
 from rig.lanes.command import keep_integrals
 from rig.lanes.stage import of_lane, think_after, think_before
-from rig.lanes.think import ComputerData, think_beside
+from rig.lanes.think import ComputerData, think_shadow
 from rig.loop import ComputerStep, StageData, after, before
 from rig.unit.layout import Form
 from rig.unit.port import BLANK, FLOWN, ON_DISCRETES, STARTING, conclude, fill, fly_trim, take
@@ -91,7 +91,7 @@ def take_in(data, lanes, own, port, status):
         return
     computer, bus, fcc, said = of_lane(i, data, lanes), own[0]["bus"], own[0]["fcc"], port.records[FLOWN]["said"]
     own[1]["bus"], own[1]["fcc"] = bus, lanes.fcc[i]
-    think_beside(own[1], (said & ON_DISCRETES) != 0, port.form != _REDUNDANCY, computer)
+    think_shadow(own[1], (said & ON_DISCRETES) != 0, port.form != _REDUNDANCY, computer)
     conclude(bus, fcc, said, computer.redundancy)
     if port.counts[STARTING] > 0:
         fly_trim(fcc, port.records[BLANK]["surface"])

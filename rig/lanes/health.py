@@ -141,7 +141,7 @@ def is_engaged(lane):
 
 
 @kernel
-def answers(lane):
+def responds(lane):
     """Return True if a lane, a LANE record, runs, and its computer has answered where that is a unit under test."""
     return lane["running"] != 0 and lane["silent"] == 0
 
@@ -237,7 +237,7 @@ def find_leading(data):
     """Find the first engaged lane, of those that run if there are; else, or by command, the back-up takes over."""
     system, leading = data.system[0], NOBODY
     for i in range(data.limits[0]["fitted"]):
-        if is_engaged(data.lane[i]) and (leading == NOBODY or answers(data.lane[leading]) < answers(data.lane[i])):
+        if is_engaged(data.lane[i]) and (leading == NOBODY or responds(data.lane[leading]) < responds(data.lane[i])):
             leading = i
     if leading == NOBODY:
         system["backup"] = 1
@@ -251,9 +251,9 @@ def find_leading(data):
 def test_itself(i, k, frame, off, data):
     """Let lane i test itself; off : whether it puts out something else than it commands; k : row in the block."""
     limits, lane, parts, seen = data.limits[0], data.lane[i], data.parts, data.seen
-    lane["stopped_frames"] = 0 if answers(lane) else lane["stopped_frames"] + 1
+    lane["stopped_frames"] = 0 if responds(lane) else lane["stopped_frames"] + 1
     found = LaneTest.NONE.value
-    if not answers(lane):
+    if not responds(lane):
         seen_here = seen[LaneTest.WATCHDOG, i] != 0 or lane["silent"] != 0
         if seen_here and lane["stopped_frames"] >= limits["watchdog_frames"]:
             found = LaneTest.WATCHDOG.value
@@ -306,7 +306,7 @@ def accuse(i, commands_differ, link_states, data):
     limits, lane = data.limits[0], data.lane[i]
     for j in range(limits["fitted"]):
         found = LaneTest.NONE.value
-        if i != j and answers(lane) and is_engaged(lane) and is_engaged(data.lane[j]):
+        if i != j and responds(lane) and is_engaged(lane) and is_engaged(data.lane[j]):
             if commands_differ[j] != 0:
                 found = LaneTest.COMMANDS.value
             elif link_states[j] == LinkState.FAILED:

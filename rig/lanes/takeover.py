@@ -9,7 +9,7 @@ from rig.frame import LaneTest
 from rig.kernels import kernel
 from rig.lanes.backup import PLACE
 from rig.lanes.command import rejoin
-from rig.lanes.health import NOBODY, answers, is_engaged
+from rig.lanes.health import NOBODY, is_engaged, responds
 
 
 @kernel
@@ -35,7 +35,7 @@ def other_engaged(i, lanes):
     """Return the first engaged lane that runs on, but i; NOBODY if there is none."""
     for j in range(lanes.fitted):
         lane = lanes.health.lane[j]
-        if j != i and is_engaged(lane) and answers(lane) and lane["joins"] == 0:
+        if j != i and is_engaged(lane) and responds(lane) and lane["joins"] == 0:
             return j
     return NOBODY
 

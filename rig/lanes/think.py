@@ -54,7 +54,7 @@ def follow_votes(bus, fcc, data):
 
 
 @kernel
-def think_beside(row, discretes, law, data):
+def think_shadow(row, discretes, law, data):
     """Keep up the state that another takes over from a computer outside, whose own memory is not known.
 
     It is what our own manager and law have after the same samples, and changes nothing that is flown.
