@@ -6,13 +6,13 @@ data of all kernels : stage.LaneData, whose arrays have one computer each at ``[
 from __future__ import annotations
 
 from rig.frame import LaneTest
-from rig.kernels import kernel
+from rig.kernels import inlined, kernel
 from rig.lanes.backup import PLACE
 from rig.lanes.command import rejoin
 from rig.lanes.health import NOBODY, is_engaged, responds
 
 
-@kernel
+@inlined
 def join(lanes):
     """Let lanes that start again or are readmitted, and the back-up, take over what the leading lane has."""
     system = lanes.health.system[0]
@@ -40,7 +40,7 @@ def other_engaged(i, lanes):
     return NOBODY
 
 
-@kernel
+@inlined
 def take_over(i, j, lanes):
     """Give computer i all that computer j has."""
     lanes.fcc[i] = lanes.fcc[j]
