@@ -240,7 +240,7 @@ def test_the_command_writes_a_folder_of_cells_whoever_runs_them(tmp_path: Path):
 def test_a_folder_that_is_there_is_not_written_to(tmp_path: Path):
     (tmp_path / "there").write_text("x")
     done = run("reliability", "--out", str(tmp_path), "--runs", "10")
-    assert isinstance(done.exception, BadInput) and "is there already, and not empty" in str(done.exception)
+    assert isinstance(done.exception, BadInput) and "folder exists and is not empty" in str(done.exception)
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,13 @@ def score(
         float, Option(metavar="G", help="Largest change of load factor that a fault may cause.", min=1e-9)
     ] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
-        float, Option(metavar="RAD_S", help="The same of body rates.", min=1e-9, show_default="10 deg/s")
+        float,
+        Option(
+            metavar="RAD_S",
+            help="Largest change of body rates that a fault may cause.",
+            min=1e-9,
+            show_default="10 deg/s",
+        ),
     ] = radians(10.0),
     transient_window_s: Annotated[
         float, Option(metavar="S", help="Time after each onset that is scored.", min=1e-9)

@@ -9,7 +9,7 @@ import numpy as np
 from rig.frame import MOVED, ActuatorMonitor, LaneBlock, has_part, lane_rows
 from rig.record.event import Event
 
-FAILED, VALVE, BYPASSED = "actuator channel failed", "shut-off valve", "surface bypassed"  # names of events
+FAILED, VALVE, BYPASSED = "actuator channel failed", "shut-off valve", "surface lost"  # names of events
 CoilsFailed = dict[str, dict[int, tuple[int, str]]]  # by surface and channel from 1: frame and monitor
 
 

@@ -75,7 +75,7 @@ def _identity(plan: Plan, seed: int) -> dict[str, Any]:
 def _new(out: Path) -> None:
     """Raise BadInput unless a folder can be made at ``out``: nothing there, or an empty folder."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise BadInput(f"--out {out}: is there already, and not empty")
+        raise BadInput(f"--out {out}: folder exists and is not empty")
 
 
 def _write(out: Path, cells: Cells, about: dict[str, Any]) -> None:
