@@ -77,6 +77,14 @@ class Scenario(Settings):
     references: Designed
     _trust: Trust = PrivateAttr(default=Trust())  # no setting: no file can grant it
 
+    @model_validator(mode="before")
+    @classmethod
+    def _resolved_already(cls, data: Any) -> Any:
+        """Refuse the keys of a file by themselves: the aircraft's settings must be laid under them."""
+        if isinstance(data, dict) and not data.keys() & {"airframe", "gains", "sensors"}:
+            raise BadInput("a Scenario is made by rig.load: rig.load({'aircraft': 'f16', ...}), or of a file's path")
+        return data
+
     @model_validator(mode="after")
     def _a_channel_a_lane(self) -> Scenario:
         """Fit no channel whose lane is not: of three computers nobody reads the fourth."""
@@ -191,6 +199,8 @@ def _whole(number: float) -> bool:
 
 def find(name: str | Path | None = None) -> Path:
     """Return a scenario's file: the path given, or that name in the bundled ``faults`` folder; else the default."""
+    if not isinstance(name, str | Path | None):
+        raise BadInput(f"scenario: must be a file's path, a bundled name, a table or a Scenario, got {quoted(name)}")
     wanted = Path(DEFAULT if name is None else name)
     faults = bundled("faults")
     inside = wanted.relative_to("faults") if wanted.parts[:1] == ("faults",) else wanted

@@ -29,6 +29,13 @@ from rig.util.files import bundled
         (["redundancy.signals.pitch_rate.persistence=4"], "pitch_rate_persistence-4"),
         (["faults.0.start_s=1.0", "redundancy.manager=mine:Mid"], "start_s-1_manager-mine_Mid"),
         (["faults=[{kind='offset', signal='pitch_rate', channels=[1], offset=0.1, start_s=0}]"], "offset-pitch_rate"),
+        (
+            [
+                "redundancy.signals.pitch_rate.persistence=4",
+                "faults=[{kind='hardover', signal='pitch_rate', channels=[1], start_s=0}]",
+            ],
+            "hardover-pitch_rate_and-1",
+        ),
         ([f"redundancy.box_signals={i}" for i in range(1, 6)], "box_signals-1_box_signals-2_and-3"),
         ([f"title={'x' * 60}"], f"title-{'x' * 34}"),
         (["title=a/b ../c"], "title-a_b_c"),
@@ -36,6 +43,12 @@ from rig.util.files import bundled
 )
 def test_a_tag_names_the_overrides(sets, says):
     assert tag(sets) == says
+
+
+def test_a_unit_under_test_is_part_of_the_name(tmp_path: Path):
+    sets = ["redundancy.manager=mean", "duration_s=1"]
+    with new_log(tmp_path, "first", load(None, sets), "", None, sets, "my monitor") as writer:
+        assert writer.path.name == "first_seed1_my_monitor_manager-mean_duration_s-1.mcap"
 
 
 def test_logs_of_settings_that_the_name_does_not_tell_apart_are_numbered(tmp_path: Path):

@@ -92,6 +92,15 @@ def test_a_wrong_fault_or_limit_is_one_line_with_its_key():
         rig.vote(CHANNELS, {"signal": {"pitch_rate": {"treshold": 1.0}}})
 
 
+def test_a_scenario_by_itself_and_what_is_none_are_told_the_way(tmp_path: Path):
+    keys: dict[str, Any] = {"aircraft": "f16"}
+    with pytest.raises(BadInput, match=r"^a Scenario is made by rig\.load: rig\.load\(\{'aircraft'"):
+        rig.Scenario(**keys)
+    given: Any = 3
+    with pytest.raises(BadInput, match=r"^scenario: must be a file.s path, .* got 3"):
+        rig.fly(given, out=tmp_path)
+
+
 def test_a_flight_is_scored_with_the_class_that_flew_it(tmp_path: Path, monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "docs" / "examples" / "manager")
     flight = rig.fly(

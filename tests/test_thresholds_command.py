@@ -104,7 +104,7 @@ def test_a_flight_with_a_fault_is_told_and_left_out(
 
 
 REMARKS = {
-    "one flight": (1, 300.0, ["--budget", "20"], "one flight: its 16 stretches stand for flights"),
+    "one flight": (1, 300.0, ["--budget", "20"], "only one flight: split into 16 parts, which differ less"),
     "few flights": (3, 60.0, ["--budget", "20"], "3 flights: with fewer than 9"),
     "beyond the data": (10, 30.0, ["--budget", "0.01"], "1.2e+03 times beyond the 0.0833 h of data"),
     "little data": (2, 10.0, ["--budget", "100"], "events where 40 are wanted"),

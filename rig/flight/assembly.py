@@ -164,9 +164,10 @@ def _fly_and_record(
         outcome.begin(scenario)
         assess_rows = lambda rows, lanes: outcome.add(rows, rig.faults.clean_of(rows), lanes)  # noqa: E731 # every block
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
-    with new_log(to.out, named, scenario, to.text, about, to.overrides) as writer:
+    software = "" if unit is None else unit.unit.name
+    with new_log(to.out, named, scenario, to.text, about, to.overrides, software) as writer:
         path, viewer = writer.path, to.viewer
-        clocked = {"unit": "" if unit is None else unit.unit.name, "paced": pace.period_s is not None}
+        clocked = {"unit": software, "paced": pace.period_s is not None}
         facts = replace(of_resolved(scenario.resolved()), **clocked)
         stream = open_stream(to.rerun, scenario.title or path.stem, scenario.rate_hz, path, facts)
         if stream is not None and viewer is not None:

@@ -28,13 +28,14 @@ def new_log(
     text: str,
     about: Mapping[str, str] | None = None,
     overrides: Sequence[str] = (),
+    unit: str = "",
 ) -> LogWriter:
-    """Open a log under a free name, <name>_seed<seed>[_<tag>][_n].mcap, in the folder ``out``, which is made.
+    """Open a log under a free name, <name>_seed<seed>[_<unit>][_<tag>][_n].mcap, in the folder ``out``, which is made.
 
-    about : more metadata; overrides : of the file, ``key=value``, from which the tag is made
+    about : more metadata; overrides : of the file, ``key=value``, from which the tag is made; unit : that flies
     """
-    suffix = tag(overrides)
-    stem = f"{word_of(named(name, scenario.aircraft))}_seed{scenario.seed}{f'_{suffix}' if suffix else ''}"
+    words = (word_of(named(name, scenario.aircraft)), f"seed{scenario.seed}", word_of(unit), tag(overrides))
+    stem = "_".join(filter(None, words))
     with reported(out, BadInput, "logs cannot be kept there"), new_folder(out):
         for path in numbered(out, stem, ".mcap", beside=".rrd"):
             with suppress(FileExistsError):  # another flight was faster
@@ -59,9 +60,13 @@ def word_of(name: str) -> str:
 def tag(overrides: Sequence[str]) -> str:
     """Return overrides for a file's name: ``manager-mean``, in LONGEST_TAG characters, and how many more: ``and-3``.
 
-    The last part of a key names it, of a long key the last two; the seed has a place of its own.
+    Where not all fit, faults come first.  The last part of a key names it, of a long key the last two; the seed has a
+    place of its own.
     """
-    parts = [_part(*parse_set(text))[:LONGEST_TAG] for text in overrides if text.partition("=")[0].strip() != "seed"]
+    entries = [(key, _part(key, value)[:LONGEST_TAG]) for key, value in map(parse_set, overrides) if key != "seed"]
+    if len("_".join(part for _, part in entries)) > LONGEST_TAG:
+        entries.sort(key=lambda override: override[0] != "faults")
+    parts = [part for _, part in entries]
     lengths = accumulate(len(part) + 1 for part in parts)
     kept = [part for part, length in zip(parts, lengths, strict=True) if length <= LONGEST_TAG + 1]
     left = [f"and-{len(parts) - len(kept)}"] if len(kept) < len(parts) else []

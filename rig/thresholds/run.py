@@ -187,11 +187,15 @@ def _blocks(name: str, flights: list[DataBlock], notes: list[str]) -> Sequence[D
     flight = flights[0]
     count = min(STRETCHES, int(flight.hours * 3600.0 / _SHORTEST_S))
     notes.append(
-        f"{name}: one flight: its {max(count, 1)} stretches stand for flights, which differ more: record {FEW} or more"
+        f"{name}: only one flight{_parts(count)}: record at least {FEW} flights"
     )
     if count < 2:
         return flights
     return [DataBlock(flight.name, part, flight.rate_hz) for part in np.array_split(flight.samples, count, axis=1)]
+
+
+def _parts(count: int) -> str:
+    return f": split into {count} parts, which differ less than flights do" if count > 1 else ", too short to be split"
 
 
 def _stands_out(name: str, flight: str, suspect: Suspect, keep: bool) -> str:
