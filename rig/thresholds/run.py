@@ -186,9 +186,7 @@ def _blocks(name: str, flights: list[DataBlock], notes: list[str]) -> Sequence[D
         return flights
     flight = flights[0]
     count = min(STRETCHES, int(flight.hours * 3600.0 / _SHORTEST_S))
-    notes.append(
-        f"{name}: only one flight{_parts(count)}: record at least {FEW} flights"
-    )
+    notes.append(f"{name}: only one flight{_parts(count)}: record at least {FEW} flights")
     if count < 2:
         return flights
     return [DataBlock(flight.name, part, flight.rate_hz) for part in np.array_split(flight.samples, count, axis=1)]
