@@ -14,10 +14,11 @@ from rig.computer.analytic.designed import Designed, Error
 from rig.computer.analytic.sources import PARTNERS
 from rig.computer.control import gains as control_gains
 from rig.design import references as reference_design
-from rig.errors import BadInput, RigError
+from rig.errors import BadInput, PointFault, RigError
 from rig.frame import INDEX, INERTIAL, SIGNALS, new_block
 from rig.plant.airframe import read as read_airframe
 from rig.plant.linearise import Linear, Trim, linearise
+from rig.scenario import Scenario
 from rig.settings import build, read_toml
 
 G = 9.80665
@@ -190,6 +191,24 @@ def test_an_aircraft_that_is_lost_in_a_healthy_flight_cannot_be_measured(monkeyp
     airframe = read_airframe(aircraft.folder("f16") / "aircraft.toml")
     with pytest.raises(RigError, match="lost in the healthy flight 'pitch'"):
         reference_design.fly(tables, airframe.point(), DESIGNED["f16"], ("pitch", "none", 1))
+
+
+def test_references_that_are_not_measured_yet_fail_no_channel_of_a_design_flight(monkeypatch: pytest.MonkeyPatch):
+    """Of some models (T37, DHC6, c182) two of them agree and are wrong: then all vanes would be failed in common."""
+    flown: list[Scenario] = []
+    fly_rows = reference_design.fly_rows
+    monkeypatch.setattr(reference_design, "fly_rows", lambda scenario: flown.append(scenario) or fly_rows(scenario))
+    point = read_airframe(aircraft.folder("f16") / "aircraft.toml").point()
+    tables = {**aircraft.tables("f16"), "aircraft": "f16"}
+    reference_design.fly(tables, point, DESIGNED["f16"], ("pitch", "none", 1))
+    assert [scenario.redundancy.common_mode for scenario in flown] == ["report"]
+
+
+def test_a_reference_without_a_value_is_told_with_its_flight():
+    point = read_airframe(aircraft.folder("f16") / "aircraft.toml").point()
+    errors = {("pitch_rate", "attitude"): np.array([0.1, np.nan], np.float32)}
+    with pytest.raises(PointFault, match="roll and yaw, turbulence light, seed 4 the reference of pitch_rate from att"):
+        reference_design._refuse_gaps(errors, point, ("roll and yaw", "light", 4))
 
 
 @pytest.mark.requirement("references", "settles a 2:2")

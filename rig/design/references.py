@@ -100,6 +100,8 @@ def rounds(keys: Collection[Key] = PARTNERS) -> list[Config]:
     return [build(Config, {s: (of[i:] or ["none"])[0] for s, of in sources.items()}, "references") for i in range(most)]
 
 
+# References without measured thresholds can speak against channels, but not fail them.
+_UNMEASURED: Final = {"redundancy": {"common_mode": "report"}}
 # The references that each filter serves: it is chosen for the least of their worst errors in thresholds.
 _SERVES: Final = {
     "alpha_filter_s": (("pitch_rate", "angle_of_attack"),),
@@ -200,12 +202,21 @@ def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoin
         rows = fly(tables, flight_point, designs[0], case)
         for of_filter, item in zip(by_filter, designs, strict=True):
             of_filter.append(all_errors(rows, item, PARTNERS if item is designs[0] else served))
+            _refuse_gaps(of_filter[-1], flight_point, case)
     best = _choose(by_filter, tables["redundancy"]["signals"])
     of = {key: best[filter_name] for filter_name, keys in _SERVES.items() for key in keys}
     # what no filter serves is the same with all of them
     chosen = [{key: by_filter[of.get(key, 0)][i][key] for key in item} for i, item in enumerate(by_filter[0])]
     filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
     return Measured(tried[0].model_copy(update=filters), chosen)
+
+
+def _refuse_gaps(errors: Errors, flight_point: FlightPoint, case: Case) -> None:
+    """PointFault for a reference that had no value in a healthy flight, for want of a vote that it is made from."""
+    for (signal, chosen), error in errors.items():
+        if not np.isfinite(error).all():
+            where = f"in the healthy flight {label(flight_point.name, case)}"
+            raise PointFault(f"{where} the reference of {signal} from {chosen} has no value", flight_point.name)
 
 
 def _point(flight_point: FlightPoint, fixed: dict[str, float], filter_s: float) -> Point:
@@ -233,7 +244,7 @@ def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, c
     flight, turbulence, seed = case
     own = {"turbulence": turbulence, "seed": seed, "rate_hz": RATE_HZ, **FLIGHTS[flight]}
     own |= {"flight_point": flight_point.name, "references": designed.model_dump()}
-    scenario = build(Scenario, {**tables, **own}, f"aircraft {tables['aircraft']}")
+    scenario = build(Scenario, aircraft.merge({**tables, **own}, _UNMEASURED), f"aircraft {tables['aircraft']}")
     rows = fly_rows(scenario)
     if rows["end"][-1] != 0:
         reason = End(int(rows["end"][-1])).label
