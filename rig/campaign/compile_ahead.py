@@ -26,6 +26,7 @@ from rig.computer.redundancy.managers import KINDS
 from rig.kernel_cache import folder, reached
 from rig.kernel_locks import give_back, take
 from rig.kernels import cache_root, compile_inner
+from rig.lanes.stage import think_all
 from rig.lanes.think import ComputerData, follow_votes
 from rig.log import LogWriter
 from rig.plant.truth import write_row
@@ -153,7 +154,7 @@ def _from_the_end() -> None:
     outcome.begin(scenario)
     outcome.add(rows, rig.faults.clean_of(rows))
     _managers_from_the_last(row, data.redundancy.manager)
-    compile_inner(loop.think, loop.nested(rows), 0, data)
+    compile_inner(think_all, row, 0, ComputerData(data.redundancy, data.control, data.faults), data.lanes)
 
 
 def _managers_from_the_last(row: Any, data: ManagerData) -> None:

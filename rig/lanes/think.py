@@ -24,7 +24,7 @@ class ComputerData(NamedTuple):
     faults: FaultData  # those on references, with the computer's own memory of them
 
 
-@kernel
+@inlined
 def think_lane(row, bus, fcc, k, data):
     """Fill the FCC record of one computer in row k from its BUS record; row : FRAME record, data : ComputerData."""
     give_references(row, bus, fcc, k, data.redundancy.references, data.faults)
