@@ -9,9 +9,10 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
+from rig.assess.words import INJECTED, PRIOR
 from rig.campaign.statistics import detectable, mcnemar, paired_difference
 from rig.league.entrants import BIASED, LASTING, OURS
-from rig.league.trials import OUTCOMES, STATES
+from rig.league.trials import STATES
 
 ISOLATED: Final = pl.col("outcome") == "isolated"
 LOST: Final = pl.col("lost")
@@ -94,7 +95,7 @@ def _counts(rows: pl.DataFrame) -> list[dict[str, Any]]:
         .group_by([*GROUP, "entrant"])
         .agg(
             pl.len().alias("trials"),
-            *((pl.col("outcome") == word).sum().alias(word) for word in OUTCOMES),
+            *((pl.col("outcome") == word).sum().alias(word) for word in (*INJECTED, PRIOR)),
             pl.col("delay_s").median().alias("delay_median_s"),
             pl.col("delay_s").quantile(0.95, "higher").alias("delay_95_s"),
             pl.col("peak").median().alias("peak_median"),

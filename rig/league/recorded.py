@@ -14,8 +14,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from rig.assess.outcome import NEVER
-from rig.assess.words import PRIOR
+from rig.assess.outcome import NEVER, first_failed, trial_words
 from rig.bench.run import step
 from rig.computer.redundancy.managers import Manager
 from rig.errors import BadInput
@@ -238,7 +237,7 @@ def _failed_at(
     """Return (R, 4) the first frame in which each channel of each piece is failed, or NEVER."""
     if entrant.is_own:
         failed, _ = voted(entrant.manager, values, signal.params, {"channels": four(samples)})
-        return np.where(failed.any(axis=1), failed.argmax(axis=1), NEVER)
+        return first_failed(failed)
     made: Manager = manager(entrant, signal, values)
     block = _ROWS.block(1)
     block["reference"] = block["second_reference"] = np.nan
@@ -265,10 +264,6 @@ def _run(samples, rows, manager, fresh, failed_at):
 
 
 def _became(failed_at: NDArray[np.int64], cut: Pieces) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    trials = np.arange(len(failed_at))
-    mine, failed = failed_at[trials, cut.channel], failed_at != NEVER
-    before = (failed & (failed_at < cut.onset)).any(axis=1)
-    others = failed.copy()
-    others[trials, cut.channel] = False
-    outcome = np.select([before, others.any(axis=1), mine != NEVER], [PRIOR, "wrong channel", "isolated"], "missed")
-    return outcome, np.where(outcome == "isolated", (mine - cut.onset) / cut.rate_hz, np.nan)
+    tested = np.arange(CHANNELS) == cut.channel[:, None]
+    outcome, frames = trial_words(failed_at, np.full(len(failed_at), cut.onset), tested, ~tested)
+    return outcome, frames / cut.rate_hz
