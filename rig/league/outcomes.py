@@ -63,11 +63,7 @@ def by_size(rows: pl.DataFrame) -> list[dict[str, Any]]:
         group = ["signal", "kind", "faults", "entrant"]
         shares = part.with_columns(bins).group_by([*group, "bin"], maintain_order=True)
         found += (
-            shares.agg(
-                pl.col("size").mean(),
-                pl.len().alias("trials"),
-                (pl.col("outcome") == "isolated").sum().alias("isolated"),
-            )
+            shares.agg(pl.col("size").mean(), trials=pl.len(), isolated=ISOLATED.sum())
             .sort("bin", maintain_order=True)
             .drop("bin")
             .to_dicts()
@@ -79,10 +75,10 @@ def curve(rows: pl.DataFrame) -> list[dict[str, Any]]:
     """Return delay and share isolated over the budget, a row for each signal, number of faults, entrant and budget."""
     group = ["signal", "faults", "entrant", "budget_per_h"]
     found = rows.group_by(group, maintain_order=True).agg(
-        pl.len().alias("trials"),
-        (pl.col("outcome") == "isolated").sum().alias("isolated"),
-        pl.col("delay_s").median().alias("delay_median_s"),
-        pl.col("delay_s").quantile(0.95, "higher").alias("delay_95_s"),
+        trials=pl.len(),
+        isolated=ISOLATED.sum(),
+        delay_median_s=pl.col("delay_s").median(),
+        delay_95_s=pl.col("delay_s").quantile(0.95, "higher"),
     )
     return found.sort("budget_per_h", maintain_order=True).to_dicts()
 
