@@ -17,6 +17,8 @@ from rig.bench.inject import inject
 from rig.bench.injection_score import score
 from rig.bench.vote import of_flight, settings_of
 from rig.campaign.rows import fault_rows
+from rig.computer.redundancy.managers import MANAGERS
+from rig.faults import KINDS
 from rig.flight.assembly import fly
 from rig.log import read_log
 from rig.recordings.own_logs import of_log
@@ -111,6 +113,28 @@ def test_no_other_room_makes_a_word_of_an_outcome():
     words |= {name for names in PUBLIC.values() for name in names.values()}
     found = {(room, text) for room, node in _nodes() for text in _texts(node) if text in words - PLAIN}
     assert {(room, word) for room, word in found if not room.startswith("assess/")} == NAMED
+
+
+# Where names of managers or of kinds of faults stand outside their family.
+CHOSEN = {
+    "safety/sequences.py",  # the modes of a cut set
+    *("assess/lane_outcome.py", "assess/lane_sentence.py", "assess/actuator_sentence.py"),  # why nothing found a fault
+}
+
+
+def _compares(node: ast.AST, names: set[str]) -> bool:
+    """Return True for a ``kind`` or ``manager`` compared with a name, and for a list of two names or more."""
+    if isinstance(node, ast.Compare):
+        others = [other for each in node.comparators for other in getattr(each, "elts", [each])]
+        texts = {other.value for other in others if isinstance(other, ast.Constant)}
+        return isinstance(node.left, ast.Attribute) and node.left.attr in ("kind", "manager") and bool(texts & names)
+    listed = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else []
+    return len(listed) > 1 and all(isinstance(each, ast.Constant) and each.value in names for each in listed)
+
+
+def test_nobody_else_compares_names_of_managers_or_of_kinds_of_faults():
+    found = {room for room, node in _nodes() if _compares(node, {*KINDS, *MANAGERS})}
+    assert {room for room in found if not room.startswith(("faults/", "computer/redundancy/"))} == CHOSEN
 
 
 CASES = {  # a fault of the pitch rate, from 1 s on: its word
