@@ -15,7 +15,7 @@ from rig.assess.of_log import FlightConclusion
 from rig.assess.outcome import LEVELS, NEVER, SIGNAL, all_out, count_healthy, mark_failed, mark_wrong
 from rig.assess.scoring import score_of
 from rig.assess.unfaulted import MeasuredAgain
-from rig.assess.words import PUBLIC, Cause, fault_word, vote_word
+from rig.assess.words import PUBLIC, Cause, fault_word, fault_words, vote_word
 from rig.campaign.flying import fly as fly_in_memory
 from rig.campaign.rows import OUTCOMES, fault_rows
 from rig.flight.assembly import fly
@@ -38,7 +38,9 @@ def test_one_kernel_decides_what_became_of_a_fault():
 
 
 def test_every_word_has_its_public_names():
-    words = {fault_word(*flags) for flags in np.ndindex(2, 2, 2, 2)}
+    every = list(np.ndindex(2, 2, 2, 2))
+    words = {fault_word(*flags) for flags in every}
+    assert fault_words(*np.transpose(every)).tolist() == [fault_word(*flags) for flags in every]
     assert words == set(PUBLIC["campaign"]) and words - {"wrong channel"} == set(PUBLIC["score"])
     assert set(PUBLIC["score"].values()) == set(OUTCOMES)
     assert {vote_word(*flags) for flags in np.ndindex(2, 2)} == set(PUBLIC["reliability"])

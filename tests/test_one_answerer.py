@@ -3,6 +3,7 @@
 import ast
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from trial_vs_flight import trial_vs_flight
@@ -11,11 +12,13 @@ import rig
 from rig import scenario
 from rig.assess import Yardstick, score_log
 from rig.assess.outcome import NEVER
-from rig.assess.words import PUBLIC
+from rig.assess.words import PRIOR, PUBLIC, FaultWord, IsolationKind, VoteWord
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
 from rig.bench.vote import of_flight, settings_of
 from rig.campaign.rows import fault_rows
+from rig.computer.redundancy.managers import MANAGERS
+from rig.faults import KINDS
 from rig.flight.assembly import fly
 from rig.log import read_log
 from rig.recordings.own_logs import of_log
@@ -32,16 +35,45 @@ CALLERS = {
     "actuators/monitors.py",  # position sensors of a ram, no signal of a row
     "lanes/command.py",  # commands of several computers, no signal either
 }
+# What runs rows through the stages, in a room of its own: rows that are recorded, drawn or made.
+DRIVERS = {
+    *(f"bench/{name}.py" for name in ("inject", "rival_statistics", "splitting", "trials", "unit_check", "vote")),
+    "bench/sources.py",  # the length of a block alone
+    *("league/own_class.py", "replay/vote_again.py", "search/bench.py", "thresholds/monitored.py"),
+}
+# Words of an outcome that mean other things too: sides, missed frames, columns.
+PLAIN = {"right", "wrong", "missed", "none", "kept"}
+# Where a word of an outcome stands in a file that makes none: a heading, or another thing of that name.
+NAMED = {
+    *(("cli/league.py", word) for word in ("isolated", "wrong channel")),  # headings
+    *(("campaign/campaign_page.py", "detected"), ("cli/score.py", "failed by rule")),
+    ("cli/show_campaign.py", "wrong isolation"),
+    ("faults/trigger.py", "isolated"),  # a pattern
+    ("faults/systems.py", "false alarm"),  # of an in-line monitor
+}
+
+
+def _nodes() -> Iterator[tuple[str, ast.AST]]:
+    for path in sorted(HOME.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            yield path.relative_to(HOME).as_posix(), node
 
 
 def _calls(names: set[str]) -> Iterator[str]:
-    for path in sorted(HOME.rglob("*.py")):
-        room = path.relative_to(HOME).as_posix()
+    for room, node in _nodes():
         if room.startswith("computer/redundancy/"):
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names:
-                yield room
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names:
+            yield room
+
+
+def _texts(node: ast.AST) -> Iterator[str]:
+    """Yield the strings that stand right below a node, but for those that are compared or are keys."""
+    keys = node.keys if isinstance(node, ast.Dict) else []
+    if not isinstance(node, ast.Compare | ast.Subscript):
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Constant) and isinstance(child.value, str) and child not in keys:
+                yield child.value
 
 
 def test_the_managers_kernel_is_called_by_the_loop_and_the_bench_alone():
@@ -51,14 +83,17 @@ def test_the_managers_kernel_is_called_by_the_loop_and_the_bench_alone():
 
 
 def test_all_drivers_of_the_bench_go_through_one_step():
-    kernels = {
-        path.relative_to(HOME).as_posix()
-        for path in sorted(HOME.rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.ImportFrom) and node.module == "rig.bench.run"
+    imports = ((room, node) for room, node in _nodes() if isinstance(node, ast.ImportFrom))
+    assert {room for room, node in imports if node.module == "rig.bench.run"} == DRIVERS
+
+
+def test_a_class_of_the_users_votes_in_the_loop_and_on_the_bench_alone():
+    calls = [room for room, node in _nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) == "own.step"]
+    assert sorted(calls) == ["bench/vote.py", "loop.py"]
+    assert set(_calls({"by_class"})) == {
+        f"{name}.py" for name in ("bench/vote", "bench/unit_check", "league/own_class", "replay/vote_again")
     }
-    expected = {"bench/vote.py", "bench/inject.py", "bench/trials.py", "bench/splitting.py", "bench/unit_check.py"}
-    assert expected | {"replay/vote_again.py", "thresholds/monitored.py"} <= kernels
+    assert set(_calls({"load_manager"})) == {"bench/vote.py", "bench/unit_check.py", "league/own_class.py"}
 
 
 def test_one_kernel_over_rows_and_one_word_decide_what_became_of_a_fault():
@@ -67,7 +102,39 @@ def test_one_kernel_over_rows_and_one_word_decide_what_became_of_a_fault():
     inner = {"mark_failed", "mark_wrong", "count_healthy"}
     assert set(_calls(inner)) == {"assess/outcome_rows.py", "bench/trials.py", "thresholds/monitored.py"}
     of_faults = {f"assess/{name}.py" for name in ("flight_outcome", "lane_outcome", "scoring")}
-    assert set(_calls({"fault_word"})) == {*of_faults, "thresholds/tradeoff.py"}
+    assert set(_calls({"fault_word"})) == of_faults
+    assert set(_calls({"fault_words"})) == {"assess/outcome.py", "thresholds/tradeoff.py"}
+    assert set(_calls({"trial_words"})) == {"league/recorded.py", "league/trials.py"}
+
+
+def test_no_other_room_makes_a_word_of_an_outcome():
+    """Others compare with a word, or count by it."""
+    words = {PRIOR, *(word for literal in (FaultWord, VoteWord, IsolationKind) for word in get_args(literal))}
+    words |= {name for names in PUBLIC.values() for name in names.values()}
+    found = {(room, text) for room, node in _nodes() for text in _texts(node) if text in words - PLAIN}
+    assert {(room, word) for room, word in found if not room.startswith("assess/")} == NAMED
+
+
+# Where names of managers or of kinds of faults stand outside their family.
+CHOSEN = {
+    "safety/sequences.py",  # the modes of a cut set
+    *("assess/lane_outcome.py", "assess/lane_sentence.py", "assess/actuator_sentence.py"),  # why nothing found a fault
+}
+
+
+def _compares(node: ast.AST, names: set[str]) -> bool:
+    """Return True for a ``kind`` or ``manager`` compared with a name, and for a list of two names or more."""
+    if isinstance(node, ast.Compare):
+        others = [other for each in node.comparators for other in getattr(each, "elts", [each])]
+        texts = {other.value for other in others if isinstance(other, ast.Constant)}
+        return isinstance(node.left, ast.Attribute) and node.left.attr in ("kind", "manager") and bool(texts & names)
+    listed = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else []
+    return len(listed) > 1 and all(isinstance(each, ast.Constant) and each.value in names for each in listed)
+
+
+def test_nobody_else_compares_names_of_managers_or_of_kinds_of_faults():
+    found = {room for room, node in _nodes() if _compares(node, {*KINDS, *MANAGERS})}
+    assert {room for room in found if not room.startswith(("faults/", "computer/redundancy/"))} == CHOSEN
 
 
 CASES = {  # a fault of the pitch rate, from 1 s on: its word

@@ -4,6 +4,7 @@ They take one signal's fields (states (4,), voted, truth, level) and nothing of 
 recordings and trials of one signal share them.  Sets of channels are bits, bit 0 is channel 1.
 
 The order within a row: ``mark_wrong``, then ``mark_failed``, then ``count_healthy``, then ``count_vote``.
+What became of the fault of many trials follows from the frames in which their channels were failed: ``trial_words``.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ import math
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rig.assess.words import PRIOR, fault_words
 from rig.frame import CHANNELS, State
 from rig.kernels import kernel
 
@@ -54,6 +57,28 @@ SIGNAL: Final = np.dtype(
 VOTE: Final = np.dtype(
     [("peak", "f8"), ("at", "i8"), ("squares", "f8"), ("finite", "i8"), ("above", "i8"), ("above_after", "i8")]
 )
+
+
+def first_failed(failed: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return (..., 4) the first frame in which each channel is ``failed``, (..., n, 4), or NEVER."""
+    return np.where(failed.any(axis=-2), failed.argmax(axis=-2), NEVER)
+
+
+def trial_words(
+    failed_at: NDArray[np.int64], onsets: NDArray[np.int64], tested: NDArray[np.bool_], healthy: NDArray[np.bool_]
+) -> tuple[NDArray[np.str_], NDArray[np.float64]]:
+    """Return (T,) what became of the tested fault of each trial, and the frames from its onset to the last isolation.
+
+    failed_at : (T, 4) first frame in which each channel was failed, or NEVER; onsets : (T,)
+    tested, healthy : (4,) or (T, 4) channels of the tested fault, and those without any
+    One of words.INJECTED, or PRIOR: one of these channels was failed before the onset.  Frames are NaN where the fault
+    is not isolated.
+    """
+    failed, last = failed_at != NEVER, np.where(tested, failed_at, NEVER).max(axis=1)
+    prior = (failed & (tested | healthy) & (failed_at < onsets[:, None])).any(axis=1)
+    words = fault_words(True, (failed | ~tested).all(axis=1), True, (failed & healthy).any(axis=1))
+    words = np.where(prior, PRIOR, words)
+    return words, np.where(words == "isolated", last - onsets, np.nan)
 
 
 @kernel

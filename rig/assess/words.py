@@ -17,7 +17,10 @@ Commands and files that are older than these words keep their own: PUBLIC.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Final, Literal
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 FaultWord = Literal["isolated", "wrong channel", "missed", "no effect", "not executed"]
 VoteWord = Literal["kept", "lost and announced", "bad and silent"]
@@ -48,6 +51,7 @@ PUBLIC: Final[dict[str, dict[str, str]]] = {
     "reliability": {"kept": "kept", "lost and announced": "known loss", "bad and silent": "bad vote"},
 }
 PRIOR: Final = "prior"  # of an injected fault: its signal had failed a channel before it began
+INJECTED: Final[tuple[FaultWord, ...]] = ("isolated", "wrong channel", "missed")  # that acts, and is to be found
 
 
 class Cause(IntEnum):
@@ -90,6 +94,14 @@ def fault_word(executed: bool, failed: bool, exceeded: bool, healthy_failed: boo
     if not executed:
         return "not executed"
     return "isolated" if failed else "missed" if exceeded else "no effect"
+
+
+def fault_words(executed: Any, failed: Any, exceeded: Any, healthy_failed: Any) -> NDArray[np.str_]:
+    """Return ``fault_word`` of each of several faults: flags are arrays, or one for all of them."""
+    return _FAULT_WORDS(executed, failed, exceeded, healthy_failed)
+
+
+_FAULT_WORDS: Final = np.vectorize(fault_word, otypes=[np.str_])
 
 
 def vote_word(kept: bool, lost: bool) -> VoteWord:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rig.assess.flight_outcome import Outcome
 from rig.assess.monitored import Monitored, fault_records
 from rig.assess.scoring import resolver_name
-from rig.assess.words import PRIOR, PUBLIC, Cause
+from rig.assess.words import INJECTED, PRIOR, PUBLIC, Cause
 from rig.bench.inject import Injection
 from rig.bench.sources import FIELDS, blocks, put
 from rig.bench.vote import Result, Voted, discrete_params, params_of, usable_samples
@@ -36,7 +36,8 @@ from rig.recordings.injection_file import Injected
 from rig.recordings.recording import Recording
 from rig.units.angles import differences
 
-OUTCOMES: Final = ("right", "wrong", "missed", PRIOR, "none")
+_PUBLIC: Final = PUBLIC["injection"]
+OUTCOMES: Final = (*(_PUBLIC[word] for word in INJECTED), PRIOR, _PUBLIC["not executed"])
 _BITS: Final = (0.0, 1.0)  # range of a discrete
 _UNEXPECTED: Final = (Cause.FALSE_ALARM, Cause.WRONG_ISOLATION)
 
@@ -78,7 +79,7 @@ def _scored(
 ) -> Scored:
     injection = (fault.label, fault.kind, fault.signal, fault.channel)
     if fault.first is None:
-        return Scored(*injection, None, PUBLIC["injection"]["not executed"], None, None, None, None)
+        return Scored(*injection, None, _PUBLIC["not executed"], None, None, None, None)
     last = len(recording.time_s) - 1
     row = min(max(fault.first - _later(fault.signal, fault.channel, recording, corrections), 0), last)
     onset_s, failures = float(recording.time_s[row]), outcome.failures
@@ -92,9 +93,9 @@ def _scored(
     elif word == "isolated":
         failed = here[(here["frame"] == record["failed_at"]) & (here["channel"] == record["channel"])][0]
     if failed is None:
-        return Scored(*injection, onset_s, PUBLIC["injection"][word], None, None, None, None)
+        return Scored(*injection, onset_s, _PUBLIC[word], None, None, None, None)
     at_s, by = float(recording.time_s[failed["frame"]]), resolver_name(failed["resolver"])
-    return Scored(*injection, onset_s, PUBLIC["injection"][word], int(failed["channel"]) + 1, at_s, at_s - onset_s, by)
+    return Scored(*injection, onset_s, _PUBLIC[word], int(failed["channel"]) + 1, at_s, at_s - onset_s, by)
 
 
 def _later(name: str, channel: int, recording: Recording, corrections: Corrections) -> int:

@@ -155,6 +155,8 @@ def _recordings(
 
 def _show_recordings(result: dict[str, Any]) -> None:
     """Print false isolations, and the table of all kinds and of each, by signal."""
+    from rig.league.entrants import OURS
+
     line(f"{result['hours']:.3g} h; each half calibrates to no false isolation, and is tested by the other")
     names = dict.fromkeys(row["entrant"] for row in result["levels"])
     false = [
@@ -166,7 +168,7 @@ def _show_recordings(result: dict[str, Any]) -> None:
         rows = [row for row in result["table"] if row["signal"] == signal]
         _show_kinds(signal, rows, _OUTCOMES[:7], all_kinds=True, told="")
     line()
-    differ = [row for row in result["differences"] if row["kind"] == "all" and row["ours"] == "cross-channel"]
+    differ = [row for row in result["differences"] if row["kind"] == "all" and row["ours"] == OURS]
     table(
         differ,
         (

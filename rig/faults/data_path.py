@@ -53,7 +53,7 @@ class Dropout(Corrupted):
     The inertial unit and the references have no flag: there it is no number either way.
     """
 
-    sites, act = ("channel", "inertial", "reference", "discrete"), Act.VALID_ONLY
+    sites, act, found_at_once = ("channel", "inertial", "reference", "discrete"), Act.VALID_ONLY, True
     sentence = "{where} gave no valid sample from {at} on"
     example = "f16_lost_sticks"
 

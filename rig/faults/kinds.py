@@ -70,7 +70,7 @@ class Hardover(Ramped):
     that of the ramp.
     """
 
-    sites, act = WITH_SURFACE, Act.RANGE_END
+    sites, act, found_at_once = WITH_SURFACE, Act.RANGE_END, True
     sentence = "{where} ran to {value} at {at}"
     example = "f16_pitch_rate_hardover"
 
@@ -117,7 +117,7 @@ class SignReversal(Corrupted):
 class Stuck(Ramped):
     """y = the last value before the onset, or a given one. A frozen vane, a hung processor, a jammed actuator."""
 
-    sites, act = (*WITH_SURFACE, "discrete"), Act.HOLD
+    sites, act, hidden_at_rest = (*WITH_SURFACE, "discrete"), Act.HOLD, True
     sentence = "{where} stuck at {value} at {at}"
     example = "b747_angle_of_attack_stuck"
 

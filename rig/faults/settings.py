@@ -67,6 +67,8 @@ class Triggered(Settings):
     act: ClassVar[Act]
     sizes: ClassVar[tuple[str, ...]] = ()  # settings that say how large it is: the one that is given does
     trials_draw: ClassVar[bool] = False  # whether open-loop trials may draw the size: it is the kernel's ``value``
+    found_at_once: ClassVar[bool] = False  # whether its error is beyond any threshold from the onset on
+    hidden_at_rest: ClassVar[bool] = False  # whether there is no error until the value moves
     # {where}, {at}; {value}: the sample in the frame of the decision; {error}: the largest injected error
     sentence: ClassVar[str] = "{where} had a fault ({kind}) from {at} on, an error of up to {error}"
     changes_samples: ClassVar[bool] = True  # else there is nothing to fail a channel for

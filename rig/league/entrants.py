@@ -33,8 +33,6 @@ VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of rivals, named behind one: "
     "60": {"limit": 60.0},
     "120": {"limit": 120.0},
 }
-_THRESHOLDS: Final = ("threshold", "threshold_triplex", "threshold_duplex")
-INTEGRAL_S: Final = 2.0  # of "selection": its integral, in deviations times seconds
 _DESIGNED: Final = tuple(
     name
     for name in PARAMS.names or ()
@@ -136,17 +134,12 @@ def with_settings_of(signal: OfSignal, entrant: Entrant, settings: Values) -> Of
 
 def levels(entrant: Entrant, signal: OfSignal) -> list[Level]:
     """Return the settings to calibrate by false isolations, empty for ours and for who fails nobody."""
-    if entrant.manager == "selection":
-        return [Level("deviation", signal.fitted, 2.5)]
-    if entrant.manager == "cross-voter":
-        return [Level("threshold", signal.fitted, 1.0)]
     if entrant.is_own:
         number = calibrated_number(entrant.manager)
         return [] if number is None else [Level(number[0], signal.fitted, number[1])]
-    if entrant.manager not in RIVALS:
-        return []
-    kind = manager_kind(entrant.manager).settings
-    assert kind is not None
+    kind, level = manager_kind(entrant.manager).settings, manager_kind(entrant.manager).level
+    if kind is None:
+        return [] if level is None else [Level(level.name, signal.fitted, level.default)]
     chosen = getattr(signal.rivals, entrant.manager).of(signal.name)
     first = float(getattr(chosen, kind.levels[0])) if kind.levels else 0.0
     return [
@@ -175,16 +168,22 @@ def manager(entrant: Entrant, signal: OfSignal, values: Values, channels: int | 
     if entrant.manager in RIVALS:
         told = with_settings_of(signal, entrant, values).rivals
         return Manager(entrant.manager, with_settings(params, entrant.manager, told, [signal.name]))
+    level = manager_kind(entrant.manager).level
+    if level is not None and values:
+        given = signal.given.model_copy(update=_keys_of(entrant, signal, values))
+        values = _params_of(signal, given, level.params)
     for name, value in values.items():
-        if entrant.manager == "selection":
-            params["deviation"] = value * signal.threshold
-            params["deviation_frames"] = INTEGRAL_S * signal.rate_hz * params["deviation"]
-        elif entrant.manager == "cross-voter":
-            for field in _THRESHOLDS:
-                params[field] = value * signal.threshold
-        else:
-            params[name] = value
+        params[name] = value
     return Manager(entrant.manager, params)
+
+
+def _keys_of(entrant: Entrant, signal: OfSignal, values: Values) -> dict[str, float]:
+    """Return the settings of the signal that give a baseline its calibrated level; empty for all others."""
+    level = manager_kind(entrant.manager).level
+    if level is None or not values:
+        return {}
+    amount = values[level.name] * signal.threshold
+    return {key: factor * amount for key, factor in level.settings.items()}
 
 
 def flown_by(
@@ -196,16 +195,11 @@ def flown_by(
     """
     of = scenario.redundancy
     told: dict[str, Any] = {"manager": entrant.manager}
-    table: dict[str, Any] = dict(keys)
+    table = {**keys, **_keys_of(entrant, signal, values)}
     if entrant.manager in RIVALS:
         rival = getattr(of.rivals, entrant.manager)
         own = rival.model_copy(update={"signals": {**rival.signals, signal.name: dict(values)}})
         told["rivals"] = of.rivals.model_copy(update={entrant.manager: own})
-    elif entrant.manager == "selection":
-        deviation = values["deviation"] * signal.threshold
-        table = {"selection_deviation": deviation, "selection_integral_s": INTEGRAL_S * deviation}
-    elif entrant.manager == "cross-voter":
-        table = dict.fromkeys(_THRESHOLDS, values["threshold"] * signal.threshold)
     if table:
         before = getattr(of.signals, signal.name)
         now = SignalConfig(**keys) if keys else before.model_copy(update=table)
@@ -216,6 +210,10 @@ def flown_by(
 
 def designed_values(signal: OfSignal, settings: RecordedSignal) -> dict[str, float]:
     """Return what a design of ours changes of PARAMS; references and all else stay the scenario's."""
+    return _params_of(signal, settings, _DESIGNED)
+
+
+def _params_of(signal: OfSignal, settings: RecordedSignal, names: Sequence[str]) -> dict[str, float]:
     made = np.zeros(1, PARAMS)
     fill(made[0], settings, settings.limits, signal.fitted, settings.wraps, signal.rate_hz)
-    return {name: made[name][0].item() for name in _DESIGNED}
+    return {name: made[name][0].item() for name in names}

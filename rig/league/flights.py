@@ -17,7 +17,7 @@ from numpy.random import SFC64, Generator
 from numpy.typing import NDArray
 
 from rig import aircraft
-from rig.assess.outcome import NEVER
+from rig.assess.outcome import first_failed
 from rig.bench.trials import RESULT
 from rig.campaign.flying import fly
 from rig.campaign.plan import Plan
@@ -105,7 +105,7 @@ def _flown(scenario: Scenario, entrant: Entrant, signal: OfSignal, mine: Calibra
     onset = to_frame(float(fault.start_s or 0.0), scenario.rate_hz)
     failed = flight.rows["state"][:, s] == State.FAILED
     result = np.zeros(1, RESULT)
-    result["failed_at"] = np.where(failed.any(axis=0), failed.argmax(axis=0), NEVER)
+    result["failed_at"] = first_failed(failed)
     rows = flight.rows[onset:]
     errors = np.abs(differences(rows["voted"][:, s], rows["truth"][:, s], SIGNALS[s].wraps))
     result["peak"] = errors.max(initial=0.0)

@@ -9,9 +9,10 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
+from rig.assess.words import INJECTED, PRIOR
 from rig.campaign.statistics import detectable, mcnemar, paired_difference
 from rig.league.entrants import BIASED, LASTING, OURS
-from rig.league.trials import OUTCOMES, STATES
+from rig.league.trials import STATES
 
 ISOLATED: Final = pl.col("outcome") == "isolated"
 LOST: Final = pl.col("lost")
@@ -62,11 +63,7 @@ def by_size(rows: pl.DataFrame) -> list[dict[str, Any]]:
         group = ["signal", "kind", "faults", "entrant"]
         shares = part.with_columns(bins).group_by([*group, "bin"], maintain_order=True)
         found += (
-            shares.agg(
-                pl.col("size").mean(),
-                pl.len().alias("trials"),
-                (pl.col("outcome") == "isolated").sum().alias("isolated"),
-            )
+            shares.agg(pl.col("size").mean(), trials=pl.len(), isolated=ISOLATED.sum())
             .sort("bin", maintain_order=True)
             .drop("bin")
             .to_dicts()
@@ -78,10 +75,10 @@ def curve(rows: pl.DataFrame) -> list[dict[str, Any]]:
     """Return delay and share isolated over the budget, a row for each signal, number of faults, entrant and budget."""
     group = ["signal", "faults", "entrant", "budget_per_h"]
     found = rows.group_by(group, maintain_order=True).agg(
-        pl.len().alias("trials"),
-        (pl.col("outcome") == "isolated").sum().alias("isolated"),
-        pl.col("delay_s").median().alias("delay_median_s"),
-        pl.col("delay_s").quantile(0.95, "higher").alias("delay_95_s"),
+        trials=pl.len(),
+        isolated=ISOLATED.sum(),
+        delay_median_s=pl.col("delay_s").median(),
+        delay_95_s=pl.col("delay_s").quantile(0.95, "higher"),
     )
     return found.sort("budget_per_h", maintain_order=True).to_dicts()
 
@@ -94,7 +91,7 @@ def _counts(rows: pl.DataFrame) -> list[dict[str, Any]]:
         .group_by([*GROUP, "entrant"])
         .agg(
             pl.len().alias("trials"),
-            *((pl.col("outcome") == word).sum().alias(word) for word in OUTCOMES),
+            *((pl.col("outcome") == word).sum().alias(word) for word in (*INJECTED, PRIOR)),
             pl.col("delay_s").median().alias("delay_median_s"),
             pl.col("delay_s").quantile(0.95, "higher").alias("delay_95_s"),
             pl.col("peak").median().alias("peak_median"),

@@ -19,14 +19,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.bench.run import Stages, run
+from rig.bench.sources import blocks
+from rig.bench.vote import by_class
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.errors import BadInput, ManagerFailed
-from rig.frame import CHANNELS, S, State, nested, new_block
+from rig.frame import CHANNELS, D, S, State, rows
 from rig.util.trust import Trust
 
 Floats = NDArray[np.float64]
 KEY: Final = "calibrate"  # of a class: the name of the number
-_ROWS: Final = 256  # of a block, which is used again and again
+_FLIGHT: Final = rows(S, D)
 _one_at_a_time = threading.RLock()  # numbers of a class are the process's
 
 
@@ -95,24 +98,16 @@ def voted(
 
 
 def _vote(own: OwnManager, read: Mapping[str, NDArray[Any]], failed: NDArray[np.bool_], votes: Floats) -> None:
-    """Fill a block of rows, vote it row by row, and keep what was voted; again until the frames end.
+    """Vote pieces as signals of a flight's rows, and keep what was voted.
 
     Signals beyond the pieces are the first piece once more.
     """
     pieces, frames = votes.shape
-    block = new_block(_ROWS)
-    block["reference"] = block["second_reference"] = np.nan
-    block["valid"], block["ilm"] = 1, 2
-    rows = nested(block)
-    bus, fcc = rows["bus"], rows["fcc"]
-    for first in range(0, frames, _ROWS):
-        count = min(_ROWS, frames - first)
-        block["frame"][:count] = np.arange(first, first + count)
+    for part, block in blocks(_FLIGHT, frames):
         for key, values in read.items():
-            some = np.moveaxis(values[:, first : first + count], 0, 1)
-            block[key][:count, :pieces], block[key][:count, pieces:S] = some, some[:, :1]  # a row has S signals
-        for k in range(count):
-            own.step(block, bus, fcc, k)
-        here = slice(first, first + count)
-        failed[:, here] = np.moveaxis(block["state"][:count, :pieces] == State.FAILED, 0, 1)
-        votes[:, here] = block["voted"][:count, :pieces].T
+            some = np.moveaxis(values[:, part], 0, 1)
+            block[key][:, :pieces], block[key][:, pieces:] = some, some[:, :1]
+        nested = _FLIGHT.nested(block)
+        run(nested, Stages(), decide=by_class(own, block, nested))
+        failed[:, part] = np.moveaxis(block["state"][:, :pieces] == State.FAILED, 0, 1)
+        votes[:, part] = block["voted"][:, :pieces].T

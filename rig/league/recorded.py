@@ -14,13 +14,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from rig.assess.outcome import NEVER
-from rig.assess.words import PRIOR
-from rig.bench.run import step
-from rig.computer.redundancy.managers import Manager
+from rig.assess.outcome import first_failed, trial_words
 from rig.errors import BadInput
-from rig.frame import CHANNELS, Ilm, State, rows
-from rig.kernels import long_kernel
+from rig.frame import CHANNELS
 from rig.league.entrants import (
     BIASED,
     LASTING,
@@ -42,7 +38,7 @@ from rig.thresholds.data import Data
 from rig.thresholds.design import DataBlock, Grid
 from rig.thresholds.healthy import envelope
 from rig.thresholds.lasting import ALLOWANCES, LIMITS, residuals, stale_frames
-from rig.thresholds.monitored import four, parameters
+from rig.thresholds.monitored import four, outcomes_of, parameters
 from rig.thresholds.tradeoff import GAIN, LATER_S, NOISE, SHARES, SMALL, Kind, Pieces, faulty, pieces
 
 BEFORE_S: Final = 10.0
@@ -50,7 +46,6 @@ PIECES: Final = 48  # of a signal and half
 CHOOSING: Final = 16  # of the calibrating half, by which ours with all that lasts is chosen
 _STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a thousandth of it
 _HIGHEST: Final = 64.0
-_ROWS: Final = rows(1)
 Faults = Sequence[tuple[str, Kind, float]]
 
 
@@ -158,7 +153,7 @@ def _lasting(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], bo
     faults = [samples for _, samples in _with_faults(cut, blocks, signal)]
 
     def isolated(values: dict[str, Any]) -> int:
-        outcomes = [_became(_failed_at(entrant, signal, values, each), cut)[0] for each in faults]
+        outcomes = [_became(entrant, signal, values, cut, each)[0] for each in faults]
         return sum(int((outcome == "isolated").sum()) for outcome in outcomes)
 
     return max(found, key=isolated)
@@ -207,8 +202,7 @@ def _trials(
         return
     for number, (name, samples) in enumerate(_with_faults(cut, blocks, signal)):
         for entrant in entrants:
-            failed_at = _failed_at(entrant, signal, values[entrant.name], samples)
-            outcome, delay_s = _became(failed_at, cut)
+            outcome, delay_s = _became(entrant, signal, values[entrant.name], cut, samples)
             columns = {
                 "combination": 100 * part + number,
                 "trial": np.arange(len(samples)),
@@ -232,43 +226,14 @@ def _faults(motion: float) -> Faults:
     ]
 
 
-def _failed_at(
-    entrant: Entrant, signal: OfSignal, values: dict[str, Any], samples: NDArray[np.float64]
-) -> NDArray[np.int64]:
-    """Return (R, 4) the first frame in which each channel of each piece is failed, or NEVER."""
+def _became(
+    entrant: Entrant, signal: OfSignal, values: dict[str, Any], cut: Pieces, samples: NDArray[np.float64]
+) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Return (R,) outcome and delay, s, of ``samples`` (R, n, C), the pieces with a fault."""
     if entrant.is_own:
-        failed, _ = voted(entrant.manager, values, signal.params, {"channels": four(samples)})
-        return np.where(failed.any(axis=1), failed.argmax(axis=1), NEVER)
-    made: Manager = manager(entrant, signal, values)
-    block = _ROWS.block(1)
-    block["reference"] = block["second_reference"] = np.nan
-    block["valid"], block["ilm"] = 1, Ilm.ABSENT
-    found = np.full((len(samples), CHANNELS), NEVER, np.int64)
-    _run(four(samples), _ROWS.nested(block), made.data, made.new_state(), found)
-    return found
-
-
-@long_kernel
-def _run(samples, rows, manager, fresh, failed_at):
-    """Every piece (R, n, 4) through the manager, which begins again with each."""
-    row = rows[0]
-    channels, state = row["bus"]["channels"], row["fcc"]["state"]
-    for r in range(len(samples)):
-        manager.state[0] = fresh[0]
-        for k in range(samples.shape[1]):
-            for c in range(CHANNELS):
-                channels[0, c] = samples[r, k, c]
-            step(row, row, k, None, None, None, manager, None)
-            for c in range(CHANNELS):
-                if state[0, c] == State.FAILED and failed_at[r, c] < 0:
-                    failed_at[r, c] = k
-
-
-def _became(failed_at: NDArray[np.int64], cut: Pieces) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    trials = np.arange(len(failed_at))
-    mine, failed = failed_at[trials, cut.channel], failed_at != NEVER
-    before = (failed & (failed_at < cut.onset)).any(axis=1)
-    others = failed.copy()
-    others[trials, cut.channel] = False
-    outcome = np.select([before, others.any(axis=1), mine != NEVER], [PRIOR, "wrong channel", "isolated"], "missed")
-    return outcome, np.where(outcome == "isolated", (mine - cut.onset) / cut.rate_hz, np.nan)
+        failed_at = first_failed(voted(entrant.manager, values, signal.params, {"channels": four(samples)})[0])
+    else:
+        failed_at = outcomes_of(samples, cut.channel, cut.onset, manager(entrant, signal, values))["failed_at"]
+    tested = np.arange(CHANNELS) == cut.channel[:, None]
+    outcome, frames = trial_words(failed_at, np.full(len(samples), cut.onset), tested, ~tested)
+    return outcome, frames / cut.rate_hz

@@ -15,13 +15,13 @@ import polars as pl
 from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
-from rig.assess.outcome import NEVER
-from rig.assess.words import PRIOR
+from rig.assess.outcome import NEVER, first_failed, trial_words
 from rig.bench.trials import RESULT, Trials
 from rig.bench.vote import settings_of
 from rig.campaign.plan import Plan
 from rig.errors import BadInput
 from rig.faults import KINDS
+from rig.frame import CHANNELS
 from rig.league.calibration import Calibrated
 from rig.league.entrants import Entrant, OfSignal, manager
 from rig.league.own_class import voted
@@ -33,7 +33,6 @@ AFTER: Final = 1000  # frames from the last onset on
 STATES: Final = ("as flown", "absent", "off", "jumping")  # of the reference
 JUMP: Final = 3.0  # thresholds
 BEFORE: Final = 200  # frames before the onset in which the reference jumps, for good
-OUTCOMES: Final = ("isolated", "wrong channel", "missed", PRIOR)
 SCHEMA: Final[dict[str, Any]] = {
     "combination": pl.Int64,
     "trial": pl.Int64,  # of the combination
@@ -138,7 +137,7 @@ def _fly(
     for part, read in recorded_trials(made, trials, lambda: refill(trials, noise, normal)):
         failed, votes = voted(entrant.manager, values, signal.params, read)
         here = results[part]
-        here["failed_at"] = np.where(failed.any(axis=1), failed.argmax(axis=1), NEVER)
+        here["failed_at"] = first_failed(failed)
         for trial, vote, from_, last in zip(here, votes, trials.counted_from[part], trials.last[part], strict=True):
             counted = slice(from_, last)
             error = np.abs(differences(vote[counted], trials.truth[counted], signal.given.wraps))
@@ -175,18 +174,14 @@ def with_reference(made: Cell, trials: Trials, state: str, worst: float) -> Tria
 
 def became(made: Cell, onsets: NDArray[np.int64], results: NDArray[Any]) -> dict[str, NDArray[Any]]:
     """Return outcome, delay_s and peak of (T,) bench.trials.RESULT with ``onsets`` (T,) of the tested fault."""
-    targets, failed_at, onset = made.faults.targets, results["failed_at"], onsets[:, None]
+    targets, channels = made.faults.targets, np.arange(CHANNELS)
     of_test = np.isin(targets["fault"], [i for i in (made.tested, made.second) if i is not None])
-    healthy = np.setdiff1d(np.arange(made.one.manager.params["fitted"][0]), targets["column"])
-    tested = np.unique(targets["column"][of_test])
-    failed = failed_at != NEVER
-    before = (failed & (failed_at < onset))[:, [*healthy, *tested]].any(axis=1)
-    wrong, right = failed[:, healthy].any(axis=1), failed[:, tested].all(axis=1)
-    outcome = np.select([before, wrong, right], [PRIOR, "wrong channel", "isolated"], "missed")
-    delay = (failed_at[:, tested].max(axis=1) - onsets) / made.scenario.rate_hz
+    tested = np.isin(channels, targets["column"][of_test])
+    healthy = (channels < made.one.manager.params["fitted"][0]) & ~np.isin(channels, targets["column"])
+    outcome, frames = trial_words(results["failed_at"], onsets, tested, healthy)
     return {
         "outcome": outcome,
-        "delay_s": np.where(outcome == "isolated", delay, np.nan),
+        "delay_s": frames / made.scenario.rate_hz,
         "peak": results["peak"] / made.one.threshold,
     }
 

@@ -34,8 +34,7 @@ from rig.scenario import Scenario
 from rig.sensors.params import calibrate
 
 RUN_IN: Final = 10  # frames of healthy sensors before the first fault
-AT_ONCE_FOUND: Final = ("hardover", "dropout")  # kinds of earlier faults that SETTLING is enough for
-SETTLING: Final = 30  # frames from an earlier fault to the tested one, where the manager has no longer memory
+SETTLING: Final = 30  # frames from an earlier fault that is found at once to the tested one
 ROWS: Final = 8192  # of the streams, at least: what the core's cache holds
 AFTER: Final = 800  # frames from the last onset on, at most
 _SIZES: Final = tuple(dict.fromkeys(key for model in KINDS.values() if model.trials_draw for key in model.sizes))
@@ -109,10 +108,9 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
     drawn = Drawn(values, rng.random((trials, len(made.faults.schedule))) < 0.5)
     schedule, targets = records(made, drawn)
     onset = schedule["first"][:, made.tested]
-    at_once = all(made.scenario.faults[i].kind in AT_ONCE_FOUND for i in made.earlier)
-    if (
-        at_once and not manager_kind(made.scenario.redundancy.manager).takes_back
-    ):  # what is integrated has a long memory
+    at_once = all(made.scenario.faults[i].found_at_once for i in made.earlier)
+    # What is integrated has a long memory.
+    if at_once and not manager_kind(made.scenario.redundancy.manager).takes_back:
         schedule["first"][:, made.earlier] = onset[:, None] - SETTLING
     begins = np.where(schedule["trigger"] == Trigger.TIME, schedule["first"], onset[:, None])
     first = np.maximum(begins.min(axis=1) - RUN_IN, 0)

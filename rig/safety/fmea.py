@@ -20,13 +20,17 @@ from rig.campaign.statistics import proportion
 from rig.errors import BadInput
 from rig.faults import KINDS
 from rig.faults.places import site
+from rig.faults.settings import in_thresholds
 from rig.frame import INDEX, SIGNALS
 from rig.reliability.rates import Rates
 from rig.safety.sequences import REFERENCE
 
 NOT_FLOWN: Final = "not flown"
 ASSIGN: Final = "to be assigned"
-SIZED: Final = ("offset", "drift", "noise", "oscillation", "spikes")  # kinds with a size in thresholds
+SIZED: Final = tuple(  # kinds with a size in thresholds
+    kind for kind, model in KINDS.items() if any(in_thresholds(key) in model.model_fields for key in model.sizes)
+)
+HIDDEN: Final = tuple(kind for kind, model in KINDS.items() if model.hidden_at_rest)
 SMALL: Final = 4.0  # thresholds: up to there a size is small
 PHASES: Final = ("phase", "condition", "manoeuvre")  # columns that may say what was flown
 FUNCTIONS: Final = {
@@ -215,7 +219,7 @@ def _rate(item: str, kind: str, rates: Rates) -> tuple[str, str]:
 def _exposure(group: _Group, latent: int) -> str:
     if not latent:
         return "flight"
-    return "to the next manoeuvre" if group.kind == "stuck" and group.phase != "manoeuvre" else "to the check"
+    return "to the next manoeuvre" if group.kind in HIDDEN and group.phase != "manoeuvre" else "to the check"
 
 
 def _beyond(beyond: pl.Series) -> str:

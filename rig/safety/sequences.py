@@ -15,13 +15,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
+from rig.faults import KINDS as FAULT_KINDS
+from rig.faults.settings import in_thresholds
 from rig.reliability.tally import LATENT
 
 MOST: Final = 3  # faults of a sequence: four are all channels of a quadruplex signal
-KINDS: Final = ("hardover", "stuck", "offset", "drift", "dropout")
+KINDS: Final = ("hardover", "stuck", "offset", "drift", "dropout")  # of those with channels, what is flown
 REFERENCE: Final = ("reference offset", "reference dropout")
 MODES: Final = (*KINDS, *REFERENCE)
-SIZES: Final = {"offset": "offset_thresholds", "drift": "rate_thresholds_per_s"}
 LEAST, LARGEST = 1.2, 24.0  # thresholds, or thresholds a second
 NEAR_S: Final = 0.15  # from one onset to the next, at most
 Modes = tuple[str, ...]
@@ -79,12 +80,13 @@ def faults(signal: str, sequence: Modes, channels: Sequence[int], when: Conditio
 
 
 def _size(kind: str, rng: Generator) -> dict[str, Any]:
-    if kind == "hardover":
+    model = FAULT_KINDS[kind]
+    if "direction" in model.model_fields:
         return {"direction": "high" if rng.random() < 0.5 else "low"}
-    if kind not in SIZES:
+    if not model.sizes:
         return {}
     size = float(np.exp(rng.uniform(np.log(LEAST), np.log(LARGEST))))
-    return {SIZES[kind]: round(size if rng.random() < 0.5 else -size, 4)}
+    return {in_thresholds(model.sizes[0]): round(size if rng.random() < 0.5 else -size, 4)}
 
 
 def flights(

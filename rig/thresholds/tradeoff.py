@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.outcome import NEVER
-from rig.assess.words import fault_word
+from rig.assess.words import INJECTED, fault_words
 from rig.recordings.settings import RecordedSignal
 from rig.thresholds.design import DataBlock, Design
 from rig.thresholds.lasting import begun
@@ -125,10 +125,10 @@ def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Fo
     wrong = np.asarray((signals["false_isolations"] > 0).any(axis=1))
     delay = (failed_at - cut.onset) / cut.rate_hz
     failed = (failed_at != NEVER) & (delay <= (WITHIN_S if kind == "offset" else LATER_S))
-    words = [fault_word(True, *flags) for flags in zip(failed, [True] * len(failed), wrong, strict=True)]
-    delays = delay[[word == "isolated" for word in words]]
+    words = fault_words(True, failed, True, wrong)
+    delays = delay[words == "isolated"]
     quantiles = (float(q) for q in np.quantile(delays, [0.5, 0.95])) if len(delays) else (None, None)
-    return Found(*(words.count(word) for word in ("isolated", "wrong channel", "missed")), *quantiles)
+    return Found(*(int((words == word).sum()) for word in INJECTED), *quantiles)
 
 
 def faulty(cut: Pieces, kind: Kind, size: float) -> Floats:

@@ -25,6 +25,15 @@ from rig.computer.redundancy.rivals.weighted import weighted
 from rig.kernels import inlined, kernel
 
 
+class MonitorLevel(NamedTuple):
+    """The level of a monitor that a calibration chooses, in thresholds of a signal."""
+
+    name: str
+    default: float
+    settings: dict[str, float]  # of config.SignalConfig, each so many times the level
+    params: tuple[str, ...]  # fields of config.PARAMS that these settings make
+
+
 class ManagerKind(NamedTuple):
     """Traits of a manager, for what runs it and what assesses it."""
 
@@ -35,16 +44,22 @@ class ManagerKind(NamedTuple):
     takes_back: bool = False  # fails a channel only for as long as it distrusts it, which it integrates over time
     chooses_units: bool = False  # one channel for all signals that are axes of one unit
     refers: bool = False  # to references
+    level: MonitorLevel | None = None  # of a baseline that fails channels
     settings: type[of_rivals.Rival] | None = None  # of a rival; its ``levels`` are what a calibration chooses
     state: tuple[Any, ...] = ()  # of a rival: fields of its record besides STATE and RIVAL_STATE
 
 
+_THRESHOLDS: Final = ("threshold", "threshold_triplex", "threshold_duplex")
+_FROM_THE_VOTE: Final = MonitorLevel("threshold", 1.0, dict.fromkeys(_THRESHOLDS, 1.0), _THRESHOLDS)
+_FROM_THE_MEAN: Final = MonitorLevel(
+    "deviation", 2.5, {"selection_deviation": 1.0, "selection_integral_s": 2.0}, ("deviation", "deviation_frames")
+)
 KINDS: Final = (
     ManagerKind("cross-channel", manage, compares=True, latches=True, refers=True),
     ManagerKind("mean", average),
     ManagerKind("median", plain_median),
-    ManagerKind("cross-voter", cross_voter, latches=True),
-    ManagerKind("selection", select, takes_back=True, chooses_units=True),
+    ManagerKind("cross-voter", cross_voter, latches=True, level=_FROM_THE_VOTE),
+    ManagerKind("selection", select, takes_back=True, chooses_units=True, level=_FROM_THE_MEAN),
     ManagerKind("cusum", cusum, latches=True, refers=True, settings=of_rivals.Cusum, state=CUSUM_STATE),
     ManagerKind("glr", glr, latches=True, refers=True, settings=of_rivals.Glr, state=GLR_STATE),
     ManagerKind("parity", parity, latches=True, refers=True, settings=of_rivals.Parity),
