@@ -271,7 +271,7 @@ def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates:
     assert html.parse(str(page)).xpath("//svg//text")
     called: list[Any] = []
     monkeypatch.setattr(safety, "_fly_campaign", lambda name, out, *more: called.append((name, str(out))))
-    monkeypatch.setattr(safety, "cutsets", lambda out, signal, **more: called.append((signal, more["flights"])))
+    monkeypatch.setattr(safety, "cutsets", lambda options: called.append((options.signal, options.flights)))
     monkeypatch.setattr(safety, "confirm", lambda folder, **more: called.append(folder))
     code, _, _ = rig_command(*arguments, "--fly", "--flights", "2")
     assert code == 0 and called == [("reliability", "a"), ("fmea", "C"), ("pitch_rate", 2), sets]
