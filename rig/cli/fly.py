@@ -191,8 +191,8 @@ def conclusion(sentences: Sequence[str]) -> None:
 
 def _verdict(flight: Flight) -> None:
     scenario = flight.scenario
-    about = [f"seed {scenario.seed}", flight.voter, *flight.overrides]
-    line((scenario.title or scenario.aircraft, "bold"), f"  {', '.join(about)}")
+    settings = [f"seed {scenario.seed}", flight.voter, *flight.overrides]
+    line((scenario.title or scenario.aircraft, "bold"), f"  {', '.join(settings)}")
     events = list(_events(flight.events))
     for event in events[:MOST_LINES]:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
@@ -225,8 +225,8 @@ def _events(events: Iterable[Event]) -> Iterator[Event]:
     for _, of_frame in groupby(events, lambda event: event.frame):
         alike: dict[object, list[tuple[str, Event]]] = {}
         for i, event in enumerate(of_frame):
-            signal, about = _said_of(event)
-            alike.setdefault((event.name, about) if about else i, []).append((signal, event))
+            signal, text = _said_of(event)
+            alike.setdefault((event.name, text) if text else i, []).append((signal, event))
         for several in alike.values():
             if len(several) <= FEW:
                 yield from (event for _, event in several)
@@ -242,8 +242,8 @@ def _said_of(event: Event) -> tuple[str, str]:
 
     if channel := _OF_CHANNEL.fullmatch(event.text):
         return channel[1], f"channel {channel[2]} {channel[3]}"
-    signal, _, about = event.text.partition(": ")
-    return (signal, about) if signal in INDEX or signal in DISCRETE_INDEX else ("", "")
+    signal, _, text = event.text.partition(": ")
+    return (signal, text) if signal in INDEX or signal in DISCRETE_INDEX else ("", "")
 
 
 def _timing(flight: Flight) -> None:

@@ -171,7 +171,7 @@ def _show_recordings(result: dict[str, Any]) -> None:
     table(false, (Column("manager", "entrant"), Column("false isolations in the tested halves", "false")))
     for signal in dict.fromkeys(row["signal"] for row in result["table"]):
         rows = [row for row in result["table"] if row["signal"] == signal]
-        _show_kinds(signal, rows, _OUTCOMES[:7], all_kinds=True, told="")
+        _show_kinds(signal, rows, _OUTCOMES[:7], all_kinds=True, ending="")
     line()
     differ = [row for row in result["differences"] if row["kind"] == "all" and row["ours"] == "cross-channel"]
     table(
@@ -216,13 +216,13 @@ def _show_kinds(
     rows: list[dict[str, Any]],
     columns: Sequence[Column],
     all_kinds: bool,
-    told: str = "; sizes and vote error in thresholds",
+    ending: str = "; sizes and vote error in thresholds",
 ) -> None:
     """Print one table for each kind, or of all kinds together alone."""
     for kind in dict.fromkeys(row["kind"] for row in rows):
         if all_kinds or kind == "all":
             line()
-            line(f"{title}, {'all kinds' if kind == 'all' else kind}{told}")
+            line(f"{title}, {'all kinds' if kind == 'all' else kind}{ending}")
             table([row for row in rows if row["kind"] == kind], columns)
 
 
@@ -232,7 +232,7 @@ def _show_transients(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         pair = by_pair.setdefault((row["signal"], row["entrant"]), {})
         pair[f"{row['frames']} x {row['thresholds']:g}"] = f"{row['failed']} of {row['bursts']}"
-    made = [{"signal": signal, "entrant": name, **found} for (signal, name), found in by_pair.items()]
+    made = [{"signal": signal, "entrant": name, **cells} for (signal, name), cells in by_pair.items()]
     bursts = [name for name in (made[0] if made else {}) if name not in ("signal", "entrant")]
     table(made, (Column("signal", "signal"), Column("manager", "entrant"), *(_burst(name) for name in bursts)))
 

@@ -198,11 +198,25 @@ def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
     rows = []
     for design in signal["designs"]:
         mark = "*" if design["extrapolation"] > _MARKED else ""
-        for i, (level, at) in enumerate(design["levels"].items()):
+        for i, (level, threshold) in enumerate(design["levels"].items()):
             once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
-            rows.append({**at, "level": level, "threshold": f"{at['upper']:.4g}{mark}", "design": {} if i else once})
-        for level, at in design["outlier_levels"].items():
-            rows.append({**at, "level": f"{level}, outlier", "threshold": f"{at['upper']:.4g}{mark}", "design": {}})
+            rows.append(
+                {
+                    **threshold,
+                    "level": level,
+                    "threshold": f"{threshold['upper']:.4g}{mark}",
+                    "design": {} if i else once,
+                }
+            )
+        for level, threshold in design["outlier_levels"].items():
+            rows.append(
+                {
+                    **threshold,
+                    "level": f"{level}, outlier",
+                    "threshold": f"{threshold['upper']:.4g}{mark}",
+                    "design": {},
+                }
+            )
     return rows
 
 

@@ -35,8 +35,8 @@ _AT = (
     Column("hours", "hours", "g"),
     Column("tree", "tree", ".6g"),
     Column("chain", "chain", ".6g"),
-    Column("tree differs", lambda at: f"{100 * at.differs:+.4f} %"),
-    Column("direct sum of the sets", lambda at: f"{at.direct_sum:.6g} ({100 * at.sum_differs:+.2f} %)", worth=7),
+    Column("tree differs", lambda row: f"{100 * row.differs:+.4f} %"),
+    Column("direct sum of the sets", lambda row: f"{row.direct_sum:.6g} ({100 * row.sum_differs:+.2f} %)", worth=7),
 )
 
 
@@ -181,15 +181,17 @@ def confirm(
     from rig.safety import confirm as again
     from rig.safety.cutset_plan import read_asked
 
-    asked, found = read_asked(folder), again.claims(folder)
-    if not found:
+    asked, cut_sets = read_asked(folder), again.claims(folder)
+    if not cut_sets:
         raise BadInput(f"{folder}: no minimal set to confirm")
     names = [part.strip() for part in (aircraft or asked.aircraft).split(",")]
-    made = again.plans(asked, found, names, [part.strip() for part in points.split(",") if part.strip()], flights, seed)
+    made = again.plans(
+        asked, cut_sets, names, [part.strip() for part in points.split(",") if part.strip()], flights, seed
+    )
     with working("flying the sets again", not as_json, steps=True):
         results = again.fly(folder, made, workers, report=lambda done, count: tell("flights", done, count))
     _stop_if_interrupted(results)
-    compared = again.rows(folder, asked.signal, found, made)
+    compared = again.rows(folder, asked.signal, cut_sets, made)
     again.write_rows(folder, compared)
     data = {"folder": str(folder), "rows": [row.as_dict() for row in compared]}
     data |= {"agree": sum(row.agrees for row in compared), "disagree": sum(not row.agrees for row in compared)}
@@ -308,8 +310,8 @@ def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) ->
 
     plan = Plan(read(name, dict(map(parse_set, sets or ()))), str(find(name)))
     with working(f"flying {name}", enabled=True, steps=True):
-        told = lambda progress: tell(f"flights of {name}", progress.done, progress.runs)  # noqa: E731
-        _stop_if_interrupted([run(plan, out, workers=workers, report=told)])
+        tell_progress = lambda progress: tell(f"flights of {name}", progress.done, progress.runs)  # noqa: E731
+        _stop_if_interrupted([run(plan, out, workers=workers, report=tell_progress)])
 
 
 def _stop_if_interrupted(results: Sequence[Result]) -> None:
@@ -319,10 +321,10 @@ def _stop_if_interrupted(results: Sequence[Result]) -> None:
         raise Exit(CODE + last.signal)
 
 
-def _sets_of(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> dict[str, Any]:
+def _sets_of(counted: Mapping[str, Counts], cut_sets: Sequence[CutSet]) -> dict[str, Any]:
     """Return the minimal sets, and how many sequences and flights there are of each condition."""
     flown = {name: {"sequences": len(of), "flights": sum(c.flown for c in of.values())} for name, of in counted.items()}
-    return {"flown": flown, "sets": [each.as_dict() for each in found]}
+    return {"flown": flown, "sets": [each.as_dict() for each in cut_sets]}
 
 
 _SETS = (
@@ -335,7 +337,7 @@ _SETS = (
 )
 
 
-def _show_sets(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> None:
+def _show_sets(counted: Mapping[str, Counts], cut_sets: Sequence[CutSet]) -> None:
     """Print what was flown, and the minimal sets."""
     for name, of in counted.items():
         lost = sum(each.lost for each in of.values())
@@ -343,5 +345,5 @@ def _show_sets(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> None:
             f"{name}: {len(of)} sequences, {lost} of {sum(each.flown for each in of.values())} flights lose the signal"
         )
     line()
-    table(found, _SETS)
+    table(cut_sets, _SETS)
     line("minimal: the lower end of its interval is above the upper ends of all its proper subsets")

@@ -112,11 +112,11 @@ def _plan(options: SearchOptions) -> SearchPlan:
 
 def _show(ended: Ended, out: Path) -> None:
     """Print what was found, how sure it is, and where it is."""
-    found = ended.figures
-    at_random, worst, confirmed = found["random"], found["worst"], found["confirmed"]
+    figures = ended.figures
+    at_random, worst, confirmed = figures["random"], figures["worst"], figures["confirmed"]
     field(
         "flights",
-        f"{found['flights']}, {found['violated']} violate; least margin {found['least_margin']:.4g}",
+        f"{figures['flights']}, {figures['violated']} violate; least margin {figures['least_margin']:.4g}",
         width=_WIDTH,
     )
     bound = f"at most {100 * at_random['upper_95']:.3g} % (95 %)"
@@ -127,8 +127,8 @@ def _show(ended: Ended, out: Path) -> None:
         f"run {worst['run']}, {worst['arm']}: {again}, median margin {worst['median_margin']:.4g}",
         width=_WIDTH,
     )
-    if found["scenario"]:
-        field("simplest", f"{found['scenario']}: {confirmed[0]} of {confirmed[1]} other seeds violate", width=_WIDTH)
+    if figures["scenario"]:
+        field("simplest", f"{figures['scenario']}: {confirmed[0]} of {confirmed[1]} other seeds violate", width=_WIDTH)
     else:
         line("no new seed violates: no scenario was written")
     field("folder", f"{out}, table {ended.table_sha256}, {ended.wall_s:.1f} s", width=_WIDTH)

@@ -121,8 +121,8 @@ def _add_violations(path: Path, log: Log, names: list[str]) -> None:
     required = load_requirements(names)
     with suppress(BadInput):
         required = load_requirements([*names, *named])
-    found = events(check_log(path, [each for each in required if not each.names_twin]), log.rate_hz)
-    log.events[:] = sorted([*log.events, *found], key=lambda event: event.frame)
+    violations = events(check_log(path, [each for each in required if not each.names_twin]), log.rate_hz)
+    log.events[:] = sorted([*log.events, *violations], key=lambda event: event.frame)
 
 
 def _require_display() -> None:

@@ -80,8 +80,8 @@ def gaps(source: str, time_s: Floats) -> list[str]:
         return []
     largest = long[np.argmax(steps[long])]
     longest = f"gap of {steps[largest]:.6g} s at {time_s[largest]:.6g} s"
-    told = longest if len(long) == 1 else f"{len(long)} gaps of more than {GAP:g} rows, the largest a {longest}"
-    return [f"{source}: {told}: the rows before and after count as consecutive"]
+    gap = longest if len(long) == 1 else f"{len(long)} gaps of more than {GAP:g} rows, the largest a {longest}"
+    return [f"{source}: {gap}: the rows before and after count as consecutive"]
 
 
 def strange_rate(source: str, time_s: Floats) -> list[str]:

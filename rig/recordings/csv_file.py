@@ -82,7 +82,7 @@ def _head(path: Path, written: TableFormat) -> tuple[list[str], list[str], str]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             line = file.readline()
-            separator = written.separator or max(SEPARATORS, key=lambda one: len(_cells(line, one)))
+            separator = written.separator or max(SEPARATORS, key=lambda sign: len(_cells(line, sign)))
             file.seek(0)
             rows = list(islice(csv.reader(file, delimiter=separator), 2))
     except UnicodeDecodeError:
@@ -143,9 +143,9 @@ def _refusal(error: str, header: list[str], columns: dict[str, Any]) -> tuple[in
 
 def _found(written: TableFormat, separator: str, decimal: str) -> str:
     """Say which separator and decimal sign were found, where they are not the usual ones."""
-    said = []
+    parts = []
     if written.separator is None and separator != ",":
-        said.append(f"columns separated by {'tabs' if separator == chr(9) else repr(separator)}")
+        parts.append(f"columns separated by {'tabs' if separator == chr(9) else repr(separator)}")
     if written.decimal is None and decimal != ".":
-        said.append("decimal comma")
-    return ", ".join(said)
+        parts.append("decimal comma")
+    return ", ".join(parts)
