@@ -230,7 +230,7 @@ def test_a_campaign_without_single_faults_and_a_foreign_folder_are_refused(
     with pytest.raises(BadInput, match="C: no flight of it has a single fault"):
         gathered({"outcome": "crashed"})
     code, _, err = rig_command("reliability", "run", str(tmp_path), "--rates", str(rates))
-    assert code == 2 and "no campaign's folder" in err
+    assert code == 2 and "not a campaign's folder" in err
 
 
 def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates: Path, tmp_path: Path):

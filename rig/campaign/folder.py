@@ -66,7 +66,7 @@ class Folder:
             return folder
         with reported(f"--out {path}", BadInput, "cannot be read"):
             if path.exists() and (not path.is_dir() or any(path.iterdir())):
-                raise BadInput(f"--out {path}: is no campaign's folder, and not empty")
+                raise BadInput(f"--out {path}: not a campaign's folder, and not empty")
         return folder
 
     def about(self) -> dict[str, Any]:
@@ -145,7 +145,7 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
     """
     file = path / CAMPAIGN
     if not is_file(file):
-        raise BadInput(f"{path}: no campaign's folder: {CAMPAIGN} is missing")
+        raise BadInput(f"{path}: not a campaign's folder: {CAMPAIGN} is missing")
     held, trust = _read(file), Trust(str(file), allow_code)
     plan: Plan = Plan(from_what(held["campaign"], str(file)), str(file), trust)
     search = held.get("search")

@@ -64,7 +64,7 @@ def clock(source: str, time_s: Floats, repair: bool = False) -> Clock:
     if 2 * len(late) > len(time_s):
         raise BadInput(
             f"{source}: {OPTION} would drop {len(late)} of {len(time_s)} rows, from row {late[0] + 1} on: "
-            f"{TIME} is no clock that can be repaired"
+            f"{TIME} is not a clock that can be repaired"
         )
     kept = np.delete(np.arange(len(time_s)), late)
     _check_interval(source, time_s[kept])

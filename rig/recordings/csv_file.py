@@ -125,7 +125,7 @@ def _refusal(error: str, header: list[str], columns: dict[str, Any]) -> tuple[in
         value = re.search(r"'(.*)'", cell[3], re.DOTALL)
         got = quoted(value[1] if value else cell[3])
         if name in columns and columns[name] != pa.float64():
-            return row, f"row {row}, column {name!r}: {got} is no time like that of the first row"
+            return row, f"row {row}, column {name!r}: {got} is not a time like that of the first row"
         time = ", or for time 2024-05-01T12:00:00.02" if name == next(iter(columns)) else ""
         return row, (
             f"row {row}, column {name!r}: {got} is not a number (empty or nan: no sample{time}); "

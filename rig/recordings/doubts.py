@@ -56,7 +56,7 @@ def _line(name: str, of: str, shares: list[tuple[float, float]], kind: int, sett
     share = f"{least:.3g} %" if f"{least:.3g}" == f"{most:.3g}" else f"{least:.3g} to {most:.3g} %"
     samples = f"{name}: {share} of the samples{f' of {of}' if of else ''} are"
     if kind:
-        return f"{samples} no numbers: look at the recorder, or leave the channel out"
+        return f"{samples} not numbers: look at the recorder, or leave the channel out"
     low, high = (f"{settings.shown(limit):.4g}" for limit in settings.limits)
     return f"{samples} out of range [{low}, {high}] {settings.unit or ''}".rstrip() + f": {_way_out(settings)}"
 

@@ -64,7 +64,7 @@ class Table:
             instants = instants.cast(_in_ns(instants.type))
             at_ns = np.asarray(instants.cast(pa.int64()).fill_null(0))
         except pa.ArrowException:
-            raise BadInput(f"{self.path}: column {name!r} of {instants.type} is no time") from None
+            raise BadInput(f"{self.path}: column {name!r} of {instants.type} is not a time") from None
         first = int(np.argmin(empty))
         if zero_ns is None:
             zero_ns = int(at_ns[first])
