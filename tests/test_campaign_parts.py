@@ -85,7 +85,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "missing": (Path.unlink, "is missing"),
     "cut": (cut, "cannot be read"),
     "empty": (empty, "cannot be read"),
-    "a folder": (folder_there, "is no file"),
+    "a folder": (folder_there, "is not a file"),
     "a column renamed": (lambda path: rewrite(path, lambda f: f.rename({"run": "flight"})), "column 'run' is not"),
     "a column more": (lambda path: rewrite(path, lambda f: f.with_columns(more=1)), "column 'more' is not"),
     "a column of another type": (

@@ -353,9 +353,9 @@ def test_how_it_runs_may_change_under_a_folder(whole: Result, tmp_path: Path):
 def test_a_folder_of_something_else_is_refused(tmp_path: Path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "letter.txt").write_text("mine")
-    with pytest.raises(BadInput, match="is no campaign's folder, and not empty"):
+    with pytest.raises(BadInput, match="not a campaign's folder, and not empty"):
         run(planned(write(tmp_path)), tmp_path / "out")
-    with pytest.raises(BadInput, match="no campaign's folder"):
+    with pytest.raises(BadInput, match="not a campaign's folder"):
         open_folder(tmp_path / "out")
 
 

@@ -61,7 +61,7 @@ def test_a_folder_of_something_else_is_refused(rig_command: Command, tmp_path: P
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "mine.txt").write_text("mine")
     code, _, err = rig_command("search", space(tmp_path), "--requirement", "vote", "--flights", "60", "--out", "s")
-    assert code == 2 and err == "error: --out s: is no campaign's folder, and not empty\n"
+    assert code == 2 and err == "error: --out s: not a campaign's folder, and not empty\n"
     assert [path.name for path in (tmp_path / "s").iterdir()] == ["mine.txt"]
 
 

@@ -1,11 +1,14 @@
 """Tables, lines and numbers as every command prints them; lists with commas as every command reads them."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 import pytest
+from typer import Argument, Option, Typer
+from typer.testing import CliRunner
 
 from rig.cli import table as module
-from rig.cli.common import Align, comma_list, whole_numbers
+from rig.cli.common import Align, comma_list, takes_options, whole_numbers
 from rig.cli.table import Column, columns, counts, field, line, rest, rough_duration, share, table
 from rig.errors import BadInput
 from rig.util.console import Screen
@@ -131,3 +134,34 @@ def test_a_stretch_to_align_by_needs_align_and_is_finite():
     with pytest.raises(BadInput, match="--align-to: input should be a finite number, got inf"):
         Align(True, None, float("inf"), False).options()
     assert Align(False, None, None, False).options() is None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    size: Annotated[int, Option(metavar="N")] = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    name: Annotated[str, Argument()]
+    group: Group
+    quick: Annotated[bool, Option("--quick")] = False
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["f16"], Options(name="f16", group=Group())),
+        (["--quick", "f16", "--size", "5"], Options(name="f16", group=Group(size=5), quick=True)),
+    ],
+)
+def test_a_dataclass_of_options_is_filled_from_the_command_line_with_its_groups(words: list[str], expected: Options):
+    received: list[Options] = []
+
+    def command(options: Options) -> None:
+        received.append(options)
+
+    app = Typer()
+    app.command()(takes_options(command))
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert received == [expected]

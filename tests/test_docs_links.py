@@ -54,5 +54,5 @@ def test_the_site_shows_every_page_but_the_measured_ones_once():
 
 def test_measured_pages_are_few_and_short():
     lines = {path.name: len(path.read_text().splitlines()) for path in (ROOT / "docs" / "measured").glob("*.md")}
-    assert len(lines) <= 12 and max(lines.values()) <= 80
+    assert len(lines) <= 10 and max(lines.values()) <= 80
     assert {name.removesuffix(".md") for name in lines} == set(measured.PAGES)

@@ -219,7 +219,7 @@ ONE = "faults=[{{{}, start_s=1.0}}]"
             "no lane C.*A, B",
         ),
         (['computers.commands=[{at_s=1, do="readmit"}]', FOUR], "lane: is missing; readmit needs one"),
-        (['computers.commands=[{at_s=1, do="backup", lane="A"}]', FOUR], "the back-up is no lane; backup has none"),
+        (['computers.commands=[{at_s=1, do="backup", lane="A"}]', FOUR], "the back-up is not a lane; backup has none"),
         (['computers.commands=[{at_s=1, do="backup"}]'], "one computer has no lanes"),
         ([ONE.format('kind="software", signal="computer.B", surface="rudder"'), FOUR], "software cannot sit on comp"),
         ([ONE.format('kind="dac", signal="computer.all", surface="rudder"'), FOUR], "dac cannot sit on computer.all"),

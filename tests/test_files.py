@@ -41,7 +41,7 @@ def test_a_link_is_replaced_and_not_followed(tmp_path: Path):
     [
         ("folder", "is a folder"),
         ("missing/o.csv", "no such folder"),
-        ("pipe", "is no regular file"),
+        ("pipe", "not a regular file"),
         ("n" * 256, "File name too long"),
         ("a\0b", "null byte"),
     ],

@@ -178,7 +178,7 @@ def test_a_channel_that_is_often_no_sample_is_told_by_name_and_share(vote: Any):
     assert [line.split(": ", 1)[1] for line in found["warnings"]] == [
         "pitch_rate.4: 30 % of the samples are out of range [-1.5, 1.5] rad/s: if the file is in deg/s, "
         'unit = "deg/s"; else give the range that it has, in CONFIG',
-        "pitch_rate.2: 25 % of the samples are no numbers: look at the recorder, or leave the channel out",
+        "pitch_rate.2: 25 % of the samples are not numbers: look at the recorder, or leave the channel out",
     ]
     columns["pitch_rate.2"][:100] = RATES["pitch_rate.2"][:100]
     columns["pitch_rate.4"][60:] = RATES["pitch_rate.4"][60:]  # 15 %: as a fault may leave it
@@ -317,7 +317,7 @@ def test_a_time_of_the_calendar_is_read_as_seconds_since_the_first_row(kind: str
 
 def test_a_stamp_that_is_none_is_refused_by_its_row(vote: Any):
     stamps = [f"2024-05-01T12:00:{t:06.3f}Z" for t in T]
-    for bad, says in (("noon", "'noon' is no time like that of the first row"), ("", "row 4: time_s is not a number")):
+    for bad, says in (("noon", "'noon' is not a time like that of the first"), ("", "row 4: time_s is not a number")):
         frame(RATES, [*stamps[:3], bad, *stamps[4:]]).write_csv("in.csv")
         code, error, _ = vote("in.csv", **PITCH)
         assert code == 2 and "in.csv: row 4" in error and says in error

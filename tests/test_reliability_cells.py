@@ -136,7 +136,7 @@ def test_what_is_no_such_campaign_is_refused_in_one_line(made: dict[str, pl.Data
 
 
 def test_a_folder_that_is_no_campaign_is_refused(tmp_path: Path):
-    with pytest.raises(BadInput, match="no campaign's folder"):
+    with pytest.raises(BadInput, match="not a campaign's folder"):
         cells(tmp_path)
 
 

@@ -230,7 +230,7 @@ def test_a_campaign_without_single_faults_and_a_foreign_folder_are_refused(
     with pytest.raises(BadInput, match="C: no flight of it has a single fault"):
         gathered({"outcome": "crashed"})
     code, _, err = rig_command("reliability", "run", str(tmp_path), "--rates", str(rates))
-    assert code == 2 and "no campaign's folder" in err
+    assert code == 2 and "not a campaign's folder" in err
 
 
 def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates: Path, tmp_path: Path):
@@ -271,7 +271,7 @@ def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates:
     assert html.parse(str(page)).xpath("//svg//text")
     called: list[Any] = []
     monkeypatch.setattr(safety, "_fly_campaign", lambda name, out, *more: called.append((name, str(out))))
-    monkeypatch.setattr(safety, "cutsets", lambda out, signal, **more: called.append((signal, more["flights"])))
+    monkeypatch.setattr(safety, "cutsets", lambda options: called.append((options.signal, options.flights)))
     monkeypatch.setattr(safety, "confirm", lambda folder, **more: called.append(folder))
     code, _, _ = rig_command(*arguments, "--fly", "--flights", "2")
     assert code == 0 and called == [("reliability", "a"), ("fmea", "C"), ("pitch_rate", 2), sets]

@@ -211,7 +211,7 @@ def test_a_library_that_changes_how_this_process_rounds_is_refused(tmp_path: Pat
 
 REFUSED = {
     "open": ({"FAULT": "open"}, "faulty", "refuses the flight: rig_unit_open returned 7"),
-    "no library": ({}, "faulty.c", "is no library that can be loaded"),
+    "no library": ({}, "faulty.c", "is not a library that can be loaded"),
     "no function": ({}, "libm", "has no function rig_unit_open; a unit has rig_unit_open, rig_unit_step, rig"),
 }
 

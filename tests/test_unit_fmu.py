@@ -266,9 +266,9 @@ def _library(folder: Path, library: Path) -> Path:
 
 OTHER = "rig-unit-0000000000000001"
 REFUSED = {
-    "no archive": (_nothing, "text.fmu is no FMU: File is not a zip file"),
-    "no description": (_empty, "empty.fmu is no FMU: it has no modelDescription.xml"),
-    "damaged": (_cut, "cut.fmu is no FMU: "),
+    "no archive": (_nothing, "text.fmu is not an FMU: File is not a zip file"),
+    "no description": (_empty, "empty.fmu is not an FMU: it has no modelDescription.xml"),
+    "damaged": (_cut, "cut.fmu is not an FMU: "),
     "no xml": (lambda folder: changed(fmu("2"), folder, ".*", "<fmi"), "its modelDescription.xml cannot be read: "),
     "another version": (
         lambda folder: changed(fmu("2"), folder, 'fmiVersion="2.0"', 'fmiVersion="1.0"'),
@@ -336,7 +336,7 @@ def test_without_fmpy_one_line_says_what_to_install(tmp_path: Path, rig_command,
 def test_the_command_says_it_with_exit_code_2(tmp_path: Path, rig_command):
     unit_of(tmp_path, _nothing(tmp_path))
     code, _, err = rig_command("fly", "--unit", "unit.toml")
-    assert code == 2 and err == f"error: unit.toml: u: {tmp_path}/text.fmu is no FMU: File is not a zip file\n"
+    assert code == 2 and err == f"error: unit.toml: u: {tmp_path}/text.fmu is not an FMU: File is not a zip file\n"
 
 
 def held_by_a_worker(tested: Unit) -> None:

@@ -297,11 +297,15 @@ OTHERS = {
         ('<Dimension start="16"', '<Dimension start="100000000000"'),
         "an array has at most 1048576 elements, samples has (100000000000, 4)",
     ),
-    "a reference of 64 bits": ("2", ('valueReference="1"', 'valueReference="4294967297"'), "4294967297 is none of 32"),
+    "a reference of 64 bits": (
+        "2",
+        ('valueReference="1"', 'valueReference="4294967297"'),
+        "4294967297 does not fit in",
+    ),
     "a library elsewhere": (
         "2",
         ('modelIdentifier="[^"]*"', 'modelIdentifier="../../../../tmp/evil"'),
-        "modelIdentifier '../../../../tmp/evil' is no name of a library",
+        "modelIdentifier '../../../../tmp/evil' is not the name of a library",
     ),
 }
 

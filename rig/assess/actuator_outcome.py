@@ -72,7 +72,9 @@ class ActuatorOutcome:
         """Return whether a healthy channel of the ``surfaces``, bits, was failed for another's fault since."""
         scores = self.scores()
         failures = [failure for name in _named(surfaces) if name in scores for failure in scores[name].failures]
-        return onset is not None and any(one.cause == "wrong isolation" and one.frame >= onset for one in failures)
+        return onset is not None and any(
+            failure.cause == "wrong isolation" and failure.frame >= onset for failure in failures
+        )
 
     def scores(self) -> dict[str, ActuatorScore]:
         """Return what became of every surface that a servo moves; of none, when no rows of servos were added."""

@@ -18,56 +18,56 @@ def on_servos(fault: FaultScore) -> bool:
     return site(fault.signal) in OF_SERVOS
 
 
-def actuator_result(fault: FaultScore, about: Context) -> str:
+def actuator_result(fault: FaultScore, context: Context) -> str:
     """Return what became of a fault on servos: ``was found by current after 50 ms; elevator bypassed at once``."""
-    if not about.score.actuators:
+    if not context.score.actuators:
         return "was not looked at: the rows of the servos are missing"
-    found = {"detected": _found, "missed": _missed, "undetectable": _silent}[fault.outcome]
-    return "; ".join((found(fault, about), *_cost(fault, about)))
+    sentence = {"detected": _found, "missed": _missed, "undetectable": _silent}[fault.outcome]
+    return "; ".join((sentence(fault, context), *_cost(fault, context)))
 
 
-def _found(fault: FaultScore, about: Context) -> str:
-    after = duration(fault.delay_from_onset_frames, about.rate_hz)
-    on = "" if fault.channel is not None else f" on {_failed_for(fault, about)}"
+def _found(fault: FaultScore, context: Context) -> str:
+    after = duration(fault.delay_from_onset_frames, context.rate_hz)
+    on = "" if fault.channel is not None else f" on {_failed_for(fault, context)}"
     return f"was found by {_NAMES.get(fault.resolver or '', fault.resolver)} after {after}{on}"
 
 
-def _failed_for(fault: FaultScore, about: Context) -> str:
+def _failed_for(fault: FaultScore, context: Context) -> str:
     """Return the channels of a surface, failed in the frame in which what they share was found to be broken."""
     named = [
         f"{name} {channels(numbers)}"
-        for name, score in about.score.actuators.items()
-        if (numbers := [one.channel for one in score.failures if one.frame == fault.failed_frame])
+        for name, score in context.score.actuators.items()
+        if (numbers := [failure.channel for failure in score.failures if failure.frame == fault.failed_frame])
     ]
     return " and ".join(named)
 
 
-def _missed(fault: FaultScore, about: Context) -> str:
-    if not about.scenario.actuators.monitors:
+def _missed(fault: FaultScore, context: Context) -> str:
+    if not context.scenario.actuators.monitors:
         return "was not found: the monitors are switched off"
-    longest = duration(fault.exceeded_run_frames, about.rate_hz)
+    longest = duration(fault.exceeded_run_frames, context.rate_hz)
     why = ", shorter than the persistence" if fault.tolerated else ""
     return f"was not found: a threshold of its monitors was left for {longest} at most{why}"
 
 
-def _silent(fault: FaultScore, about: Context) -> str:
+def _silent(fault: FaultScore, context: Context) -> str:
     if fault.kind == "sov_stuck":
         return "was not found: nobody shut the channel off"
     return "was not found: no monitor left its threshold"
 
 
-def _cost(fault: FaultScore, about: Context) -> Iterator[str]:
+def _cost(fault: FaultScore, context: Context) -> Iterator[str]:
     """Yield the surfaces that it cost."""
     if fault.bypassed_frame is not None:
         frames = fault.bypassed_frame - (fault.onset_frame or 0)
-        when = f"{duration(frames, about.rate_hz)} after it" if frames else "at once"
+        when = f"{duration(frames, context.rate_hz)} after it" if frames else "at once"
         yield f"{listed(fault.bypassed)} bypassed {when}"
 
 
-def bypassed(about: Context) -> str:
+def bypassed(context: Context) -> str:
     """Return the surfaces that nobody moved at some time, with the time: ``elevator bypassed from 5.30 s on``."""
-    frames, rate_hz = about.score.flight.frames, about.rate_hz
-    texts = ((name, bypass_text(score, frames, rate_hz)) for name, score in about.score.actuators.items())
+    frames, rate_hz = context.score.flight.frames, context.rate_hz
+    texts = ((name, bypass_text(score, frames, rate_hz)) for name, score in context.score.actuators.items())
     return ", ".join(f"{name} {text}" for name, text in texts if text)
 
 

@@ -70,27 +70,32 @@ def isolation_rows(score: Score, rate_hz: float) -> list[Row]:
 def actuator_rows(score: Score, rate_hz: float) -> list[Row]:
     """Return the channels of actuators that were shut off, and the surfaces bypassed, under the heads ACTUATORS."""
     rows = []
-    for name, one in score.actuators.items():
+    for name, actuator in score.actuators.items():
         rows += [
-            (name, str(each.channel), moment(each.frame, rate_hz), each.monitor, each.cause) for each in one.failures
+            (name, str(each.channel), moment(each.frame, rate_hz), each.monitor, each.cause)
+            for each in actuator.failures
         ]
-        rows += [(name, str(c), moment(frame, rate_hz), "valve", "differs") for c, frame in one.valves_differ.items()]
-        if one.bypassed_frame is not None:
-            rows.append((name, "all", moment(one.bypassed_frame, rate_hz), "", "bypassed"))
+        rows += [
+            (name, str(c), moment(frame, rate_hz), "valve", "differs") for c, frame in actuator.valves_differ.items()
+        ]
+        if actuator.bypassed_frame is not None:
+            rows.append((name, "all", moment(actuator.bypassed_frame, rate_hz), "", "bypassed"))
     return rows
 
 
 def computer_rows(score: Score, rate_hz: float) -> list[Row]:
     """Return the computers and links that failed, and the back-up, under the heads COMPUTERS."""
-    if (one := score.computers) is None:
+    if (computers := score.computers) is None:
         return []
     rows = [
         (f"lane {each.lane}", moment(each.frame, rate_hz), ", ".join(each.accusers) or "itself", each.test)
-        for each in one.failures
+        for each in computers.failures
     ]
-    rows += [(f"link {way}", moment(frame, rate_hz), way[-1], "silence") for way, frame in one.links_failed.items()]
-    if one.backup_frame is not None:
-        rows.append(("back-up engaged", moment(one.backup_frame, rate_hz), "", one.backup_reason))
+    rows += [
+        (f"link {way}", moment(frame, rate_hz), way[-1], "silence") for way, frame in computers.links_failed.items()
+    ]
+    if computers.backup_frame is not None:
+        rows.append(("back-up engaged", moment(computers.backup_frame, rate_hz), "", computers.backup_reason))
     return rows
 
 

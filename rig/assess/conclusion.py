@@ -36,14 +36,14 @@ _OUTCOMES: Final = {"right": "correctly", "wrong": "wrongly: a healthy channel w
 
 def conclusion(scenario: Scenario, score: Score) -> list[str]:
     """Return the sentences: faults, patterns without a majority, healthy channels that were failed, the flight."""
-    about = Context(scenario, score)
+    context = Context(scenario, score)
     return [
-        *fault_sentences(about),
-        *pattern_sentences(about),
-        *_healthy(score.false_alarms, "although no channel of it was faulty", about),
-        *_healthy(score.wrong_isolations, "although another channel was the faulty one", about),
-        *_by_design(score, about),
-        _flight(about),
+        *fault_sentences(context),
+        *pattern_sentences(context),
+        *_healthy(score.false_alarms, "although no channel of it was faulty", context),
+        *_healthy(score.wrong_isolations, "although another channel was the faulty one", context),
+        *_by_design(score, context),
+        _flight(context),
     ]
 
 
@@ -61,18 +61,21 @@ def next_commands(flight: Flight) -> list[str]:
     return [f"rig score {log}{again}", f"rig view {log}", f"rig replay {log}{again}{fly}"]
 
 
-def _healthy(found: Sequence[Isolation], although: str, about: Context) -> list[str]:
-    return [_isolated(one, f"at {seconds(one.frame, about.rate_hz)} by {one.resolver}", although) for one in found]
+def _healthy(isolations: Sequence[Isolation], although: str, context: Context) -> list[str]:
+    return [
+        _isolated(isolation, f"at {seconds(isolation.frame, context.rate_hz)} by {isolation.resolver}", although)
+        for isolation in isolations
+    ]
 
 
-def _isolated(one: Isolation, how: str, although: str) -> str:
+def _isolated(isolation: Isolation, how: str, although: str) -> str:
     """Return a sentence of a channel, or of a computer, which may be a unit under test: no fault was put on it."""
-    if site(one.signal) == "computer":
-        return f"{place(one.signal)} was failed {how} without a fault put on it"
-    return f"{channel(one.signal, one.channel)} was healthy and was failed {how}, {although}"
+    if site(isolation.signal) == "computer":
+        return f"{place(isolation.signal)} was failed {how} without a fault put on it"
+    return f"{channel(isolation.signal, isolation.channel)} was healthy and was failed {how}, {although}"
 
 
-def _by_design(score: Score, about: Context) -> Iterator[str]:
+def _by_design(score: Score, context: Context) -> Iterator[str]:
     """Yield a sentence for each channel number and frame in which a rule failed it for faults elsewhere."""
     whys = {"failed with its box": "with its box, which was faulty on others", "failed by rule": "by rule: common mode"}
     groups: dict[tuple[str, int, int], list[str]] = {}
@@ -80,43 +83,45 @@ def _by_design(score: Score, about: Context) -> Iterator[str]:
         if kind in BY_DESIGN:
             groups.setdefault((whys[kind], each.channel, each.frame), []).append(each.signal)
     for (why, number, frame), signals in groups.items():
-        yield f"channel {number} was failed {why}, at {seconds(frame, about.rate_hz)} on {', '.join(signals)}"
+        yield f"channel {number} was failed {why}, at {seconds(frame, context.rate_hz)} on {', '.join(signals)}"
 
 
-def _flight(about: Context) -> str:
-    flight, score = about.score.flight, about.score
-    ended = seconds(flight.frames, about.rate_hz)
+def _flight(context: Context) -> str:
+    flight, score = context.score.flight, context.score
+    ended = seconds(flight.frames, context.rate_hz)
     if not flight.survived:
         head = f"the aircraft was lost at {ended}: {flight.end_reason}"
     else:
         head = f"the aircraft survived ({flight.end_reason}, {ended})"
-    lost = [name for name, one in score.signals.items() if one.level_at_end == 0 and not about.silent(name)]
+    lost = [name for name, signal in score.signals.items() if signal.level_at_end == 0 and not context.silent(name)]
     if lost:
         head += f"; no channel left of {', '.join(lost)}"
-    for more in filter(None, (bypassed(about), computers_lost(about))):
+    for more in filter(None, (bypassed(context), computers_lost(context))):
         head += f"; {more}"
-    return f"{head}; {_counted(about)}"
+    return f"{head}; {_counted(context)}"
 
 
-def _counted(about: Context) -> str:
+def _counted(context: Context) -> str:
     """Return how many of the detectable faults, counted by channel, were detected, and what was failed wrongly."""
-    outcomes = [fault.outcome for fault in about.score.faults]
+    outcomes = [fault.outcome for fault in context.score.faults]
     if not outcomes:
-        found = "no fault was in the scenario"
+        detections = "no fault was in the scenario"
     else:
         detected = outcomes.count("detected")
         possible = detected + outcomes.count("missed")
-        found = f"{detected} of {possible} detectable faults detected" if possible else "no fault could be detected"
-    wrong = len(about.score.false_alarms) + len(about.score.wrong_isolations)
+        detections = (
+            f"{detected} of {possible} detectable faults detected" if possible else "no fault could be detected"
+        )
+    wrong = len(context.score.false_alarms) + len(context.score.wrong_isolations)
     by_design = "".join(
-        f", {count} {kind}" for kind in BY_DESIGN if (count := [k for k, _ in about.score.isolations].count(kind))
+        f", {count} {kind}" for kind in BY_DESIGN if (count := [k for k, _ in context.score.isolations].count(kind))
     )
-    return f"{found}, {wrong or 'no'} healthy channel{'s' if wrong > 1 else ''} failed{by_design}"
+    return f"{detections}, {wrong or 'no'} healthy channel{'s' if wrong > 1 else ''} failed{by_design}"
 
 
-def pattern_sentences(about: Context) -> list[str]:
+def pattern_sentences(context: Context) -> list[str]:
     """Return one sentence for each pattern without a majority, in order of time; quick successions as one."""
-    return [_pattern_sentence(group, about) for group in _groups(about.score.episodes, about.rate_hz)]
+    return [_pattern_sentence(group, context) for group in _groups(context.score.episodes, context.rate_hz)]
 
 
 def _groups(episodes: Sequence[Episode], rate_hz: float) -> Iterator[list[Episode]]:
@@ -137,13 +142,13 @@ def _end(episode: Episode) -> int:
     return episode.first_frame + episode.frames
 
 
-def _pattern_sentence(group: Sequence[Episode], about: Context) -> str:
-    told = next((episode for episode in group if episode.failed), group[-1])  # the one that was decided
-    first, rate_hz = group[0], about.rate_hz
+def _pattern_sentence(group: Sequence[Episode], context: Context) -> str:
+    decided = next((episode for episode in group if episode.failed), group[-1])  # the one that was decided
+    first, rate_hz = group[0], context.rate_hz
     length = duration(_end(group[-1]) - first.first_frame, rate_hz)
     how_often = f" {len(group)} times" if len(group) > 1 else ""
     head = f"{first.signal} had no majority ({first.pattern}){how_often} from {seconds(first.first_frame, rate_hz)}"
-    return f"{head} for {length}: {'; '.join((*_answers(told, about), _settled(told)))}"
+    return f"{head} for {length}: {'; '.join((*_answers(decided, context), _settled(decided)))}"
 
 
 def _settled(episode: Episode) -> str:
@@ -155,9 +160,9 @@ def _settled(episode: Episode) -> str:
     return f"settled by {who}: {channels(list(episode.failed))} failed, {_OUTCOMES[episode.verdict]}"
 
 
-def _answers(episode: Episode, about: Context) -> Iterator[str]:
+def _answers(episode: Episode, context: Context) -> Iterator[str]:
     """Yield each resolver that was asked, with what it had to go by in the last frame of the episode."""
-    row, p = episode.last, about.params[INDEX[episode.signal]]
+    row, p = episode.last, context.params[INDEX[episode.signal]]
     fitted = np.arange(CHANNELS) < p["fitted"]
     out = (row["failed"] >> np.arange(CHANNELS) & 1).astype(bool) | ~fitted
     used = np.flatnonzero(comparable(row["channels"], row["valid"] != 0, out, p))
@@ -169,10 +174,10 @@ def _answers(episode: Episode, about: Context) -> Iterator[str]:
 
 
 def _ilm(row: Any, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
-    said = row["ilm"][used]
-    if (said == Ilm.ABSENT).all():
+    flags = row["ilm"][used]
+    if (flags == Ilm.ABSENT).all():
         return "none fitted"
-    bad, good = ((used[said == flag] + 1).tolist() for flag in (Ilm.BAD, Ilm.GOOD))
+    bad, good = ((used[flags == flag] + 1).tolist() for flag in (Ilm.BAD, Ilm.GOOD))
     return f"{channels(bad)} bad, {channels(good)} good"
 
 

@@ -30,115 +30,119 @@ _RESOLVERS: Final = {
 }
 
 
-def fault_sentences(about: Context) -> list[str]:
+def fault_sentences(context: Context) -> list[str]:
     """Return what a person would say of each fault: one sentence for all its channels that fared alike."""
     alike: dict[tuple[int, str, str, str], list[FaultScore]] = {}
-    for fault in about.score.faults:
-        value = _sample(fault, about) if "{value}" in KINDS[fault.kind].sentence else ""
-        alike.setdefault((fault.index, fault.signal, value, _result(fault, about)), []).append(fault)
-    return [_sentence(faults, about, result) for (*_, result), faults in alike.items()]
+    for fault in context.score.faults:
+        value = _sample(fault, context) if "{value}" in KINDS[fault.kind].sentence else ""
+        alike.setdefault((fault.index, fault.signal, value, _result(fault, context)), []).append(fault)
+    return [_sentence(faults, context, result) for (*_, result), faults in alike.items()]
 
 
-def _sentence(faults: Sequence[FaultScore], about: Context, result: str) -> str:
+def _sentence(faults: Sequence[FaultScore], context: Context, result: str) -> str:
     first, numbers = faults[0], [fault.channel for fault in faults if fault.channel is not None]
     where = f"{place(first.signal)} {channels(numbers)}" if numbers else place(first.signal)
     if first.outcome == "not executed":
         return f"{first.id} on {where} was not executed: {result}"
-    return f"{_did(faults, where, about)}; {'it' if len(faults) == 1 else 'each'} {result}"
+    return f"{_did(faults, where, context)}; {'it' if len(faults) == 1 else 'each'} {result}"
 
 
-def _result(fault: FaultScore, about: Context) -> str:
+def _result(fault: FaultScore, context: Context) -> str:
     """Return how the monitor took it, what that did to aircraft and vote."""
     if fault.outcome == "not executed":
         return "its trigger never fired" if fault.onset_frame is None else "the channel had been failed before"
     if on_servos(fault):
-        return "; ".join(part for part in (actuator_result(fault, about), _moved(fault)) if part)
+        return "; ".join(part for part in (actuator_result(fault, context), _moved(fault)) if part)
     if on_lanes(fault):
-        return "; ".join(part for part in (lane_result(fault, about), _moved(fault)) if part)
+        return "; ".join(part for part in (lane_result(fault, context), _moved(fault)) if part)
     decided = {"detected": _detected, "missed": _missed, "undetectable": _undetectable}[fault.outcome]
-    parts = (decided(fault, about), _moved(fault), _vote(fault, about))
+    parts = (decided(fault, context), _moved(fault), _vote(fault, context))
     return "; ".join(part for part in parts if part)
 
 
-def _did(faults: Sequence[FaultScore], where: str, about: Context) -> str:
+def _did(faults: Sequence[FaultScore], where: str, context: Context) -> str:
     fault, errors = faults[0], [fault.peak_error for fault in faults if fault.peak_error is not None]
-    at, value, unit = seconds(fault.onset_frame or 0, about.rate_hz), _sample(fault, about), about.unit(fault)
-    known = {"{value}": bool(value), "{error}": bool(errors and unit)}
-    told = next(
-        (text for text in (KINDS[fault.kind].sentence, _OTHER) if all(known[part] for part in known if part in text)),
+    onset, value, unit = seconds(fault.onset_frame or 0, context.rate_hz), _sample(fault, context), context.unit(fault)
+    available = {"{value}": bool(value), "{error}": bool(errors and unit)}
+    sentence = next(
+        (
+            text
+            for text in (KINDS[fault.kind].sentence, _OTHER)
+            if all(available[part] for part in available if part in text)
+        ),
         _NO_ERROR,
     )
     error = quantity(max(errors, default=0.0), unit)
-    return told.format(where=where, kind=fault.kind, at=at, value=value, error=error)
+    return sentence.format(where=where, kind=fault.kind, at=onset, value=value, error=error)
 
 
-def _sample(fault: FaultScore, about: Context) -> str:
+def _sample(fault: FaultScore, context: Context) -> str:
     """Return the sample of the channel when it was failed, else at the onset; in rad too."""
     if fault.sample is None or not np.isfinite(fault.sample):
         return ""
-    unit = about.unit(fault)
+    unit = context.unit(fault)
     in_si = f" ({fault.sample:+#.3g} {unit})" if unit.startswith("rad") else ""
     return quantity(fault.sample, unit, signed=True) + in_si
 
 
-def _detected(fault: FaultScore, about: Context) -> str:
-    after = duration(fault.delay_from_onset_frames, about.rate_hz)
+def _detected(fault: FaultScore, context: Context) -> str:
+    after = duration(fault.delay_from_onset_frames, context.rate_hz)
     if fault.channel is None:
         return f"was found {after} later: the manager declared the reference unusable"
     if fault.resolver != COMPARISON:
         return f"was failed {after} later {_RESOLVERS.get(fault.resolver or '', f'by the {fault.resolver}')}"
-    if not about.compares(fault):
+    if not context.compares(fault):
         return f"was failed {after} later"
     onset, failed = fault.onset_frame or 0, fault.failed_frame or 0
-    counted = last_run(_agreement(fault, about, onset, failed + 1).alone)
-    late = "" if fault.exceeded_frame is None else _late(fault, about, failed + 1 - counted)
+    counted = last_run(_agreement(fault, context, onset, failed + 1).alone)
+    late = "" if fault.exceeded_frame is None else _late(fault, context, failed + 1 - counted)
     miscompared = f"miscompared for {counted} frames and was failed " if counted else "was failed "
-    return late + miscompared + (f"at {seconds(failed, about.rate_hz)}" if late else f"{after} later")
+    return late + miscompared + (f"at {seconds(failed, context.rate_hz)}" if late else f"{after} later")
 
 
-def _late(fault: FaultScore, about: Context, from_frame: int) -> str:
+def _late(fault: FaultScore, context: Context, from_frame: int) -> str:
     """Return why a channel miscompared, from ``from_frame`` on, only well after its error had left the threshold."""
     exceeded = fault.exceeded_frame or 0
-    if from_frame - exceeded <= int(_params(fault, about)["persistence"]):
+    if from_frame - exceeded <= int(_params(fault, context)["persistence"]):
         return ""
     return (
-        f"left its {_threshold(fault, about)} at {seconds(exceeded, about.rate_hz)}, but "
-        f"{_near(fault, about, exceeded, from_frame)} until {seconds(from_frame, about.rate_hz)}, then "
+        f"left its {_threshold(fault, context)} at {seconds(exceeded, context.rate_hz)}, but "
+        f"{_near(fault, context, exceeded, from_frame)} until {seconds(from_frame, context.rate_hz)}, then "
     )
 
 
-def _near(fault: FaultScore, about: Context, first: int, end: int) -> str:
+def _near(fault: FaultScore, context: Context, first: int, end: int) -> str:
     """Return which channel the faulty one agreed with in most of the frames ``first`` to ``end`` (excluded)."""
-    near = _agreement(fault, about, first, max(end, first + 1))
+    near = _agreement(fault, context, first, max(end, first + 1))
     agreed = ~near.alone
     if not agreed.any():
         return "the monitor's counts stood still or began again"
     partner = int(np.bincount(near.nearest[agreed]).argmax())
     distance = near.distance[agreed & (near.nearest == partner)].max()
-    return f"stayed within {quantity(distance, about.unit(fault))} of channel {partner + 1}"
+    return f"stayed within {quantity(distance, context.unit(fault))} of channel {partner + 1}"
 
 
-def _missed(fault: FaultScore, about: Context) -> str:
+def _missed(fault: FaultScore, context: Context) -> str:
     if fault.channel is None or fault.exceeded_frame is None:
         return "was not found: its reference was used on"
-    longest = duration(fault.exceeded_run_frames, about.rate_hz)
-    said = f"was not found: its error was above the {_threshold(fault, about)} for {longest} at most"
+    longest = duration(fault.exceeded_run_frames, context.rate_hz)
+    text = f"was not found: its error was above the {_threshold(fault, context)} for {longest} at most"
     if fault.tolerated:
-        return f"{said}, shorter than the persistence"
-    if about.silent(fault.signal):
-        return f"{said}, and {about.decided_by} says nothing of channels"
-    if not about.compares(fault):
-        return f"{said}, and {about.decided_by} did not fail the channel"
+        return f"{text}, shorter than the persistence"
+    if context.silent(fault.signal):
+        return f"{text}, and {context.decided_by} says nothing of channels"
+    if not context.compares(fault):
+        return f"{text}, and {context.decided_by} did not fail the channel"
     end = fault.exceeded_frame + fault.exceeded_run_frames
-    return f"{said}, and {_near(fault, about, fault.exceeded_frame, end)}"
+    return f"{text}, and {_near(fault, context, fault.exceeded_frame, end)}"
 
 
-def _undetectable(fault: FaultScore, about: Context) -> str:
+def _undetectable(fault: FaultScore, context: Context) -> str:
     if not KINDS[fault.kind].changes_samples:
         return "changed no sample, so there was nothing to fail"
     if fault.signal.startswith("surface."):
         return "could not be found: no monitor watches surfaces"
-    return f"could not be found: its error stayed below the {_threshold(fault, about)}"
+    return f"could not be found: its error stayed below the {_threshold(fault, context)}"
 
 
 def _moved(fault: FaultScore) -> str:
@@ -149,43 +153,43 @@ def _moved(fault: FaultScore) -> str:
     return f"the load factor moved by {quantity(change, 'g')} in the next {looked_at_s:g} s"
 
 
-def _vote(fault: FaultScore, about: Context) -> str:
+def _vote(fault: FaultScore, context: Context) -> str:
     window = fault.window
-    if window is None or about.silent(fault.signal):
+    if window is None or context.silent(fault.signal):
         return ""
     if window.lost_s > 0:
         return f"{fault.signal} was lost: no channel left"
-    off = quantity(window.error_max, about.unit(fault))
-    ends = window.end_frame < about.score.flight.frames
-    until = f" until the next fault at {seconds(window.end_frame, about.rate_hz)}" if ends else ""
+    off = quantity(window.error_max, context.unit(fault))
+    ends = window.end_frame < context.score.flight.frames
+    until = f" until the next fault at {seconds(window.end_frame, context.rate_hz)}" if ends else ""
     if window.above_threshold_s == 0:
         return f"the vote stayed within {off} of the truth{until}"
     limit = ""
     if fault.signal in INDEX:
-        limit = f" of {quantity(float(_params(fault, about)['threshold']), about.unit(fault))}"
+        limit = f" of {quantity(float(_params(fault, context)['threshold']), context.unit(fault))}"
     return f"the vote was wrong by up to {off}, above the threshold{limit} for {window.above_threshold_s:g} s{until}"
 
 
-def _threshold(fault: FaultScore, about: Context) -> str:
+def _threshold(fault: FaultScore, context: Context) -> str:
     """Return what the monitor allows, by name and figure: ``outlier threshold of 0.63 deg/s``."""
-    value = about.threshold(fault)
+    value = context.threshold(fault)
     if value is None:
         return "threshold"
-    outlier = value != _params(fault, about)["threshold"]
-    return f"{'outlier ' if outlier else ''}threshold of {quantity(value, about.unit(fault))}"
+    outlier = value != _params(fault, context)["threshold"]
+    return f"{'outlier ' if outlier else ''}threshold of {quantity(value, context.unit(fault))}"
 
 
-def _params(fault: FaultScore, about: Context) -> Any:
-    return about.params[INDEX[fault.signal]]
+def _params(fault: FaultScore, context: Context) -> Any:
+    return context.params[INDEX[fault.signal]]
 
 
-def _agreement(fault: FaultScore, about: Context, first: int, end: int) -> Agreement:
+def _agreement(fault: FaultScore, context: Context, first: int, end: int) -> Agreement:
     """Compare the faulty channel with the others in the frames ``first`` to ``end`` (excluded), block by block."""
-    columns, p = about.score.evidence.columns, _params(fault, about)
+    columns, p = context.score.evidence.columns, _params(fault, context)
     s, c = INDEX[fault.signal], (fault.channel or 1) - 1
-    found = []
+    parts = []
     for part in cuts(end - first):
         begin = max(first + part.start - 1, 0)  # with the frame before
         kept = columns(s, begin, first + part.stop)
-        found.append(agreement(kept, c, first + part.start - begin, len(kept), p))
-    return Agreement(*map(np.concatenate, zip(*found, strict=True)))
+        parts.append(agreement(kept, c, first + part.start - begin, len(kept), p))
+    return Agreement(*map(np.concatenate, zip(*parts, strict=True)))

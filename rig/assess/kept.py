@@ -39,7 +39,7 @@ class KeptColumns:
 
     def of(self, s: int, first: int, end: int) -> NDArray[Any]:
         """Return what was kept of a signal in the frames ``first`` to ``end`` (excluded), (n,) COLUMNS."""
-        within = [part[max(first - at, 0) : max(end - at, 0)] for at, part in self._parts[s]]
+        within = [part[max(first - start, 0) : max(end - start, 0)] for start, part in self._parts[s]]
         return np.concatenate([np.empty(0, COLUMNS), *within])
 
 

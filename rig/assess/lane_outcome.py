@@ -54,8 +54,13 @@ class LaneOutcome:
         for link in finder.links:
             links.setdefault(f"{COMPUTERS[link.sender]}-{COMPUTERS[link.receiver]}", link.frame)
         failures = [
-            LaneFailed(COMPUTERS[one.lane], one.frame, test_name(one.test), tuple(COMPUTERS[i] for i in one.accusers))
-            for one in finder.failures
+            LaneFailed(
+                COMPUTERS[failure.lane],
+                failure.frame,
+                test_name(failure.test),
+                tuple(COMPUTERS[i] for i in failure.accusers),
+            )
+            for failure in finder.failures
         ]
         return ComputersScore(failures, links, *(finder.backup or (None, "")))
 
@@ -65,16 +70,16 @@ class LaneOutcome:
         if fault.channel is not None or site(fault.signal) not in OF_LANES or onset is None or not self._seen:
             return fault
         of_servo = [(fault.failed_frame, fault.resolver or "")] if fault.failed_frame is not None else []
-        found = min([*self._found(fault.signal, onset), *of_servo], default=None)
-        if found is None:
+        detection = min([*self._found(fault.signal, onset), *of_servo], default=None)
+        if detection is None:
             return replace(fault, outcome="missed", word=fault_word(True, False, True), peak_error=None)
         return replace(
             fault,
             outcome="detected",
             word=fault_word(True, True, True),
-            failed_frame=found[0],
-            delay_from_onset_frames=found[0] - onset,
-            resolver=found[1],
+            failed_frame=detection[0],
+            delay_from_onset_frames=detection[0] - onset,
+            resolver=detection[1],
             peak_error=None,
         )
 
@@ -99,12 +104,12 @@ class LaneOutcome:
 
         faults : of the score, whose onsets are known;  of : those of the scenario
         """
-        begun = [(one.onset_frame, senders(of[one.index].signal)) for one in faults if _on_lanes(of[one.index])]
+        begun = [(fault.onset_frame, senders(of[fault.index].signal)) for fault in faults if _on_lanes(of[fault.index])]
         wrong = []
         for failure in self._finder.failures:
             before = [lanes for onset, lanes in begun if onset is not None and onset <= failure.frame]
-            found: IsolationKind = "wrong isolation" if before else "false alarm"
-            if not any(failure.lane in lanes for lanes in before) and found == kind:
+            cause: IsolationKind = "wrong isolation" if before else "false alarm"
+            if not any(failure.lane in lanes for lanes in before) and cause == kind:
                 name = f"computer.{COMPUTERS[failure.lane]}"
                 wrong.append(Isolation(name, failure.lane + 1, failure.frame, test_name(failure.test)))
         return wrong

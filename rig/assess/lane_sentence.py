@@ -18,7 +18,10 @@ _BY: Final = {
     RELAYS: "the relays, which outvoted it",
     "vote of commands": "the vote of commands",
     "clock": "the other lanes, for its clock",
-    **{monitor_name(one): f"the monitor {monitor_name(one)} of its servo channel" for one in ActuatorMonitor},
+    **{
+        monitor_name(monitor): f"the monitor {monitor_name(monitor)} of its servo channel"
+        for monitor in ActuatorMonitor
+    },
 }
 
 
@@ -27,23 +30,23 @@ def on_lanes(fault: FaultScore) -> bool:
     return fault.channel is None and site(fault.signal) in OF_LANES
 
 
-def lane_result(fault: FaultScore, about: Context) -> str:
+def lane_result(fault: FaultScore, context: Context) -> str:
     """Return what became of a fault on lanes: ``was found by its watchdog after 10 ms``."""
     if fault.outcome != "detected":
         return f"was not found: {_why(fault)}"
-    after = duration(fault.delay_from_onset_frames, about.rate_hz)
+    after = duration(fault.delay_from_onset_frames, context.rate_hz)
     return f"was found by {_BY.get(fault.resolver or '', f'its own {fault.resolver}')} after {after}"
 
 
-def computers_lost(about: Context) -> str:
+def computers_lost(context: Context) -> str:
     """Return the computers that failed and the back-up: ``computers A and B failed; the back-up flew from ..``."""
-    score = about.score.computers
+    score = context.score.computers
     if score is None:
         return ""
     names = sorted({failure.lane for failure in score.failures})
     parts = [f"computer{'s' if len(names) > 1 else ''} {listed(tuple(names))} failed"] if names else []
     if score.backup_frame is not None:
-        parts.append(f"the back-up flew from {seconds(score.backup_frame, about.rate_hz)} on ({score.backup_reason})")
+        parts.append(f"the back-up flew from {seconds(score.backup_frame, context.rate_hz)} on ({score.backup_reason})")
     return "; ".join(parts)
 
 

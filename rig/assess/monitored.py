@@ -117,10 +117,10 @@ def fault_records(
         if config is not None:
             record["either"] = _bits(references_of(fault, config, second_too=True))
         if name and places.site(name) in CHANNELLED:
-            discrete, at = places.site(name) == "discrete", places.number(name)
-            record["signal"], record["channel"], record["discrete"] = at, channel - 1, discrete
+            discrete, place = places.site(name) == "discrete", places.number(name)
+            record["signal"], record["channel"], record["discrete"] = place, channel - 1, discrete
             record["changes"] = discrete or fault.changes_samples  # a discrete that says bad of itself is not voted
-            record["threshold"] = (monitored.discretes if discrete else monitored.signals)[at]["threshold"]
+            record["threshold"] = (monitored.discretes if discrete else monitored.signals)[place]["threshold"]
             continue
         read = [] if config is None else references_of(fault, config)
         record["references"], record["reference"] = _bits(read), read[0] if read else NEVER

@@ -61,8 +61,8 @@ class Scored(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """As ``rig score --json`` prints it."""
-        about = {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest}
-        return {**about, **self.score.as_dict(), "unit": self.unit, "times": self.times} | {
+        identity = {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest}
+        return {**identity, **self.score.as_dict(), "unit": self.unit, "times": self.times} | {
             "unit_faults": [asdict(miss) for miss in self.misses],
             "conclusion": self.conclusion,
         }
@@ -91,10 +91,10 @@ def score_log(
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
             raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE, or --no-twin")
-    about = unit_of(log.metadata)
+    unit_facts = unit_of(log.metadata)
     if unit is not None:
-        unit.fly_as(about)
-    misses = Misses(about.get("on_miss") == "fault")
+        unit.fly_as(unit_facts)
+    misses = Misses(unit_facts.get("on_miss") == "fault")
     try:
         scored, times = _added_up(log, scenario, yardstick, misses, _twin(log, scenario, unit) if twin else None)
     except BadInput as error:
@@ -102,7 +102,7 @@ def score_log(
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
     sentences = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
-    voted_by = voter(scenario.redundancy.manager, about.get("name"), about.get("lane"))
+    voted_by = voter(scenario.redundancy.manager, unit_facts.get("name"), unit_facts.get("lane"))
     return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), misses.all(), sentences, voted_by)
 
 

@@ -78,10 +78,10 @@ def _order(pattern: Pattern, configured: Sequence[Resolver]) -> list[Resolver]:
     return asked if halves else [*asked, *(r for r in configured if r is _LAST_RESORT[pattern])]
 
 
-def tally(found: Sequence[Episode]) -> dict[str, ResolverScore]:
+def tally(listed: Sequence[Episode]) -> dict[str, ResolverScore]:
     """Count the episodes of each resolver."""
     scores = {name: ResolverScore() for name in RESOLVERS}
-    for episode in found:
+    for episode in listed:
         for name in episode.asked:
             scores[name].asked += 1
         if episode.resolver in scores:
@@ -93,9 +93,9 @@ def tally(found: Sequence[Episode]) -> dict[str, ResolverScore]:
     return scores
 
 
-def by_pattern(found: Sequence[Episode]) -> dict[str, dict[str, ResolverScore]]:
+def by_pattern(listed: Sequence[Episode]) -> dict[str, dict[str, ResolverScore]]:
     """Count them for each pattern that was seen."""
-    seen = {pattern.label: [e for e in found if e.pattern == pattern.label] for pattern in SINGULAR}
+    seen = {pattern.label: [e for e in listed if e.pattern == pattern.label] for pattern in SINGULAR}
     return {label: tally(some) for label, some in seen.items() if some}
 
 

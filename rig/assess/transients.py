@@ -94,12 +94,12 @@ class Deviations:
         return np.concatenate([np.empty((0, len(_COMPARED))), *self._off])
 
 
-def transients(found: Deviations, faults: Sequence[FaultScore], acted_from: int, rate_hz: float) -> Transients:
+def transients(deviations: Deviations, faults: Sequence[FaultScore], acted_from: int, rate_hz: float) -> Transients:
     """Return how far a flight was from its twin; BadInput when that is none of this flight.
 
     acted_from : first frame in which any fault acted, or NEVER
     """
-    first, off, yardstick = found.first_difference, found.off, found.yardstick
+    first, off, yardstick = deviations.first_difference, deviations.off, deviations.yardstick
     if first is not None and (acted_from == NEVER or first <= acted_from):
         raise BadInput(
             f"the fault-free twin leaves the flight in frame {first}, before any fault can have moved the "
@@ -111,7 +111,7 @@ def transients(found: Deviations, faults: Sequence[FaultScore], acted_from: int,
     windows = []
     for onset, ids in _onsets(faults).items():
         part = slice(onset, min(onset + window + 1, len(off)))
-        ended = found.lost and found.frames <= onset + window + 1
+        ended = deviations.lost and deviations.frames <= onset + window + 1
         within = not np.any(beyond[part]) and not ended
         windows.append(Transient(ids, onset, max(part.stop - onset, 0), _peaks(off[part]), bool(within)))
     return Transients(
@@ -126,11 +126,11 @@ def transients(found: Deviations, faults: Sequence[FaultScore], acted_from: int,
 
 def _onsets(faults: Sequence[FaultScore]) -> dict[int, tuple[str, ...]]:
     """Return the executed faults by the frame of their onset, in order of time."""
-    found: dict[int, list[str]] = {}
+    ids: dict[int, list[str]] = {}
     for fault in faults:
         if fault.onset_frame is not None and fault.outcome != "not executed":
-            found.setdefault(fault.onset_frame, []).append(fault.id)
-    return {onset: tuple(dict.fromkeys(found[onset])) for onset in sorted(found)}
+            ids.setdefault(fault.onset_frame, []).append(fault.id)
+    return {onset: tuple(dict.fromkeys(ids[onset])) for onset in sorted(ids)}
 
 
 def _peaks(off: NDArray[np.float64]) -> Deviation:

@@ -59,11 +59,15 @@ class Scored:
 
 
 def score(
-    found: Injection, recording: Recording, voted: Result, corrections: Corrections | None = None, box_signals: int = 0
+    injection: Injection,
+    recording: Recording,
+    voted: Result,
+    corrections: Corrections | None = None,
+    box_signals: int = 0,
 ) -> list[Scored]:
     """Return the outcome of each fault on each of its channels; ``recording`` as voted upon, perhaps aligned."""
-    outcome = added_up(found, recording, voted, corrections or {}, box_signals)
-    pairs = zip(found.injected, outcome.records.faults, strict=True)
+    outcome = added_up(injection, recording, voted, corrections or {}, box_signals)
+    pairs = zip(injection.injected, outcome.records.faults, strict=True)
     return [_scored(fault, record, outcome, recording, corrections or {}) for fault, record in pairs]
 
 
@@ -105,27 +109,29 @@ def _later(name: str, channel: int, recording: Recording, corrections: Correctio
 
 
 def added_up(
-    found: Injection, recording: Recording, voted: Result, corrections: Corrections, box_signals: int
+    injection: Injection, recording: Recording, voted: Result, corrections: Corrections, box_signals: int
 ) -> Outcome:
     """Return the outcome of all rows that were voted upon."""
     signals = {name: of.settings for name, of in voted.signals.items()}
     params = params_of(recording, signals)
     discretes = discrete_params(recording, {name: of.settings for name, of in voted.discretes.items()})
     monitored = Monitored.of(params, discretes, box_signals)
-    outcome = Outcome(monitored, fault_records(found.faults, monitored, found.places))
-    for block, clean in _rows(found, recording, voted, corrections):
+    outcome = Outcome(monitored, fault_records(injection.faults, monitored, injection.places))
+    for block, clean in _rows(injection, recording, voted, corrections):
         outcome.add(block, clean)
     return outcome
 
 
 def _rows(
-    found: Injection, recording: Recording, voted: Result, corrections: Corrections
+    injection: Injection, recording: Recording, voted: Result, corrections: Corrections
 ) -> Iterator[tuple[Block, NDArray[Any]]]:
     """Yield the rows as voted and the samples before the faults; no truth, and discretes relative to before."""
     n = len(recording.time_s)
-    later = [_later(fault.signal, fault.channel, recording, corrections) for fault in found.injected]
-    acting = _acting(found, n, later)
-    errors = [_shifted(_error(found, fault, voted), n, k) for fault, k in zip(found.injected, later, strict=True)]
+    later = [_later(fault.signal, fault.channel, recording, corrections) for fault in injection.injected]
+    acting = _acting(injection, n, later)
+    errors = [
+        _shifted(_error(injection, fault, voted), n, k) for fault, k in zip(injection.injected, later, strict=True)
+    ]
     usable = {name: usable_samples(recording.signals[name], of.settings.limits) for name, of in voted.signals.items()}
     kind = rows(max(len(voted.signals), S), max(len(voted.discretes), D))  # the flight's, where there is room
     for part, block in blocks(kind, n):
@@ -140,19 +146,19 @@ def _rows(
                 block["discrete_state"][:, d, c] = column[part]
         clean = np.zeros(len(block), clean_of(kind.signals))
         clean["channels"], clean["valid"] = block["channels"], block["valid"]
-        for fault, error in zip(found.injected, errors, strict=True):
-            _take_off(block, clean, found, fault, error[part])
+        for fault, error in zip(injection.injected, errors, strict=True):
+            _take_off(block, clean, injection, fault, error[part])
         yield block, clean
 
 
-def _acting(found: Injection, n: int, later: Sequence[int]) -> NDArray[np.uint8]:
+def _acting(injection: Injection, n: int, later: Sequence[int]) -> NDArray[np.uint8]:
     """Return (n, bytes) the faults that act in the rows as voted: each from its first channel on."""
-    acting = np.zeros((n, found.acting.shape[1]), np.uint8)
+    acting = np.zeros((n, injection.acting.shape[1]), np.uint8)
     earliest: dict[int, int] = {}
-    for fault, rows_later in zip(found.injected, later, strict=True):
+    for fault, rows_later in zip(injection.injected, later, strict=True):
         earliest[fault.fault] = max(rows_later, earliest.get(fault.fault, rows_later))
     for i, rows_later in earliest.items():
-        acting[:, i >> 3] |= _shifted(found.acting[:, i >> 3], n, rows_later) & np.uint8(1 << (i & 7))
+        acting[:, i >> 3] |= _shifted(injection.acting[:, i >> 3], n, rows_later) & np.uint8(1 << (i & 7))
     return acting
 
 
@@ -164,10 +170,10 @@ def _put_votes(block: Block, i: int, of: Voted, usable: Sequence[NDArray[np.bool
         block[field][:, i] = getattr(of, field)[part]
 
 
-def _take_off(block: Block, clean: Any, found: Injection, fault: Injected, error: NDArray[np.float64]) -> None:
+def _take_off(block: Block, clean: Any, injection: Injection, fault: Injected, error: NDArray[np.float64]) -> None:
     """Write what a channel was before its fault; of a discrete whether it is another than before."""
-    i, c, lost = found.places.number(fault.signal), fault.channel - 1, np.isnan(error)
-    if found.places.site(fault.signal) == "discrete":
+    i, c, lost = injection.places.number(fault.signal), fault.channel - 1, np.isnan(error)
+    if injection.places.site(fault.signal) == "discrete":
         block["discrete_channels"][:, i, c], block["discrete_valid"][:, i, c] = error == 1.0, ~lost
         return
     before = block["channels"][:, i, c] - error
@@ -179,10 +185,10 @@ def _shifted(values: NDArray[Any], n: int, later: int) -> NDArray[Any]:
     return values[np.clip(np.arange(n) + later, 0, len(values) - 1)]
 
 
-def _error(found: Injection, fault: Injected, voted: Result) -> NDArray[np.float64]:
+def _error(injection: Injection, fault: Injected, voted: Result) -> NDArray[np.float64]:
     """Return (n,) what the injection made of a channel: the difference, NaN where a usable sample is lost by it."""
     name, c, discrete = fault.signal, fault.channel - 1, fault.signal in voted.discretes
-    before, after = ((of.discretes if discrete else of.signals)[name] for of in (found.before, found.recording))
+    before, after = ((of.discretes if discrete else of.signals)[name] for of in (injection.before, injection.recording))
     limits = _BITS if discrete else voted.signals[name].settings.limits
     was, now = (usable_samples(samples, limits)[c] for samples in (before, after))
     if discrete and before.ilm is not None and after.ilm is not None:

@@ -24,14 +24,14 @@ def measure_votes(recording: Recording, voted: Result, requirements: Sequence[Re
     kind = rows(len(voted.signals), len(voted.discretes))
     for part, block in blocks(kind, len(recording.time_s)):
         block["state"] = block["discrete_state"] = _ABSENT
-        for i, (name, one) in enumerate(voted.signals.items()):
+        for i, (name, signal) in enumerate(voted.signals.items()):
             put(block, i, recording.signals[name], part, second=False)
-            block["voted"][:, i], block["level"][:, i] = one.voted[part], one.level[part]
-            for c, state in enumerate(one.state):
+            block["voted"][:, i], block["level"][:, i] = signal.voted[part], signal.level[part]
+            for c, state in enumerate(signal.state):
                 block["state"][:, i, c] = state[part]
-        for d, one in enumerate(voted.discretes.values()):
-            block["discrete_voted"][:, d], block["discrete_level"][:, d] = one.voted[part], one.level[part]
-            for c, state in enumerate(one.state):
+        for d, discrete in enumerate(voted.discretes.values()):
+            block["discrete_voted"][:, d], block["discrete_level"][:, d] = discrete.voted[part], discrete.level[part]
+            for c, state in enumerate(discrete.state):
                 block["discrete_state"][:, d, c] = state[part]
         recorder.record(block)
     return recorder.finish()
@@ -39,13 +39,13 @@ def measure_votes(recording: Recording, voted: Result, requirements: Sequence[Re
 
 def subject_of(recording: Recording, voted: Result) -> Subject:
     """Return a recording that was voted as what requirements are measured on."""
-    settings = {name: one.settings for name, one in voted.signals.items()}
+    settings = {name: signal.settings for name, signal in voted.signals.items()}
     params = params_of(recording, settings)
     signals = [
-        Watched(name, one.si, one.wraps, int(p["fitted"]), float(p["threshold"]), int(p["persistence"]))
-        for (name, one), p in zip(settings.items(), params, strict=True)
+        Watched(name, own.si, own.wraps, int(p["fitted"]), float(p["threshold"]), int(p["persistence"]))
+        for (name, own), p in zip(settings.items(), params, strict=True)
     ]
-    of_discretes = {name: one.settings for name, one in voted.discretes.items()}
+    of_discretes = {name: discrete.settings for name, discrete in voted.discretes.items()}
     discretes = [
         Watched(name, "", False, CHANNELS, 1.0, int(p["persistence"]))
         for name, p in zip(of_discretes, discrete_params(recording, of_discretes), strict=True)

@@ -30,9 +30,9 @@ def statistics(rows: Nested, rival: str, params: NDArray[np.void]) -> Statistics
     rival : of managers.RIVALS; params : (S,) of managers.with_settings
     """
     manager = Manager(rival, params.copy(), watches=True)
-    found = Statistics(np.zeros((len(rows), len(params), CHANNELS)), np.zeros((len(rows), len(params)), np.uint8))
-    _watch(rows, manager.data, *found)
-    return found
+    result = Statistics(np.zeros((len(rows), len(params), CHANNELS)), np.zeros((len(rows), len(params)), np.uint8))
+    _watch(rows, manager.data, *result)
+    return result
 
 
 @long_kernel

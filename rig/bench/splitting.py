@@ -90,22 +90,22 @@ def step(held, p, j, k, noise):
 @kernel
 def failures(st, fitted):
     """Return how many channels are failed."""
-    found = 0
+    count = 0
     for c in range(fitted):
-        found += st["failed"][c] != 0
-    return found
+        count += st["failed"][c] != 0
+    return count
 
 
 @kernel
 def level(st, params):
     """Return how far a state without a failure is on its way to one, 0 to ``persistence`` - 1."""
-    found, blamed = 0, False
+    progress, blamed = 0, False
     for c in range(params["fitted"]):
-        found = max(found, st["count"][c])
+        progress = max(progress, st["count"][c])
         blamed = blamed or st["blamed"][c] != 0
     if blamed and is_singular(st["pattern"]):
-        found = max(found, st["pattern_frames"] * params["persistence"] // params["singular_persistence"])
-    return min(found, params["persistence"] - 1)
+        progress = max(progress, st["pattern_frames"] * params["persistence"] // params["singular_persistence"])
+    return min(progress, params["persistence"] - 1)
 
 
 @kernel

@@ -59,20 +59,20 @@ class Checked:
     @property
     def passed(self) -> bool:
         """Return whether it keeps to the seam and to every decision; bits are a grade, not a requirement."""
-        return all(one.passed for one in self.requirements if one.part != "bits")
+        return all(requirement.passed for requirement in self.requirements if requirement.part != "bits")
 
     @property
     def grade(self) -> str:
         """Return what can be said of it."""
         if not self.passed:
             return "failed"
-        parts = {one.part for one in self.requirements if one.passed}
+        parts = {requirement.part for requirement in self.requirements if requirement.passed}
         return next(part for part in ("bits", "decisions", "seam") if part in parts)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
         return {"unit": self.unit, "passed": self.passed, "grade": self.grade} | {
-            "requirements": [asdict(one) for one in self.requirements]
+            "requirements": [asdict(requirement) for requirement in self.requirements]
         }
 
 
@@ -85,13 +85,13 @@ def check(file: Path | str, *, seam_only: bool = False, longest: bool = False) -
     unit, cases = read_unit(file), load()
     if unit.carrier == "python":
         return Checked(unit.name, list(_of_class(unit, cases, seam_only)))
-    found = list(_seam(unit, cases))
+    requirements = list(_seam(unit, cases))
     if not seam_only and unit.form == "redundancy":
         with running(unit) as tested:
-            told = _told(tested, cases)
-            found += _decisions(tested, told + _told(tested, long_cases(MOST_FRAMES if longest else FRAMES)))
-            found += _bits(tested, told)
-    return Checked(unit.name, found)
+            answered = _told(tested, cases)
+            requirements += _decisions(tested, answered + _told(tested, long_cases(MOST_FRAMES if longest else FRAMES)))
+            requirements += _bits(tested, answered)
+    return Checked(unit.name, requirements)
 
 
 def _of_class(unit: Unit, cases: list[Case], seam_only: bool) -> Iterator[Requirement]:
@@ -103,9 +103,9 @@ def _of_class(unit: Unit, cases: list[Case], seam_only: bool) -> Iterator[Requir
         yield _line("answers every frame, with a level", "seam", "")
         same = all(first[name].tobytes() == again[name].tobytes() for name in VOTES)
         yield _line("from new twice, the same votes", "seam", "" if same else "another vote, state or level")
-        said = lambda case: _output(our_answers(case.config, case.inputs, unit.manager, trust))  # noqa: E731
-        found = [] if seam_only else _counted((case, said(case)) for case in cases)
-        yield from found
+        answer_of = lambda case: _output(our_answers(case.config, case.inputs, unit.manager, trust))  # noqa: E731
+        requirements = [] if seam_only else _counted((case, answer_of(case)) for case in cases)
+        yield from requirements
     except ManagerFailed as error:
         yield _line("answers every frame, with a level", "seam", str(error))
 
@@ -143,8 +143,8 @@ def _line(name: str, part: str, wrong: str) -> Requirement:
     return Requirement(name, part, not wrong, wrong)
 
 
-def _unanswered(said: NDArray[Any]) -> str:
-    missing = np.flatnonzero(said["frame"] < 0)
+def _unanswered(answer: NDArray[Any]) -> str:
+    missing = np.flatnonzero(answer["frame"] < 0)
     return f"no answer to frame {missing[0]}" if len(missing) else ""
 
 
@@ -173,28 +173,28 @@ def _allowed(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) 
 
 def _with_pause(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> NDArray[Any]:
     tested.begin(config.copy())
-    found = np.zeros(len(inputs), OUTPUT)
+    answered = np.zeros(len(inputs), OUTPUT)
     for k, asked in enumerate(inputs):
         if k == len(inputs) // 2:
             sleep(PAUSE_S)
         if ask(tested, asked, k):
-            found[k] = tested.port.back.records[RECEIVED]
+            answered[k] = tested.port.back.records[RECEIVED]
     tested.end()
-    return found
+    return answered
 
 
 def _foreign(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> str:
     """Send a FRAME of a session that never began before frame 1; the answers must be those without it."""
     expected = answers(tested, config, inputs[:3])
     tested.begin(config.copy())
-    found = np.zeros(3, OUTPUT)
+    answered = np.zeros(3, OUTPUT)
     for k in range(3):
         if k == 1:
             tested.send_foreign()
         if ask(tested, inputs[k], k):
-            found[k] = tested.port.back.records[RECEIVED]
+            answered[k] = tested.port.back.records[RECEIVED]
     tested.end()
-    return _same(expected, found)
+    return _same(expected, answered)
 
 
 def _times(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> Requirement:
@@ -247,14 +247,14 @@ def _told(tested: UnitUnderTest, cases: list[Case]) -> list[Case]:
 
 def _counted(answered: Iterable[tuple[Case, NDArray[Any]]]) -> list[Requirement]:
     """Return one line a requirement of cases with their answers, (n,) OUTPUT."""
-    found: dict[str, tuple[int, int, str]] = {}
-    for case, said in answered:
-        wrong = next(differences(case, said), "")
-        right, of, first = found.get(case.requirement, (0, 0, ""))
-        found[case.requirement] = (right + (not wrong), of + 1, first or wrong)
+    counts: dict[str, tuple[int, int, str]] = {}
+    for case, answer in answered:
+        wrong = next(differences(case, answer), "")
+        right, of, first = counts.get(case.requirement, (0, 0, ""))
+        counts[case.requirement] = (right + (not wrong), of + 1, first or wrong)
     return [
         Requirement(name, "decisions", right == of, first and f"{of - right} of {of} cases; {first}")
-        for name, (right, of, first) in found.items()
+        for name, (right, of, first) in counts.items()
     ]
 
 
@@ -262,12 +262,12 @@ def _bits(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
     """Every byte against our own manager."""
     frames = 0
     for case in cases:
-        ours, said = our_answers(case.config, case.inputs), answers(tested, case.config, case.inputs)
+        ours, answer = our_answers(case.config, case.inputs), answers(tested, case.config, case.inputs)
         frames += len(ours)
         for name, group in ANSWERS.items():
             if group == Said.SURFACE:
                 continue
-            differ = [k for k in range(len(ours)) if ours[name][k].tobytes() != said[name][k].tobytes()]
+            differ = [k for k in range(len(ours)) if ours[name][k].tobytes() != answer[name][k].tobytes()]
             if differ:
                 detail = f"{case.requirement}, frame {differ[0]}: {name}"
                 return [Requirement("every byte as our own manager", "bits", False, detail)]

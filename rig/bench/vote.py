@@ -171,8 +171,10 @@ def settings_of(scenario: Scenario) -> tuple[dict[str, RecordedSignal], dict[str
         )
         for i, signal in enumerate(SIGNALS)
     }
-    given = {one.name: getattr(redundancy.discretes, one.name).model_dump(exclude_none=True) for one in DISCRETES}
-    discretes = {one.name: RecordedDiscrete(**{"fail_safe": one.fail_safe, **given[one.name]}) for one in DISCRETES}
+    discretes: dict[str, RecordedDiscrete] = {}
+    for discrete in DISCRETES:
+        given = getattr(redundancy.discretes, discrete.name).model_dump(exclude_none=True)
+        discretes[discrete.name] = RecordedDiscrete(**{"fail_safe": discrete.fail_safe, **given})
     return signals, discretes
 
 
@@ -222,8 +224,8 @@ def _group(
     manager = settings[names[0]].manager
     if manager not in MANAGERS:
         return _Group(names, load_manager(manager, params, trust), params)
-    told = with_settings(params, manager, rivals, names)
-    made = Manager(manager, told, box_signals=boxes[0], box_persistence=boxes[1], as_unit=as_unit)
+    with_manager = with_settings(params, manager, rivals, names)
+    made = Manager(manager, with_manager, box_signals=boxes[0], box_persistence=boxes[1], as_unit=as_unit)
     return _Group(names, made, params)
 
 
@@ -234,12 +236,12 @@ def _vote_group(
     n, names = len(recording.time_s), group.names
     samples = [recording.signals[name] for name in names]
     commanded = [commands(resets, name, recording.time_s) for name in names]
-    columns = [Columns.of(n, len(one.channels), group.of_flight) for one in samples]
+    columns = [Columns.of(n, len(signal.channels), group.of_flight) for signal in samples]
     # A user's manager is compiled for the rows of a flight.
     kind = rows(len(names)) if isinstance(group.manager, Manager) else rows(S, D)
     for part, block in blocks(kind, n):
-        for i, one in enumerate(samples):
-            put(block, i, one, part, group.of_flight)
+        for i, signal in enumerate(samples):
+            put(block, i, signal, part, group.of_flight)
             block["reset"][:, i] = commanded[i][part]
         _decide(kind, block, group)
         for i, out in enumerate(columns):

@@ -82,8 +82,8 @@ def run(recorded: Path, config: Path | None, out: Path, options: Options) -> dic
         measured = measure_votes(made.recording, made.voted, asked) if asked else ()
         write(part, out, made.recording, made.voted)
         lap("write")
-    told = {"requirements": [plain(one) for one in measured]} if asked else {}
-    return {"out": str(out), **made.summary, **told, "seconds": lap.seconds}
+    requirements = {"requirements": [plain(verdict) for verdict in measured]} if asked else {}
+    return {"out": str(out), **made.summary, **requirements, "seconds": lap.seconds}
 
 
 class Votes(NamedTuple):
@@ -129,14 +129,14 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
         lap("align")
     voted = _vote(asked, recording, config, options)
     lap("vote")
-    about = summary(recording, voted, alignment)
+    data = summary(recording, voted, alignment)
     if asked.flown is not None and asked.flown.unit:
-        about["remark"] = "a unit under test voted in this flight; here the manager of its scenario does"
+        data["remark"] = "a unit under test voted in this flight; here the manager of its scenario does"
     if test is not None and injection is not None:
         corrections = None if alignment is None else alignment.corrections
         scored = score(injection, recording, voted, corrections, asked.box_signals)
-        about["injected"] = scores(scored, test[1], test[0].seed)
-    return Votes(recording, voted, about)
+        data["injected"] = scores(scored, test[1], test[0].seed)
+    return Votes(recording, voted, data)
 
 
 def _named(config: Path | dict[str, Any] | None) -> str:

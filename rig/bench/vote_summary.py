@@ -19,7 +19,7 @@ _SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
 
 def summary(recording: Recording, voted: Result, alignment: Alignment | None = None) -> dict[str, Any]:
     """Per signal and channel; rows are counted from 1 as in the input."""
-    found = {
+    data = {
         "rows": len(recording.time_s),
         "first_row": recording.row(0),
         "rate_hz": recording.rate_hz,
@@ -32,13 +32,13 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
         "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
     }
     if alignment is not None:
-        found["alignment"] = alignment.as_dict()
-        for name, signal in found["signals"].items():
+        data["alignment"] = alignment.as_dict()
+        for name, signal in data["signals"].items():
             for channel, took, move in zip(
                 signal["channels"], alignment.corrections[name], alignment.moves[name], strict=True
             ):
                 channel["alignment"] = _in_unit({**asdict(took), **asdict(move)}, voted.signals[name].settings)
-    return found
+    return data
 
 
 def _in_unit(alignment: dict[str, Any], settings: RecordedSignal) -> dict[str, Any]:
@@ -70,16 +70,16 @@ def _discrete(discrete: VotedDiscrete) -> dict[str, Any]:
 
 
 def _extremes(voted: Floats) -> dict[str, float | None]:
-    known = voted[np.isfinite(voted)]
-    return {"min": float(known.min()), "max": float(known.max())} if len(known) else {"min": None, "max": None}
+    finite = voted[np.isfinite(voted)]
+    return {"min": float(finite.min()), "max": float(finite.max())} if len(finite) else {"min": None, "max": None}
 
 
 def _spread(spread: Floats) -> dict[str, float | None]:
-    known = spread[np.isfinite(spread)]
-    if len(known) == 0:
+    finite = spread[np.isfinite(spread)]
+    if len(finite) == 0:
         return {"median": None, "p95": None, "max": None}
-    median, p95 = np.quantile(known, [0.5, 0.95])
-    return {"median": float(median), "p95": float(p95), "max": float(known.max())}
+    median, p95 = np.quantile(finite, [0.5, 0.95])
+    return {"median": float(median), "p95": float(p95), "max": float(finite.max())}
 
 
 def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:

@@ -101,18 +101,18 @@ def _measured(case: Case, requirements: tuple[Requirement, ...], unit: Unit | No
     with flown_with(unit) as tested:
         flight = fly(scenario, tested)
         verdicts = check_rows(flight.rows, flight.scenario, requirements, None, tested)
-    return _Outcome([(one, "") for one in verdicts], _decided(flight.events, scenario.rate_hz))
+    return _Outcome([(verdict, "") for verdict in verdicts], _decided(flight.events, scenario.rate_hz))
 
 
 def _of_log(path: Path, requirements: tuple[Requirement, ...]) -> _Outcome:
     log = LogFile.open(path)
     verdicts = check_log(path, requirements)
-    return _Outcome([(one, "") for one in verdicts], _decided(log.events, log.rate_hz))
+    return _Outcome([(verdict, "") for verdict in verdicts], _decided(log.events, log.rate_hz))
 
 
 def _decided(events: list[Event], rate_hz: float) -> list[str]:
     """Return the decisions among events: when, who, by whom."""
-    return [f"{seconds(one.frame, rate_hz)} {one.text}" for one in events if one.name in _DECIDED]
+    return [f"{seconds(event.frame, rate_hz)} {event.text}" for event in events if event.name in _DECIDED]
 
 
 def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit | None) -> _Outcome:
@@ -120,7 +120,10 @@ def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit |
     plan = Plan(config.read(case.path, case.set), str(case.path))
     plan.check()
     sha256 = "" if unit is None else unit.sha256()
-    asked = *requirements, *(each for each in plan.requirements if each.id not in {one.id for one in requirements})
+    asked = (
+        *requirements,
+        *(each for each in plan.requirements if each.id not in {requirement.id for requirement in requirements}),
+    )
     orders = Orders("none", len(plan), "", TIMEOUT_S, plan.campaign.twin, rig_identity(), unit, sha256, asked)
     least: dict[tuple[str, str], tuple[Verdict, str]] = {}
     decided: list[str] = []
@@ -129,8 +132,8 @@ def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit |
         row = rows["runs"][0]
         if row["outcome"] != "flown":
             raise RigError(f"run {number}: {row['outcome']}: {row['reason']}")
-        for told in json.loads(row["requirements"]) if asked else ():
-            verdict = _told(told)
+        for fields in json.loads(row["requirements"]) if asked else ():
+            verdict = _told(fields)
             key = verdict.requirement, verdict.signal
             if key not in least or _before(verdict, least[key][0]):
                 least[key] = verdict, f"run {number}"
@@ -138,9 +141,9 @@ def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit |
     return _Outcome(list(least.values()), decided)
 
 
-def _told(told: dict[str, Any]) -> Verdict:
-    margin, at_s = (float("nan") if told[key] is None else told[key] for key in ("margin", "instant_s"))
-    return Verdict(told["requirement"], told["signal"], told["status"], margin, at_s, {})
+def _told(fields: dict[str, Any]) -> Verdict:
+    margin, at_s = (float("nan") if fields[key] is None else fields[key] for key in ("margin", "instant_s"))
+    return Verdict(fields["requirement"], fields["signal"], fields["status"], margin, at_s, {})
 
 
 def _before(one: Verdict, other: Verdict) -> bool:
@@ -163,8 +166,8 @@ def _checked(case: str, verdict: Verdict, where: str, command: str) -> Checked:
     if not isfinite(verdict.margin):
         return Checked(case, verdict.requirement, verdict.signal, "not applicable", None, "", command)
     there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items())
-    at = f"at {verdict.instant_s:.3f} s{f' of {where}' if where else ''}"
-    text = f"margin {verdict.margin:.4g} {at}{f': {there}' if there else ''}"
+    when = f"at {verdict.instant_s:.3f} s{f' of {where}' if where else ''}"
+    text = f"margin {verdict.margin:.4g} {when}{f': {there}' if there else ''}"
     return Checked(case, verdict.requirement, verdict.signal, verdict.status, verdict.margin, text, command)
 
 

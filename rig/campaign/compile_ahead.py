@@ -81,27 +81,27 @@ def _compile(show: Show) -> None:
     parts = PARTS if cores() > 1 else PARTS[:1]
     with ExitStack() as stack:
         reading, writing = os.pipe()
-        told = stack.enter_context(open(reading))  # noqa: PTH123 # a descriptor, no path
+        lines = stack.enter_context(open(reading))  # noqa: PTH123 # a descriptor, no path
         try:
             for part in parts:
                 stack.enter_context(_child(part, writing))
         finally:
             os.close(writing)  # the children have it: without them the pipe is at its end
-        for line in told:
+        for line in lines:
             if (function := wanted.get(line.strip())) is not None:
                 done.update(map(_name, reached(function)))
                 show(len(done), len(wanted))
 
 
 @contextmanager
-def _child(part: str, told: int) -> Iterator[None]:
+def _child(part: str, writing: int) -> Iterator[None]:
     """Run a process that compiles a part; it prints nothing and ends with this one, or when this leaves."""
     process = subprocess.Popen(
-        [sys.executable, "-P", "-c", _CHILD, part, str(told)],
+        [sys.executable, "-P", "-c", _CHILD, part, str(writing)],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        pass_fds=[told],
+        pass_fds=[writing],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
     )
     try:
@@ -115,14 +115,14 @@ def run_child() -> None:
     """Compile the part that the command line names; tell each kernel that is compiled."""
     from numba.core import event
 
-    part, told = sys.argv[1], int(sys.argv[2])
+    part, writing = sys.argv[1], int(sys.argv[2])
 
     class Teller(event.Listener):
         def on_start(self, event: Any) -> None:
             """Do nothing: it is told when it is compiled."""
 
         def on_end(self, event: Any) -> None:
-            os.write(told, f"{_name(event.data['dispatcher'].py_func)}\n".encode())
+            os.write(writing, f"{_name(event.data['dispatcher'].py_func)}\n".encode())
 
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with event.install_listener("numba:compile", Teller()):

@@ -220,8 +220,8 @@ def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
         raise BadInput(f"{source}: set: must be a table of keys")
     table, home = _base(base, path)
     named = [*_names(table.pop("requirements", []), source), *_names(data.pop("requirements", []), source)]
-    told = {"requirements": _requirements(named, (path.parent, home))} if named else {}
-    return from_what({**data, **told, "base": table, "set": {**fixed, **(sets or {})}}, source)
+    required = {"requirements": _requirements(named, (path.parent, home))} if named else {}
+    return from_what({**data, **required, "base": table, "set": {**fixed, **(sets or {})}}, source)
 
 
 def _names(given: Any, source: str) -> list[str]:
@@ -235,8 +235,8 @@ def _requirements(names: list[str], homes: Sequence[Path]) -> list[dict[str, Any
     from rig.assess.requirements import load_requirements
 
     places = (Path(), *homes)
-    found = [next((place / name for place in places if is_file(place / name)), name) for name in names]
-    return [each.model_dump(exclude_none=True) for each in load_requirements(found)]
+    paths = [next((place / name for place in places if is_file(place / name)), name) for name in names]
+    return [each.model_dump(exclude_none=True) for each in load_requirements(paths)]
 
 
 def _base(name: str, path: Path) -> tuple[dict[str, Any], Path]:
@@ -250,8 +250,8 @@ def _base(name: str, path: Path) -> tuple[dict[str, Any], Path]:
         raise BadInput(f"{path}: base: must be the name of a scenario's file, got {name[:60]!r}")
     beside = path.parent / name
     try:
-        found = beside if is_file(beside) else find_scenario(name)
-        return read_toml(found), found.parent
+        file = beside if is_file(beside) else find_scenario(name)
+        return read_toml(file), file.parent
     except BadInput as error:
         raise BadInput(f"{path}: base: {error}") from None
 

@@ -88,11 +88,11 @@ def write_log(flight: CampaignFlight, path: Path) -> None:
     """Log the flight as ``rig fly`` does, in larger chunks. RigError when the disk does not take it."""
     verdict, scenario, frames = flight.verdict, flight.scenario, [event.frame for event in flight.events]
     path.parent.mkdir(parents=True, exist_ok=True)
-    about = {**metadata(scenario), **flight.unit}, [("scenario.toml", b"")]
+    header = {**metadata(scenario), **flight.unit}, [("scenario.toml", b"")]
     kept: Any = {"chunk_frames": scenario.frames, "draft_of": path, "lanes": scenario.lane_parts}
     with (
         replaced(path) as draft,
-        LogWriter(draft, scenario.rate_hz, *about, **kept) as writer,
+        LogWriter(draft, scenario.rate_hz, *header, **kept) as writer,
     ):
         for first in range(0, verdict.frames, writer.chunk_frames):
             part = slice(first, first + writer.chunk_frames)

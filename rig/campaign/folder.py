@@ -58,15 +58,15 @@ class Folder:
 
         BadInput: the folder is another campaign's, or something else's; the difference is named.
         """
-        folder, about = cls(path, plan, unit), path / CAMPAIGN
-        if is_file(about):
-            differs = difference(_read(about), folder.about())
+        folder, file = cls(path, plan, unit), path / CAMPAIGN
+        if is_file(file):
+            differs = difference(_read(file), folder.about())
             if differs:
                 raise BadInput(f"--out {path}: holds runs of another campaign: {differs[0]}")
             return folder
         with reported(f"--out {path}", BadInput, "cannot be read"):
             if path.exists() and (not path.is_dir() or any(path.iterdir())):
-                raise BadInput(f"--out {path}: is no campaign's folder, and not empty")
+                raise BadInput(f"--out {path}: not a campaign's folder, and not empty")
         return folder
 
     def about(self) -> dict[str, Any]:
@@ -143,14 +143,14 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
 
     allow_code : a manager class that it names may be run
     """
-    about = path / CAMPAIGN
-    if not is_file(about):
-        raise BadInput(f"{path}: no campaign's folder: {CAMPAIGN} is missing")
-    held, trust = _read(about), Trust(str(about), allow_code)
-    plan: Plan = Plan(from_what(held["campaign"], str(about)), str(about), trust)
+    file = path / CAMPAIGN
+    if not is_file(file):
+        raise BadInput(f"{path}: not a campaign's folder: {CAMPAIGN} is missing")
+    held, trust = _read(file), Trust(str(file), allow_code)
+    plan: Plan = Plan(from_what(held["campaign"], str(file)), str(file), trust)
     search = held.get("search")
     if search is not None:
-        plan = SearchedPlan(plan.campaign, str(about), trust, search)
+        plan = SearchedPlan(plan.campaign, str(file), trust, search)
     folder = Folder(path, plan)
     if isinstance(plan, SearchedPlan):
         plan.choose(folder.tables["runs"])
@@ -160,16 +160,16 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
 def _read(path: Path) -> dict[str, Any]:
     """Read ``campaign.json``; BadInput when it is nothing of ours."""
     try:
-        about = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise BadInput(f"{path}: cannot be read: {error}; {_REMEDY}") from None
-    if not isinstance(about, dict) or "format" not in about:
+    if not isinstance(content, dict) or "format" not in content:
         raise BadInput(f"{path}: is damaged: it has no 'format'; {_REMEDY}")
-    if about["format"] != _FORMAT:
+    if content["format"] != _FORMAT:
         raise BadInput(f"{path}: not of this version of the rig")
-    if not isinstance(about.get("campaign"), dict):
+    if not isinstance(content.get("campaign"), dict):
         raise BadInput(f"{path}: is damaged: it has no table 'campaign'; {_REMEDY}")
-    return about
+    return content
 
 
 def write_whole(path: Path, data: bytes) -> None:

@@ -78,7 +78,7 @@ def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
     """Read one file and check its columns."""
     path = folder / name / f"{part}.parquet"
     if not is_file(path):
-        raise _again(folder, path, part, "is no file" if path.exists() else "is missing")
+        raise _again(folder, path, part, "is not a file" if path.exists() else "is missing")
     try:
         frame = pl.read_parquet(path.read_bytes(), hive_partitioning=False, parallel="none")  # small: threads cost more
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:

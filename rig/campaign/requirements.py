@@ -23,12 +23,12 @@ def run_columns(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     """Return the columns of RUNS."""
     if not verdicts:
         return {}
-    told = [{name: value for name, value in plain(one).items() if name != "values"} for one in verdicts]
-    margins = [one["margin"] for one in told if one["margin"] is not None]
+    fields = [{name: value for name, value in plain(verdict).items() if name != "values"} for verdict in verdicts]
+    margins = [each["margin"] for each in fields if each["margin"] is not None]
     return {
         "violated": len(violated(verdicts)),
         "least_margin": min(margins, default=None),
-        "requirements": json.dumps(told, sort_keys=True),
+        "requirements": json.dumps(fields, sort_keys=True),
     }
 
 
@@ -37,28 +37,28 @@ def by_requirement(runs: pl.DataFrame, requirements: Sequence[Requirement]) -> l
 
     A run meets it where it does on every signal.
     """
-    found: dict[str, list[tuple[float, bool, int, dict[str, Any]]]] = {each.id: [] for each in requirements}
+    flights: dict[str, list[tuple[float, bool, int, dict[str, Any]]]] = {each.id: [] for each in requirements}
     for number, text in runs.select("run", "requirements").drop_nulls().rows():
         for id_, ones in _by_id(json.loads(text)).items():
-            least = min(ones, key=lambda one: one["margin"])
-            found[id_].append((least["margin"], all(one["status"] == "met" for one in ones), number, least))
-    return [_row(each, found[each.id]) for each in requirements]
+            least = min(ones, key=lambda verdict: verdict["margin"])
+            flights[id_].append((least["margin"], all(verdict["status"] == "met" for verdict in ones), number, least))
+    return [_row(each, flights[each.id]) for each in requirements]
 
 
 def _by_id(verdicts: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     groups: dict[str, list[dict[str, Any]]] = {}
-    for one in verdicts:
-        if one["margin"] is not None:
-            groups.setdefault(one["requirement"], []).append(one)
+    for verdict in verdicts:
+        if verdict["margin"] is not None:
+            groups.setdefault(verdict["requirement"], []).append(verdict)
     return groups
 
 
-def _row(requirement: Requirement, found: list[tuple[float, bool, int, dict[str, Any]]]) -> dict[str, Any]:
-    least = min(found, key=lambda one: (one[0], one[2]), default=None)
+def _row(requirement: Requirement, flights: list[tuple[float, bool, int, dict[str, Any]]]) -> dict[str, Any]:
+    least = min(flights, key=lambda flight: (flight[0], flight[2]), default=None)
     return {
         "requirement": requirement.id,
         "text": requirement.text,
-        "met": asdict(proportion(sum(met for _, met, *_ in found), len(found))),
+        "met": asdict(proportion(sum(met for _, met, *_ in flights), len(flights))),
         "least_margin": None if least is None else least[0],
         "least_run": None if least is None else least[2],
         "signal": None if least is None else least[3]["signal"],

@@ -159,11 +159,11 @@ def signal_rows(number: int, scored: Score) -> list[Row]:
             "signal": name,
             "vote_above_threshold_s": scored.vote_error[name].above_threshold_s,
             "vote_error_max": scored.vote_error[name].peak,
-            **_of(one, "level_at_end", "lost_s", "unresolved_s"),
-            **by_level("channel_hours", one.channel_hours),
-            **by_level("false_isolations", one.false_isolations),
+            **_of(signal, "level_at_end", "lost_s", "unresolved_s"),
+            **by_level("channel_hours", signal.channel_hours),
+            **by_level("false_isolations", signal.false_isolations),
         }
-        for name, one in scored.signals.items()
+        for name, signal in scored.signals.items()
     ]
 
 

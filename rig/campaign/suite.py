@@ -103,8 +103,8 @@ class Suite:
 
     def _requirements(self, case: Case) -> tuple[Requirement, ...]:
         loaded = load_requirements(self.names_of(case))
-        known = {each.id for each in loaded}
-        if strange := [id_ for id_ in case.without if id_ not in known]:
+        ids = {each.id for each in loaded}
+        if strange := [id_ for id_ in case.without if id_ not in ids]:
             raise BadInput(f"{self.path}: {case.called}: without: no requirement {strange[0]!r} among its own")
         return tuple(each for each in loaded if each.id not in case.without)
 

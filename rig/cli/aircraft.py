@@ -6,6 +6,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -14,7 +15,7 @@ import typer
 from typer import Argument, Exit, Option, Typer, echo
 
 from rig.cli import complete
-from rig.cli.common import GROUP, Json, emit
+from rig.cli.common import GROUP, Json, emit, takes_options
 from rig.cli.working import working
 from rig.errors import BadInput
 from rig.text import plain, quoted
@@ -65,57 +66,72 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
     emit(as_json, settings, lambda: echo(plain(tomli_w.dumps(settings), keep="\n"), nl=False))
 
 
-@aircraft_app.command("new")
-def aircraft_new(
-    name: Annotated[str, Argument(metavar="NAME", help="Its name, and that of its folder.")],
+@dataclass(frozen=True, kw_only=True)
+class NewOptions:
+    """The options of ``rig aircraft new``."""
+
+    name: Annotated[str, Argument(metavar="NAME", help="Its name, and that of its folder.")]
     base: Annotated[
         str, Option(metavar="MODEL", help="An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)
-    ],
-    out: Annotated[Path, Option(metavar="DIR", help="Where its folder is made.")] = Path(),
+    ]
+    out: Annotated[Path, Option(metavar="DIR", help="Where its folder is made.")] = Path()
     point: Annotated[
         list[str] | None,
         Option(metavar="ALTITUDE_M:MACH", help="A flight point; repeatable. Else two that trim are proposed."),
-    ] = None,
-    points: Annotated[int, Option(metavar="N", help="How many flight points to propose.", min=1, max=3)] = 2,
+    ] = None
+    points: Annotated[int, Option(metavar="N", help="How many flight points to propose.", min=1, max=3)] = 2
     lag_s: Annotated[
         float | None, Option(metavar="S", help="Lag of the actuators.", min=1e-4, max=1.0, show_default=False)
-    ] = None,
+    ] = None
     rate_limit_rad_s: Annotated[
         float | None,
         Option(metavar="RAD_S", help="Their rate limit.", min=0.01, max=20.0, show_default=False),
-    ] = None,
+    ] = None
     sensor_class: Annotated[
         str | None,
         Option(metavar="CLASS", help="Sensor class, e.g. 'tactical-grade MEMS': docs/sensors.md.", show_default=False),
-    ] = None,
-    channels: Annotated[int, Option(metavar="N", help="Channels of every signal.", min=2, max=4)] = 4,
-    design: Annotated[bool, Option(help="Design it too, some minutes; else: rig aircraft check.")] = True,
-    as_json: Json = False,
-) -> None:
+    ] = None
+    channels: Annotated[int, Option(metavar="N", help="Channels of every signal.", min=2, max=4)] = 4
+    design: Annotated[bool, Option(help="Design it too, some minutes; else: rig aircraft check.")] = True
+    as_json: Json = False
+
+
+@aircraft_app.command("new")
+@takes_options
+def aircraft_new(options: NewOptions) -> None:
     """Make an aircraft of your own from one of JSBSim's: surfaces, limits and engines found, flight points proposed.
 
     What the model does not tell (actuators, sensors) is asked for on a terminal, else assumed; the file says which.
     """
     from rig.cli import show_aircraft as show
-    from rig.design.new_aircraft import Answers, propose, target, write
+    from rig.design.new_aircraft import target, write
 
-    folder = target(name, out)
-    given = [_point(text) for text in point or ()]
-    answers = Answers(lag_s, rate_limit_rad_s, sensor_class, channels)
-    with working("trim", not as_json, steps=True):
-        made = propose(name, base, answers, given, points)
-    if sys.stdin.isatty() and not as_json:
-        made = propose(name, base, _ask(answers, made.kind), given, points)
+    quiet = options.as_json
+    folder = target(options.name, options.out)
+    made = _proposed(options)
     write(made, folder)
-    if not as_json:
+    if not quiet:
         show.proposed(made, folder)
     written: dict[str, object] = {"folder": str(folder), "kind": made.kind}
-    if design:
+    if options.design:
         with _removed_unless_done(folder):
-            made, gains, measured = _designed(made, folder, quiet=as_json)
-            written |= _written(gains, measured, folder / GAINS, quiet=as_json)
+            made, gains, measured = _designed(made, folder, quiet=quiet)
+            written |= _written(gains, measured, folder / GAINS, quiet=quiet)
     written["airframe"] = made.airframe.model_dump(exclude_none=True)
-    emit(as_json, written, lambda: show.next_steps(made, folder, designed=design))
+    emit(quiet, written, lambda: show.next_steps(made, folder, designed=options.design))
+
+
+def _proposed(options: NewOptions) -> NewAircraft:
+    """Propose an aircraft; what the options leave open is asked for on a terminal, else assumed."""
+    from rig.design.new_aircraft import Answers, propose
+
+    points = [_point(text) for text in options.point or ()]
+    answers = Answers(options.lag_s, options.rate_limit_rad_s, options.sensor_class, options.channels)
+    with working("trim", not options.as_json, steps=True):
+        made = propose(options.name, options.base, answers, points, options.points)
+    if sys.stdin.isatty() and not options.as_json:
+        made = propose(options.name, options.base, _ask(answers, made.kind), points, options.points)
+    return made
 
 
 def _designed(made: NewAircraft, folder: Path, *, quiet: bool) -> tuple[NewAircraft, Gains, Designed]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rig.campaign.suite import Suite
 
 _FAILED = (
-    *(Column("case", "case"), Column("test", lambda one: f"{one.id} {one.signal}".rstrip())),
+    *(Column("case", "case"), Column("test", lambda test: f"{test.id} {test.signal}".rstrip())),
     *(Column("result", "result"), Column("why", "text")),
 )
 
@@ -47,7 +47,7 @@ def check(
     moved = _updated(read, results) if update else {}
     if junit is not None:
         write_junit(junit, read.title, results)
-    bad = [one for each in results for one in each.tests if not (one.good or (update and one.result == "differs"))]
+    bad = [test for each in results for test in each.tests if not (test.good or (update and test.result == "differs"))]
     emit(as_json, lambda: _data(read, results, moved), lambda: _show(read, results, moved, update))
     if bad:
         raise Exit(1)
@@ -66,7 +66,7 @@ def _updated(suite: Suite, results: list[CaseResult]) -> dict[str, list[str]]:
 
 
 def _data(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]]) -> dict[str, object]:
-    tests = [one._asdict() for each in results for one in each.tests]
+    tests = [test._asdict() for each in results for test in each.tests]
     return {
         "suite": str(suite.path),
         "cases": len(results),
@@ -77,8 +77,8 @@ def _data(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]]) 
 
 
 def _show(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]], update: bool) -> None:
-    tests = [one for each in results for one in each.tests]
-    wrong = [one for one in tests if not (one.good or (update and one.result == "differs"))]
+    tests = [test for each in results for test in each.tests]
+    wrong = [test for test in tests if not (test.good or (update and test.result == "differs"))]
     line((suite.title, "bold"), f"  {suite.path}")
     table(wrong, _FAILED, MOST_LINES, lambda _: "red")
     for name, lines in moved.items():
@@ -88,7 +88,7 @@ def _show(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]], 
     if update:
         field("kept", f"{suite.decisions_file}: {len(moved)} of {len(results)} cases moved")
     counts = {
-        result: sum(one.result == result for one in tests) for result in dict.fromkeys(one.result for one in tests)
+        result: sum(test.result == result for test in tests) for result in dict.fromkeys(test.result for test in tests)
     }
     seconds = sum(each.seconds for each in results)
     field("cases", f"{len(results)} in {seconds:.1f} s: {', '.join(f'{n} {result}' for result, n in counts.items())}")

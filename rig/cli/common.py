@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, get_type_hints
 
 from typer import Argument, Option, echo
 
@@ -63,24 +66,61 @@ Seed = Annotated[int, Option(metavar="N", help="Seed of all random draws.", min=
 Workers = Annotated[int, Option(metavar="N", help="Processes.", min=1, max=1024)]
 
 
-class Align(NamedTuple):
+@dataclass(frozen=True)
+class Align:
     """The options --align of the commands that read recordings."""
 
-    on: bool
-    from_s: float | None
-    to_s: float | None
-    matrix: bool
+    align: Annotated[bool, Option("--align", help="Take constant delays and offsets off the channels.")] = False
+    align_from: Annotated[
+        float | None, Option(metavar="S", help="Begin of the stretch to find them in.", show_default="first row")
+    ] = None
+    align_to: Annotated[float | None, Option(metavar="S", help="Its end.", show_default="6 s after its begin")] = None
+    align_matrix: Annotated[bool, Option("--align-matrix", help="Take misalignments off the triads of CONFIG too.")] = (
+        False
+    )
 
     def options(self) -> AlignOptions | None:
         """Return how to align, None without --align; BadInput where the others are given without it."""
         from rig.recordings.alignment import AlignOptions
 
-        if not self.on and self[1:] != (None, None, False):
+        stretch = (self.align_from, self.align_to, self.align_matrix)
+        if not self.align and stretch != (None, None, False):
             raise BadInput("--align-from, --align-to and --align-matrix need --align")
-        for option, value in (("--align-from", self.from_s), ("--align-to", self.to_s)):
+        for option, value in (("--align-from", self.align_from), ("--align-to", self.align_to)):
             if value is not None and not isfinite(value):
                 raise BadInput(f"{option}: input should be a finite number, got {value}")
-        return AlignOptions(*self[1:]) if self.on else None
+        return AlignOptions(*stretch) if self.align else None
+
+
+def takes_options(command: Callable[[Any], None]) -> Callable[..., None]:
+    """Return a command of many options, which it takes as one dataclass, with the parameters that typer reads.
+
+    Each field is one parameter.  A field that is a dataclass itself is a group of options that several commands have:
+    its fields are the parameters.
+    """
+    kind = get_type_hints(command)["options"]
+
+    @wraps(command)
+    def call(**values: Any) -> None:
+        command(_filled(kind, values))
+
+    vars(call)["__signature__"] = Signature(list(_parameters(kind)))
+    return call
+
+
+def _parameters(kind: type) -> Iterator[Parameter]:
+    hints = get_type_hints(kind, include_extras=True)
+    for field in fields(kind):
+        if is_dataclass(hint := hints[field.name]):
+            yield from _parameters(hint)  # pyright: ignore[reportArgumentType]  # a class, no instance
+        else:
+            default = Parameter.empty if field.default is MISSING else field.default
+            yield Parameter(field.name, Parameter.KEYWORD_ONLY, default=default, annotation=hint)
+
+
+def _filled(kind: Any, values: dict[str, Any]) -> Any:
+    hints = get_type_hints(kind)
+    return kind(**{key: _filled(hint, values) if is_dataclass(hint) else values[key] for key, hint in hints.items()})
 
 
 def emit(as_json: bool, data: Any, text: Callable[[], object]) -> None:

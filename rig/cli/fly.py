@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from math import degrees
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from typer import Exit, Option, echo
 
-from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit
+from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit, takes_options
 from rig.cli.requirements import Requirements, Strict, show_verdicts
 from rig.cli.table import MOST_LINES, Column, counts, field, line, rest, table
 from rig.cli.working import working
@@ -28,98 +28,112 @@ if TYPE_CHECKING:
     from rig.record.event import Event
     from rig.util.interrupt import Stop
     from rig.view.stream import Stream
+    from rig.view.watch.live import Watch
 
 FEW: Final = 3
 _OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (failed by \w+|readmitted)")
 LOOK_S: Final = 0.1  # between two looks for a viewer, or for Ctrl-C
-FlightSeed = Annotated[int | None, Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)]
-Rerun = Annotated[
-    str,
-    Option(metavar="WHERE", help="Show it in Rerun: off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy."),
-]
-Wait = Annotated[
-    bool,
-    Option(
-        "--wait/--no-wait", help="With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."
-    ),
-]
-Factor = Annotated[
-    float | None,
-    Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
-]
-Realtime = Annotated[
-    bool, Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
-]
-Lane = Annotated[
-    str | None,
-    Option(metavar="A|B|C|D", help="Of several computers, the one that --unit is.", show_default=False),
-]
-Watch = Annotated[bool, Option("--watch", help="Show the redundancy page while it flies.")]
 
 
-def fly(
-    scenario: ScenarioName = None,
-    sets: Sets = None,
-    seed: FlightSeed = None,
-    out: Logs = Path("logs"),
-    rerun: Rerun = "off",
-    wait: Wait = True,
-    realtime_factor: Factor = None,
-    realtime: Realtime = False,
-    watch: Watch = False,
-    unit: UnitFile = None,
-    lane: Lane = None,
-    requirements: Requirements = None,
-    strict: Strict = False,
-    allow_code: AllowCodeOrSet = False,
-    as_json: Json = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class FlyOptions:
+    """The options of ``rig fly``."""
+
+    scenario: ScenarioName = None
+    sets: Sets = None
+    seed: Annotated[int | None, Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)] = None
+    out: Logs = Path("logs")
+    rerun: Annotated[
+        str,
+        Option(
+            metavar="WHERE", help="Show it in Rerun: off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy."
+        ),
+    ] = "off"
+    wait: Annotated[
+        bool,
+        Option(
+            "--wait/--no-wait", help="With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."
+        ),
+    ] = True
+    realtime_factor: Annotated[
+        float | None,
+        Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
+    ] = None
+    realtime: Annotated[
+        bool, Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
+    ] = False
+    watch: Annotated[bool, Option("--watch", help="Show the redundancy page while it flies.")] = False
+    unit: UnitFile = None
+    lane: Annotated[
+        str | None,
+        Option(metavar="A|B|C|D", help="Of several computers, the one that --unit is.", show_default=False),
+    ] = None
+    requirements: Requirements = None
+    strict: Strict = False
+    allow_code: AllowCodeOrSet = False
+    as_json: Json = False
+
+
+@takes_options
+def fly(options: FlyOptions) -> None:
     """Fly one scenario, log every frame, print what happened."""
     from rig.assess.conclusion import next_commands
     from rig.assess.requirements import MeasuredConclusion, plain, violated
-    from rig.flight.assembly import fly as fly_scenario
-    from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
-    _refuse_both(watch, as_json)
-    outcome = MeasuredConclusion(requirements or ())
-    with watching(watch, realtime_factor) as page, working("starting", not (as_json or watch)):
-        flight = fly_scenario(
-            scenario,
-            seed=seed,
-            overrides=sets or (),
-            out=out,
-            rerun=rerun,
-            realtime_factor=realtime_factor,
-            progress=None if watch else lambda done, total: tell("flying", done, total),
-            viewer=Watching(wait),
-            watch=page,
-            allow_code=allow_code,
-            unit=unit,
-            lane=lane,
-            realtime=realtime,
-            live=keyboard(watch and (realtime or realtime_factor is not None)),
-            outcome=outcome,
-        )
-        verdicts = _verdicts(outcome, flight, unit, allow_code or bool(sets))
-    measured = {"requirements": [plain(one) for one in verdicts]} if outcome.requirements else {}
-    told = lambda: {"conclusion": flight.conclusion, **measured, "next": next_commands(flight)}  # noqa: E731
-    emit(as_json, lambda: {**flight.summary(), **told()}, lambda: show_flight(flight, verdicts=verdicts))
-    if strict and violated(verdicts):
+    if options.watch and options.as_json:
+        raise BadInput("--watch: not with --json, which prints one object and nothing else")
+    outcome = MeasuredConclusion(options.requirements or ())
+    quiet = options.as_json or options.watch
+    with watching(options.watch, options.realtime_factor) as page, working("starting", not quiet):
+        flight = _fly(options, page, outcome)
+        verdicts = _verdicts(outcome, flight, options)
+
+    def data() -> dict[str, object]:
+        requirements = {"requirements": [plain(verdict) for verdict in verdicts]} if outcome.requirements else {}
+        return {
+            **flight.summary(),
+            "conclusion": flight.conclusion,
+            **requirements,
+            "next": next_commands(flight),
+        }
+
+    emit(options.as_json, data, lambda: show_flight(flight, verdicts=verdicts))
+    if options.strict and violated(verdicts):
         raise Exit(1)
 
 
-def _refuse_both(watch: bool, as_json: bool) -> None:
-    if watch and as_json:
-        raise BadInput("--watch: not with --json, which prints one object and nothing else")
+def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -> Flight:
+    """Fly a scenario as the options say."""
+    from rig.flight.assembly import fly
+    from rig.view.watch.keyboard import keyboard
+
+    paced = options.realtime or options.realtime_factor is not None
+    return fly(
+        options.scenario,
+        seed=options.seed,
+        overrides=options.sets or (),
+        out=options.out,
+        rerun=options.rerun,
+        realtime_factor=options.realtime_factor,
+        progress=None if options.watch else lambda done, total: tell("flying", done, total),
+        viewer=Watching(options.wait),
+        watch=page,
+        allow_code=options.allow_code,
+        unit=options.unit,
+        lane=options.lane,
+        realtime=options.realtime,
+        live=keyboard(options.watch and paced),
+        outcome=outcome,
+    )
 
 
-def _verdicts(outcome: MeasuredConclusion, flight: Flight, unit: Path | None, allow_code: bool) -> tuple[Verdict, ...]:
+def _verdicts(outcome: MeasuredConclusion, flight: Flight, options: FlyOptions) -> tuple[Verdict, ...]:
     """Return the verdicts of a flight; the unit that flew it flies its twin where that is named."""
     from rig.unit.unit import running
 
-    with running(unit if outcome.needs_twin else None) as tested:
-        return outcome.verdicts(flight.log, tested, allow_code)
+    with running(options.unit if outcome.needs_twin else None) as tested:
+        return outcome.verdicts(flight.log, tested, options.allow_code or bool(options.sets))
 
 
 class Watching:
@@ -177,8 +191,8 @@ def conclusion(sentences: Sequence[str]) -> None:
 
 def _verdict(flight: Flight) -> None:
     scenario = flight.scenario
-    about = [f"seed {scenario.seed}", flight.voter, *flight.overrides]
-    line((scenario.title or scenario.aircraft, "bold"), f"  {', '.join(about)}")
+    settings = [f"seed {scenario.seed}", flight.voter, *flight.overrides]
+    line((scenario.title or scenario.aircraft, "bold"), f"  {', '.join(settings)}")
     events = list(_events(flight.events))
     for event in events[:MOST_LINES]:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
@@ -211,8 +225,8 @@ def _events(events: Iterable[Event]) -> Iterator[Event]:
     for _, of_frame in groupby(events, lambda event: event.frame):
         alike: dict[object, list[tuple[str, Event]]] = {}
         for i, event in enumerate(of_frame):
-            signal, about = _said_of(event)
-            alike.setdefault((event.name, about) if about else i, []).append((signal, event))
+            signal, text = _said_of(event)
+            alike.setdefault((event.name, text) if text else i, []).append((signal, event))
         for several in alike.values():
             if len(several) <= FEW:
                 yield from (event for _, event in several)
@@ -228,8 +242,8 @@ def _said_of(event: Event) -> tuple[str, str]:
 
     if channel := _OF_CHANNEL.fullmatch(event.text):
         return channel[1], f"channel {channel[2]} {channel[3]}"
-    signal, _, about = event.text.partition(": ")
-    return (signal, about) if signal in INDEX or signal in DISCRETE_INDEX else ("", "")
+    signal, _, text = event.text.partition(": ")
+    return (signal, text) if signal in INDEX or signal in DISCRETE_INDEX else ("", "")
 
 
 def _timing(flight: Flight) -> None:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 from typer import Argument, Option
 
-from rig.cli.common import Json, Seed, Workers, emit
+from rig.cli.common import Json, Seed, Workers, emit, takes_options
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
 from rig.util.outputs import require_apart, require_page
-
-if TYPE_CHECKING:
-    from rig.league.prepared import Asked
 
 _MANAGERS: Final = "cross-channel,cusum,glr,parity,innovation,selection,median"
 _LEVELS: Final = (
@@ -58,86 +56,94 @@ def _size(row: dict[str, Any], place: int) -> float | None:
     return None if row["sizes"] is None else row["sizes"][place]["value"]
 
 
-Campaign = Annotated[
-    str | None, Argument(metavar="FILE|NAME", help="A campaign of faults: file or bundled name.", show_default=False)
-]
-Healthy = Annotated[
-    Path | None, Option(metavar="HEALTHY", help="Healthy flights: a flown campaign with its logs.", show_default=False)
-]
-Out = Annotated[
-    Path | None, Option(metavar="DIR", help="Folder of the league; a begun one is continued.", show_default=False)
-]
-Second = Annotated[
-    Path | None,
-    Option(metavar="HEALTHY", help="Other healthy flights, to test the budget on.", show_default=False),
-]
-Plot = Annotated[Path | None, Option(metavar="FILE", help="The pictures as a page: .html.", show_default=False)]
-Recordings = Annotated[
-    list[Path] | None,
-    Option(metavar="INPUT", help="In place of all that: healthy recordings, a half each.", show_default=False),
-]
-Config = Annotated[Path | None, Option(metavar="CONFIG", help="Their settings, as for rig vote.", show_default=False)]
+@dataclass(frozen=True, kw_only=True)
+class LeagueOptions:
+    """The options of ``rig league``."""
+
+    campaign: Annotated[
+        str | None,
+        Argument(metavar="FILE|NAME", help="A campaign of faults: file or bundled name.", show_default=False),
+    ] = None
+    healthy: Annotated[
+        Path | None,
+        Option(metavar="HEALTHY", help="Healthy flights: a flown campaign with its logs.", show_default=False),
+    ] = None
+    out: Annotated[
+        Path | None, Option(metavar="DIR", help="Folder of the league; a begun one is continued.", show_default=False)
+    ] = None
+    managers: Annotated[str, Option(metavar="NAME,NAME...", help="Who takes part; ours always does.")] = _MANAGERS
+    budget: Annotated[float, Option(metavar="RATE", help="False isolations an hour and signal.")] = 0.01
+    second: Annotated[
+        Path | None,
+        Option(metavar="HEALTHY", help="Other healthy flights, to test the budget on.", show_default=False),
+    ] = None
+    trials: Annotated[int, Option(metavar="N", help="Trials of each combination.", min=1, max=10**6)] = 500
+    flights: Annotated[int, Option(metavar="N", help="Flights in closed loop, of the same draws.", min=0)] = 0
+    plot: Annotated[Path | None, Option(metavar="FILE", help="The pictures as a page: .html.", show_default=False)] = (
+        None
+    )
+    recordings: Annotated[
+        list[Path] | None,
+        Option(metavar="INPUT", help="In place of all that: healthy recordings, a half each.", show_default=False),
+    ] = None
+    config: Annotated[
+        Path | None, Option(metavar="CONFIG", help="Their settings, as for rig vote.", show_default=False)
+    ] = None
+    align: Annotated[bool, Option("--align", help="Take constant delays and offsets off their channels.")] = False
+    repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False
+    seed: Seed = 0
+    workers: Workers = 2
+    as_json: Json = False
 
 
-def league(
-    campaign: Campaign = None,
-    healthy: Healthy = None,
-    out: Out = None,
-    managers: Annotated[str, Option(metavar="NAME,NAME...", help="Who takes part; ours always does.")] = _MANAGERS,
-    budget: Annotated[float, Option(metavar="RATE", help="False isolations an hour and signal.")] = 0.01,
-    second: Second = None,
-    trials: Annotated[int, Option(metavar="N", help="Trials of each combination.", min=1, max=10**6)] = 500,
-    flights: Annotated[int, Option(metavar="N", help="Flights in closed loop, of the same draws.", min=0)] = 0,
-    plot: Plot = None,
-    recordings: Recordings = None,
-    config: Config = None,
-    align: Annotated[bool, Option("--align", help="Take constant delays and offsets off their channels.")] = False,
-    repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False,
-    seed: Seed = 0,
-    workers: Workers = 2,
-    as_json: Json = False,
-) -> None:
+@takes_options
+def league(options: LeagueOptions) -> None:
     """Calibrate managers to one budget of false isolations, and give all of them the same faults."""
-    given = {"CAMPAIGN": campaign, "--healthy": healthy, "--out": out}
-    if recordings:
-        refused = {**given, "--second": second, "--plot": plot}
+    given = {"CAMPAIGN": options.campaign, "--healthy": options.healthy, "--out": options.out}
+    if options.recordings:
+        refused = {**given, "--second": options.second, "--plot": options.plot}
         for name in (name for name, value in refused.items() if value is not None):
             raise BadInput(f"--recordings: a league of recordings has no {name}")
-        _recordings(recordings, config, managers, align, repair_time, as_json)
+        _recordings(options.recordings, options)
         return
     for name in (name for name, value in given.items() if value is None):
         raise BadInput(f"rig league: {name} is needed, or --recordings with --config")
-    assert campaign is not None and healthy is not None and out is not None
-    from rig.league.entrants import entrants
-    from rig.league.prepared import Asked
-
-    asked = Asked(entrants(managers), budget, healthy, second, trials, seed, flights)
-    _flown(campaign, asked, out, plot, workers, as_json)
+    assert options.campaign is not None and options.healthy is not None and options.out is not None
+    _flights(options.campaign, options.healthy, options.out, options)
 
 
-def _flown(campaign: str, asked: Asked, out: Path, plot: Path | None, workers: int, as_json: bool) -> None:
+def _flights(campaign: str, healthy: Path, out: Path, options: LeagueOptions) -> None:
     """Run a league of a campaign, print it, and draw it."""
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
+    from rig.league.entrants import entrants
+    from rig.league.prepared import Asked
     from rig.league.run import run
 
+    asked = Asked(
+        entrants=entrants(options.managers),
+        budget_per_h=options.budget,
+        healthy=healthy,
+        second=options.second,
+        trials=options.trials,
+        seed=options.seed,
+        flights=options.flights,
+    )
     plan = Plan(read(campaign, {}), str(find(campaign)))
-    require_apart({"--out": out, "--plot": plot}, [find(campaign), asked.healthy, asked.second])
-    require_page("--plot", plot)
-    with working("the league", not as_json, steps=True):
-        result = run(plan, asked, out, workers)
-        if plot is not None:
+    require_apart({"--out": out, "--plot": options.plot}, [find(campaign), healthy, options.second])
+    require_page("--plot", options.plot)
+    with working("the league", not options.as_json, steps=True):
+        result = run(plan, asked, out, options.workers)
+        if options.plot is not None:
             from rig.league.league_page import write
 
-            write(plot, result)
-    emit(as_json, result, lambda: _show(result))
+            write(options.plot, result)
+    emit(options.as_json, result, lambda: _show(result))
 
 
-def _recordings(
-    inputs: list[Path], config: Path | None, managers: str, align: bool, repair_time: bool, as_json: bool
-) -> None:
+def _recordings(inputs: list[Path], options: LeagueOptions) -> None:
     """Run a league of recordings and print it."""
-    if config is None:
+    if options.config is None:
         raise BadInput("--recordings: needs --config, the settings of rig vote")
     from rig.league.entrants import entrants
     from rig.league.recorded import league as of_recordings
@@ -145,12 +151,13 @@ def _recordings(
     from rig.thresholds.config import start
     from rig.thresholds.data import load
 
-    settings, _ = start(config)
-    rivals = entrants(managers)
-    with working("reading", not as_json):
-        data = load(inputs, settings, str(config), repair_time, AlignOptions() if align else None)
+    settings, _ = start(options.config)
+    rivals = entrants(options.managers)
+    align = AlignOptions() if options.align else None
+    with working("reading", not options.as_json):
+        data = load(inputs, settings, str(options.config), options.repair_time, align)
         result = of_recordings(data, settings, rivals)
-    emit(as_json, result, lambda: _show_recordings(result))
+    emit(options.as_json, result, lambda: _show_recordings(result))
 
 
 def _show_recordings(result: dict[str, Any]) -> None:
@@ -166,7 +173,7 @@ def _show_recordings(result: dict[str, Any]) -> None:
     table(false, (Column("manager", "entrant"), Column("false isolations in the tested halves", "false")))
     for signal in dict.fromkeys(row["signal"] for row in result["table"]):
         rows = [row for row in result["table"] if row["signal"] == signal]
-        _show_kinds(signal, rows, _OUTCOMES[:7], all_kinds=True, told="")
+        _show_kinds(signal, rows, _OUTCOMES[:7], all_kinds=True, ending="")
     line()
     differ = [row for row in result["differences"] if row["kind"] == "all" and row["ours"] == OURS]
     table(
@@ -211,13 +218,13 @@ def _show_kinds(
     rows: list[dict[str, Any]],
     columns: Sequence[Column],
     all_kinds: bool,
-    told: str = "; sizes and vote error in thresholds",
+    ending: str = "; sizes and vote error in thresholds",
 ) -> None:
     """Print one table for each kind, or of all kinds together alone."""
     for kind in dict.fromkeys(row["kind"] for row in rows):
         if all_kinds or kind == "all":
             line()
-            line(f"{title}, {'all kinds' if kind == 'all' else kind}{told}")
+            line(f"{title}, {'all kinds' if kind == 'all' else kind}{ending}")
             table([row for row in rows if row["kind"] == kind], columns)
 
 
@@ -227,7 +234,7 @@ def _show_transients(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         pair = by_pair.setdefault((row["signal"], row["entrant"]), {})
         pair[f"{row['frames']} x {row['thresholds']:g}"] = f"{row['failed']} of {row['bursts']}"
-    made = [{"signal": signal, "entrant": name, **found} for (signal, name), found in by_pair.items()]
+    made = [{"signal": signal, "entrant": name, **cells} for (signal, name), cells in by_pair.items()]
     bursts = [name for name in (made[0] if made else {}) if name not in ("signal", "entrant")]
     table(made, (Column("signal", "signal"), Column("manager", "entrant"), *(_burst(name) for name in bursts)))
 

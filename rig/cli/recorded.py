@@ -2,124 +2,145 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from typer import Argument, Option
 
-from rig.cli.common import Align, AllowCode, Json, comma_list, emit, whole_numbers
+from rig.cli.common import Align, AllowCode, Json, comma_list, emit, takes_options, whole_numbers
 from rig.cli.requirements import Requirements
 from rig.cli.table import KEPT, Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
 from rig.text import quoted
 
+if TYPE_CHECKING:
+    from rig.thresholds.design import Grid
+
 MOST_FRAMES: Final = 10_000
 LEAST_BUDGET: Final = 1e-12  # false isolations an hour
 MOST_S: Final = 1e3  # of a filter
 _MARKED: Final = 100.0  # extrapolations beyond this are marked
-AlignFlag = Annotated[bool, Option("--align", help="Take constant delays and offsets off the channels.")]
-AlignFrom = Annotated[
-    float | None, Option(metavar="S", help="Begin of the stretch to find them in.", show_default="first row")
-]
-AlignTo = Annotated[float | None, Option(metavar="S", help="Its end.", show_default="6 s after its begin")]
-Keep = Annotated[bool, Option("--keep", help="Also use flights in which one channel deviates from the others.")]
-Outlier = Annotated[bool, Option("--outlier", help="Write outlier_threshold, and keep the threshold that there is.")]
-Monitored = Annotated[
-    list[Path] | None,
-    Option(
-        metavar="FILE",
-        help="A recording on which they will be used; warns if it moves more than the design data. Repeatable.",
-        show_default=False,
-    ),
-]
-AlignMatrix = Annotated[bool, Option("--align-matrix", help="Take misalignments off the triads of CONFIG too.")]
 
 
-def vote(
+@dataclass(frozen=True, kw_only=True)
+class VoteOptions:
+    """The options of ``rig vote``."""
+
     recorded: Annotated[
         Path, Argument(metavar="INPUT", help="CSV, Parquet or MCAP, or a folder of tables.", show_default=False)
-    ],
-    out: Annotated[Path, Option(metavar="FILE", help="What to write: .csv, .parquet or .mcap.", show_default=False)],
+    ]
+    out: Annotated[Path, Option(metavar="FILE", help="What to write: .csv, .parquet or .mcap.", show_default=False)]
     config: Annotated[
         Path | None,
         Option(metavar="FILE", help="Settings of the signals, TOML.", show_default="those of the flight's log"),
-    ] = None,
-    align: AlignFlag = False,
-    align_from: AlignFrom = None,
-    align_to: AlignTo = None,
-    align_matrix: AlignMatrix = False,
+    ] = None
+    align: Align
     inject: Annotated[
         str | None,
         Option(metavar="FILE", help="Put the faults of FILE into the channels and score who is failed."),
-    ] = None,
+    ] = None
     repair_time: Annotated[
         bool, Option("--repair-time", help="Drop rows whose time repeats or steps back, and say how many.")
-    ] = False,
-    requirements: Requirements = None,
-    allow_code: AllowCode = False,
-    as_json: Json = False,
-) -> None:
+    ] = False
+    requirements: Requirements = None
+    allow_code: AllowCode = False
+    as_json: Json = False
+
+
+@takes_options
+def vote(options: VoteOptions) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
     from rig.bench.vote_run import Options, run
     from rig.cli import show_vote
 
-    stretch = Align(align, align_from, align_to, align_matrix).options()
-    options = Options(stretch, inject, repair_time, allow_code, tuple(requirements or ()))
-    with working("reading", not as_json):
-        summary = run(recorded, config, out, options)
-    emit(as_json, summary, lambda: show_vote.vote(summary))
+    requirements = tuple(options.requirements or ())
+    how = Options(options.align.options(), options.inject, options.repair_time, options.allow_code, requirements)
+    with working("reading", not options.as_json):
+        summary = run(options.recorded, options.config, options.out, how)
+    emit(options.as_json, summary, lambda: show_vote.vote(summary))
 
 
-def thresholds(
+@dataclass(frozen=True, kw_only=True)
+class ThresholdsOptions:
+    """The options of ``rig thresholds``."""
+
     inputs: Annotated[
         list[Path],
         Argument(metavar="INPUT...", help="Recordings, folders of them, logs, a campaign.", show_default=False),
-    ],
-    budget: Annotated[float, Option(metavar="X", help="False isolations an hour and signal.", show_default=False)],
+    ]
+    budget: Annotated[float, Option(metavar="X", help="False isolations an hour and signal.", show_default=False)]
     out: Annotated[
         Path, Option(metavar="FILE", help="What to write: CONFIG with the thresholds, TOML.", show_default=False)
-    ],
+    ]
     config: Annotated[
         Path | None,
         Option(metavar="FILE", help="Settings of rig vote; logs of ours may do without.", show_default=False),
-    ] = None,
-    persistence: Annotated[str, Option(metavar="N,N...", help="Frames to try.")] = "8,12,24,48",
-    levels: Annotated[str, Option(metavar="N,N...", help="Channels in use to design for.")] = "4,3,2",
-    filters: Annotated[str, Option("--filter", metavar="S,S...", help="Low-pass of the comparison to try.")] = "0,0.1",
-    lasting: Annotated[
-        str, Option(metavar="RULE,RULE...", help="What lasts, to try: bias, slow, stale, or none.")
-    ] = "bias,slow,stale",
-    align: AlignFlag = False,
-    align_from: AlignFrom = None,
-    align_to: AlignTo = None,
-    align_matrix: AlignMatrix = False,
-    repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False,
-    keep: Keep = False,
-    outlier: Outlier = False,
-    monitored: Monitored = None,
-    plot: Annotated[
-        Path | None, Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)
-    ] = None,
-    seed: Annotated[int, Option(metavar="N", help="Seed of the bootstrap.", min=0)] = 0,
-    as_json: Json = False,
-) -> None:
+    ] = None
+    persistence: Annotated[str, Option(metavar="N,N...", help="Frames to try.")] = "8,12,24,48"
+    levels: Annotated[str, Option(metavar="N,N...", help="Channels in use to design for.")] = "4,3,2"
+    filters: Annotated[str, Option("--filter", metavar="S,S...", help="Low-pass of the comparison to try.")] = "0,0.1"
+    lasting: Annotated[str, Option(metavar="RULE,RULE...", help="What lasts, to try: bias, slow, stale, or none.")] = (
+        "bias,slow,stale"
+    )
+    align: Align
+    repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False
+    keep: Annotated[bool, Option("--keep", help="Also use flights in which one channel deviates from the others.")] = (
+        False
+    )
+    outlier: Annotated[
+        bool, Option("--outlier", help="Write outlier_threshold, and keep the threshold that there is.")
+    ] = False
+    monitored: Annotated[
+        list[Path] | None,
+        Option(
+            metavar="FILE",
+            help="A recording on which they will be used; warns if it moves more than the design data. Repeatable.",
+            show_default=False,
+        ),
+    ] = None
+    plot: Annotated[Path | None, Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)] = (
+        None
+    )
+    seed: Annotated[int, Option(metavar="N", help="Seed of the bootstrap.", min=0)] = 0
+    as_json: Json = False
+
+
+@takes_options
+def thresholds(options: ThresholdsOptions) -> None:
     """Compute thresholds from healthy recordings that keep false isolations within a budget an hour."""
-    from rig.thresholds.design import Grid
     from rig.thresholds.design_run import Options, run
 
-    if not (isfinite(budget) and budget >= LEAST_BUDGET):
-        raise BadInput(f"--budget: false isolations an hour, {LEAST_BUDGET:g} or more, got {budget}")
-    frames = whole_numbers("--persistence", persistence, 1, MOST_FRAMES)
-    counts = whole_numbers("--levels", levels, 2, 4)
-    rules = () if outlier else _rules(lasting)  # beside thresholds that are kept there is only one kind of design
-    grid = Grid(budget, frames, counts, _seconds("--filter", filters), seed, rules)
-    stretch = Align(align, align_from, align_to, align_matrix).options()
-    options = Options(inputs, config, out, plot, grid, repair_time, stretch, keep, outlier, monitored or [])
-    with working("reading", not as_json):
-        summary = run(options)
-    emit(as_json, summary, lambda: _show(summary))
+    grid = _grid(options)
+    how = Options(
+        inputs=options.inputs,
+        config=options.config,
+        out=options.out,
+        page=options.plot,
+        grid=grid,
+        repair_time=options.repair_time,
+        align=options.align.options(),
+        keep=options.keep,
+        outlier=options.outlier,
+        monitored=options.monitored or [],
+    )
+    with working("reading", not options.as_json):
+        summary = run(how)
+    emit(options.as_json, summary, lambda: _show(summary))
+
+
+def _grid(options: ThresholdsOptions) -> Grid:
+    """Return the designs to try."""
+    from rig.thresholds.design import Grid
+
+    if not (isfinite(options.budget) and options.budget >= LEAST_BUDGET):
+        raise BadInput(f"--budget: false isolations an hour, {LEAST_BUDGET:g} or more, got {options.budget}")
+    frames = whole_numbers("--persistence", options.persistence, 1, MOST_FRAMES)
+    counts = whole_numbers("--levels", options.levels, 2, 4)
+    rules = () if options.outlier else _rules(options.lasting)  # beside thresholds that are kept: one kind of design
+    return Grid(options.budget, frames, counts, _seconds("--filter", options.filters), options.seed, rules)
 
 
 def _seconds(option: str, text: str) -> list[float]:
@@ -177,11 +198,25 @@ def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
     rows = []
     for design in signal["designs"]:
         mark = "*" if design["extrapolation"] > _MARKED else ""
-        for i, (level, at) in enumerate(design["levels"].items()):
+        for i, (level, threshold) in enumerate(design["levels"].items()):
             once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
-            rows.append({**at, "level": level, "threshold": f"{at['upper']:.4g}{mark}", "design": {} if i else once})
-        for level, at in design["outlier_levels"].items():
-            rows.append({**at, "level": f"{level}, outlier", "threshold": f"{at['upper']:.4g}{mark}", "design": {}})
+            rows.append(
+                {
+                    **threshold,
+                    "level": level,
+                    "threshold": f"{threshold['upper']:.4g}{mark}",
+                    "design": {} if i else once,
+                }
+            )
+        for level, threshold in design["outlier_levels"].items():
+            rows.append(
+                {
+                    **threshold,
+                    "level": f"{level}, outlier",
+                    "threshold": f"{threshold['upper']:.4g}{mark}",
+                    "design": {},
+                }
+            )
     return rows
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
@@ -145,8 +145,10 @@ def trials(
     plan = Plan(read(campaign, dict(map(parse_set, sets or []))), str(find(campaign)))
     good = whole_numbers("--good-before", good_before, 1, CHANNELS, "numbers of channels")[::-1]
     with working("recording the healthy flights", not as_json):
-        about = fly_trials(plan, out, runs, seed, workers, good, report=lambda done, count: tell("trials", done, count))
-    emit(as_json, {"out": str(out), **about}, lambda: echo(f"{about['trials']} trials: {out}"))
+        counts = fly_trials(
+            plan, out, runs, seed, workers, good, report=lambda done, count: tell("trials", done, count)
+        )
+    emit(as_json, {"out": str(out), **counts}, lambda: echo(f"{counts['trials']} trials: {out}"))
 
 
 @reliability_app.command()
@@ -228,7 +230,9 @@ def _numbers(shown: Sequence[str]) -> list[Column]:
     from rig.reliability.result import TARGETS, TITLES, interval
 
     def estimate(what: str, worth: int) -> Column:
-        text: Callable[[Result], str] = lambda one: interval(one.estimates[what]) if what in one.estimates else ""  # noqa: E731
+        def text(result: Result) -> str:
+            return interval(result.estimates[what]) if what in result.estimates else ""
+
         return Column(TITLES[what].partition(",")[0].removesuffix(" of the signal"), text, worth=worth)
 
     return [

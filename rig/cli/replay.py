@@ -97,8 +97,8 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
         line("open loop: truth and commands are those of the recording, whatever the new votes say")
         field("written", str(answer.path))
 
-    about = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
-    emit(as_json, {**about, "open_loop": True, **answer.moved.as_dict()}, text)
+    data = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
+    emit(as_json, {**data, "open_loop": True, **answer.moved.as_dict()}, text)
 
 
 def diff(
@@ -158,10 +158,10 @@ def _difference(name: Callable[[Any], str]) -> tuple[Column, Column]:
 
 def _by_worth(moved: Sequence[Moved]) -> tuple[list[Moved], list[str]]:
     """Return what a reader wants, states and levels first; and the signals whose reference alone moved, if not few."""
-    signals = list(dict.fromkeys(one.signal for one in moved if one.decision == REFERENCE))
+    signals = list(dict.fromkeys(change.signal for change in moved if change.decision == REFERENCE))
     summed = signals if len(signals) > FEW else []
-    told = [one for one in moved if not summed or one.decision != REFERENCE]
-    return sorted(told, key=lambda one: one.decision in AFTER), summed
+    shown = [change for change in moved if not summed or change.decision != REFERENCE]
+    return sorted(shown, key=lambda change: change.decision in AFTER), summed
 
 
 def _decisions(moves: Decisions, rate_hz: float) -> None:
@@ -184,9 +184,9 @@ def _decisions(moves: Decisions, rate_hz: float) -> None:
         first,
         *_difference(lambda v: f"{v.signal}.voted"),
     )
-    told, references = _by_worth(moves.moved)
+    moved, references = _by_worth(moves.moved)
     table(moves.failures, failures)
-    table(told, decisions, MOST_LINES)
+    table(moved, decisions, MOST_LINES)
     if references:
         line(f"  {REFERENCE} moved for {len(references)} signals: {', '.join(references)}")
     table(moves.votes, votes)
@@ -268,9 +268,9 @@ def _export_table(log: Path, to: str, out: Path | None, owners: list[str], for_v
     require_apart({"--out": target}, [log])
     with working("writing", not as_json, compiles=False):
         names, rows = write(log, to, target, owners, for_vote)
-    about = {"log": str(log), "out": str(target), "rows": rows, "columns": names}
+    data = {"log": str(log), "out": str(target), "rows": rows, "columns": names}
     text = f"{target}: {rows} rows, {len(names)} columns"
-    emit(as_json, about, lambda: echo(plain(text)))
+    emit(as_json, data, lambda: echo(plain(text)))
 
 
 def _export_layout(log: Path, viewer: str, out: Path | None, as_json: bool) -> None:
@@ -284,10 +284,10 @@ def _export_layout(log: Path, viewer: str, out: Path | None, as_json: bool) -> N
     with working("writing", not as_json):
         recording = opened.read([log])
         made = foxglove.write(recording, target)
-    about = {"log": str(log), "out": str(target), **made._asdict()}
+    data = {"log": str(log), "out": str(target), **made._asdict()}
     zoom = "" if made.zoom_s is None else f", zoom {made.zoom_s[0]:.1f} to {made.zoom_s[1]:.1f} s"
     text = f"{target}: {made.panels} panels, {made.signal.replace('_', ' ')}{zoom}"
-    emit(as_json, about, lambda: echo(plain(text)))
+    emit(as_json, data, lambda: echo(plain(text)))
 
 
 def recover(

@@ -39,16 +39,16 @@ def show_verdicts(verdicts: Sequence[Verdict]) -> None:
         return
     line(("requirements", "bold"))
     order = ("violated", "met", "not applicable")
-    listed = sorted(verdicts, key=lambda one: order.index(one.status))
-    table([_row(one) for one in listed], _COLUMNS, MOST_LINES, lambda row: _STYLES[row[0]])
+    listed = sorted(verdicts, key=lambda verdict: order.index(verdict.status))
+    table([_row(verdict) for verdict in listed], _COLUMNS, MOST_LINES, lambda row: _STYLES[row[0]])
 
 
-def _row(one: Verdict) -> tuple[Any, ...]:
-    if not isfinite(one.margin):
-        return (one.status, one.requirement, one.signal, "", "", "")
-    there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in one.values.items()]
+def _row(verdict: Verdict) -> tuple[Any, ...]:
+    if not isfinite(verdict.margin):
+        return (verdict.status, verdict.requirement, verdict.signal, "", "", "")
+    there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items()]
     more = ["..."] if len(there) > FEW else []
     return (
-        *(one.status, one.requirement, one.signal, f"{one.margin:.3g}", f"{one.instant_s:.2f} s"),
+        *(verdict.status, verdict.requirement, verdict.signal, f"{verdict.margin:.3g}", f"{verdict.instant_s:.2f} s"),
         ", ".join([*there[:FEW], *more]),
     )

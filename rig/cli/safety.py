@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from typer import Argument, Exit, Option, echo
 
-from rig.cli.common import Json, Seed, Sets, Workers, comma_list, emit
+from rig.cli.common import Json, Seed, Sets, Workers, comma_list, emit, takes_options
 from rig.cli.reliability import RatesFile, SignalName, reliability_app
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
@@ -22,20 +23,20 @@ from rig.util.progress import tell
 if TYPE_CHECKING:
     from rig.campaign.run import Result
     from rig.safety.confirm import Row
+    from rig.safety.cutset_plan import Asked
     from rig.safety.cutsets import Counts, CutSet
     from rig.safety.tree_result import TreeResult
 
 MOST_HOURS: Final = 1e5
 MOST_ORDER: Final = 3
 HOURS: Final = "1,10,100,1000"
-ORDER: Final = "Faults of a sequence, 1 to 3."
 CONDITIONS: Final = "manoeuvre-settled,manoeuvre-near,level-settled,level-then-manoeuvre-settled"
 _AT = (
     Column("hours", "hours", "g"),
     Column("tree", "tree", ".6g"),
     Column("chain", "chain", ".6g"),
-    Column("tree differs", lambda at: f"{100 * at.differs:+.4f} %"),
-    Column("direct sum of the sets", lambda at: f"{at.direct_sum:.6g} ({100 * at.sum_differs:+.2f} %)", worth=7),
+    Column("tree differs", lambda row: f"{100 * row.differs:+.4f} %"),
+    Column("direct sum of the sets", lambda row: f"{row.direct_sum:.6g} ({100 * row.sum_differs:+.2f} %)", worth=7),
 )
 
 
@@ -103,42 +104,63 @@ def _show(result: TreeResult) -> None:
     line("not kept: " + "; ".join(f"{good} {chance:.3g}" for good, chance in result.not_kept.items()))
 
 
-@reliability_app.command()
-def cutsets(
+@dataclass(frozen=True, kw_only=True)
+class CutsetOptions:
+    """The options of ``rig reliability cutsets``."""
+
     out: Annotated[
         Path, Option(metavar="DIR", help="Folder of the flights; a begun one is continued.", show_default=False)
-    ],
-    signal: Annotated[str, Option(metavar="SIGNAL", help="As in rig signals.")] = "pitch_rate",
-    aircraft: Annotated[str, Option(metavar="NAME", help="As in rig aircraft list.")] = "f16",
-    order: Annotated[int, Option(metavar="N", help=ORDER)] = 3,
-    flights: Annotated[int, Option(metavar="N", help="Of each sequence in each condition.", min=1, max=10_000)] = 20,
-    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="Conditions and gaps.")] = CONDITIONS,
-    seed: Seed = 0,
-    workers: Workers = 2,
-    sets: Sets = None,
-    as_json: Json = False,
-) -> None:
+    ]
+    signal: Annotated[str, Option(metavar="SIGNAL", help="As in rig signals.")] = "pitch_rate"
+    aircraft: Annotated[str, Option(metavar="NAME", help="As in rig aircraft list.")] = "f16"
+    order: Annotated[int, Option(metavar="N", help="Faults of a sequence, 1 to 3.")] = 3
+    flights: Annotated[int, Option(metavar="N", help="Of each sequence in each condition.", min=1, max=10_000)] = 20
+    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="Conditions and gaps.")] = CONDITIONS
+    seed: Seed = 0
+    workers: Workers = 2
+    sets: Sets = None
+    as_json: Json = False
+
+
+def cutsets(options: CutsetOptions) -> None:
     """Fly all sequences of up to three faults of a signal, and print the sets that lose it."""
-    from rig.overrides import parse_set
     from rig.safety.confirm import write_sets
-    from rig.safety.cutset_plan import Asked, fly, require
+    from rig.safety.cutset_plan import fly
     from rig.safety.cutsets import minimal, of_folder
 
-    if not 1 <= order <= MOST_ORDER:
-        raise BadInput(
-            f"--order {order}: must be from 1 to {MOST_ORDER}: four are all channels, and nearly all sequences lose"
-        )
-    named = tuple(dict.fromkeys(part.strip() for part in conditions.split(",")))
-    asked = Asked(aircraft, signal, order, flights, named, seed, dict(map(parse_set, sets or ())))
-    require(asked)
-    with working("flying the sequences", not as_json, steps=True):
-        results = fly(asked, out, workers, report=lambda done, count: tell("flights", done, count))
+    asked = _asked(options)
+    with working("flying the sequences", not options.as_json, steps=True):
+        results = fly(asked, options.out, options.workers, report=lambda done, count: tell("flights", done, count))
     _stop_if_interrupted(results)
-    _, counted = of_folder(out)
-    found = minimal(asked, counted)
-    whole = {**asked.as_dict(), **_sets_of(counted, found)}
-    write_sets(out, whole)
-    emit(as_json, {"out": str(out), **whole}, lambda: _show_sets(counted, found))
+    _, counted = of_folder(options.out)
+    cut_sets = minimal(asked, counted)
+    whole = {**asked.as_dict(), **_sets_of(counted, cut_sets)}
+    write_sets(options.out, whole)
+    emit(options.as_json, {"out": str(options.out), **whole}, lambda: _show_sets(counted, cut_sets))
+
+
+reliability_app.command()(takes_options(cutsets))  # report calls it too, with options of its own
+
+
+def _asked(options: CutsetOptions) -> Asked:
+    """Return what is enumerated; BadInput where there is no such thing."""
+    from rig.overrides import parse_set
+    from rig.safety.cutset_plan import Asked, require
+
+    if not 1 <= options.order <= MOST_ORDER:
+        why = "four are all channels, and nearly all sequences lose"
+        raise BadInput(f"--order {options.order}: must be from 1 to {MOST_ORDER}: {why}")
+    asked = Asked(
+        aircraft=options.aircraft,
+        signal=options.signal,
+        order=options.order,
+        flights=options.flights,
+        conditions=tuple(dict.fromkeys(part.strip() for part in options.conditions.split(","))),
+        seed=options.seed,
+        set=dict(map(parse_set, options.sets or ())),
+    )
+    require(asked)
+    return asked
 
 
 @reliability_app.command()
@@ -159,15 +181,17 @@ def confirm(
     from rig.safety import confirm as again
     from rig.safety.cutset_plan import read_asked
 
-    asked, found = read_asked(folder), again.claims(folder)
-    if not found:
+    asked, cut_sets = read_asked(folder), again.claims(folder)
+    if not cut_sets:
         raise BadInput(f"{folder}: no minimal set to confirm")
     names = [part.strip() for part in (aircraft or asked.aircraft).split(",")]
-    made = again.plans(asked, found, names, [part.strip() for part in points.split(",") if part.strip()], flights, seed)
+    made = again.plans(
+        asked, cut_sets, names, [part.strip() for part in points.split(",") if part.strip()], flights, seed
+    )
     with working("flying the sets again", not as_json, steps=True):
         results = again.fly(folder, made, workers, report=lambda done, count: tell("flights", done, count))
     _stop_if_interrupted(results)
-    compared = again.rows(folder, asked.signal, found, made)
+    compared = again.rows(folder, asked.signal, cut_sets, made)
     again.write_rows(folder, compared)
     data = {"folder": str(folder), "rows": [row.as_dict() for row in compared]}
     data |= {"agree": sum(row.agrees for row in compared), "disagree": sum(not row.agrees for row in compared)}
@@ -213,46 +237,68 @@ def fmea(
     emit(as_json, {"out": str(out), "lines": [each.as_dict() for each in made]}, lambda: line(f"{shown(made)}: {out}"))
 
 
-@reliability_app.command()
-def report(
-    sets: Annotated[Path, Argument(metavar="DIR", help="A folder of rig reliability cutsets.", show_default=False)],
+@dataclass(frozen=True, kw_only=True)
+class ReportOptions:
+    """The options of ``rig reliability report``."""
+
+    folder: Annotated[Path, Argument(metavar="DIR", help="A folder of rig reliability cutsets.", show_default=False)]
     cells: Annotated[
         list[Path], Option(metavar="DIR", help="Flown campaign reliability or trials; repeatable.", show_default=False)
-    ],
+    ]
     faults: Annotated[
         list[Path], Option(metavar="DIR", help="Flown campaigns of single faults; repeatable.", show_default=False)
-    ],
-    rates: RatesFile,
-    out: Annotated[Path, Option(metavar="FILE", help="The page, HTML.", show_default=False)],
-    channels: Annotated[int, Option(metavar="N", help="Channels of the signal.", min=1, max=4)] = 4,
-    hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = HOURS,
-    signal: SignalName = None,
-    fly: Annotated[bool, Option("--fly", help="Fly first what is missing, the sets again too.")] = False,
-    flights: Annotated[int, Option(metavar="N", help="With --fly, of each sequence.", min=1, max=10_000)] = 20,
-    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="With --fly, of the sets.")] = CONDITIONS,
-    sets_of: Sets = None,
-    workers: Workers = 2,
-) -> None:
+    ]
+    rates: RatesFile
+    out: Annotated[Path, Option(metavar="FILE", help="The page, HTML.", show_default=False)]
+    channels: Annotated[int, Option(metavar="N", help="Channels of the signal.", min=1, max=4)] = 4
+    hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = HOURS
+    signal: SignalName = None
+    fly: Annotated[bool, Option("--fly", help="Fly first what is missing, the sets again too.")] = False
+    flights: Annotated[int, Option(metavar="N", help="With --fly, of each sequence.", min=1, max=10_000)] = 20
+    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="With --fly, of the sets.")] = CONDITIONS
+    sets: Sets = None
+    workers: Workers = 2
+
+
+@reliability_app.command()
+@takes_options
+def report(options: ReportOptions) -> None:
     """Write sets, tree, chain, FMEA and confirmation as one page."""
     from rig.reliability.rates import read_rates
     from rig.safety.assumptions import assumptions
     from rig.safety.case_page import write_case
     from rig.safety.fmea import lines
 
-    require_apart({"--out": out}, [sets, *cells, *faults, rates])
+    file, out = str(options.rates), options.out
+    require_apart({"--out": out}, [options.folder, *options.cells, *options.faults, file])
     require_page("--out", out)
-    read = read_rates(rates)
-    name, _ = read.of(signal, str(rates))
-    if fly:
-        for campaign, folder in (("reliability", cells[0]), ("fmea", faults[0])):
-            _fly_campaign(campaign, folder, sets_of, workers)
-        cutsets(sets, name, flights=flights, conditions=conditions, workers=workers, sets=sets_of)
-        if json.loads((sets / SETS).read_text())["sets"]:
-            confirm(sets, flights=flights, workers=workers)
+    rates = read_rates(options.rates)
+    name, _ = rates.of(options.signal, file)
+    if options.fly:
+        _fly_missing(options, name)
     with working("writing the safety case", enabled=True):
-        result = _tree(cells, rates, name, channels, hours)
-        write_case(sets, name, result, lines(faults, read, str(rates)), assumptions(read, name, result), out)
+        result = _tree(options.cells, options.rates, name, options.channels, options.hours)
+        fmea_lines = lines(options.faults, rates, file)
+        write_case(options.folder, name, result, fmea_lines, assumptions(rates, name, result), out)
     line(f"safety case: {out}")
+
+
+def _fly_missing(options: ReportOptions, signal: str) -> None:
+    """Fly what is missing of the campaigns and of the sets, and the sets again."""
+    for campaign, folder in (("reliability", options.cells[0]), ("fmea", options.faults[0])):
+        _fly_campaign(campaign, folder, options.sets, options.workers)
+    cutsets(
+        CutsetOptions(
+            out=options.folder,
+            signal=signal,
+            flights=options.flights,
+            conditions=options.conditions,
+            workers=options.workers,
+            sets=options.sets,
+        )
+    )
+    if json.loads((options.folder / SETS).read_text())["sets"]:
+        confirm(options.folder, flights=options.flights, workers=options.workers)
 
 
 def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) -> None:
@@ -264,8 +310,8 @@ def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) ->
 
     plan = Plan(read(name, dict(map(parse_set, sets or ()))), str(find(name)))
     with working(f"flying {name}", enabled=True, steps=True):
-        told = lambda progress: tell(f"flights of {name}", progress.done, progress.runs)  # noqa: E731
-        _stop_if_interrupted([run(plan, out, workers=workers, report=told)])
+        tell_progress = lambda progress: tell(f"flights of {name}", progress.done, progress.runs)  # noqa: E731
+        _stop_if_interrupted([run(plan, out, workers=workers, report=tell_progress)])
 
 
 def _stop_if_interrupted(results: Sequence[Result]) -> None:
@@ -275,10 +321,10 @@ def _stop_if_interrupted(results: Sequence[Result]) -> None:
         raise Exit(CODE + last.signal)
 
 
-def _sets_of(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> dict[str, Any]:
+def _sets_of(counted: Mapping[str, Counts], cut_sets: Sequence[CutSet]) -> dict[str, Any]:
     """Return the minimal sets, and how many sequences and flights there are of each condition."""
     flown = {name: {"sequences": len(of), "flights": sum(c.flown for c in of.values())} for name, of in counted.items()}
-    return {"flown": flown, "sets": [each.as_dict() for each in found]}
+    return {"flown": flown, "sets": [each.as_dict() for each in cut_sets]}
 
 
 _SETS = (
@@ -291,7 +337,7 @@ _SETS = (
 )
 
 
-def _show_sets(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> None:
+def _show_sets(counted: Mapping[str, Counts], cut_sets: Sequence[CutSet]) -> None:
     """Print what was flown, and the minimal sets."""
     for name, of in counted.items():
         lost = sum(each.lost for each in of.values())
@@ -299,5 +345,5 @@ def _show_sets(counted: Mapping[str, Counts], found: Sequence[CutSet]) -> None:
             f"{name}: {len(of)} sequences, {lost} of {sum(each.flown for each in of.values())} flights lose the signal"
         )
     line()
-    table(found, _SETS)
+    table(cut_sets, _SETS)
     line("minimal: the lower end of its interval is above the upper ends of all its proper subsets")

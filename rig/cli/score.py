@@ -77,7 +77,7 @@ def score(
         asked = load_requirements(requirements or ())
         scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code, tested)
         verdicts, remark = measure_scored(scored, asked, not no_twin, tested, allow_code)
-    measured = {"requirements": [plain(one) for one in verdicts]} if verdicts else {}
+    measured = {"requirements": [plain(verdict) for verdict in verdicts]} if verdicts else {}
 
     def text() -> None:
         _show(scored)

@@ -25,11 +25,11 @@ _CHANNELS = (
 )
 _INJECTED = (
     Column("injected", "fault"),
-    Column("channel", lambda one: f"{one['signal']}.{one['channel']}"),
-    Column("onset", lambda one: None if one["onset_s"] is None else f"{one['onset_s']:.6g} s", worth=5),
+    Column("channel", lambda fault: f"{fault['signal']}.{fault['channel']}"),
+    Column("onset", lambda fault: None if fault["onset_s"] is None else f"{fault['onset_s']:.6g} s", worth=5),
     Column("outcome", "outcome"),
-    Column("failed", lambda one: one["failed_channel"] and f"{one['signal']}.{one['failed_channel']}"),
-    Column("delay", lambda one: None if one["delay_s"] is None else f"{one['delay_s']:.3f} s", worth=7),
+    Column("failed", lambda fault: fault["failed_channel"] and f"{fault['signal']}.{fault['failed_channel']}"),
+    Column("delay", lambda fault: None if fault["delay_s"] is None else f"{fault['delay_s']:.3f} s", worth=7),
     Column("by", "by", worth=6),
 )
 _ALIGNED = (
@@ -39,11 +39,11 @@ _ALIGNED = (
     Column("", lambda row: "" if row["aligned"] else "left alone: like no other channel"),
 )
 _MATRICES = (
-    Column("triad", lambda one: f"{one['triad']}, channel {one['channel']}"),
+    Column("triad", lambda channel: f"{channel['triad']}, channel {channel['channel']}"),
     Column("turned by", "rotation_deg", ".2f", "deg"),
-    Column("gains", lambda one: f"{one['gains'][-1]:.3f} to {one['gains'][0]:.3f}", worth=5),
+    Column("gains", lambda channel: f"{channel['gains'][-1]:.3f} to {channel['gains'][0]:.3f}", worth=5),
     *(Column("off before, rms", "rms_before", ".4g", worth=6), Column("after", "rms_after", ".4g", worth=6)),
-    Column("", lambda one: "" if one["applied"] else "left alone: no misalignment that can be believed"),
+    Column("", lambda channel: "" if channel["applied"] else "left alone: no misalignment that can be believed"),
 )
 _REQUIREMENTS = (
     *(Column("requirement", "requirement"), Column("on", "signal"), Column("verdict", "status")),
@@ -51,27 +51,27 @@ _REQUIREMENTS = (
 )
 
 
-def vote(found: dict[str, Any]) -> None:
+def vote(summary: dict[str, Any]) -> None:
     """Print the summary as tables, how long each step took, and where the votes are."""
-    first, last = found["time_s"]
-    line(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
-    for remark in found["remarks"]:
+    first, last = summary["time_s"]
+    line(f"{summary['rows']} rows from {first:g} to {last:g} s, {summary['rate_hz']:g} a second")
+    for remark in summary["remarks"]:
         line(remark)
-    for repair in found["repaired"]:
+    for repair in summary["repaired"]:
         line(_repaired(repair))
-    if "alignment" in found:
-        _alignments(found)
-    table(_named(found["signals"]), _SIGNALS)
-    table(_named(found["discretes"]), _DISCRETES)
-    table(_channels(found), _CHANNELS)
-    table(found.get("injected", {}).get("faults", ()), _INJECTED)
-    table(found.get("requirements", ()), _REQUIREMENTS)
-    if found["not_voted"]:
-        line(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
-    for warning in found["warnings"]:
+    if "alignment" in summary:
+        _alignments(summary)
+    table(_named(summary["signals"]), _SIGNALS)
+    table(_named(summary["discretes"]), _DISCRETES)
+    table(_channels(summary), _CHANNELS)
+    table(summary.get("injected", {}).get("faults", ()), _INJECTED)
+    table(summary.get("requirements", ()), _REQUIREMENTS)
+    if summary["not_voted"]:
+        line(f"not voted, as CONFIG does not name them: {', '.join(summary['not_voted'])}")
+    for warning in summary["warnings"]:
         line(f"warning: {warning}")
-    line(", ".join(f"{stage} {taken:.2f} s" for stage, taken in found["seconds"].items()))
-    line(f"written  {found['out']}")
+    line(", ".join(f"{stage} {taken:.2f} s" for stage, taken in summary["seconds"].items()))
+    line(f"written  {summary['out']}")
 
 
 def _named(groups: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -84,27 +84,27 @@ def _repaired(repair: dict[str, Any]) -> str:
     return f"dropped {repair['dropped']} of {of}, where time repeats or steps back: {rows}"
 
 
-def _channels(found: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _channels(summary: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield a row for each channel, and one more each time that it failed again."""
-    for name, signal in {**found["signals"], **found["discretes"]}.items():
+    for name, signal in {**summary["signals"], **summary["discretes"]}.items():
         for channel in signal["channels"]:
             times = [{"frame": f["frame"], "at": f"{f['time_s']:.6g} s", "why": f["why"]} for f in channel["failed"]]
             first, *again = times or [{"frame": "never", "at": "", "why": ""}]
-            about = {"name": f"{name}.{channel['channel']}", "state": channel["state"]}
-            yield {**about, **first, "invalid": channel["invalid_samples"]}
+            head = {"name": f"{name}.{channel['channel']}", "state": channel["state"]}
+            yield {**head, **first, "invalid": channel["invalid_samples"]}
             yield from ({"name": "", "state": "", **later, "invalid": ""} for later in again)
 
 
-def _alignments(found: dict[str, Any]) -> None:
-    about = found["alignment"]
-    chosen = ", as no --align-to is given" if about["by_default"] else ""
-    line(f"aligned by {about['rows']} rows from {about['from_s']:g} to {about['to_s']:g} s{chosen}")
+def _alignments(summary: dict[str, Any]) -> None:
+    alignment = summary["alignment"]
+    chosen = ", as no --align-to is given" if alignment["by_default"] else ""
+    line(f"aligned by {alignment['rows']} rows from {alignment['from_s']:g} to {alignment['to_s']:g} s{chosen}")
     aligned = [
         {"name": f"{name}.{channel['channel']}", **channel["alignment"]}
-        for name, signal in found["signals"].items()
+        for name, signal in summary["signals"].items()
         for channel in signal["channels"]
     ]
     table(aligned, _ALIGNED)
-    table(about["matrices"] or (), _MATRICES)
-    for warning in about["warnings"]:
+    table(alignment["matrices"] or (), _MATRICES)
+    for warning in alignment["warnings"]:
         line(f"warning: {warning}")

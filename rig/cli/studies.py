@@ -124,15 +124,15 @@ def servo(
 
 
 def _servo(compared: Sequence[Compared], answer: Response, frequencies_hz: Sequence[float]) -> None:
-    at = [(f"{hz:g} Hz", i) for i, hz in enumerate(frequencies_hz)]
+    labels = [(f"{hz:g} Hz", i) for i, hz in enumerate(frequencies_hz)]
     shown = (
         Column("frames a second", "rate_hz", "g"),
         Column("later by", lambda row: 1e3 * row.shift_s, ".2f", "ms"),
         Column("small step", lambda row: 1e2 * row.small_step, ".2f", "%"),
         Column("large step", lambda row: degrees(row.large_step_rad), ".2f", "deg"),
         Column("from JSBSim's", lambda row: degrees(row.large_step_jsbsim_rad), ".2f", "deg"),
-        *(Column(f"gain {name}", lambda row, i=i: row.gain[i], ".3f") for name, i in at),
-        *(Column(f"delay {name}", lambda row, i=i: 1e3 * row.delay_s[i], ".2f", "ms") for name, i in at),
+        *(Column(f"gain {name}", lambda row, i=i: row.gain[i], ".3f") for name, i in labels),
+        *(Column(f"delay {name}", lambda row, i=i: 1e3 * row.delay_s[i], ".2f", "ms") for name, i in labels),
     )
     line(f"{answer.aircraft}, {answer.surface}: servo beside a lag of the same lag_s and rate limit")
     table(compared, shown)

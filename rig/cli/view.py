@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option, echo
 
 from rig.cli import complete
-from rig.cli.common import Json, LogFile, emit
+from rig.cli.common import Json, LogFile, emit, takes_options
 from rig.cli.requirements import Requirements
 from rig.errors import BadInput, BadLog
 from rig.text import plain
@@ -25,52 +25,41 @@ if TYPE_CHECKING:
     from rig.log import Log
 
 
-def view(
-    logs: Annotated[
-        list[Path], Argument(metavar="LOG...", help="Logs; several lie over each other.", show_default=False)
-    ],
-    save: Annotated[Path | None, Option(metavar="FILE.rrd", help="Write a recording with the layout in it.")] = None,
-    serve: Annotated[bool, Option("--serve", help="Serve to a browser on this machine, until Ctrl-C.")] = False,
-    screenshot: Annotated[
-        Path | None, Option(metavar="FILE.png", help="A picture, 1920 x 1080; needs no display.")
-    ] = None,
-    time_s: Annotated[
-        float | None,
-        Option("--time", metavar="S", help="Where the cursor of the picture is.", show_default="last event"),
-    ] = None,
-    tab: Annotated[
-        str, Option(metavar="NAME", help="The tab to open with.", autocompletion=complete.tabs)
-    ] = "overview",
-    requirements: Requirements = None,
-    map_tiles: Annotated[bool, Option("--map", help="A map; the viewer fetches its tiles from OpenStreetMap.")] = False,
-    as_json: Json = False,
-) -> None:
-    """Look at flights in Rerun: a window, or one of --save, --serve and --screenshot."""
-    options = ViewOptions(logs, save, serve, screenshot, time_s, tab, map_tiles, as_json, requirements or [])
-    if sum((save is not None, serve, screenshot is not None)) > 1:
-        raise BadInput("--save, --serve, --screenshot: one of them at a time")
-    if time_s is not None and screenshot is None:
-        raise BadInput("--time: is for --screenshot")
-    require_apart({"--save": save, "--screenshot": screenshot}, logs)
-    if save is None and not serve and screenshot is None:
-        _require_display()
-    with _without_collection():
-        _view(options)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ViewOptions:
     """The options of ``rig view``."""
 
-    logs: list[Path]
-    save: Path | None
-    serve: bool
-    screenshot: Path | None
-    time_s: float | None
-    tab: str
-    map_tiles: bool
-    as_json: bool
-    requirements: list[str]
+    logs: Annotated[
+        list[Path], Argument(metavar="LOG...", help="Logs; several lie over each other.", show_default=False)
+    ]
+    save: Annotated[Path | None, Option(metavar="FILE.rrd", help="Write a recording with the layout in it.")] = None
+    serve: Annotated[bool, Option("--serve", help="Serve to a browser on this machine, until Ctrl-C.")] = False
+    screenshot: Annotated[Path | None, Option(metavar="FILE.png", help="A picture, 1920 x 1080; needs no display.")] = (
+        None
+    )
+    time_s: Annotated[
+        float | None,
+        Option("--time", metavar="S", help="Where the cursor of the picture is.", show_default="last event"),
+    ] = None
+    tab: Annotated[str, Option(metavar="NAME", help="The tab to open with.", autocompletion=complete.tabs)] = "overview"
+    requirements: Requirements = None
+    map_tiles: Annotated[bool, Option("--map", help="A map; the viewer fetches its tiles from OpenStreetMap.")] = False
+    as_json: Json = False
+
+
+@takes_options
+def view(options: ViewOptions) -> None:
+    """Look at flights in Rerun: a window, or one of --save, --serve and --screenshot."""
+    save, screenshot = options.save, options.screenshot
+    if sum((save is not None, options.serve, screenshot is not None)) > 1:
+        raise BadInput("--save, --serve, --screenshot: one of them at a time")
+    if options.time_s is not None and screenshot is None:
+        raise BadInput("--time: is for --screenshot")
+    require_apart({"--save": save, "--screenshot": screenshot}, options.logs)
+    if save is None and not options.serve and screenshot is None:
+        _require_display()
+    with _without_collection():
+        _view(options)
 
 
 @contextmanager
@@ -92,7 +81,7 @@ def _view(options: ViewOptions) -> None:
     require_tab(options.tab)
     flights = opened.read(options.logs, options.tab, options.map_tiles)
     for path, log in zip(options.logs, flights.logs, strict=True):
-        _add_violations(path, log, options.requirements)
+        _add_violations(path, log, options.requirements or [])
     data: dict[str, Any] = {"logs": [str(log) for log in options.logs], "frames": flights.frames}
     if options.serve:
         _serve(flights, data, options.as_json)
@@ -132,8 +121,8 @@ def _add_violations(path: Path, log: Log, names: list[str]) -> None:
     required = load_requirements(names)
     with suppress(BadInput):
         required = load_requirements([*names, *named])
-    found = events(check_log(path, [each for each in required if not each.names_twin]), log.rate_hz)
-    log.events[:] = sorted([*log.events, *found], key=lambda event: event.frame)
+    violations = events(check_log(path, [each for each in required if not each.names_twin]), log.rate_hz)
+    log.events[:] = sorted([*log.events, *violations], key=lambda event: event.frame)
 
 
 def _require_display() -> None:

@@ -122,9 +122,9 @@ def parse(text: str, grammar: Grammar) -> Parsed:
             tree = ast.parse(parser.python, mode="eval")
         steps = parser.condition(tree.body)
     except SyntaxError as error:
-        raise Refused(f"is no condition, such as {grammar.called}", error.offset or 1) from None
+        raise Refused(f"not a condition, such as {grammar.called}", error.offset or 1) from None
     except (RecursionError, MemoryError):
-        raise Refused(f"is no condition, such as {grammar.called}") from None
+        raise Refused(f"not a condition, such as {grammar.called}") from None
     return Parsed(steps, parser.windows)
 
 
@@ -178,7 +178,8 @@ class _Parser:
                 return [step]
             if self.grammar.windows and self.grammar.number(self._shown(node)) is None:
                 raise Refused(self.grammar.unknown(self._shown(node)), node.col_offset + 1)
-        raise Refused(f"{self._shown(node)!r} is no condition; compare it: <, <=, >, >=, ==, !=", node.col_offset + 1)
+        shown = self._shown(node)
+        raise Refused(f"{shown!r} is not a condition; compare it: <, <=, >, >=, ==, !=", node.col_offset + 1)
 
     def _joined(self, values: list[ast.expr]) -> Steps:
         """Return the steps of conditions between which ``and`` stands, or ``until``, which binds tighter."""
@@ -217,13 +218,13 @@ class _Parser:
             if step is None:
                 raise Refused(self.grammar.unknown(name), node.col_offset + 1)
             return [step]
-        raise Refused(f"{self._shown(node)!r} is no number", node.col_offset + 1)
+        raise Refused(f"{self._shown(node)!r} is not a number", node.col_offset + 1)
 
     def _finite(self, node: ast.Constant) -> float:
         value = node.value
         if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST:
             return float(value)
-        raise Refused(f"{self._shown(node)!r} is no finite number", node.col_offset + 1)
+        raise Refused(f"{self._shown(node)!r} is not a finite number", node.col_offset + 1)
 
     def _refused(self, node: ast.expr, message: str, brackets: str = "") -> Refused:
         shown = f"{self._shown(node)}{brackets} " if brackets else f"{self._shown(node)!r}: "

@@ -44,7 +44,7 @@ class Command(Settings):
     @model_validator(mode="after")
     def _of_a_lane(self) -> Command:
         if (self.lane is None) != (self.do == "backup"):
-            why = "the back-up is no lane" if self.do == "backup" else "is missing"
+            why = "the back-up is not a lane" if self.do == "backup" else "is missing"
             raise ValueError(f"lane: {why}; {self.do} {'has none' if self.do == 'backup' else 'needs one'}")
         return self
 

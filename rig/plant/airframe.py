@@ -130,7 +130,7 @@ class Config(Shared):
     def _nameable(cls, properties: dict[str, float]) -> dict[str, float]:
         for name in properties:
             if not _PROPERTY.fullmatch(name):
-                raise ValueError(f"{quoted(name)} is no property's name: parts of letters, digits, _ . - between /")
+                raise ValueError(f"{quoted(name)} is not a property's name: parts of letters, digits, _ . - between /")
         return properties
 
 

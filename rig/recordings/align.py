@@ -49,18 +49,18 @@ def align(
     """
     part = _stretch(recording.time_s, start_s, end_s)
     n = len(recording.time_s)
-    found: Corrections = {}
+    corrections: Corrections = {}
     for name, chosen in settings.items():
         columns = [bridged(column[part]) for column in _valid(recording.signals[name], chosen)]
-        found[name] = _correct(columns, chosen, recording.rate_hz)
-    shifts = [0.0, *(correction.delay_frames for signal in found.values() for correction in signal)]
+        corrections[name] = _correct(columns, chosen, recording.rate_hz)
+    shifts = [0.0, *(correction.delay_frames for signal in corrections.values() for correction in signal)]
     rows = slice(ceil(-min(shifts)), n - ceil(max(shifts)))
     at = np.arange(rows.start, rows.stop)
-    signals = {name: _taken_off(recording.signals[name], found[name], settings[name], at) for name in settings}
+    signals = {name: _taken_off(recording.signals[name], corrections[name], settings[name], at) for name in settings}
     discretes = {name: samples.of(rows) for name, samples in recording.discretes.items()}
     first = recording.first_row + rows.start
     moved = replace(recording, time_s=recording.time_s[rows], signals=signals, discretes=discretes, first_row=first)
-    return moved, found
+    return moved, corrections
 
 
 def _stretch(time_s: Floats, start_s: float | None, end_s: float | None) -> slice:

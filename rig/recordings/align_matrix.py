@@ -51,7 +51,7 @@ def take_off_matrices(
     if not triads:
         raise BadInput("--align-matrix needs [triads] in CONFIG: three signals that are the axes of one vector")
     start, end = np.searchsorted(recording.time_s, stretch[0]), np.searchsorted(recording.time_s, stretch[1], "right")
-    signals, found = dict(recording.signals), []
+    signals, fits = dict(recording.signals), []
     for triad, axes in triads.items():
         counts = [len(recording.signals[axis].channels) for axis in axes]
         if len(set(counts)) > 1:
@@ -59,15 +59,15 @@ def take_off_matrices(
         x = np.array([_valid(recording.signals[axis], settings[axis]) for axis in axes])  # (3, C, n)
         center = np.nan_to_num(_median(x))
         for c in range(counts[0]):
-            one = _fit(triad, c + 1, x[:, c, start:end], center[:, start:end])
+            fit = _fit(triad, c + 1, x[:, c, start:end], center[:, start:end])
             shown = settings[axes[0]].shown
-            found.append(replace(one, rms_before=shown(one.rms_before), rms_after=shown(one.rms_after)))
-            if one.applied:
-                x[:, c] = _applied(np.array(one.matrix), x[:, c], center)
+            fits.append(replace(fit, rms_before=shown(fit.rms_before), rms_after=shown(fit.rms_after)))
+            if fit.applied:
+                x[:, c] = _applied(np.array(fit.matrix), x[:, c], center)
         for i, axis in enumerate(axes):
-            turned = [one.applied for one in found if one.triad == triad]
+            turned = [fit.applied for fit in fits if fit.triad == triad]
             signals[axis] = _samples(recording.signals[axis], x[i], settings[axis], turned)
-    return replace(recording, signals=signals), found
+    return replace(recording, signals=signals), fits
 
 
 def _valid(samples: Samples, settings: RecordedSignal) -> list[Floats]:
@@ -79,11 +79,11 @@ def _median(x: Floats) -> Floats:
     """(3, n) over the recorders; NaN where none has a sample."""
     if np.isfinite(x).all():
         return np.median(x, axis=1)
-    found = np.full((len(x), x.shape[2]), np.nan)
+    median = np.full((len(x), x.shape[2]), np.nan)
     for axis, columns in enumerate(x):
         some = np.isfinite(columns).any(axis=0)
-        found[axis, some] = np.nanmedian(columns[:, some], axis=0)
-    return found
+        median[axis, some] = np.nanmedian(columns[:, some], axis=0)
+    return median
 
 
 def _fit(triad: str, channel: int, v: Floats, m: Floats) -> Matrix:
@@ -119,4 +119,4 @@ def _applied(a: Floats, v: Floats, center: Floats) -> Floats:
 def _samples(before: Samples, columns: Floats, settings: RecordedSignal, turned: Sequence[bool]) -> Samples:
     low, high = settings.limits
     pairs = zip(before.channels, columns, turned, strict=True)
-    return replace(before, channels=[np.clip(new, low, high) if one else old for old, new, one in pairs])
+    return replace(before, channels=[np.clip(new, low, high) if is_turned else old for old, new, is_turned in pairs])

@@ -75,28 +75,28 @@ def run_alignment(
 
 def _in_stretch(recording: Recording, injected: Sequence[Injected], start: float, end: float) -> list[str]:
     """Faults that act within the stretch."""
-    found: list[str] = []
-    for one in injected:
-        if one.first is None or one.last is None:
+    lines: list[str] = []
+    for fault in injected:
+        if fault.first is None or fault.last is None:
             continue
-        first, last = float(recording.time_s[one.first]), float(recording.time_s[one.last])
+        first, last = float(recording.time_s[fault.first]), float(recording.time_s[fault.last])
         if first <= end and last >= start:
-            found.append(
-                f"{one.label}: {one.signal}.{one.channel} is faulty from {first:g} s, within the stretch that the "
-                "alignment is found in: a part of the fault is taken for its offset"
+            lines.append(
+                f"{fault.label}: {fault.signal}.{fault.channel} is faulty from {first:g} s, within the stretch that "
+                "the alignment is found in: a part of the fault is taken for its offset"
             )
-    return found
+    return lines
 
 
 def _moved(moves: dict[str, list[OffsetMove]], settings: Mapping[str, RecordedSignal]) -> list[str]:
-    told: list[str] = []
+    lines: list[str] = []
     for name, channels in moves.items():
         shown = settings[name].shown
-        told += [
+        lines += [
             f"{name}.{c}: its offset differs by {shown(move.offset_move):.4g} between quarters of the recording, its "
             f"spread is {shown(move.spread):.4g}: a fault, or a bias that is not constant; alignment needs a healthy "
             "stretch (--align-to)"
             for c, move in enumerate(channels, 1)
             if move.moved
         ]
-    return told
+    return lines

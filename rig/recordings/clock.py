@@ -64,7 +64,7 @@ def clock(source: str, time_s: Floats, repair: bool = False) -> Clock:
     if 2 * len(late) > len(time_s):
         raise BadInput(
             f"{source}: {OPTION} would drop {len(late)} of {len(time_s)} rows, from row {late[0] + 1} on: "
-            f"{TIME} is no clock that can be repaired"
+            f"{TIME} is not a clock that can be repaired"
         )
     kept = np.delete(np.arange(len(time_s)), late)
     _check_interval(source, time_s[kept])
@@ -80,8 +80,8 @@ def gaps(source: str, time_s: Floats) -> list[str]:
         return []
     largest = long[np.argmax(steps[long])]
     longest = f"gap of {steps[largest]:.6g} s at {time_s[largest]:.6g} s"
-    told = longest if len(long) == 1 else f"{len(long)} gaps of more than {GAP:g} rows, the largest a {longest}"
-    return [f"{source}: {told}: the rows before and after count as consecutive"]
+    gap = longest if len(long) == 1 else f"{len(long)} gaps of more than {GAP:g} rows, the largest a {longest}"
+    return [f"{source}: {gap}: the rows before and after count as consecutive"]
 
 
 def strange_rate(source: str, time_s: Floats) -> list[str]:

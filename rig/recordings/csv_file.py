@@ -82,7 +82,7 @@ def _head(path: Path, written: TableFormat) -> tuple[list[str], list[str], str]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             line = file.readline()
-            separator = written.separator or max(SEPARATORS, key=lambda one: len(_cells(line, one)))
+            separator = written.separator or max(SEPARATORS, key=lambda sign: len(_cells(line, sign)))
             file.seek(0)
             rows = list(islice(csv.reader(file, delimiter=separator), 2))
     except UnicodeDecodeError:
@@ -125,7 +125,7 @@ def _refusal(error: str, header: list[str], columns: dict[str, Any]) -> tuple[in
         value = re.search(r"'(.*)'", cell[3], re.DOTALL)
         got = quoted(value[1] if value else cell[3])
         if name in columns and columns[name] != pa.float64():
-            return row, f"row {row}, column {name!r}: {got} is no time like that of the first row"
+            return row, f"row {row}, column {name!r}: {got} is not a time like that of the first row"
         time = ", or for time 2024-05-01T12:00:00.02" if name == next(iter(columns)) else ""
         return row, (
             f"row {row}, column {name!r}: {got} is not a number (empty or nan: no sample{time}); "
@@ -143,9 +143,9 @@ def _refusal(error: str, header: list[str], columns: dict[str, Any]) -> tuple[in
 
 def _found(written: TableFormat, separator: str, decimal: str) -> str:
     """Say which separator and decimal sign were found, where they are not the usual ones."""
-    said = []
+    parts = []
     if written.separator is None and separator != ",":
-        said.append(f"columns separated by {'tabs' if separator == chr(9) else repr(separator)}")
+        parts.append(f"columns separated by {'tabs' if separator == chr(9) else repr(separator)}")
     if written.decimal is None and decimal != ".":
-        said.append("decimal comma")
-    return ", ".join(said)
+        parts.append("decimal comma")
+    return ", ".join(parts)

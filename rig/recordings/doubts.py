@@ -24,24 +24,24 @@ def out_of_range(source: str, recording: Recording, settings: Mapping[str, Recor
 
     BadInput: every channel of a signal is out of a range that CONFIG does not give.
     """
-    told: list[str] = []
+    warnings: list[str] = []
     for name, chosen in settings.items():
         shares = _shares(recording.signals[name], chosen)
         if chosen.range_is_assumed and min(outside for outside, _ in shares) > SHARE:
             way_out = _whole_turn(recording.signals[name], chosen)
             raise BadInput(f"{source}: {_line(name, 'every channel', shares, 0, chosen)}{way_out}")
-        told += [f"{source}: {line}" for kind in (0, 1) for line in _lines(name, shares, kind, chosen)]
-    return told
+        warnings += [f"{source}: {line}" for kind in (0, 1) for line in _lines(name, shares, kind, chosen)]
+    return warnings
 
 
 def _shares(samples: Samples, settings: RecordedSignal) -> list[tuple[float, float]]:
     """Return of each channel the shares of samples that are numbers out of range, and that are no numbers."""
     low, high = settings.limits
-    found: list[tuple[float, float]] = []
+    shares: list[tuple[float, float]] = []
     for column in samples.channels:
         finite = np.isfinite(column)
-        found.append((float((finite & ~((column >= low) & (column <= high))).mean()), float((~finite).mean())))
-    return found
+        shares.append((float((finite & ~((column >= low) & (column <= high))).mean()), float((~finite).mean())))
+    return shares
 
 
 def _lines(name: str, shares: list[tuple[float, float]], kind: int, settings: RecordedSignal) -> list[str]:
@@ -56,7 +56,7 @@ def _line(name: str, of: str, shares: list[tuple[float, float]], kind: int, sett
     share = f"{least:.3g} %" if f"{least:.3g}" == f"{most:.3g}" else f"{least:.3g} to {most:.3g} %"
     samples = f"{name}: {share} of the samples{f' of {of}' if of else ''} are"
     if kind:
-        return f"{samples} no numbers: look at the recorder, or leave the channel out"
+        return f"{samples} not numbers: look at the recorder, or leave the channel out"
     low, high = (f"{settings.shown(limit):.4g}" for limit in settings.limits)
     return f"{samples} out of range [{low}, {high}] {settings.unit or ''}".rstrip() + f": {_way_out(settings)}"
 
@@ -71,7 +71,7 @@ def _way_out(settings: RecordedSignal) -> str:
 def _whole_turn(samples: Samples, settings: RecordedSignal) -> str:
     """Return the range of an angle that is counted from zero, as a heading is; "" of other samples."""
     turn = 2.0 * np.pi
-    found = np.concatenate(samples.channels)
-    if not settings.wraps or not (np.nanmin(found) >= 0.0 and np.nanmax(found) <= turn):
+    joined = np.concatenate(samples.channels)
+    if not settings.wraps or not (np.nanmin(joined) >= 0.0 and np.nanmax(joined) <= turn):
         return ""
     return f": range = [0, {settings.shown(turn):.6g}]"

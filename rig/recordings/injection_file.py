@@ -90,10 +90,10 @@ class Fitted:
     def _check_place(self, i: int, name: str) -> None:
         if name in self.signals or name in self.discretes:
             return
-        known = choices(name, (*self.signals, *self.discretes))
+        accepted = choices(name, (*self.signals, *self.discretes))
         if site(name) not in ("channel", "discrete"):
-            raise ValueError(f"faults.{i}.signal: {quoted(name)}: a recording has channels only, {known}")
-        raise ValueError(f"faults.{i}.signal: {quoted(name)} is not voted in the recording, {known}")
+            raise ValueError(f"faults.{i}.signal: {quoted(name)}: a recording has channels only, {accepted}")
+        raise ValueError(f"faults.{i}.signal: {quoted(name)} is not voted in the recording, {accepted}")
 
     def _check_channels(self, i: int, names: list[str], channels: list[Any]) -> None:
         for name in names:

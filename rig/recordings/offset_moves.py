@@ -59,9 +59,9 @@ def _median(x: Floats) -> Floats:
     if whole.all():
         return np.median(x, axis=0)
     some = whole.any(axis=0)
-    found = np.full(x.shape[1], np.nan)
-    found[some] = np.nanmedian(x[:, some], axis=0)
-    return found
+    median = np.full(x.shape[1], np.nan)
+    median[some] = np.nanmedian(x[:, some], axis=0)
+    return median
 
 
 def _move(off: Floats) -> OffsetMove:

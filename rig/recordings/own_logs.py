@@ -59,7 +59,7 @@ def of_log(log: Log, path: Path, repair: bool = False) -> Recording:
     rows = log.rows
     accepted = clock(str(path), rows["frame"] / log.rate_hz, repair)
     signals = {signal.name: _recorded(rows, "", i) for i, signal in enumerate(SIGNALS)}
-    discretes = {one.name: _recorded(rows, "discrete_", i) for i, one in enumerate(DISCRETES)}
+    discretes = {discrete.name: _recorded(rows, "discrete_", i) for i, discrete in enumerate(DISCRETES)}
     return replace(on_clock(accepted, signals, discretes), in_si=True)
 
 
@@ -103,11 +103,11 @@ def _samples(where: str, source: Source) -> Samples:
 
 
 def _codes(
-    where: str, fields: Mapping[str, NDArray[np.float64]], name: str, known: type[IntEnum] | Collection[int]
+    where: str, fields: Mapping[str, NDArray[np.float64]], name: str, codes: type[IntEnum] | Collection[int]
 ) -> Bytes:
     values = fields[name]
-    wrong = np.flatnonzero(~np.isin(values, [int(code) for code in known]))
+    wrong = np.flatnonzero(~np.isin(values, [int(code) for code in codes]))
     if len(wrong):
-        allowed = ", ".join(str(int(code)) for code in known)
+        allowed = ", ".join(str(int(code)) for code in codes)
         raise BadInput(f"{where}: message {wrong[0] + 1}: {name} is one of {allowed}, got {values[wrong[0]]:g}")
     return values.astype(np.uint8)

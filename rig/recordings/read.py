@@ -49,10 +49,12 @@ def load(
     recording = read(path, config, repair)
     settings = config.signals(recording.signals, source)
     if not recording.in_si:
-        converted = {name: recording.signals[name].times(one.scale) for name, one in settings.items() if one.scale != 1}
+        converted = {
+            name: recording.signals[name].times(chosen.scale) for name, chosen in settings.items() if chosen.scale != 1
+        }
         recording = replace(recording, signals={**recording.signals, **converted})
-    told = out_of_range(str(path), recording, settings)
-    return replace(recording, warnings=(*recording.warnings, *told)), settings
+    warnings = out_of_range(str(path), recording, settings)
+    return replace(recording, warnings=(*recording.warnings, *warnings)), settings
 
 
 def read(path: Path, config: VoteConfig, repair: bool = False) -> Recording:
@@ -157,10 +159,10 @@ def _joined(
         return np.where(near, clocks[source].of(sources[source].fields[field])[rows], np.nan)
 
     repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
-    told = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
-    told += strange_rate(first.source, first.time_s)
+    warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
+    warnings += strange_rate(first.source, first.time_s)
     made = assemble(str(path), [TIME, *config.mapping], column)
-    return replace(made, kept=first.kept, repairs=repairs, remarks=tuple(remarks), warnings=tuple(told))
+    return replace(made, kept=first.kept, repairs=repairs, remarks=tuple(remarks), warnings=tuple(warnings))
 
 
 def nearest_rows(time_s: Floats, own_s: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

@@ -136,18 +136,18 @@ def _check_discrete(source: str, recording: Recording, name: str, samples: Sampl
 
 
 def _parse(source: str, name: str) -> tuple[str, str, int]:
-    found = _COLUMN.fullmatch(name)
-    if found is None:
+    match = _COLUMN.fullmatch(name)
+    if match is None:
         raise BadInput(
             f"{source}: unknown column {name!r}; allowed: {TIME}, <signal>.1 to .{CHANNELS}, "
             f"<signal>.ref, <signal>.ilm.1 to .{CHANNELS}; {WAY_OUT}"
         )
-    if found["referred"]:
-        return found["referred"], "reference", 0
-    channel = int(found["channel"])
+    if match["referred"]:
+        return match["referred"], "reference", 0
+    channel = int(match["channel"])
     if not 1 <= channel <= CHANNELS:
         raise BadInput(f"{source}: column {name!r}: a signal has channels 1 to {CHANNELS}")
-    return found["signal"], "ilm" if found["ilm"] else "channel", channel
+    return match["signal"], "ilm" if match["ilm"] else "channel", channel
 
 
 def _check_channels(source: str, signal: str, count: int, names: list[str]) -> None:

@@ -168,14 +168,14 @@ class VoteConfig(Settings):
             self.rivals.refuse_others(present)
         except ValueError as error:
             raise BadInput(f"{source}: {error}") from None
-        found = {name: self._settings(name, source) for name in chosen}
+        signals = {name: self._settings(name, source) for name in chosen}
         for triad, axes in self.triads.items():
-            _check_triad(f"{source}: triads.{shorten(triad)}", axes, found)
-        return found
+            _check_triad(f"{source}: triads.{shorten(triad)}", axes, signals)
+        return signals
 
     def discretes(self, present: Collection[str], source: str) -> dict[str, RecordedDiscrete]:
         """Return settings of the discretes, each with its fail-safe value; all of them must be ``present``."""
-        found: dict[str, RecordedDiscrete] = {}
+        discretes: dict[str, RecordedDiscrete] = {}
         for name, given in self.discrete.items():
             if name not in present:
                 raise BadInput(f"{source}: discrete {quoted(name)} is not in the input; {choices(name, present)}")
@@ -184,8 +184,8 @@ class VoteConfig(Settings):
                 fail_safe = DISCRETES[DISCRETE_INDEX[name]].fail_safe
             if fail_safe is None:
                 raise BadInput(f"{source}: discrete.{name}: fail_safe: field required, 0 or 1")
-            found[name] = given.model_copy(update={"fail_safe": fail_safe})
-        return found
+            discretes[name] = given.model_copy(update={"fail_safe": fail_safe})
+        return discretes
 
     def _settings(self, name: str, source: str) -> RecordedSignal:
         """Return the settings of one signal, in SI units."""
@@ -195,8 +195,8 @@ class VoteConfig(Settings):
         given = {**({} if signal is None else {"wraps": signal.wraps}), **(self.default or {}), **own}
         settings = build(RecordedSignal, given, where)
         factor, si = _conversion(settings, None if signal is None else signal.unit, where)
-        known = settings.unit is not None or settings.wraps or (signal is not None and settings.range is None)
-        made = settings.scaled(factor).model_copy(update={"unit": settings.unit or (si if known else None)})
+        has_unit = settings.unit is not None or settings.wraps or (signal is not None and settings.range is None)
+        made = settings.scaled(factor).model_copy(update={"unit": settings.unit or (si if has_unit else None)})
         made._scale, made._si = factor, si
         if made.range is None and signal is not None:
             made = made.model_copy(update={"range": [signal.low, signal.high]})

@@ -32,14 +32,14 @@ class Table:
         self.path, self.written = path, written or TableFormat()
         self.remarks: list[str] = []  # what is told of how it was read
         try:
-            self._table, self.header, found = _READERS[path.suffix](path, wanted, self.written)
+            self._table, self.header, remark = _READERS[path.suffix](path, wanted, self.written)
         except FileNotFoundError:
             raise BadInput(f"{path}: no such file") from None
         except _FAULTS as error:
             raise BadInput(f"{path}: {_one_line(error)}") from None
         self.names: list[str] = self._table.column_names
-        if found:
-            self.remarks.append(f"{path}: {found}")
+        if remark:
+            self.remarks.append(f"{path}: {remark}")
 
     def column(self, name: str) -> Floats:
         """Return the column ``name``, which must be one of ``names``."""
@@ -64,7 +64,7 @@ class Table:
             instants = instants.cast(_in_ns(instants.type))
             at_ns = np.asarray(instants.cast(pa.int64()).fill_null(0))
         except pa.ArrowException:
-            raise BadInput(f"{self.path}: column {name!r} of {instants.type} is no time") from None
+            raise BadInput(f"{self.path}: column {name!r} of {instants.type} is not a time") from None
         first = int(np.argmin(empty))
         if zero_ns is None:
             zero_ns = int(at_ns[first])

@@ -80,7 +80,7 @@ def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:
     """All fields of two files, frame by frame, by number and not by time.  BadInput: a tolerance."""
     names = list(dict.fromkeys([*a.columns, *b.columns]))
     if a.partial or b.partial:
-        names = [name for name in names if all(name in one.columns for one in (a, b) if one.partial)]
+        names = [name for name in names if all(name in side.columns for side in (a, b) if side.partial)]
     allowed = tolerances(tolerance, names)
     n = min(len(a.frames), len(b.frames))
     fields: list[Field] = []
@@ -98,21 +98,21 @@ def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:
 
 
 def _remarks(a: Side, b: Side) -> list[str]:
-    found: list[str] = []
+    remarks: list[str] = []
     if len(a.frames) != len(b.frames):
-        found.append(f"lengths differ: {len(a.frames)} and {len(b.frames)} frames; the common ones are compared")
+        remarks.append(f"lengths differ: {len(a.frames)} and {len(b.frames)} frames; the common ones are compared")
     if a.rate_hz and b.rate_hz and a.rate_hz != b.rate_hz:
-        found.append(f"rates differ: {a.rate_hz:g} and {b.rate_hz:g} Hz; frames are compared by number, not by time")
-    left, right = (one.metadata.get("aircraft") for one in (a, b))
+        remarks.append(f"rates differ: {a.rate_hz:g} and {b.rate_hz:g} Hz; frames are compared by number, not by time")
+    left, right = (log.metadata.get("aircraft") for log in (a, b))
     if left and right and left != right:
-        found.append(f"aircraft differ: {left} and {right}")
-    return found
+        remarks.append(f"aircraft differ: {left} and {right}")
+    return remarks
 
 
 def _notes(a: dict[str, str], b: dict[str, str]) -> list[str]:
     """Return the origins of both logs that are not alike."""
-    told = [key for key in a if key in b and (key in _SAID or key.startswith("version "))]
-    differ = [key for key in told if a[key] != b[key]]
+    keys = [key for key in a if key in b and (key in _SAID or key.startswith("version "))]
+    differ = [key for key in keys if a[key] != b[key]]
     return ["the scenarios differ" if key == "scenario" else f"{key}: {a[key]} and {b[key]}" for key in differ]
 
 

@@ -57,8 +57,8 @@ class Comparison:
 
     def counts(self) -> dict[str, int]:
         """Return how many fields there are of each verdict."""
-        found = Counter(field.verdict for field in self.fields)
-        return {name: found.get(name, 0) for name in ("equal", "within", "different", "missing in A", "missing in B")}
+        counts = Counter(field.verdict for field in self.fields)
+        return {name: counts.get(name, 0) for name in ("equal", "within", "different", "missing in A", "missing in B")}
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data; equal fields are counted, not listed."""
@@ -111,7 +111,7 @@ def joined(first: Field, then: Field) -> Field:
     """Return one number over frames and those that follow them."""
     if "equal" in (first.verdict, then.verdict):
         return then if first.verdict == "equal" else first
-    sizes = [one.largest for one in (first, then) if one.largest is not None]
+    sizes = [difference.largest for difference in (first, then) if difference.largest is not None]
     worse = then if then.verdict == "different" != first.verdict else first
     frames = first.frames + then.frames if first.verdict == then.verdict else worse.frames
     return replace(worse, frames=frames, largest=max(sizes, default=None))

@@ -81,12 +81,12 @@ def decided(fields: tuple[str, ...]) -> list[Column]:
 
 def _moved(column: Column, old: Rows, new: Rows, frames: NDArray[np.int64]) -> list[Moved]:
     before, after = column.of(old), column.of(new)
-    at = np.flatnonzero(before != after)
-    if not len(at):
+    changed = np.flatnonzero(before != after)
+    if not len(changed):
         return []
-    pair = before[at].astype(np.int64) * 256 + after[at]
-    breaks = np.flatnonzero((np.diff(at) > 1) | (np.diff(pair) != 0)) + 1
-    firsts, lasts = at[np.concatenate([[0], breaks])], at[np.concatenate([breaks - 1, [len(at) - 1]])]
+    pair = before[changed].astype(np.int64) * 256 + after[changed]
+    breaks = np.flatnonzero((np.diff(changed) > 1) | (np.diff(pair) != 0)) + 1
+    firsts, lasts = changed[np.concatenate([[0], breaks])], changed[np.concatenate([breaks - 1, [len(changed) - 1]])]
     return [
         Moved(
             decision=_decision(column),
@@ -133,22 +133,26 @@ class Moves:
         self._votes = [joined(*pair) for pair in zip(self._votes, votes, strict=True)] if self._votes else votes
         self._add(old, new, decided(FIELDS), decided(("state", "discrete_state")))
         if old_lanes is not None and new_lanes is not None:
-            told = [column for column in chosen_lanes(new_lanes) if column.field in LANE_FIELDS]
+            columns = [column for column in chosen_lanes(new_lanes) if column.field in LANE_FIELDS]
             n = min(len(old_lanes), len(new_lanes))
-            self._add(old_lanes[:n], new_lanes[:n], told, [one for one in told if one.field == "failed_by"])
+            self._add(
+                old_lanes[:n], new_lanes[:n], columns, [column for column in columns if column.field == "failed_by"]
+            )
 
-    def _add(self, old: Rows, new: Rows, told: Sequence[Column], failing: Sequence[Column]) -> None:
+    def _add(self, old: Rows, new: Rows, columns: Sequence[Column], failing: Sequence[Column]) -> None:
         n = min(len(old), len(new))
-        for column in told:
+        for column in columns:
             _extend(self._moved.setdefault(column, []), _moved(column, old[:n], new[:n], old["frame"][:n]))
         for column in failing:
-            known = self._failed.get(column, (None, None))
+            frames = self._failed.get(column, (None, None))
             before, after = (_first(_failed(column, rows), rows["frame"]) for rows in (old, new))
-            self._failed[column] = before if known[0] is None else known[0], after if known[1] is None else known[1]
+            self._failed[column] = before if frames[0] is None else frames[0], after if frames[1] is None else frames[1]
 
     def decisions(self) -> Decisions:
         """Return what moved: decisions in the order of time, failures at another time, votes."""
-        moved = sorted((one for found in self._moved.values() for one in found), key=lambda one: one.first_frame)
+        moved = sorted(
+            (change for changes in self._moved.values() for change in changes), key=lambda change: change.first_frame
+        )
         failures = [
             Failed(column.owner, column.channel or 0, *frames)
             for column, frames in self._failed.items()
@@ -162,13 +166,13 @@ class Moves:
         return Decisions(moved, failures, votes)
 
 
-def _extend(found: list[Moved], then: list[Moved]) -> None:
+def _extend(moves: list[Moved], then: list[Moved]) -> None:
     """Add the moves of the next rows; one that goes on is one."""
-    if found and then and found[-1].last_frame + 1 == then[0].first_frame:
-        last, goes_on = found[-1], then[0]
+    if moves and then and moves[-1].last_frame + 1 == then[0].first_frame:
+        last, goes_on = moves[-1], then[0]
         if (last.old, last.new) == (goes_on.old, goes_on.new):
-            found[-1], then = replace(last, last_frame=goes_on.last_frame), then[1:]
-    found += then
+            moves[-1], then = replace(last, last_frame=goes_on.last_frame), then[1:]
+    moves += then
 
 
 def _failed(column: Column, rows: Rows) -> NDArray[np.bool_]:

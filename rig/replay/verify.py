@@ -55,8 +55,8 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
     fields, moves, frames = list[Field](), Moves(), 0
     for old, new in zip_longest(log.blocks(), again):
         rows, lanes = new or (old.rows[:0], None if old.lanes is None else old.lanes[:0])
-        found = _compared(old, rows, lanes, computer)
-        fields = [joined(*pair) for pair in zip(fields, found, strict=True)] if fields else found
+        compared = _compared(old, rows, lanes, computer)
+        fields = [joined(*pair) for pair in zip(fields, compared, strict=True)] if fields else compared
         moves.add(old.rows, rows, old.lanes, lanes)
         frames += len(rows)
     lengths = [f"recorded {log.frames} frames, flown again {frames}"] if log.frames != frames else []

@@ -53,11 +53,11 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
     """
     data, trust, given = recording.scenario.resolved(), recording.scenario.trust, dict[str, Any]()
     if file is not None:
-        found = read_toml(file)
-        if KEY in found and len(found) > 1:
-            other = next(key for key in found if key != KEY)
+        read_tables = read_toml(file)
+        if KEY in read_tables and len(read_tables) > 1:
+            other = next(key for key in read_tables if key != KEY)
             raise BadInput(f"{file}: {other}: only [redundancy] can be changed without flying")
-        table = found.get(KEY, found)
+        table = read_tables.get(KEY, read_tables)
         if not isinstance(table, dict):
             raise BadInput(f"{file}: {KEY}: must be a table, got {quoted(table)}")
         given = {KEY: table}

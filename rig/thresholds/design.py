@@ -135,9 +135,11 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
         def compared(channels: tuple[int, ...], seen: Sequence[Floats] = seen) -> list[Floats]:
             return [samples[list(channels)] for samples in seen]
 
-        at = {level: _at_level(flights, compared, given.wraps, frames, level, (grid, number, f)) for level in levels}
+        by_level = {
+            level: _at_level(flights, compared, given.wraps, frames, level, (grid, number, f)) for level in levels
+        }
         for i, (persistence, singular) in enumerate(frames):
-            thresholds = {level: threshold for level in levels if (threshold := at[level][i]) is not None}
+            thresholds = {level: threshold for level in levels if (threshold := by_level[level][i]) is not None}
             if fitted not in thresholds:
                 continue
             plain = Design(filter_s, persistence, singular, thresholds)
@@ -182,14 +184,16 @@ def _biased(
             pairs = zip(flights, seen, strict=True)
             return [unbiased(flight.samples[chosen], x[chosen], learning, flight.rate_hz) for flight, x in pairs]
 
-        (found,) = _at_level(flights, compared, given.wraps, frames, level, asked)
+        (outlier,) = _at_level(flights, compared, given.wraps, frames, level, asked)
         least = _of_one_frame(compared, given.wraps, len(flights[0].samples), level)
-        if found is not None and max(found.upper, least) < before.upper:
-            outliers[level] = replace(found, upper=max(found.upper, least))
+        if outlier is not None and max(outlier.upper, least) < before.upper:
+            outliers[level] = replace(outlier, upper=max(outlier.upper, least))
     lasting = {"bias_bound": bound, "bias_s": given.bias_s}
     if max(plain.thresholds) not in outliers:
         return None
-    thresholds = {level: replace(at, upper=max(at.upper, bound)) for level, at in plain.thresholds.items()}
+    thresholds = {
+        level: replace(threshold, upper=max(threshold.upper, bound)) for level, threshold in plain.thresholds.items()
+    }
     return replace(plain, thresholds=thresholds, outliers=outliers, lasting=lasting)
 
 
@@ -214,7 +218,7 @@ def with_sums(
     spread, rate_hz = residuals([flight.samples for flight in flights], given.wraps).spread, flights[0].rate_hz
     asked = {"slow_limit": rounded_up(spreads * spread / rate_hz), "slow_allowance": spread}
     settings, allowances = design.settings(given).model_copy(update=asked), ALLOWANCES * spread
-    found: list[Threshold | None] = []
+    thresholds: list[Threshold | None] = []
     for level in (level for level in design.thresholds if level > DUPLEX):
         largest: list[Threshold | None] = []
         for choice, channels in enumerate(in_use(len(flights[0].samples), level)):
@@ -224,8 +228,8 @@ def with_sums(
             few = tail.clusters < LEAST
             rng = np.random.default_rng(stream)
             largest.append(None if few else from_tail(tail, grid.budget_per_h, level, rng))
-        found += largest
-    uppers = [0.0 if at is None else at.upper for at in found]
+        thresholds += largest
+    uppers = [0.0 if threshold is None else threshold.upper for threshold in thresholds]
     if not uppers or min(uppers) <= 0.0:
         return None
     asked["slow_allowance"] = max(uppers)

@@ -65,14 +65,14 @@ class Envelope(NamedTuple):
 def suspects(flights: Sequence[DataBlock], wraps: bool, longest: int, scale: float = 1.0) -> list[Suspect]:
     """Return the channels of a signal that stand out; ``longest`` persistence, frames; ``scale`` of what is told."""
     listed = [Suspect(f, c + 1, why) for f, flight in enumerate(flights) for c, why in _alone(flight, longest)]
-    apart, at, usual = _distances(flights, wraps)
+    apart, since_s, usual = _distances(flights, wraps)
     everywhere = float(np.median(apart))
     for f, c in np.ndindex(*apart.shape):
         rest = [*np.delete(apart[f], c), everywhere]
         if len(flights) > 1:
             rest.append(float(np.median(np.delete(apart[:, c], f))))
         if apart[f, c] > max(OUT * max(rest), APART * usual):
-            since, least, most = at[f, c], apart[f, c] / scale, max(rest) / scale
+            since, least, most = since_s[f, c], apart[f, c] / scale, max(rest) / scale
             why = f"for {HOLD_S:g} s from {since:.1f} s on it was at least {least:.3g} from every other channel"
             listed.append(Suspect(f, c + 1, f"{why}; {most:.3g} is the most of the others"))
     return sorted(listed)
@@ -98,17 +98,17 @@ def _repeats(column: Floats, hold: int) -> int | None:
 
 def _distances(flights: Sequence[DataBlock], wraps: bool) -> tuple[Floats, Floats, float]:
     """Return the largest distance held for HOLD_S and since when, s, by flight and channel; the usual distance."""
-    held, at, usual = [], [], []
+    held, since_s, usual = [], [], []
     for flight in flights:
         hold = round(HOLD_S * flight.rate_hz)
         every = nearest(near_first(flight.samples) if wraps else flight.samples)
         least = [sliding_minimum(np.where(np.isfinite(distance), distance, 0.0), hold) for distance in every]
         held.append([distance.max() for distance in least])
-        at.append([max(int(distance.argmax()) - hold + 1, 0) / flight.rate_hz for distance in least])
+        since_s.append([max(int(distance.argmax()) - hold + 1, 0) / flight.rate_hz for distance in least])
         usual.append(np.concatenate([d[:: max(len(d) * len(every) // _MOST_DISTANCES, 1)] for d in every]))
     values = np.concatenate(usual)
     finite = values[np.isfinite(values)]
-    return np.array(held), np.array(at), float(np.median(finite)) if len(finite) else 0.0
+    return np.array(held), np.array(since_s), float(np.median(finite)) if len(finite) else 0.0
 
 
 def envelope(flights: Sequence[DataBlock], wraps: bool) -> Envelope:

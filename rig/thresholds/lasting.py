@@ -65,10 +65,10 @@ class Residuals(NamedTuple):
 
 def residuals(flights: Sequence[Floats], wraps: bool) -> Residuals:
     """Return what the channels (C, n) of each flight differ from their middle by."""
-    found = [_residuals_of(samples, wraps) for samples in flights]
-    means = [np.nan_to_num(_mean(each)) for each in found]
-    squares = sum(np.nansum((each - mean[:, None]) ** 2) for each, mean in zip(found, means, strict=True))
-    count = sum(np.count_nonzero(~np.isnan(each)) for each in found)
+    rows = [_residuals_of(samples, wraps) for samples in flights]
+    means = [np.nan_to_num(_mean(each)) for each in rows]
+    squares = sum(np.nansum((each - mean[:, None]) ** 2) for each, mean in zip(rows, means, strict=True))
+    count = sum(np.count_nonzero(~np.isnan(each)) for each in rows)
     return Residuals(np.array([np.abs(mean).max() for mean in means]), float(np.sqrt(squares / max(count, 1))))
 
 
@@ -79,9 +79,9 @@ def _mean(residual: Floats) -> Floats:
 
 def _residuals_of(samples: Floats, wraps: bool) -> Floats:
     rows, params = _rows(samples, wraps), _params(RecordedSignal(threshold=1.0), samples, 1.0)
-    found = np.full_like(rows, np.nan)
-    _subtract_middle(rows, _VALID, params, new_state(params), found)
-    return found.T[: len(samples)]
+    residual = np.full_like(rows, np.nan)
+    _subtract_middle(rows, _VALID, params, new_state(params), residual)
+    return residual.T[: len(samples)]
 
 
 def bias_bound(means: Floats, hours: Sequence[float], budget_per_h: float, rng: np.random.Generator) -> float:
@@ -99,10 +99,10 @@ def unbiased(samples: Floats, seen: Floats, settings: RecordedSignal, rate_hz: f
     Learned is in every frame: who the threshold, which is sought, would suspect is not known.
     """
     rows, params = _rows(samples, settings.wraps), _params(settings, samples, rate_hz)
-    found = np.full_like(rows, np.nan)
+    residual = np.full_like(rows, np.nan)
     beside = rows if seen is samples else _rows(seen, settings.wraps)
-    begin = int(_take_learned_off(rows, beside, _VALID, params, new_state(params), found))
-    return np.ascontiguousarray(found[begin:, : len(samples)].T)
+    begin = int(_take_learned_off(rows, beside, _VALID, params, new_state(params), residual))
+    return np.ascontiguousarray(residual[begin:, : len(samples)].T)
 
 
 def begun(before: Sequence[Floats], settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[Any]:
@@ -122,9 +122,9 @@ def alarms(samples: Floats, settings: RecordedSignal, rate_hz: float, allowances
     again."""
     params = np.repeat(_params(settings, samples, rate_hz), len(allowances))
     params["slow_allowance"] = allowances
-    found = np.zeros(samples.shape[1])
-    _sum_up(_rows(samples, settings.wraps), _VALID, params, new_state(params), found)
-    return found
+    alarm = np.zeros(samples.shape[1])
+    _sum_up(_rows(samples, settings.wraps), _VALID, params, new_state(params), alarm)
+    return alarm
 
 
 def stale_frames(flights: Sequence[Floats], rate_hz: float) -> int:

@@ -62,8 +62,8 @@ def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: i
     frames of the last are one.
     """
     manager = Manager(MANAGERS[0], parameters(settings, samples.shape[1], rate_hz))
-    at = failures(samples, None, manager)
-    return at[cluster_starts(at, gap)]
+    frames = failures(samples, None, manager)
+    return frames[cluster_starts(frames, gap)]
 
 
 def failures(samples: Floats, references: Floats | None, manager: Manager) -> Frames:
@@ -72,10 +72,10 @@ def failures(samples: Floats, references: Floats | None, manager: Manager) -> Fr
     references : (n, 2), the first and the second; None: there are none
     After each the flight goes on with all channels in use again, and what was learned of them.
     """
-    found = np.zeros(len(samples), np.uint8)
+    failed = np.zeros(len(samples), np.uint8)
     given = np.full((len(samples), 2), np.nan) if references is None else references
-    _restarted(four(samples), given, _blank_row(), manager.data, manager.new_state(), manager.new_state(), found)
-    return np.flatnonzero(found)
+    _restarted(four(samples), given, _blank_row(), manager.data, manager.new_state(), manager.new_state(), failed)
+    return np.flatnonzero(failed)
 
 
 def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:
@@ -85,10 +85,10 @@ def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Flo
     """
     if settings.filter_s == 0.0:
         return samples
-    found, params = np.empty_like(samples), parameters(settings, len(samples), rate_hz)
+    filtered, params = np.empty_like(samples), parameters(settings, len(samples), rate_hz)
     params["threshold"] = np.inf
-    _follow(samples, params, found)
-    return found
+    _follow(samples, params, filtered)
+    return filtered
 
 
 def four(samples: Floats) -> Floats:

@@ -58,7 +58,8 @@ class Signal:
 
         def in_unit(thresholds: dict[int, Threshold]) -> dict[int, Threshold]:
             return {
-                level: replace(at, upper=shown(at.upper), point=shown(at.point)) for level, at in thresholds.items()
+                level: replace(threshold, upper=shown(threshold.upper), point=shown(threshold.point))
+                for level, threshold in thresholds.items()
             }
 
         designs = [
@@ -72,12 +73,14 @@ class Signal:
             )
             for design in self.designs
         ]
-        found = [
-            replace(one, smallest_offset=None if one.smallest_offset is None else shown(one.smallest_offset))
-            for one in self.found
+        tradeoffs = [
+            replace(
+                tradeoff, smallest_offset=None if tradeoff.smallest_offset is None else shown(tradeoff.smallest_offset)
+            )
+            for tradeoff in self.found
         ]
         settings, motion = self.settings.scaled(1.0 / self.settings.scale), self.motion.in_unit(self.settings.scale)
-        return replace(self, settings=settings, motion=motion, designs=designs, found=found)
+        return replace(self, settings=settings, motion=motion, designs=designs, found=tradeoffs)
 
 
 def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:

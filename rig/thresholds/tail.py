@@ -78,8 +78,8 @@ def _levels(values: Floats) -> Floats:
     """Return candidates for u, the largest first: quantiles of every so many values."""
     some = values[:: max(len(values) // _SAMPLE, 1)]
     some = np.sort(some[np.isfinite(some)])
-    at = np.unique(((len(some) - 1) * (1.0 - _SHARES)).astype(np.int64))
-    return np.unique(some[at])[::-1] if len(some) else some
+    ranks = np.unique(((len(some) - 1) * (1.0 - _SHARES)).astype(np.int64))
+    return np.unique(some[ranks])[::-1] if len(some) else some
 
 
 def _clusters(

@@ -16,8 +16,8 @@ def write(path: Path, summary: dict[str, Any]) -> None:
     """Write threshold, smallest offset and share isolated over the persistence; ``summary`` as of report.summary."""
     title = f"{summary['budget_per_h']:g} false isolations an hour and signal, {summary['hours']:.3g} h of data"
     figures = dict(_pictures(summary["signals"]))
-    about = {"title": title, "rule": summary["rule"], "notes": summary["notes"], "pictures": list(figures)}
-    write_page(path, "thresholds.html", figures, {}, **about)
+    facts = {"title": title, "rule": summary["rule"], "notes": summary["notes"], "pictures": list(figures)}
+    write_page(path, "thresholds.html", figures, {}, **facts)
 
 
 def _pictures(signals: dict[str, Any]) -> Iterator[tuple[str, go.Figure]]:

@@ -82,7 +82,7 @@ class Tradeoff:
 
 
 def _share(kinds: dict[str, Found]) -> float:
-    return sum(found.right for found in kinds.values()) / sum(sum(found[:3]) for found in kinds.values())
+    return sum(counts.right for counts in kinds.values()) / sum(sum(counts[:3]) for counts in kinds.values())
 
 
 def pieces(flights: Sequence[DataBlock], count: int = PIECES, before_s: float = BEFORE_S) -> Pieces | None:
@@ -158,8 +158,8 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
     low, high = -1, _STEPS  # a size that is not found often enough, one that is
 
     def enough(step: int) -> bool:
-        found = inject(cut, settings, "offset", threshold / 4.0 * _STEP**step)
-        return found.right >= FOUND * len(cut.samples)
+        counts = inject(cut, settings, "offset", threshold / 4.0 * _STEP**step)
+        return counts.right >= FOUND * len(cut.samples)
 
     if not enough(high):
         return None
@@ -169,12 +169,12 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
     return threshold / 4.0 * _STEP**high
 
 
-def ranked(designs: Sequence[Design], found: Sequence[Tradeoff]) -> list[int]:
+def ranked(designs: Sequence[Design], tradeoffs: Sequence[Tradeoff]) -> list[int]:
     """Return the places of the designs, that which finds the largest share rightly first; of equals the shortest
     persistence and filter, and without a learned bias."""
 
     def order(i: int) -> tuple[float, int, float, bool]:
-        one = designs[i]
-        return -round(found[i].share, 9), one.persistence, one.filter_s, bool(one.outliers)
+        design = designs[i]
+        return -round(tradeoffs[i].share, 9), design.persistence, design.filter_s, bool(design.outliers)
 
     return sorted(range(len(designs)), key=order)

@@ -80,9 +80,9 @@ def _unpacked(file: Path, folder: Path, named: str) -> ElementTree.Element:
     except ElementTree.ParseError as error:
         raise BadInput(f"{named}: its modelDescription.xml cannot be read: {error}") from None
     except FileNotFoundError:
-        raise BadInput(f"{named} is no FMU: it has no modelDescription.xml") from None
+        raise BadInput(f"{named} is not an FMU: it has no modelDescription.xml") from None
     except _DAMAGED as error:
-        raise BadInput(f"{named} is no FMU: {error}") from None
+        raise BadInput(f"{named} is not an FMU: {error}") from None
 
 
 def _beyond(entries: list[zipfile.ZipInfo]) -> str:
@@ -118,7 +118,7 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
         )
     identifier = co_simulation.get("modelIdentifier", IDENTIFIER)
     if not _IDENTIFIER.fullmatch(identifier):
-        raise BadInput(f"{named}: modelIdentifier {quoted(identifier)} is no name of a library")
+        raise BadInput(f"{named}: modelIdentifier {quoted(identifier)} is not the name of a library")
     known = described(description, version, named)
     return {
         "version": version,
@@ -146,7 +146,7 @@ def _steps(description: ElementTree.Element, co_simulation: ElementTree.Element,
     try:
         steps = {key: float(text) for key, text in given.items()}
     except ValueError as error:
-        raise BadInput(f"{named}: its step size is no number: {error}") from None
+        raise BadInput(f"{named}: its step size is not a number: {error}") from None
     for step_s in steps.values():
         if not (step_s == 0.0 or _LEAST_STEP_S <= step_s < inf):
             raise BadInput(f"{named}: its step size is {step_s:g} s, must be {_LEAST_STEP_S:g} or more")

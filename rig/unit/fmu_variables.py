@@ -57,7 +57,7 @@ def _described(
     texts = kind.get("start", "").replace("true", "1").replace("false", "0").split() if numbers else []
     start, reference = [float(text) for text in texts] or [0.0], int(node.get("valueReference", ""))
     if not 0 <= reference < 1 << 32:
-        raise ValueError(f"valueReference {reference} is none of 32 bits")
+        raise ValueError(f"valueReference {reference} does not fit in 32 bits")
     if min((0, *shape)) < 0 or prod(shape) > _MOST_ELEMENTS:
         raise ValueError(f"an array has at most {_MOST_ELEMENTS} elements, {node.get('name')} has {shape}")
     start = start if len(start) == prod(shape) else start[:1] * prod(shape)

@@ -45,7 +45,7 @@ class Library:
         try:
             self._library = ctypes.CDLL(str(Path(path).resolve()))
         except OSError as error:
-            raise Refused(f"{path} is no library that can be loaded: {error}") from None
+            raise Refused(f"{path} is not a library that can be loaded: {error}") from None
         missing = [name for name in FUNCTIONS if not hasattr(self._library, name)]
         if missing:
             raise Refused(f"{path} has no function {missing[0]}; a unit has {', '.join(FUNCTIONS)}")

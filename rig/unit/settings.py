@@ -157,7 +157,9 @@ def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
         raise BadInput(f"--lane {lane}: must be one of {', '.join(COMPUTERS)}")
     unit = unit if lane is None else unit.model_copy(update={"lane": lane})
     if unit.lane is not None and unit.carrier == "python":
-        raise BadInput(f"{unit.source}: lane: a class votes in the place of our manager, and is no lane of several")
+        raise BadInput(
+            f"{unit.source}: lane: a class votes in place of our manager, and cannot be one of several lanes"
+        )
     return unit
 
 

@@ -151,4 +151,4 @@ def _check(path: Path) -> None:
     if stat.S_ISDIR(mode):
         raise BadInput(f"{path}: is a folder")
     if not stat.S_ISREG(mode):
-        raise BadInput(f"{path}: is no regular file")
+        raise BadInput(f"{path}: not a regular file")

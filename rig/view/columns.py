@@ -171,9 +171,9 @@ class Columns:
     def _matrix(self, rows: Block, nanoseconds: NDArray[np.float64]) -> None:
         if self._before is None:
             rr.log(self._root + matrix.NAMES, matrix.names(), static=True, recording=self._recording)
-        at = matrix.changed(rows, self._before)
-        if len(at):
-            self._columns(matrix.PATH, [time_column(nanoseconds[at])], matrix.columns(rows, at))
+        changed = matrix.changed(rows, self._before)
+        if len(changed):
+            self._columns(matrix.PATH, [time_column(nanoseconds[changed])], matrix.columns(rows, changed))
 
     def end(self) -> None:
         """End the lanes of a flight that is over, while another goes on."""

@@ -139,8 +139,8 @@ def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterato
         if last is not None and (values == last).all():
             continue  # nearly always, and at once for all its lanes
         for lane in lanes:
-            at = (slice(None), *lane.at)
-            yield from changed(lane.path, lane.states, values[at], None if last is None else last[at])
+            place = (slice(None), *lane.at)
+            yield from changed(lane.path, lane.states, values[place], None if last is None else last[place])
         if field == "state":
             yield from _together_changes(codes(values), None if last is None else codes(last))
     acts, last_acts = acting(rows, len(faults)), None if before is None else acting(before, len(faults))

@@ -64,10 +64,12 @@ class Story:
         for i, onset in enumerate(self._onsets):
             if onset is None and acts[:, i].any():
                 self._onsets[i] = int(rows["frame"][acts[:, i].argmax()])
-        found = failures(rows, self._before)
-        found += self._coils(moved) if has_part(moved, "actuator") else []
-        found += self._lanes(moved) if has_part(moved, "computer") else []
-        new = [Isolation(failure, self._onset(failure)) for failure in sorted(found, key=lambda each: each.frame)]
+        new_failures = failures(rows, self._before)
+        new_failures += self._coils(moved) if has_part(moved, "actuator") else []
+        new_failures += self._lanes(moved) if has_part(moved, "computer") else []
+        new = [
+            Isolation(failure, self._onset(failure)) for failure in sorted(new_failures, key=lambda each: each.frame)
+        ]
         self.isolations += new
         self._before = rows[-1:].copy()
         self.end, self.last = End(rows["end"][-1]), int(rows["frame"][-1])
@@ -90,10 +92,18 @@ class Story:
         of.find(moved)
         return [
             *(
-                Failure(one.frame, COMPUTER + COMPUTERS[one.lane], one.lane + 1, failed_by(one).removeprefix("by "))
-                for one in of.failures[failed:]
+                Failure(
+                    failure.frame,
+                    COMPUTER + COMPUTERS[failure.lane],
+                    failure.lane + 1,
+                    failed_by(failure).removeprefix("by "),
+                )
+                for failure in of.failures[failed:]
             ),
-            *(Failure(one.frame, LINK + COMPUTERS[one.sender], one.receiver + 1, SILENCE) for one in of.links[silent:]),
+            *(
+                Failure(link.frame, LINK + COMPUTERS[link.sender], link.receiver + 1, SILENCE)
+                for link in of.links[silent:]
+            ),
         ]
 
     def _onset(self, failure: Failure) -> int | None:

@@ -67,10 +67,10 @@ class MeasuredConclusion(FlightConclusion):
         log : of the flight, beside which the twin is flown where it is named; unit, allow_code : that fly it
         """
         late = [each for each in self.requirements if each.names_twin]
-        found = [*(() if self._recorder is None else self._recorder.finish())]
-        found += check_log(log, late, unit, allow_code) if late else ()
+        verdicts = [*(() if self._recorder is None else self._recorder.finish())]
+        verdicts += check_log(log, late, unit, allow_code) if late else ()
         order = {each.id: i for i, each in enumerate(self.requirements)}
-        return tuple(sorted(found, key=lambda verdict: order[verdict.requirement]))
+        return tuple(sorted(verdicts, key=lambda verdict: order[verdict.requirement]))
 
 
 def measure_scored(
@@ -83,9 +83,9 @@ def measure_scored(
     """
     named, remark = (), ""
     try:
-        known = {each.id for each in asked}
+        asked_ids = {each.id for each in asked}
         own = load_requirements(scored.scenario.requirements or ())
-        named = tuple(each for each in own if each.id not in known and (twin or not each.names_twin))
+        named = tuple(each for each in own if each.id not in asked_ids and (twin or not each.names_twin))
     except BadInput as error:
         remark = f"requirements of the scenario are not measured: {error}"
     every = [*asked, *named]
@@ -94,17 +94,17 @@ def measure_scored(
 
 def violated(verdicts: Sequence[Verdict]) -> list[Verdict]:
     """Return the verdicts that are violated, the least margin first."""
-    return sorted((one for one in verdicts if one.status == "violated"), key=lambda one: one.margin)
+    return sorted((verdict for verdict in verdicts if verdict.status == "violated"), key=lambda verdict: verdict.margin)
 
 
 def events(verdicts: Sequence[Verdict], rate_hz: float) -> list[Event]:
     """Return an event where each violated verdict is decided, in order of time."""
-    found = []
-    for one in violated(verdicts):
-        there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in one.values.items())
-        text = f"{f'{one.requirement} {one.signal}'.rstrip()}: margin {one.margin:.3g}; {there}"
-        found.append(Event(round(one.instant_s * rate_hz), "error", VIOLATED, text))
-    return sorted(found, key=lambda event: event.frame)
+    violations = []
+    for verdict in violated(verdicts):
+        there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items())
+        text = f"{f'{verdict.requirement} {verdict.signal}'.rstrip()}: margin {verdict.margin:.3g}; {there}"
+        violations.append(Event(round(verdict.instant_s * rate_hz), "error", VIOLATED, text))
+    return sorted(violations, key=lambda event: event.frame)
 
 
 def plain(verdict: Verdict) -> dict[str, Any]:

@@ -57,13 +57,13 @@ def bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quant
 
 def _signals(requirement: Requirement, subject: Subject) -> list[str]:
     """Return the signals that a requirement is measured on, or one that is empty."""
-    known = [watched.name for watched in subject.signals]
+    names = [watched.name for watched in subject.signals]
     given = requirement.signals
     for name in given if isinstance(given, list) else ():
-        if name not in known:
-            accepted = choices(name, known)
+        if name not in names:
+            accepted = choices(name, names)
             raise BadInput(f"{requirement.where}: signals: {subject.called} has no {quoted(name)}, {accepted}")
-    named = known if given == "*" else list(subject.faulted) if given is None else list(given)
+    named = names if given == "*" else list(subject.faulted) if given is None else list(given)
     return named if SIGNAL in requirement.formula else [""]
 
 
@@ -95,7 +95,7 @@ def _bound(text: str, about: _About) -> Bound:
     )
     refuse_empty_windows(formula.root, rate_hz)
     formula = replace(formula, root=_one_of(formula.root))
-    quantities = tuple(found for name in formula.names if (found := lookup(name, subject)) is not None)
+    quantities = tuple(quantity for name in formula.names if (quantity := lookup(name, subject)) is not None)
     return Bound(formula, quantities, _own_scales(formula, quantities, subject), *frames_reach(formula.root, rate_hz))
 
 
@@ -107,8 +107,8 @@ def _one_of(root: Node) -> Node:
 
 def _is_flag(name: str, subject: Subject) -> bool:
     """Return True for a yes or no that is no number either."""
-    found = lookup(name, subject)
-    return found is not None and holds(name, subject) and found.discrete < 0
+    quantity = lookup(name, subject)
+    return quantity is not None and holds(name, subject) and quantity.discrete < 0
 
 
 def _unknown(name: str, subject: Subject) -> str:

@@ -143,7 +143,7 @@ class _Departure:
         truth, trim, limits = rows["truth"], self._trim, self._subject.limits
         assert limits is not None  # of a flight
         alpha, n_z = INDEX["angle_of_attack"], INDEX["normal_load_factor"]
-        found = [
+        shares = [
             _share(truth[:, alpha], trim[alpha], limits.angle_of_attack_max_rad),
             _share(-truth[:, alpha], -trim[alpha], -limits.angle_of_attack_min_rad),
             _share(truth[:, n_z], trim[n_z], limits.load_factor_max),
@@ -153,8 +153,8 @@ class _Departure:
             bound: float | None = getattr(limits, key)
             if bound is not None:
                 places = [INDEX[name] for name in names]
-                found += [_share(np.abs(truth[:, place]), abs(trim[place]), bound) for place in places]
-        least = np.min(found, axis=0)
+                shares += [_share(np.abs(truth[:, place]), abs(trim[place]), bound) for place in places]
+        least = np.min(shares, axis=0)
         not_flown = 1.0 - (rows["frame"] + 1.0) / self._subject.frames
         return np.where(rows["end"] != End.FLYING, np.minimum(least, -not_flown), least)
 

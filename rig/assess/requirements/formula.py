@@ -162,9 +162,9 @@ def split(name: str) -> Name | None:
 
 def _may_hold(name: str) -> bool:
     """Return True if a name may be a yes or no, whatever the signals are."""
-    found = split(name)
-    return found is not None and (
-        found.family in YES_NO or (found.family in ("truth", "voted") and not _is_signal(found))
+    parts = split(name)
+    return parts is not None and (
+        parts.family in YES_NO or (parts.family in ("truth", "voted") and not _is_signal(parts))
     )
 
 
@@ -175,7 +175,7 @@ def _is_signal(name: Name) -> bool:
 def unknown_family(name: str) -> str:
     """Return what to say of a name that is no quantity whatever the signals are."""
     forms = [*(f"{family}.<signal>" for family in OF_SIGNALS), *(f"{family}.<signal>.<N>" for family in OF_CHANNELS)]
-    known = [
+    accepted = [
         *forms,
         "error.<signal>.<N>",
         *OTHERS,
@@ -183,7 +183,7 @@ def unknown_family(name: str) -> str:
         "twin.<quantity>",
         *(f"truth.{name}" for name in FLIGHT_INDEX),
     ]
-    return f"unknown quantity {quoted(name)}, {choices(name, known, 'docs/margins.md')}"
+    return f"unknown quantity {quoted(name)}, {choices(name, accepted, 'docs/margins.md')}"
 
 
 def check_formula(text: str) -> None:

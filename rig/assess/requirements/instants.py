@@ -68,7 +68,7 @@ class Instants:
         self._measured, self._subject = measured, subject
         self._acted = np.zeros(64, np.uint8)
         self._levels: NDArray[Any] | None = None
-        kinds = {one.requirement.at for one in measured}
+        kinds = {formula.requirement.at for formula in measured}
         self._onsets, self._losses = "each onset" in kinds, "each loss" in kinds
         names = [watched.name for watched in subject.signals]
         self._places = {name: i for i, name in enumerate(names)}
@@ -77,16 +77,16 @@ class Instants:
         """Add the instants in ``rows`` (n,), from frame ``first`` on, to what is pending."""
         onsets = self._onsets_in(rows) if self._onsets else []
         losses = self._losses_in(rows) if self._losses else {}
-        for one in self._measured:
-            match one.requirement.at:
+        for formula in self._measured:
+            match formula.requirement.at:
                 case "start":
-                    one.pending += [0] if first == 0 else []
+                    formula.pending += [0] if first == 0 else []
                 case "each onset":
-                    one.pending += [first + k for k in onsets]
+                    formula.pending += [first + k for k in onsets]
                 case "each loss":
-                    signals = [one.signal] if one.signal else _signals_of_loss(one, self._subject)
+                    signals = [formula.signal] if formula.signal else _signals_of_loss(formula, self._subject)
                     lost = {k for name in signals for k in losses.get(self._places[name], ())}
-                    one.pending += [first + k for k in sorted(lost)]
+                    formula.pending += [first + k for k in sorted(lost)]
 
     def _onsets_in(self, rows: Block) -> list[int]:
         """Return the rows in which a fault acts for the first time."""
@@ -106,8 +106,8 @@ class Instants:
         return {int(s): np.flatnonzero(began[:, s]).tolist() for s in np.flatnonzero(began.any(axis=0))}
 
 
-def _signals_of_loss(one: Measured, subject: Subject) -> list[str]:
-    given = one.requirement.signals
+def _signals_of_loss(formula: Measured, subject: Subject) -> list[str]:
+    given = formula.requirement.signals
     if isinstance(given, list):
         return given
     return [watched.name for watched in subject.signals] if given == "*" else list(subject.faulted)

@@ -103,21 +103,21 @@ def values(node: Node, lo: int, hi: int, held: Held) -> Floats:
         return _condition(node, a, b, held)
     if a > b:
         return np.full((2, 1, hi - lo + 1), np.nan)
-    known = _condition(node, a, b, held)
-    out = np.full((2, known.shape[1], hi - lo + 1), np.nan)
-    out[..., a - lo : b + 1 - lo] = known
+    of_range = _condition(node, a, b, held)
+    out = np.full((2, of_range.shape[1], hi - lo + 1), np.nan)
+    out[..., a - lo : b + 1 - lo] = of_range
     return out
 
 
 def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
     """Return (2, C, b - a + 1) of frames that are held, and remember it."""
-    known = held.known(node, a, b)
-    if known is not None:
-        return known
-    found = _measured(node, a, b, held)
+    remembered = held.known(node, a, b)
+    if remembered is not None:
+        return remembered
+    measured = _measured(node, a, b, held)
     if held.seen is not None and held.channel < 0 and b - a < _REMEMBERED:
-        held.seen[id(node)] = a, found
-    return found
+        held.seen[id(node)] = a, measured
+    return measured
 
 
 def _measured(node: Node, a: int, b: int, held: Held) -> Floats:
@@ -238,10 +238,10 @@ def _extreme_of(of: Floats, width: int, filtered: Callable[..., Floats], none: f
     filled = np.where(missing, none, of) if gaps else of
     count = filled.shape[-1] - width + 1
     if count == 1:
-        found = (filled.min if none > 0.0 else filled.max)(axis=-1, keepdims=True)
+        extremes = (filled.min if none > 0.0 else filled.max)(axis=-1, keepdims=True)
     else:
-        found = filtered(filled, width, axis=-1)[..., width // 2 : width // 2 + count]
-    return np.where(found == none, np.nan, found) if gaps else found
+        extremes = filtered(filled, width, axis=-1)[..., width // 2 : width // 2 + count]
+    return np.where(extremes == none, np.nan, extremes) if gaps else extremes
 
 
 def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:

@@ -57,15 +57,15 @@ class RequirementsRecorder:
         self._lines = lines
         self.subject, quantities = subject, dict[str, Quantity]()
         self.requirements = tuple(requirements)
-        self.measured = [one for each in requirements for one in bind(each, subject, quantities)]
+        self.measured = [formula for each in requirements for formula in bind(each, subject, quantities)]
         own = [q for q in quantities.values() if not q.parts.twin]
         of_twin = [q for q in quantities.values() if q.parts.twin]
         self.quantities = [*own, *of_twin]
         order = {q.name: i for i, q in enumerate(self.quantities)}
         leasts = dict[tuple[str, str], Least]()
-        for one in self.measured:
-            one.place(order)
-            one.least = leasts.setdefault(one.key, one.least)
+        for formula in self.measured:
+            formula.place(order)
+            formula.least = leasts.setdefault(formula.key, formula.least)
         if of_twin and twin is None:
             raise BadInput(f"{of_twin[0].name}: {subject.called} has no twin here")
         self._own, self._columns = len(own), Columns(own, subject)
@@ -74,7 +74,7 @@ class RequirementsRecorder:
         self._batch: Block | None = None  # rows that are put together; how many
         self._batched = 0
         self._first = self._end = 0  # frames that are held
-        self._back = max((one.back for one in self.measured), default=0)
+        self._back = max((formula.back for formula in self.measured), default=0)
         self._lost = False
         self._instants = Instants(self.measured, subject)
 
@@ -118,26 +118,26 @@ class RequirementsRecorder:
         self._end += n
         self._lost = bool(rows["end"][-1] != End.FLYING)
         needed = self._end - self._back
-        for one in self.measured:
-            if one.pending and one.pending[0] + one.ahead < self._end:
-                self._measure(one, [k for k in one.pending if k + one.ahead < self._end], (None, False))
+        for formula in self.measured:
+            if formula.pending and formula.pending[0] + formula.ahead < self._end:
+                self._measure(formula, [k for k in formula.pending if k + formula.ahead < self._end], (None, False))
             if self._lines:
-                self._draw(one, None, False)
-                needed = min(needed, one.drawn - one.back)
-            if one.pending:
-                needed = min(needed, one.pending[0] - one.back)
+                self._draw(formula, None, False)
+                needed = min(needed, formula.drawn - formula.back)
+            if formula.pending:
+                needed = min(needed, formula.pending[0] - formula.back)
         self._start, self._first = self._start + max(needed - self._first, 0), max(self._first, needed)
 
     def finish(self) -> tuple[Verdict, ...]:
         """Return the verdicts: the flight is over, whatever windows reach beyond its end."""
         self._flush()
-        for one in self.measured:
-            self._measure(one, list(one.pending), (self._end, self._lost))
-            self._draw(one, self._end, self._lost)
-        found = {each.id: list[Verdict]() for each in self.requirements}
-        for one in {one.key: one for one in self.measured}.values():
-            found[one.requirement.id].append(self._verdict(one))
-        return tuple(one for id_, all_of in found.items() for one in all_of or [not_applicable(id_)])
+        for formula in self.measured:
+            self._measure(formula, list(formula.pending), (self._end, self._lost))
+            self._draw(formula, self._end, self._lost)
+        verdicts = {each.id: list[Verdict]() for each in self.requirements}
+        for formula in {formula.key: formula for formula in self.measured}.values():
+            verdicts[formula.requirement.id].append(self._verdict(formula))
+        return tuple(verdict for id_, all_of in verdicts.items() for verdict in all_of or [not_applicable(id_)])
 
     def _room(self, n: int) -> NDArray[np.float64]:
         """Return memory for the next ``n`` frames behind those that are held."""
@@ -148,64 +148,66 @@ class RequirementsRecorder:
                 self._memory = np.empty((len(self._memory), 2 * (held + n)))
             self._memory[:, :held] = kept.copy()
             self._start = 0
-        at = self._start + held
-        return self._memory[:, at : at + n]
+        begin = self._start + held
+        return self._memory[:, begin : begin + n]
 
-    def _measure(self, one: Measured, instants: list[int], end: tuple[int | None, bool]) -> None:
+    def _measure(self, formula: Measured, instants: list[int], end: tuple[int | None, bool]) -> None:
         """Measure a formula at ``instants``, in order; end : frames flown, None while they go on, and whether lost."""
         if not instants:
             return
-        one.pending = [k for k in one.pending if k not in instants] if len(instants) < len(one.pending) else []
+        formula.pending = (
+            [k for k in formula.pending if k not in instants] if len(instants) < len(formula.pending) else []
+        )
         columns = self._memory[:, self._start : self._start + self._end - self._first]
-        held = one.held(columns, self._first, self.subject.rate_hz, end)
+        held = formula.held(columns, self._first, self.subject.rate_hz, end)
         with np.errstate(all="ignore"):
-            of, found = one.least, None
-            measured = values_at(one.root, instants, len(one.names), held)
+            of, least_at = formula.least, None
+            measured = values_at(formula.root, instants, len(formula.names), held)
             for channel, (verdicts, margins) in enumerate(measured.transpose(1, 0, 2).tolist()):
                 for k, verdict, margin in zip(instants, verdicts, margins, strict=True):
                     if (margin, verdict) < of.least:  # not where it is NaN
-                        of.least, found = (margin, verdict), (channel, k)
-            if found is None:
+                        of.least, least_at = (margin, verdict), (channel, k)
+            if least_at is None:
                 return
-            channel, k = found
-            of.names, of.places = one.names[channel], one.places[channel]
-            of.instant = decisive(one.root, k, held.on(channel))
+            channel, k = least_at
+            of.names, of.places = formula.names[channel], formula.places[channel]
+            of.instant = decisive(formula.root, k, held.on(channel))
         of.numbers = columns[of.places, of.instant - self._first].tolist()
 
-    def _draw(self, one: Measured, frames: int | None, lost: bool) -> None:
+    def _draw(self, formula: Measured, frames: int | None, lost: bool) -> None:
         """Add the margins of the frames that can be told: of what the formula says of each frame."""
         if not self._lines:
             return
-        node = body(one.root)
+        node = body(formula.root)
         end = self._end if frames is not None else self._end - frames_reach(node, self.subject.rate_hz)[1]
-        if end > one.drawn:
+        if end > formula.drawn:
             columns = self._memory[:, self._start : self._start + self._end - self._first]
-            held = one.held(columns, self._first, self.subject.rate_hz, (frames, lost))
+            held = formula.held(columns, self._first, self.subject.rate_hz, (frames, lost))
             with np.errstate(all="ignore"):
-                one.line.append(np.fmin.reduce(values(node, one.drawn, end - 1, held)[1]))
-            one.drawn = end
+                formula.line.append(np.fmin.reduce(values(node, formula.drawn, end - 1, held)[1]))
+            formula.drawn = end
 
     def lines(self) -> dict[tuple[str, str], NDArray[np.float64]]:
         """Return the margins (n,) of each frame by requirement and signal, once finished; of channels the least.
 
         They are of what a formula says of each frame, without the windows around it; NaN where nothing was flown.
         """
-        found: dict[tuple[str, str], NDArray[np.float64]] = {}
-        for one in self.measured:
-            key, line = one.key, np.concatenate([np.empty(0), *one.line])
-            found[key] = np.fmin(found[key], line) if key in found else line
-        return found
+        lines: dict[tuple[str, str], NDArray[np.float64]] = {}
+        for formula in self.measured:
+            key, line = formula.key, np.concatenate([np.empty(0), *formula.line])
+            lines[key] = np.fmin(lines[key], line) if key in lines else line
+        return lines
 
-    def _verdict(self, one: Measured) -> Verdict:
+    def _verdict(self, formula: Measured) -> Verdict:
         """Return what became of a formula."""
-        least = one.least
+        least = formula.least
         margin, verdict = least.least
         if least.instant < 0:
-            return not_applicable(one.requirement.id, one.signal)
+            return not_applicable(formula.requirement.id, formula.signal)
         numbers = {
             name: (value, self.quantities[place].unit)
             for name, place, value in zip(least.names, least.places, least.numbers, strict=True)
         }
         status: Status = "met" if verdict > 0.0 else "violated"
         at_s = least.instant / self.subject.rate_hz
-        return Verdict(one.requirement.id, one.signal, status, margin + 0.0, at_s, numbers)  # 0.0, never -0.0
+        return Verdict(formula.requirement.id, formula.signal, status, margin + 0.0, at_s, numbers)  # 0.0, never -0.0

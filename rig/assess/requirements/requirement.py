@@ -75,11 +75,11 @@ def find_requirements(name: str | Path) -> Path:
 
 def load_requirements(names: Sequence[str | Path]) -> tuple[Requirement, ...]:
     """Return the requirements of bundled sets and files, in their order; BadInput names file and key."""
-    found: dict[str, Requirement] = {}
+    loaded: dict[str, Requirement] = {}
     for path in dict.fromkeys(map(find_requirements, names)):
         for made in build(_File, read_toml(path), str(path)).requirements:
-            if made.id in found:
-                raise BadInput(f"{path}: {made.id}: a requirement of this id is in {found[made.id]._file} already")
+            if made.id in loaded:
+                raise BadInput(f"{path}: {made.id}: a requirement of this id is in {loaded[made.id]._file} already")
             made._file = str(path)
-            found[made.id] = made
-    return tuple(found.values())
+            loaded[made.id] = made
+    return tuple(loaded.values())

@@ -80,8 +80,8 @@ def of_flight(scenario: Scenario) -> Subject:
         for d, record in zip(DISCRETES, monitored.discretes, strict=True)
     ]
     faults = tuple(tuple(channels_of(fault)) for fault in scenario.faults)
-    known = [watched.name for watched in signals]
-    faulted = dict.fromkeys(name for on in faults for name, _ in on if name in known)
+    names = [watched.name for watched in signals]
+    faulted = dict.fromkeys(name for on in faults for name, _ in on if name in names)
     return Subject(
         rate_hz=scenario.rate_hz,
         frames=scenario.frames,
@@ -136,10 +136,10 @@ def _of_signal(name: str, parts: Name, subject: Subject) -> Quantity | None:
 
 def holds(name: str, subject: Subject) -> bool:
     """Return True if a name is a yes or no of the subject."""
-    found = lookup(name, subject)
-    if found is None:
+    quantity = lookup(name, subject)
+    if quantity is None:
         return False
-    return found.parts.family in YES_NO or (found.discrete >= 0 and found.parts.family in ("truth", "voted"))
+    return quantity.parts.family in YES_NO or (quantity.discrete >= 0 and quantity.parts.family in ("truth", "voted"))
 
 
 def unknown_of(name: str, subject: Subject) -> str:
@@ -157,5 +157,5 @@ def unknown_of(name: str, subject: Subject) -> str:
         return f"{quoted(name)}: {parts.of} has channels 1 to {fitted}"
     if parts.of in listed:
         return f"{quoted(name)}: a discrete has no {parts.family}"
-    known = [*listed, *(FLIGHT_INDEX if parts.family == "truth" and "flight" in subject.offers else ())]
-    return f"{quoted(name)}: {subject.called} has no signal {quoted(parts.of)}, {choices(parts.of, known)}"
+    accepted = [*listed, *(FLIGHT_INDEX if parts.family == "truth" and "flight" in subject.offers else ())]
+    return f"{quoted(name)}: {subject.called} has no signal {quoted(parts.of)}, {choices(parts.of, accepted)}"

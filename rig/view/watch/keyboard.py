@@ -38,7 +38,7 @@ def pressing(keys: Pressable) -> Iterator[None]:
         fd = sys.stdin.fileno()
         before = termios.tcgetattr(fd)
     except (ImportError, OSError, ValueError) as error:
-        raise BadInput(f"keys: standard input is no terminal ({error})") from None
+        raise BadInput(f"keys: standard input is not a terminal ({error})") from None
     ended, end = os.pipe()
     thread = threading.Thread(target=_listen, args=(fd, ended, keys), name="keyboard", daemon=True)
     try:
