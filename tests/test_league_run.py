@@ -133,7 +133,7 @@ def test_a_damaged_unit_is_named_with_its_remedy(whole: tuple[Path, Any], health
 def test_what_is_not_a_league_or_too_short_is_refused_before_anything_is_written(healthy: Path, tmp_path: Path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("x")
-    with pytest.raises(BadInput, match="is no league's folder, and not empty"):
+    with pytest.raises(BadInput, match="not a league's folder, and not empty"):
         run(small(), asked(healthy), tmp_path / "full")
     for budget, said in ((1e-4, "is too little for a budget of 0.0001 an hour: 100 h are needed"), (0.0, "--budget")):
         with pytest.raises(BadInput, match=said):

@@ -94,7 +94,7 @@ def _require_ours(out: Path) -> None:
     with reported(f"--out {out}", BadInput, "cannot be read"):
         others = [] if not out.is_dir() else [path for path in out.iterdir() if path.name != "lock"]
         if (out.exists() and not out.is_dir()) or (others and not is_file(out / LEAGUE)):
-            raise BadInput(f"--out {out}: is no league's folder, and not empty")
+            raise BadInput(f"--out {out}: not a league's folder, and not empty")
 
 
 def _begun(out: Path, about: dict[str, Any]) -> bool:

@@ -133,7 +133,7 @@ def begin(out: Path, about: dict[str, Any]) -> None:
                 raise BadInput(f"--out {out}: holds other flights: {key} was {was.get(key)}, is {value}")
         return
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise BadInput(f"--out {out}: is no folder of cut sets, and not empty")
+        raise BadInput(f"--out {out}: not a folder of cut sets, and not empty")
     out.mkdir(parents=True, exist_ok=True)
     write_whole(path, json.dumps(about, indent=1).encode())
 
