@@ -148,3 +148,9 @@ def test_the_command_starts_without_the_libraries_that_only_some_of_it_needs():
     program = f"import sys, rig.cli.main; print([n for n in {heavy} if n in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_campaign_starts_without_the_statistics_of_its_report():
+    program = "import sys, rig.campaign.run; print([n for n in ('scipy.stats', 'scipy.ndimage') if n in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == "[]"

@@ -13,10 +13,8 @@ from math import exp, log
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import scipy  # its parts are imported when first used: most of a campaign's run needs none
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
-from scipy.special import log_expit, logit
-from scipy.stats import binomtest, chi2, norm
 
 CONFIDENCE: Final = 0.95
 _STEEPEST: Final = log(1e3)  # slopes of the logistic fit, natural logarithm, per unit of ln magnitude
@@ -39,7 +37,7 @@ def proportion(count: int, trials: int, confidence: float = CONFIDENCE) -> Rate:
     """Return a probability with its Clopper-Pearson interval."""
     if trials == 0:
         return Rate(0, 0, None, None, None)
-    interval = binomtest(count, trials).proportion_ci(confidence_level=confidence, method="exact")
+    interval = scipy.stats.binomtest(count, trials).proportion_ci(confidence_level=confidence, method="exact")
     return Rate(count, trials, count / trials, float(interval.low), float(interval.high))
 
 
@@ -48,8 +46,8 @@ def poisson(count: int, hours: float, confidence: float = CONFIDENCE) -> Rate:
     if hours <= 0:
         return Rate(count, 0.0, None, None, None)
     tail = (1.0 - confidence) / 2.0
-    low = chi2.ppf(tail, 2 * count) / 2.0 if count else 0.0
-    high = chi2.ppf(1.0 - tail, 2 * count + 2) / 2.0
+    low = scipy.stats.chi2.ppf(tail, 2 * count) / 2.0 if count else 0.0
+    high = scipy.stats.chi2.ppf(1.0 - tail, 2 * count + 2) / 2.0
     return Rate(count, hours, count / hours, float(low / hours), float(high / hours))
 
 
@@ -119,7 +117,7 @@ class _Logistic:
     def loss(self, at: float, steepness: float, shift: float) -> float:
         """Return minus the log likelihood; ``shift`` is the logit of the probability that is reached at ``at``."""
         z = exp(steepness) * (self.x - at) + shift
-        return float(-(self.k * log_expit(z) + (self.n - self.k) * log_expit(-z)).sum())
+        return float(-(self.k * scipy.special.log_expit(z) + (self.n - self.k) * scipy.special.log_expit(-z)).sum())
 
     def profile(self, at: float, shift: float) -> float:
         """Return the least loss over all slopes."""
@@ -143,13 +141,13 @@ def _least(function: Callable[[float], float], grid: NDArray[np.float64], **opti
     """Find the minimum of a function that may have several: a coarse look over ``grid`` first."""
     near = int(np.argmin([function(at) for at in grid]))
     bounds = (grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)])
-    return minimize_scalar(function, bounds=bounds, method="bounded", options=options)
+    return scipy.optimize.minimize_scalar(function, bounds=bounds, method="bounded", options=options)
 
 
 def _magnitude(fit: _Logistic, probability: float, separated: bool, confidence: float) -> Magnitude:
-    shift = float(logit(probability))
+    shift = float(scipy.special.logit(probability))
     best = fit.middle if separated else fit.best[0] + shift / exp(fit.best[1])
-    limit = fit.least + float(chi2.ppf(confidence, 1)) / 2.0
+    limit = fit.least + float(scipy.stats.chi2.ppf(confidence, 1)) / 2.0
 
     def above(at: float) -> float:
         return fit.profile(at, shift) - limit
@@ -166,7 +164,7 @@ def _crossing(above: Callable[[float], float], inside: float, outside: float) ->
     for i in range(1, 201):
         at = inside + i * step
         if above(at) > 0.0:
-            root: Any = brentq(above, last, at, xtol=1e-9) if above(last) <= 0.0 else last
+            root: Any = scipy.optimize.brentq(above, last, at, xtol=1e-9) if above(last) <= 0.0 else last
             return float(root)
         last = at
     return None
@@ -187,7 +185,7 @@ class McNemar:
 def mcnemar(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> McNemar:
     """Make an exact paired comparison of two outcomes (n,) of the same trials."""
     b, c = int((first & ~second).sum()), int((~first & second).sum())
-    p = 1.0 if b + c == 0 else float(binomtest(b, b + c, 0.5).pvalue)
+    p = 1.0 if b + c == 0 else float(scipy.stats.binomtest(b, b + c, 0.5).pvalue)
     both, neither = int((first & second).sum()), int((~first & ~second).sum())
     return McNemar(both, b, c, neither, p, b / c if c else None)
 
@@ -211,5 +209,5 @@ def paired_difference(
     n, b, c = len(first), int((first & ~second).sum()), int((~first & second).sum())
     value, apart, whole = (b - c) / n, (b - c) / (n + 2.0), n + 2.0
     spread = float(np.sqrt(max((b + c + 1.0) - (b - c) ** 2 / whole, 0.0)) / whole)
-    half = float(norm.ppf((1.0 + confidence) / 2.0)) * spread
+    half = float(scipy.stats.norm.ppf((1.0 + confidence) / 2.0)) * spread
     return Difference(value, max(apart - half, -1.0), min(apart + half, 1.0))

@@ -16,8 +16,8 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+import scipy  # its parts are imported when first used: few flights are measured
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from rig.assess.requirements.formula import COMPARISONS, Node
 from rig.errors import BadInput
@@ -223,12 +223,12 @@ def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
 
 def least_of(of: Floats, width: int) -> Floats:
     """Return (2, C, n) the least of each ``width`` neighbours of (2, C, n + width - 1); NaN only where all are."""
-    return of if width == 1 else _extreme_of(of, width, minimum_filter1d, np.inf)
+    return of if width == 1 else _extreme_of(of, width, scipy.ndimage.minimum_filter1d, np.inf)
 
 
 def largest_of(of: Floats, width: int) -> Floats:
     """Return what ``least_of`` does, of the largest."""
-    return of if width == 1 else _extreme_of(of, width, maximum_filter1d, -np.inf)
+    return of if width == 1 else _extreme_of(of, width, scipy.ndimage.maximum_filter1d, -np.inf)
 
 
 def _extreme_of(of: Floats, width: int, filtered: Callable[..., Floats], none: float) -> Floats:
