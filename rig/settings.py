@@ -13,6 +13,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from datetime import date, time
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, Final, TypeVar, get_args
 
@@ -228,18 +229,21 @@ def numbers(model: type[BaseModel]) -> list[tuple[str, str]]:
 
 def fill(row: Any, *models: BaseModel, **derived: Any) -> None:
     """Write settings into one record as ``record`` does."""
-    if strange := derived.keys() - set(row.dtype.names):
+    names = row.dtype.names
+    if strange := derived.keys() - set(names):
         raise TypeError(f"no field of the record: {', '.join(sorted(strange))}")
-    for name in row.dtype.names:
-        value = derived[name] if name in derived else _value(models, name)
+    for name, place in zip(names, _places(names, tuple(map(type, models))), strict=True):
+        value = derived[name] if name in derived else None if place is None else getattr(models[place], name)
         if value is None:
             raise TypeError(f"nothing fills the record's field {name}")
         row[name] = value
 
 
-def _value(models: tuple[BaseModel, ...], name: str) -> Any:
-    """Return the first model's setting of this name; None where there is none."""
-    return next((getattr(model, name) for model in models if name in type(model).model_fields), None)
+@lru_cache
+def _places(names: tuple[str, ...], models: tuple[type[BaseModel], ...]) -> tuple[int | None, ...]:
+    """Return for each name the place of the first model with a setting of that name; None where there is none."""
+    fields = [model.model_fields.keys() for model in models]
+    return tuple(next((i for i, of in enumerate(fields) if name in of), None) for name in names)
 
 
 def share_in_frame(time_constant_s: float, rate_hz: float) -> float:
