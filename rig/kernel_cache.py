@@ -160,6 +160,7 @@ def _describe(name: str, value: Any, names: tuple[str, ...], described: list[str
     """Add what a name leads to: to ``called`` if it is a function, else in words to ``described``."""
     value = getattr(value, "py_func", value)  # of a compiled kernel
     value = getattr(value, "_defn", value)  # of numba's intrinsics
+    value = value.__wrapped__ if hasattr(value, "cache_parameters") else value  # of functools.cache
     described.append(f"{name} = {_words(value)}")
     if isinstance(value, FunctionType):
         called.append(value)

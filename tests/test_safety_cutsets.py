@@ -159,7 +159,7 @@ def test_a_folder_that_was_asked_otherwise_is_refused(tmp_path: Path):
             begin(tmp_path / "out", other.as_dict())
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "notes.txt").write_text("mine")
-    with pytest.raises(BadInput, match="no folder of cut sets, and not empty"):
+    with pytest.raises(BadInput, match="not a folder of cut sets, and not empty"):
         begin(tmp_path / "x", small().as_dict())
 
 
