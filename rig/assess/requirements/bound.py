@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rig.assess.requirements.formula import CHANNEL, COMPARISONS, SIGNAL, Formula, Node, read_formula
-from rig.assess.requirements.instants import Measured
+from rig.assess.requirements.instants import Over
 from rig.assess.requirements.margins import frames_reach, refuse_empty_windows
 from rig.assess.requirements.requirement import Requirement
 from rig.assess.requirements.subject import Quantity, Subject, Watched, holds, lookup, unknown_of
@@ -34,10 +34,46 @@ class _About:
     subject: Subject
 
 
-def bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quantity]) -> list[Measured]:
-    """Return the formulas of a requirement on the subject's signals; their ``quantities`` are added.  BadInput."""
-    measured: list[Measured] = []
+class Formulas(NamedTuple):
+    """The formulas of requirements over a subject, and the quantities of their columns: those of the twin last."""
+
+    over: tuple[Over, ...]
+    quantities: tuple[Quantity, ...]
+    own: int  # of the subject
+
+
+_KEPT: Final = 16  # cases of a campaign that differ in the signals with faults
+_LATEST: list[tuple[Sequence[Requirement], _About, tuple[str, ...], Formulas]] = []
+
+
+def formulas_of(requirements: Sequence[Requirement], subject: Subject) -> Formulas:
+    """Return the formulas of requirements, read once for the flights of a campaign, which ask for the same.  BadInput.
+
+    Quantities of a family are neighbours, and so are the channels of a signal.
+    """
     about = _about(subject.signals, subject.discretes, subject.offers, subject.called, subject.rate_hz)
+    for asked, over, faulted, formulas in _LATEST:
+        if asked is requirements and over is about and faulted == subject.faulted:
+            return formulas
+    named = dict[str, Quantity]()
+    over = [each for requirement in requirements for each in _bind(requirement, subject, about, named)]
+    quantities = sorted(named.values(), key=_neighbours)
+    order = {quantity.name: i for i, quantity in enumerate(quantities)}
+    own = sum(not quantity.parts.twin for quantity in quantities)
+    formulas = Formulas(tuple(each.placed(order) for each in over), tuple(quantities), own)
+    if isinstance(requirements, tuple):  # what nobody changes
+        _LATEST[:] = [(requirements, about, subject.faulted, formulas), *_LATEST[: _KEPT - 1]]
+    return formulas
+
+
+def _neighbours(quantity: Quantity) -> tuple[bool, str, bool, int, int]:
+    parts, discrete = quantity.parts, quantity.discrete >= 0
+    return parts.twin, parts.family, discrete, max(quantity.signal, quantity.discrete), parts.channel
+
+
+def _bind(requirement: Requirement, subject: Subject, about: _About, quantities: dict[str, Quantity]) -> list[Over]:
+    """Return the formulas of a requirement on the subject's signals; their ``quantities`` are added."""
+    bound_to: list[Over] = []
     for signal, text in _texts(requirement, subject):
         try:
             bound = _bound(text, about)
@@ -47,12 +83,12 @@ def bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quant
             raise BadInput(f"{requirement.where}: formula: {error}") from None
         quantities |= {each.name: each for each in bound.quantities}
         root, names, scales = bound.formula.root, bound.formula.names, _scales(requirement, bound)
-        last = measured[-1] if measured else None
+        last = bound_to[-1] if bound_to else None
         if last is not None and last.signal == signal and last.root is root and last.scales == scales:
             last.names.append(names)  # of the next channel
         else:
-            measured.append(Measured(requirement, signal, root, [names], scales, bound.back, bound.ahead))
-    return measured
+            bound_to.append(Over(requirement, signal, root, [names], scales, bound.back, bound.ahead, [], []))
+    return bound_to
 
 
 def _signals(requirement: Requirement, subject: Subject) -> list[str]:

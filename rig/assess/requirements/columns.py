@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.requirements.margin_kernels import counts_of_channels
 from rig.assess.requirements.subject import Quantity, Subject
 from rig.frame import CHANNELS, INDEX, Block, End, State, UnitStatus
 from rig.units.angles import differences
@@ -28,7 +29,7 @@ class Columns:
     def __init__(self, quantities: Sequence[Quantity], subject: Subject) -> None:
         self._subject, self._quantities = subject, quantities
         self._fillers = [
-            (np.array(rows), self._filler(family, discrete, [quantities[i] for i in rows]))
+            (_together(rows), self._filler(family, discrete, [quantities[i] for i in rows]))
             for (family, discrete), rows in _grouped(quantities).items()
         ]
 
@@ -61,7 +62,7 @@ class Columns:
             case "failed":
                 return lambda rows: state(rows) == State.FAILED
             case "count":
-                return _Counts(state, np.array([[each.persistence] for each in watched])).of
+                return _Counts(state, np.array([each.persistence for each in watched])).of
             case "healthy":
                 acting = [
                     _faults_on(self._subject, each.name, q.parts.channel) for each, q in zip(watched, of, strict=True)
@@ -79,6 +80,11 @@ def _grouped(quantities: Iterable[Quantity]) -> dict[tuple[str, bool], list[int]
     for i, quantity in enumerate(quantities):
         groups.setdefault((quantity.parts.family, quantity.discrete >= 0), []).append(i)
     return groups
+
+
+def _together(rows: list[int]) -> slice | list[int]:
+    """Return rows as a slice where they are neighbours."""
+    return slice(rows[0], rows[-1] + 1) if rows == list(range(rows[0], rows[-1] + 1)) else rows
 
 
 def _of_field(field: str, places: list[int]) -> Callable[[Block], Any]:
@@ -108,26 +114,18 @@ def _nothing_acts(rows: Block, faults: list[list[int]]) -> NDArray[np.bool_]:
 
 
 class _Counts:
-    """Frames in a row that channels are suspect, over their persistence; 1 where they are failed.
-
-    Below 1 before: a count may stand still while a pattern without a majority lasts.
-    """
+    """Frames in a row that channels are suspect, over their persistence; 1 where they are failed."""
 
     def __init__(self, state: Callable[[Block], Any], persistence: NDArray[np.int64]) -> None:
         self._state, self._persistence = state, np.maximum(persistence, 1)
-        self._before = np.zeros(persistence.shape, np.int64)  # frames in a row up to the last block
+        self._before = np.zeros(len(persistence), np.int64)  # frames in a row up to the last block
 
     def of(self, rows: Block) -> Floats:
         """Return (m, n)."""
-        state, n = self._state(rows), len(rows)
-        if not (state == State.SUSPECT).any():
-            self._before = np.zeros_like(self._before)
-            return np.where(state == State.FAILED, 1.0, 0.0)
-        place = np.arange(n)
-        last_unset = np.maximum.accumulate(np.where(state != State.SUSPECT, place, -1), axis=1)
-        run = place - last_unset + np.where(last_unset < 0, self._before, 0)
-        self._before = run[:, -1:]
-        return np.where(state == State.FAILED, 1.0, np.minimum(run, self._persistence - 1) / self._persistence)
+        state = self._state(rows)
+        out = np.empty(state.shape)
+        counts_of_channels(state, self._persistence, self._before, out)
+        return out
 
 
 class _Departure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,38 +27,51 @@ class Least:
     numbers: list[float] = field(default_factory=list)
 
 
-@dataclass(slots=True)
-class Measured:
-    """One formula of a requirement on one signal, while it is measured: on C channels at once if it is of each."""
+class Over(NamedTuple):
+    """One formula of a requirement over one signal, and where its numbers are: on C channels at once if of each."""
 
     requirement: Requirement
     signal: str
     root: Node
     names: list[tuple[str, ...]]  # C, of its quantities
-    scales: list[float]
+    scales: list[float]  # of its comparisons
     back: int  # frames
     ahead: int
-    pending: list[int] = field(default_factory=list)  # instants
-    places: list[list[int]] = field(default_factory=list)  # C, of the names among all columns
-    rows: list[slice | list[int]] = field(default_factory=list)  # of each name: places, or one that all have in common
-    least: Least = field(default_factory=Least)
-    drawn: int = 0  # frames whose margins are in ``line``
-    line: list[NDArray[np.float64]] = field(default_factory=list)
+    places: list[list[int]]  # C, of the names among all columns
+    rows: list[slice | list[int]]  # of each name: places, or one that all have in common
 
     @property
     def key(self) -> tuple[str, str]:
         """Requirement and signal, which it has in common with the other channels."""
         return self.requirement.id, self.signal
 
-    def place(self, order: dict[str, int]) -> None:
-        """Take the places of the names among all columns."""
-        self.places = [[order[name] for name in names] for names in self.names]
-        every = [list(of) for of in zip(*self.places, strict=True)]
-        self.rows = [slice(of[0], of[0] + 1) if len(set(of)) == 1 else of for of in every]
+    def placed(self, order: dict[str, int]) -> Over:
+        """Return it with the places of the names among all columns."""
+        places = [[order[name] for name in names] for names in self.names]
+        return self._replace(places=places, rows=[_rows(list(of)) for of in zip(*places, strict=True)])
+
+
+def _rows(places: list[int]) -> slice | list[int]:
+    """Return the rows of a name on each channel: a slice costs no copy."""
+    first, count = places[0], len(places)
+    if places == [first] * count:
+        return slice(first, first + 1)
+    return slice(first, first + count) if places == list(range(first, first + count)) else places
+
+
+@dataclass(slots=True)
+class Measured:
+    """A formula while it is measured."""
+
+    over: Over
+    pending: list[int] = field(default_factory=list)  # instants
+    least: Least = field(default_factory=Least)
+    drawn: int = 0  # frames whose margins are in ``line``
+    line: list[NDArray[np.float64]] = field(default_factory=list)
 
     def held(self, columns: NDArray[np.float64], first: int, rate_hz: float, end: tuple[int | None, bool]) -> Held:
         """Return the columns as this formula reads them."""
-        return Held(columns, first, self.rows, self.scales, rate_hz, *end, seen={})
+        return Held(columns, first, self.over.rows, self.over.scales, rate_hz, *end, seen={})
 
 
 class Instants:
@@ -67,8 +80,8 @@ class Instants:
     def __init__(self, measured: Sequence[Measured], subject: Subject) -> None:
         self._measured, self._subject = measured, subject
         self._acted = np.zeros(64, np.uint8)
-        self._levels: NDArray[Any] | None = None
-        kinds = {formula.requirement.at for formula in measured}
+        self._were_lost: NDArray[Any] | None = None  # lost in the last row; None: no signal
+        kinds = {formula.over.requirement.at for formula in measured}
         self._onsets, self._losses = "each onset" in kinds, "each loss" in kinds
         names = [watched.name for watched in subject.signals]
         self._places = {name: i for i, name in enumerate(names)}
@@ -78,13 +91,13 @@ class Instants:
         onsets = self._onsets_in(rows) if self._onsets else []
         losses = self._losses_in(rows) if self._losses else {}
         for formula in self._measured:
-            match formula.requirement.at:
+            match formula.over.requirement.at:
                 case "start":
                     formula.pending += [0] if first == 0 else []
                 case "each onset":
                     formula.pending += [first + k for k in onsets]
                 case "each loss":
-                    signals = [formula.signal] if formula.signal else _signals_of_loss(formula, self._subject)
+                    signals = [formula.over.signal] if formula.over.signal else _signals_of_loss(formula, self._subject)
                     lost = {k for name in signals for k in losses.get(self._places[name], ())}
                     formula.pending += [first + k for k in sorted(lost)]
 
@@ -100,14 +113,17 @@ class Instants:
     def _losses_in(self, rows: Block) -> dict[int, list[int]]:
         """Return, by signal, the rows in which its level becomes 0."""
         lost = rows["level"][:, : len(self._places)] == 0
-        before = np.zeros(lost.shape[1], bool) if self._levels is None else self._levels
+        if not lost.any():
+            self._were_lost = None
+            return {}
+        before = np.zeros(lost.shape[1], bool) if self._were_lost is None else self._were_lost
         began = lost & ~np.vstack([before, lost[:-1]])
-        self._levels = lost[-1].copy()
+        self._were_lost = lost[-1].copy()
         return {int(s): np.flatnonzero(began[:, s]).tolist() for s in np.flatnonzero(began.any(axis=0))}
 
 
 def _signals_of_loss(formula: Measured, subject: Subject) -> list[str]:
-    given = formula.requirement.signals
+    given = formula.over.requirement.signals
     if isinstance(given, list):
         return given
     return [watched.name for watched in subject.signals] if given == "*" else list(subject.faulted)

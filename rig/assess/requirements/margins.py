@@ -12,20 +12,23 @@ and of the unbounded until from a on.  The rule for a lost aircraft is ours.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-import scipy  # its parts are imported when first used: few flights are measured
 from numpy.typing import NDArray
 
 from rig.assess.requirements.formula import COMPARISONS, Node
+from rig.assess.requirements.margin_kernels import (
+    least_of_windows,
+    margins_of_comparison,
+    margins_of_flags,
+    until_backwards,
+)
 from rig.errors import BadInput
 from rig.faults.grammar import Op
-from rig.kernels import kernel
 
 Floats = NDArray[np.float64]
-MOST: Final = 1000.0  # JSON has no infinity
 _REMEMBERED: Final = 8192  # frames of a condition, so that memory stays bounded
 _SLACK: Final = 1e-6  # of a frame: a time on a frame is that frame
 
@@ -50,7 +53,7 @@ class Held(NamedTuple):
 
     def on(self, channel: int) -> Held:
         """Return what is held of one channel."""
-        rows = [of if isinstance(of, slice) else slice(of[channel], of[channel] + 1) for of in self.rows]
+        rows = [_row(of, channel) for of in self.rows]
         return self._replace(rows=rows, channel=channel)
 
     def known(self, node: Node, a: int, b: int) -> Floats | None:
@@ -71,6 +74,15 @@ class Held(NamedTuple):
     def of(self, place: int, lo: int, hi: int) -> Floats:
         """Return the quantity in the frames ``lo`` to ``hi``, (1, n) or (C, n)."""
         return self.columns[self.rows[place], lo - self.first : hi + 1 - self.first]
+
+
+def _row(rows: slice | list[int], channel: int) -> slice:
+    """Return the row of one channel; rows : of each, or one that all have in common."""
+    if isinstance(rows, list):
+        row = rows[channel]
+    else:
+        row = rows.start if rows.stop - rows.start == 1 else rows.start + channel
+    return slice(row, row + 1)
 
 
 def frames_of(node: Node, rate_hz: float) -> tuple[int, int]:
@@ -169,30 +181,20 @@ def values_at(node: Node, instants: Sequence[int], channels: int, held: Held) ->
 
 def _yes_no(column: Floats, sign: int) -> Floats:
     out = np.empty((2, *column.shape))
-    out[:] = np.where(column != 0.0, 1.0, -1.0)
-    return _with_nan(out, column, sign)
+    margins_of_flags(column, sign, out)
+    return out
 
 
 def _compared(node: Node, a: int, b: int, held: Held) -> Floats:
     left, right = (number(part, a, b, held) for part in node.parts)
-    if node.op in (Op.LESS, Op.LESS_EQUAL):
-        apart = right - left
-    else:
-        apart = left - right
-        if node.op in (Op.EQUAL, Op.NOT_EQUAL):
-            apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
-    out = np.empty((2, *(np.shape(apart) or (1, b - a + 1))))
-    out[0] = np.where(apart > 0.0 if node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL) else apart >= 0.0, 1.0, -1.0)
-    np.divide(apart, held.scales[node.place], out=out[1])
-    np.minimum(np.maximum(out[1], -MOST, out=out[1]), MOST, out=out[1])
-    return _with_nan(out, out[1], node.sign)
-
-
-def _with_nan(out: Floats, of: Floats, sign: int) -> Floats:
-    """Violate what is no number, whatever is negated; out : (2, C, n) of ``of`` (C, n), in place."""
-    wrong = np.isnan(of)
-    if wrong.any():
-        out[0, wrong], out[1, wrong] = -sign, -sign * MOST
+    apart = right - left if node.op in (Op.LESS, Op.LESS_EQUAL) else left - right
+    if node.op in (Op.EQUAL, Op.NOT_EQUAL):
+        apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
+    if not isinstance(apart, np.ndarray):  # of two numbers
+        apart = np.full((1, b - a + 1), apart)
+    out = np.empty((2, *apart.shape))
+    strict = node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL)
+    margins_of_comparison(apart, strict, held.scales[node.place], node.sign, out)
     return out
 
 
@@ -223,25 +225,20 @@ def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
 
 def least_of(of: Floats, width: int) -> Floats:
     """Return (2, C, n) the least of each ``width`` neighbours of (2, C, n + width - 1); NaN only where all are."""
-    return of if width == 1 else _extreme_of(of, width, scipy.ndimage.minimum_filter1d, np.inf)
+    return _extremes(of, width, 1.0)
 
 
 def largest_of(of: Floats, width: int) -> Floats:
     """Return what ``least_of`` does, of the largest."""
-    return of if width == 1 else _extreme_of(of, width, scipy.ndimage.maximum_filter1d, -np.inf)
+    return _extremes(of, width, -1.0)
 
 
-def _extreme_of(of: Floats, width: int, filtered: Callable[..., Floats], none: float) -> Floats:
-    """Return the extremes; none : what is no extreme beside any number."""
-    missing = np.isnan(of)
-    gaps = bool(missing.any())
-    filled = np.where(missing, none, of) if gaps else of
-    count = filled.shape[-1] - width + 1
-    if count == 1:
-        extremes = (filled.min if none > 0.0 else filled.max)(axis=-1, keepdims=True)
-    else:
-        extremes = filtered(filled, width, axis=-1)[..., width // 2 : width // 2 + count]
-    return np.where(extremes == none, np.nan, extremes) if gaps else extremes
+def _extremes(of: Floats, width: int, sign: float) -> Floats:
+    if width == 1:
+        return of
+    out = np.empty((*of.shape[:2], of.shape[2] - width + 1))
+    least_of_windows(of, width, sign, np.empty(of.shape[2], np.int64), out)
+    return out
 
 
 def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:
@@ -276,16 +273,6 @@ def _until(node: Node, a: int, b: int, held: Held) -> Floats:
     return out
 
 
-@kernel
-def until_backwards(p, q, out):
-    """Fill ``out`` (m, n) with p until q to the end of the rows, p and q (m, n)."""
-    for i in range(p.shape[0]):
-        last = -np.inf
-        for k in range(p.shape[1] - 1, -1, -1):
-            last = max(q[i, k], min(p[i, k], last))
-            out[i, k] = last
-
-
 def decisive(node: Node, k: int, held: Held) -> int:
     """Return the frame whose numbers give the margin of a condition in frame ``k``, on one channel."""
     if node.op == Op.HOLDS or node.op in COMPARISONS:
@@ -310,12 +297,11 @@ def decisive(node: Node, k: int, held: Held) -> int:
 
 
 def _extreme(margins: Floats, least: bool) -> int | None:
+    chosen = int(margins.argmin() if least else margins.argmax()) if len(margins) else -1
+    if chosen < 0 or not np.isnan(margins[chosen]):  # numpy finds a NaN first
+        return None if chosen < 0 else chosen
     missing = np.isnan(margins)
-    if missing.all():
-        return None
-    if missing.any():
-        margins = np.where(missing, np.inf if least else -np.inf, margins)
-    return int(margins.argmin() if least else margins.argmax())
+    return None if missing.all() else _extreme(np.where(missing, np.inf if least else -np.inf, margins), least)
 
 
 def _decisive_until(node: Node, k: int, held: Held) -> int:

@@ -8,13 +8,13 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.requirements.bound import bind
+from rig.assess.requirements.bound import formulas_of
 from rig.assess.requirements.columns import Columns, TwinColumns
 from rig.assess.requirements.formula import body
 from rig.assess.requirements.instants import Instants, Least, Measured
 from rig.assess.requirements.margins import decisive, frames_reach, values, values_at
 from rig.assess.requirements.requirement import Requirement
-from rig.assess.requirements.subject import Quantity, Subject
+from rig.assess.requirements.subject import Subject
 from rig.errors import BadInput
 from rig.frame import Block, End
 
@@ -55,26 +55,20 @@ class RequirementsRecorder:
         lines : keep the margin of each frame too, 8 bytes for each formula
         """
         self._lines = lines
-        self.subject, quantities = subject, dict[str, Quantity]()
-        self.requirements = tuple(requirements)
-        self.measured = [formula for each in requirements for formula in bind(each, subject, quantities)]
-        own = [q for q in quantities.values() if not q.parts.twin]
-        of_twin = [q for q in quantities.values() if q.parts.twin]
-        self.quantities = [*own, *of_twin]
-        order = {q.name: i for i, q in enumerate(self.quantities)}
-        leasts = dict[tuple[str, str], Least]()
-        for formula in self.measured:
-            formula.place(order)
-            formula.least = leasts.setdefault(formula.key, formula.least)
+        self.subject, self.requirements = subject, tuple(requirements)
+        over, self.quantities, own = formulas_of(requirements, subject)
+        leasts = {each.key: Least() for each in over}
+        self.measured = [Measured(each, least=leasts[each.key]) for each in over]
+        of_twin = self.quantities[own:]
         if of_twin and twin is None:
             raise BadInput(f"{of_twin[0].name}: {subject.called} has no twin here")
-        self._own, self._columns = len(own), Columns(own, subject)
+        self._own, self._columns = own, Columns(self.quantities[:own], subject)
         self._twin = None if twin is None or not of_twin else TwinColumns(twin, Columns(of_twin, subject))
         self._memory, self._start = np.empty((len(self.quantities), _ROOM)), 0
         self._batch: Block | None = None  # rows that are put together; how many
         self._batched = 0
         self._first = self._end = 0  # frames that are held
-        self._back = max((formula.back for formula in self.measured), default=0)
+        self._back = max((formula.over.back for formula in self.measured), default=0)
         self._lost = False
         self._instants = Instants(self.measured, subject)
 
@@ -119,13 +113,14 @@ class RequirementsRecorder:
         self._lost = bool(rows["end"][-1] != End.FLYING)
         needed = self._end - self._back
         for formula in self.measured:
-            if formula.pending and formula.pending[0] + formula.ahead < self._end:
-                self._measure(formula, [k for k in formula.pending if k + formula.ahead < self._end], (None, False))
+            back, ahead = formula.over.back, formula.over.ahead
+            if formula.pending and formula.pending[0] + ahead < self._end:
+                self._measure(formula, [k for k in formula.pending if k + ahead < self._end], (None, False))
             if self._lines:
                 self._draw(formula, None, False)
-                needed = min(needed, formula.drawn - formula.back)
+                needed = min(needed, formula.drawn - back)
             if formula.pending:
-                needed = min(needed, formula.pending[0] - formula.back)
+                needed = min(needed, formula.pending[0] - back)
         self._start, self._first = self._start + max(needed - self._first, 0), max(self._first, needed)
 
     def finish(self) -> tuple[Verdict, ...]:
@@ -135,8 +130,8 @@ class RequirementsRecorder:
             self._measure(formula, list(formula.pending), (self._end, self._lost))
             self._draw(formula, self._end, self._lost)
         verdicts = {each.id: list[Verdict]() for each in self.requirements}
-        for formula in {formula.key: formula for formula in self.measured}.values():
-            verdicts[formula.requirement.id].append(self._verdict(formula))
+        for (id_, _), formula in {formula.over.key: formula for formula in self.measured}.items():
+            verdicts[id_].append(self._verdict(formula))
         return tuple(verdict for id_, all_of in verdicts.items() for verdict in all_of or [not_applicable(id_)])
 
     def _room(self, n: int) -> NDArray[np.float64]:
@@ -161,8 +156,8 @@ class RequirementsRecorder:
         columns = self._memory[:, self._start : self._start + self._end - self._first]
         held = formula.held(columns, self._first, self.subject.rate_hz, end)
         with np.errstate(all="ignore"):
-            of, least_at = formula.least, None
-            measured = values_at(formula.root, instants, len(formula.names), held)
+            of, over, least_at = formula.least, formula.over, None
+            measured = values_at(over.root, instants, len(over.names), held)
             for channel, (verdicts, margins) in enumerate(measured.transpose(1, 0, 2).tolist()):
                 for k, verdict, margin in zip(instants, verdicts, margins, strict=True):
                     if (margin, verdict) < of.least:  # not where it is NaN
@@ -170,15 +165,15 @@ class RequirementsRecorder:
             if least_at is None:
                 return
             channel, k = least_at
-            of.names, of.places = formula.names[channel], formula.places[channel]
-            of.instant = decisive(formula.root, k, held.on(channel))
+            of.names, of.places = over.names[channel], over.places[channel]
+            of.instant = decisive(over.root, k, held.on(channel))
         of.numbers = columns[of.places, of.instant - self._first].tolist()
 
     def _draw(self, formula: Measured, frames: int | None, lost: bool) -> None:
         """Add the margins of the frames that can be told: of what the formula says of each frame."""
         if not self._lines:
             return
-        node = body(formula.root)
+        node = body(formula.over.root)
         end = self._end if frames is not None else self._end - frames_reach(node, self.subject.rate_hz)[1]
         if end > formula.drawn:
             columns = self._memory[:, self._start : self._start + self._end - self._first]
@@ -194,20 +189,20 @@ class RequirementsRecorder:
         """
         lines: dict[tuple[str, str], NDArray[np.float64]] = {}
         for formula in self.measured:
-            key, line = formula.key, np.concatenate([np.empty(0), *formula.line])
+            key, line = formula.over.key, np.concatenate([np.empty(0), *formula.line])
             lines[key] = np.fmin(lines[key], line) if key in lines else line
         return lines
 
     def _verdict(self, formula: Measured) -> Verdict:
         """Return what became of a formula."""
-        least = formula.least
+        (id_, signal), least = formula.over.key, formula.least
         margin, verdict = least.least
         if least.instant < 0:
-            return not_applicable(formula.requirement.id, formula.signal)
+            return not_applicable(id_, signal)
         numbers = {
             name: (value, self.quantities[place].unit)
             for name, place, value in zip(least.names, least.places, least.numbers, strict=True)
         }
         status: Status = "met" if verdict > 0.0 else "violated"
         at_s = least.instant / self.subject.rate_hz
-        return Verdict(formula.requirement.id, formula.signal, status, margin + 0.0, at_s, numbers)  # 0.0, never -0.0
+        return Verdict(id_, signal, status, margin + 0.0, at_s, numbers)  # 0.0, never -0.0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
-from rig.assess.monitored import channels_of, of_scenario
+from rig.assess.monitored import channels_of, settings_of
 from rig.assess.requirements.formula import CHANNEL_ERROR, OF_CHANNELS, YES_NO, Name, split, unknown_family
 from rig.faults.places import SURFACE_NAMES
 from rig.frame import CHANNELS, DISCRETES, FLIGHT_INDEX, SIGNALS
@@ -19,6 +19,7 @@ OF_RECORDINGS: Final = frozenset(("voted", "channel", "reference", "threshold", 
 WITH_TRUTH: Final = frozenset((*OF_RECORDINGS, "truth", "error", CHANNEL_ERROR))
 EVERYTHING: Final = frozenset((*WITH_TRUTH, "healthy", "surface", "flight", "departure", "lost", "unit.late"))
 
+_SETTINGS: Final = ("fitted", "threshold", "persistence")  # of config.PARAMS
 _SAMPLED: Final = ("channel", CHANNEL_ERROR)
 _NOT_OF_DISCRETES: Final = ("reference", "error", "threshold", *_SAMPLED)
 
@@ -69,15 +70,12 @@ class Quantity(NamedTuple):
 
 def of_flight(scenario: Scenario) -> Subject:
     """Return a flight as a subject."""
-    monitored = of_scenario(scenario)
-    params, suite = monitored.params, scenario.sensors
-    signals = [
-        Watched(s.name, s.unit, s.wraps, int(p["fitted"]), float(p["threshold"]), int(p["persistence"]))
-        for s, p in zip(SIGNALS, params, strict=True)
-    ]
+    params, of_discretes = settings_of(scenario)
+    suite, settings = scenario.sensors, zip(*(params[name].tolist() for name in _SETTINGS), strict=True)
+    signals = [Watched(s.name, s.unit, s.wraps, *each) for s, each in zip(SIGNALS, settings, strict=True)]
     discretes = [
-        Watched(d.name, "", False, getattr(suite, d.name).channels, 1.0, int(record["linger"]))
-        for d, record in zip(DISCRETES, monitored.discretes, strict=True)
+        Watched(d.name, "", False, getattr(suite, d.name).channels, 1.0, persistence)
+        for d, persistence in zip(DISCRETES, of_discretes["persistence"].tolist(), strict=True)
     ]
     faults = tuple(tuple(channels_of(fault)) for fault in scenario.faults)
     names = [watched.name for watched in signals]
