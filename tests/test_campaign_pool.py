@@ -6,6 +6,8 @@ import subprocess
 import sys
 import time
 
+import pytest
+
 from rig.campaign.pool import each
 
 SLOW = """
@@ -39,3 +41,20 @@ def test_a_termination_does_not_wait_for_the_cases_that_have_not_begun(tmp_path)
         time.sleep(0.05)
     os.kill(process.pid, signal.SIGTERM)
     assert process.wait(timeout=20) == 128 + signal.SIGTERM
+
+
+class Pressed(list[int]):
+    """Cases of which Ctrl-C is pressed while one is handed out."""
+
+    def __getitem__(self, place):
+        if isinstance(place, slice) and place.start == 5:
+            signal.raise_signal(signal.SIGINT)
+        return super().__getitem__(place)
+
+
+def test_ctrl_c_while_cases_are_handed_out_is_heeded_after_it_and_python_has_its_handler_back():
+    """One that lands within the executor leaves the lock of its queue held: the process never ended."""
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        list(each(double, Pressed(range(20)), 2))
+    assert signal.getsignal(signal.SIGINT) is before

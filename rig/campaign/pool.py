@@ -13,14 +13,18 @@ import signal
 import sys
 import tempfile
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import wait as wait_for
 from contextlib import contextmanager
+from itertools import islice
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
 from typing import Any, Final, TypeVar
 
 from rig.errors import BadInput, RigError
+from rig.util.interrupt import interruptible
 
 ANSWER_S: Final = 5.0  # how long a scheduler may take to answer
 _METHOD: Final = "forkserver" if sys.platform == "linux" else "spawn"
@@ -32,6 +36,8 @@ _SETTINGS: Final = {
     "MALLOC_TRIM_THRESHOLD_": str(1 << 30),
     "PYTHONSAFEPATH": "1",  # no module of the present folder
 }
+_AHEAD: Final = 4  # parts for each worker that are handed out before they are asked for
+_LOOK_S: Final = 0.2  # between two looks whether the process is to end
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -142,13 +148,29 @@ def each(
 ) -> Iterator[Result]:
     """Yield ``function`` of every item, in their order, from several processes; an interruption begins no more of them.
 
+    It is heeded between two looks: one that tore the executor's queues would leave a lock held, and waiting threads.
     begin : ``initializer``, ``initargs`` and ``mp_context`` of a worker, as of ProcessPoolExecutor
     """
-    with ProcessPoolExecutor(workers, **begin) as executor:
+    parts = iter([items[i : i + chunk] for i in range(0, len(items), chunk)])
+    with interruptible() as stop, ProcessPoolExecutor(workers, **begin) as executor:
+        out: deque[Future[list[Result]]] = deque()
         try:
-            yield from executor.map(function, items, chunksize=chunk)
+            while True:
+                begun = islice(parts, _AHEAD * workers - len(out))
+                out.extend(executor.submit(_every, function, part) for part in begun)
+                if not out:
+                    return
+                while not wait_for([out[0]], timeout=_LOOK_S).done:
+                    stop.heed()
+                stop.heed()
+                yield from out.popleft().result()
         finally:
             executor.shutdown(cancel_futures=True)
+
+
+def _every(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    """Do in a worker what is handed out at once."""
+    return [function(item) for item in items]
 
 
 def context() -> Any:

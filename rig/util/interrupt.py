@@ -30,6 +30,11 @@ class Stop:
         """True if SIGTERM or SIGHUP asked for the end: nobody will press Ctrl-C again."""
         return self.signal in TERMINATIONS
 
+    def heed(self) -> None:
+        """End the process as the signal that asked for it would have, if one did."""
+        if self.requested:
+            raise SystemExit(CODE + self.signal) if self.terminated else KeyboardInterrupt
+
 
 @contextmanager
 def interruptible(*, again: bool = False) -> Iterator[Stop]:

@@ -260,8 +260,8 @@ def _until(node: Node, a: int, b: int, held: Held) -> Floats:
     """Return the least of: eventually q; p up to the window; and p until q, without a bound, from there on."""
     first, last = frames_of(node, held.rate_hz)
     left, right = (values(part, a, b + last, held) for part in node.parts)
+    reached = largest_of(right[..., first:], last - first + 1)
     p, q = np.broadcast_arrays(left, right)
-    reached = largest_of(q[..., first:], last - first + 1)
     p = np.where(np.isnan(p), np.inf, p)
     unbounded = np.empty((2, p.shape[1], p.shape[2]))
     q = np.where(np.isnan(q), -np.inf, q)
