@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import UserList
 
 import pytest
 
@@ -43,10 +44,10 @@ def test_a_termination_does_not_wait_for_the_cases_that_have_not_begun(tmp_path)
     assert process.wait(timeout=20) == 128 + signal.SIGTERM
 
 
-class Pressed(list[int]):
+class Pressed(UserList[int]):
     """Cases of which Ctrl-C is pressed while one is handed out."""
 
-    def __getitem__(self, place):
+    def __getitem__(self, place):  # pyright: ignore[reportIncompatibleMethodOverride] # of slices, as each takes them
         if isinstance(place, slice) and place.start == 5:
             signal.raise_signal(signal.SIGINT)
         return super().__getitem__(place)
