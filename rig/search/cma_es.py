@@ -17,7 +17,7 @@ from rig.search.space import Point
 
 STEP: Final = 0.25  # of the unit cube
 MOST_DOUBLED: Final = 3  # times that a population is doubled
-PATIENCE: Final = 12  # generations without a better flight
+PATIENCE: Final = 24  # generations without a better flight
 NARROW: Final = 1e-3  # of the unit cube: what a search by flights does not resolve
 _RESTARTS: Final = 1  # spawn key of the generators; 0 draws the random flights
 
