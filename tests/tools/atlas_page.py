@@ -19,8 +19,8 @@ COLOURS: Final = (
 )  # fmt: skip
 STYLE: Final = (
     "text{font:13px system-ui,sans-serif;text-anchor:middle;fill:#1d2630}"
-    ".row{text-anchor:end}.soft{fill:#5b6773}"
-    "@media(prefers-color-scheme:dark){.label{fill:#e8edf2}.soft{fill:#a9b4bf}}"
+    ".row{text-anchor:end}.soft{fill:#5b6773}.edge{stroke:#1d2630;stroke-width:2}"
+    "@media(prefers-color-scheme:dark){.label{fill:#e8edf2}.soft{fill:#a9b4bf}.edge{stroke:#e8edf2}}"
 )
 HEAD: Final = """# Worst cases
 
@@ -87,7 +87,7 @@ def _cell(row: Row, x: float, y: float, names: Sequence[str]) -> str:
     fill, ink = next((fill, ink) for bound, fill, ink in COLOURS if margin >= bound)
     name = name_of(row)
     link = f"../faults/worst/{name}.toml" if name in names else f"worst.md#{row['manager']}-{row['aircraft']}"
-    edge = f'stroke="{ink}" stroke-width="1.5"' if name in names else 'stroke="none"'
+    edge = 'class="edge"' if name in names else 'stroke="none"'
     box = f'<rect x="{x + 1}" y="{y + 1}" width="{WIDTH - 2}" height="{HEIGHT - 2}" rx="3" fill="{fill}" {edge}/>'
     text = f'<text x="{x + WIDTH / 2}" y="{y + HEIGHT / 2 + 5}" style="fill:{ink}">{_short(margin)}</text>'
     title = escape(f"{row['scenario']}: {row['why']}")
