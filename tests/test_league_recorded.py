@@ -1,5 +1,6 @@
 """A league of recordings: half of them calibrates, the other half has the faults."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 
 from rig.errors import BadInput
 from rig.league.entrants import BIASED, LASTING, OURS, SHIPPED, entrants
-from rig.league.recorded import BEFORE_S, PIECES, league
+from rig.league.recorded import BEFORE_S, MARGINS, PIECES, league
 from rig.recordings.settings import VoteConfig
 from rig.thresholds.data import Data, load
 from rig.thresholds.design import DataBlock
@@ -20,16 +21,16 @@ RATE_HZ = 50
 
 
 def write(
-    folder: Path, files: int, seconds: int = 20, apart: float = 1.0, noise: float = 0.02, names: str = "xy"
+    folder: Path, files: int, seconds: int = 20, apart: float = 1.0, noise: Sequence[float] = (0.02,), names: str = "xy"
 ) -> None:
-    """Write recordings of signals, noise on channels that differ by constants."""
+    """Write recordings of signals, noise on channels that differ by constants; that of the files in turn."""
     time_s = np.arange(seconds * RATE_HZ) / RATE_HZ
     for i in range(files):
         rng = np.random.default_rng(i)
         columns: dict[str, Any] = {"time_s": time_s}
         for name in names:
             moved = np.sin(time_s + i)[:, None] + apart * np.array([-0.1, 0.02, 0.05, 0.1])
-            samples = moved + noise * rng.standard_normal((len(time_s), 4))
+            samples = moved + noise[i % len(noise)] * rng.standard_normal((len(time_s), 4))
             columns |= {f"{name}.{c + 1}": samples[:, c] for c in range(4)}
         pl.DataFrame(columns).write_csv(folder / f"flight_{i}.csv")
 
@@ -46,16 +47,27 @@ def result(data: Data) -> dict[str, Any]:
     return league(data, CONFIG, entrants("cross-voter,median,league_flights:Limited"))
 
 
-def test_a_level_is_the_least_that_fails_nobody_in_its_half(data: Data, result: dict[str, Any]):
-    """Of the cross-voter: the largest least distance from the median of three frames in a row."""
+def of_three_in_a_row(blocks: Sequence[DataBlock]) -> float:
+    """Return the largest least distance from the median of three frames in a row: the level of the cross-voter."""
+    apart = [np.abs(block.samples - np.median(block.samples, axis=0)) for block in blocks]
+    return max(float(np.lib.stride_tricks.sliding_window_view(x, 3, axis=1).min(axis=2).max()) for x in apart)
+
+
+def test_a_level_is_the_least_that_fails_nobody_in_its_half_and_a_margin(data: Data, result: dict[str, Any]):
     for row in result["levels"]:
-        if row["entrant"] != "cross-voter" or row["signal"] != "x":
-            continue
-        largest = 0.0
-        for block in data.signals["x"][row["half"] :: 2]:
-            apart = np.abs(block.samples - np.median(block.samples, axis=0))
-            largest = max(largest, float(np.lib.stride_tricks.sliding_window_view(apart, 3, axis=1).min(axis=2).max()))
-        assert largest <= row["told"]["threshold"] < 1.05 * largest
+        if row["entrant"] == "cross-voter":
+            margin = row["told"]["threshold"] / of_three_in_a_row(data.signals[row["signal"]][row["half"] :: 2])
+            assert any(chosen <= margin < 1.05 * chosen for chosen in MARGINS)
+
+
+def test_flights_that_are_noisier_than_others_of_their_half_ask_for_a_margin(tmp_path: Path):
+    write(tmp_path, 8, apart=0.0, noise=(0.02, 0.02, 0.036, 0.036), names="x")
+    data = load([tmp_path], CONFIG, "config")
+    for row in league(data, CONFIG, entrants("cross-voter"))["levels"]:
+        if row["entrant"] in (OURS, "cross-voter"):
+            quiet = data.signals["x"][row["half"] :: 4]
+            assert row["told"]["threshold"] > 2.0 * of_three_in_a_row(quiet)
+            assert row["false"] == 0
 
 
 def test_every_piece_has_one_outcome_and_differences_pair_them(result: dict[str, Any]):
@@ -83,7 +95,7 @@ def test_what_is_large_is_found_and_who_fails_nobody_misses_it(result: dict[str,
 
 def test_where_noise_dominates_what_lasts_finds_more(tmp_path: Path):
     """Offsets of a twentieth of the motion, below the noise of a sample."""
-    write(tmp_path, 4, apart=0.1, noise=0.1, names="x")
+    write(tmp_path, 4, apart=0.1, noise=(0.1,), names="x")
     found = league(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
     told = [row["told"] for row in found["levels"] if row["entrant"] == LASTING]
     assert len(told) == 2 and any(0.0 < of["slow_allowance"] < of["slow_limit"] for of in told)

@@ -8,6 +8,7 @@ piece begins BEFORE_S ahead of the fault, so that what learns has learned; the f
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
@@ -20,7 +21,6 @@ from rig.frame import CHANNELS
 from rig.league.entrants import (
     BIASED,
     LASTING,
-    OURS,
     Entrant,
     OfSignal,
     designed_values,
@@ -35,7 +35,7 @@ from rig.league.own_class import voted
 from rig.league.trials import SCHEMA
 from rig.recordings.settings import RecordedSignal, VoteConfig
 from rig.thresholds.data import Data
-from rig.thresholds.design import DataBlock, Grid
+from rig.thresholds.design import DataBlock, Grid, of_one_frame
 from rig.thresholds.healthy import envelope
 from rig.thresholds.lasting import ALLOWANCES, LIMITS, residuals, stale_frames
 from rig.thresholds.monitored import four, outcomes_of, parameters
@@ -46,6 +46,9 @@ PIECES: Final = 48  # of a signal and half
 CHOOSING: Final = 16  # of the calibrating half, by which ours with all that lasts is chosen
 _STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a thousandth of it
 _HIGHEST: Final = 64.0
+_OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
+_COMPARED: Final = ("threshold", "threshold_triplex", "threshold_duplex", *_OUTLIERS)
+MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail nobody
 Faults = Sequence[tuple[str, Kind, float]]
 
 
@@ -63,7 +66,7 @@ def league(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[
         signal = _of_signal(name, data.settings[name], blocks, config)
         for half in (0, 1):
             calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
-            values = _values(entrants, signal, calibrating)
+            values = {entrant.name: _chosen(entrant, signal, calibrating) for entrant in entrants}
             for entrant in entrants:
                 false = isolations(entrant, signal, values[entrant.name], _flights(tested))
                 levels_of = {key: value for key, value in values[entrant.name].items() if isinstance(value, float)}
@@ -87,29 +90,61 @@ def _flights(blocks: Sequence[DataBlock]) -> list[Flight]:
     ]
 
 
-def _values(entrants: Sequence[Entrant], signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, dict[str, Any]]:
-    """Return what each entrant is told: of its levels the least of a grid with which it fails nobody in ``blocks``."""
-    flights, found = _flights(blocks), dict[str, dict[str, Any]]()
-    bound = float(residuals([block.samples for block in blocks], signal.given.wraps).means.max())
-    for entrant in entrants:
+def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, Any]:
+    """Return what an entrant is told: the least levels with which it fails nobody in ``blocks``, and a margin.
+
+    Of ours with all that lasts also the persistence and the limit of the sums.  Taken is what isolates most in those
+    of ``blocks`` that the levels are not from, each half of them in turn: levels that just fail nobody in some flights
+    tell nothing of others.
+    """
+    found = dict(_candidates(entrant, signal, blocks))
+    count = dict.fromkeys(found, 0)
+    for half in (0, 1) if len(found) > 1 and len(blocks) > 1 else ():
+        cut, others = pieces(blocks[1 - half :: 2], CHOOSING, BEFORE_S), blocks[half::2]
+        if cut is not None:
+            faults = [samples for _, samples in _with_faults(cut, blocks[1 - half :: 2], signal)]
+            for name, values in _candidates(entrant, signal, others):
+                if name in count:
+                    count[name] += sum(_isolated(entrant, signal, values, cut, samples) for samples in faults)
+    return found[max(found, key=count.__getitem__)]
+
+
+def _isolated(entrant: Entrant, signal: OfSignal, values: dict[str, Any], cut: Pieces, samples: Any) -> int:
+    """Return in how many pieces the fault is isolated."""
+    return int((_became(entrant, signal, values, cut, samples)[0] == "isolated").sum())
+
+
+def _candidates(
+    entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
+) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
+    """Yield what an entrant may be told by ``blocks``, with the margins over its levels and what else it chooses."""
+    flights = _flights(blocks)
+    if entrant.name == LASTING:
+        yield from _lasting(entrant, signal, blocks)
+    elif entrant.designed:
+        bound = _bound(signal, blocks) if entrant.name == BIASED else 0.0
+        values = _ours(entrant, signal, flights, signal.threshold * _HIGHEST, bound)
+        for margin in MARGINS:
+            yield (margin,), _scaled(values, _COMPARED, margin)
+    else:
         given = measured(entrant, signal, Healthy({signal.name: flights}, 0.0, ""))
         of = with_settings_of(signal, entrant, given)
-        asked = levels(entrant, of)
-        if entrant.name == LASTING:
-            found[entrant.name] = _lasting(entrant, signal, blocks, bound)
-        elif entrant.name == BIASED:
-            found[entrant.name] = _ours(entrant, signal, flights, found[OURS]["threshold"], bound)
-        elif entrant.designed:
-            found[entrant.name] = _ours(entrant, signal, flights, signal.threshold * _HIGHEST)
-        elif asked:
-            highest = {**given, **{level.name: level.default * _HIGHEST for level in asked}}
-            at = first_enough(
-                lambda n, of=of, e=entrant, h=highest: _fails(e, of, scaled(e, of, h, n), flights), _STEPS
-            )
-            found[entrant.name] = scaled(entrant, of, highest, (_STEPS if at is None else at) - 1)
-        else:
-            found[entrant.name] = given
-    return found
+        asked = [level.name for level in levels(entrant, of)]
+        values = _least(entrant, of, given, flights) if asked else given
+        for margin in MARGINS if asked else (1.0,):
+            yield (margin,), _scaled(values, asked, margin)
+
+
+def _bound(signal: OfSignal, blocks: Sequence[DataBlock]) -> float:
+    """Return the bound of biases: the largest mean of a residual over a recording."""
+    return float(residuals([block.samples for block in blocks], signal.given.wraps).means.max())
+
+
+def _least(entrant: Entrant, signal: OfSignal, given: dict[str, Any], flights: Sequence[Flight]) -> dict[str, Any]:
+    """Return a rival's least levels of a grid with which it fails nobody."""
+    highest = {**given, **{level.name: level.default * _HIGHEST for level in levels(entrant, signal)}}
+    at = first_enough(lambda step: _fails(entrant, signal, scaled(entrant, signal, highest, step), flights), _STEPS)
+    return scaled(entrant, signal, highest, (_STEPS if at is None else at) - 1)
 
 
 def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: Sequence[Flight]) -> bool:
@@ -119,7 +154,9 @@ def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: 
 def _ours(
     entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float = 0.0
 ) -> dict[str, Any]:
-    """Return ours with the least threshold, or with biases within ``bound`` the least outlier threshold."""
+    """Return ours with the least threshold, and with biases within ``bound`` the least outlier threshold behind it."""
+    if bound > 0.0:
+        highest = _ours(entrant, signal, flights, highest)["threshold"]
     none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")
     plain: dict[str, Any] = {**dict.fromkeys(none), "bias_bound": 0.0, "slow_allowance": None, "slow_limit": None}
 
@@ -135,38 +172,40 @@ def _ours(
     return told(max((_STEPS if at is None else at) - 1, 0))
 
 
-def _lasting(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], bound: float) -> dict[str, Any]:
-    """Return ours with all that lasts, of the persistences of ``rig thresholds`` and limits of the sums, or none.
+def _lasting(
+    entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
+) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
+    """Yield ours with each persistence and limit of the sums, 0 for none, and margins over thresholds and allowance.
 
-    Each has the least levels that fail nobody in ``blocks``; taken is the one that isolates most in them.
+    No outlier threshold lies within the noise of single frames, as of ``rig thresholds``.
     """
-    flights, cut, found = _flights(blocks), pieces(blocks, CHOOSING, BEFORE_S), list[dict[str, Any]]()
+    flights, bound = _flights(blocks), _bound(signal, blocks)
+    least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, CHANNELS, CHANNELS)
     for frames in Grid(0.0).persistence:
         of_frames = {"persistence": frames, "singular_persistence": frames}
         given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "singular_persistence_s": None})
         of = signal._replace(given=given)
-        highest = _ours(entrant, of, flights, signal.threshold * _HIGHEST)["threshold"]
-        biased = _ours(entrant, of, flights, highest, bound)
-        found += _with_sums(entrant, of, blocks, biased)
-    if cut is None:
-        return found[0]
-    faults = [samples for _, samples in _with_faults(cut, blocks, signal)]
+        biased = _ours(entrant, of, flights, signal.threshold * _HIGHEST, bound)
+        biased |= {name: max(biased[name], least) for name in _COMPARED}
+        for limit, values in _with_sums(entrant, of, blocks, biased):
+            for compared, summed in product(MARGINS, MARGINS if limit else (1.0,)):
+                wider = _scaled(_scaled(values, _COMPARED, compared), ("slow_allowance",), summed)
+                yield (frames, limit, compared, summed), wider
 
-    def isolated(values: dict[str, Any]) -> int:
-        outcomes = [_became(entrant, signal, values, cut, each)[0] for each in faults]
-        return sum(int((outcome == "isolated").sum()) for outcome in outcomes)
 
-    return max(found, key=isolated)
+def _scaled(values: dict[str, Any], names: Sequence[str], factor: float) -> dict[str, Any]:
+    """Return ``values`` with those of the names times a factor."""
+    return {**values, **{name: factor * values[name] for name in names}}
 
 
 def _with_sums(
     entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], biased: dict[str, Any]
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[tuple[float, dict[str, Any]]]:
     """Yield ours with stale samples, then where noise dominates with each limit and its least allowance as well."""
     samples, flights = [block.samples for block in blocks], _flights(blocks)
     of, last = residuals(samples, signal.given.wraps), len(ALLOWANCES) - 1
     plain = {**biased, "stale_frames": stale_frames(samples, signal.rate_hz)}
-    yield plain
+    yield 0.0, plain
     for limit in LIMITS if of.noisy else ():
 
         def told(step: int, limit: float = limit) -> dict[str, Any]:
@@ -175,7 +214,7 @@ def _with_sums(
 
         at = first_enough(lambda step, told=told: _fails(entrant, signal, told(step), flights), last)
         if at != 0:
-            yield told(last if at is None else at - 1)
+            yield limit, told(last if at is None else at - 1)
 
 
 def _with_faults(

@@ -185,7 +185,7 @@ def _biased(
             return [unbiased(flight.samples[chosen], x[chosen], learning, flight.rate_hz) for flight, x in pairs]
 
         (outlier,) = _at_level(flights, compared, given.wraps, frames, level, asked)
-        least = _of_one_frame(compared, given.wraps, len(flights[0].samples), level)
+        least = of_one_frame(compared, given.wraps, len(flights[0].samples), level)
         if outlier is not None and max(outlier.upper, least) < before.upper:
             outliers[level] = replace(outlier, upper=max(outlier.upper, least))
     lasting = {"bias_bound": bound, "bias_s": given.bias_s}
@@ -197,7 +197,7 @@ def _biased(
     return replace(plain, thresholds=thresholds, outliers=outliers, lasting=lasting)
 
 
-def _of_one_frame(compared: Callable[[tuple[int, ...]], list[Floats]], wraps: bool, fitted: int, level: int) -> float:
+def of_one_frame(compared: Callable[[tuple[int, ...]], list[Floats]], wraps: bool, fitted: int, level: int) -> float:
     """Return the distance that a channel has from all others in BESIDE of the frames; of all choices the largest."""
     largest = 0.0
     for channels in in_use(fitted, level):
