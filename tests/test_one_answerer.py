@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import get_args
 
@@ -53,10 +54,10 @@ NAMED = {
 }
 
 
-def _nodes() -> Iterator[tuple[str, ast.AST]]:
-    for path in sorted(HOME.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            yield path.relative_to(HOME).as_posix(), node
+@cache
+def _nodes() -> list[tuple[str, ast.AST]]:
+    trees = {path.relative_to(HOME).as_posix(): ast.parse(path.read_text()) for path in sorted(HOME.rglob("*.py"))}
+    return [(room, node) for room, tree in trees.items() for node in ast.walk(tree)]
 
 
 def _calls(names: set[str]) -> Iterator[str]:
