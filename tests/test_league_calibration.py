@@ -71,6 +71,13 @@ def test_flights_in_which_nothing_happens_are_too_few_events():
         calibrate(Entrant("cusum", "cusum"), white_signal(), healthy, 10.0)
 
 
+def test_who_fails_nobody_at_the_least_limit_that_it_may_have_is_given_that_one_and_it_is_told():
+    found = calibrate(Entrant("bayes", "bayes"), white_signal(), white(0.05, 2, 1500), 10.0)
+    assert found.values["limit"] == 4.59 and found.seen == 0
+    said = "bayes: pitch_rate: limit: no false isolation in 0.00833 h at the least that it may be, 4.59"
+    assert found.notes == [said]
+
+
 def test_only_managers_that_fail_somebody_have_levels():
     signal = white_signal()
     asked = entrants("median,weighted,mean,parity,cusum")

@@ -111,7 +111,11 @@ def _levels(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
     at = {name: of[budgets[0]] for name, of in found.items()}
     values, first = {name: of.upper for name, of in at.items()}, next(iter(at.values()))
     clusters = min(of.clusters for of in at.values())
-    made = {"clusters": clusters, "shape": first.shape, "others": others}
+    where = f"no false isolation in {healthy.hours:.3g} h at the least that it may be"
+    notes = [
+        f"{entrant.name}: {signal.name}: {name}: {where}, {of.upper:.3g}" for name, of in at.items() if not of.clusters
+    ]
+    made = {"clusters": clusters, "shape": first.shape, "others": others, "notes": notes}
     return Calibrated(entrant.name, signal.name, values, values, **made)
 
 
@@ -187,6 +191,8 @@ def _level(
             if tail.clusters >= LEAST:
                 stream = _stream(entrant, signal, level.channels, choice)
                 found[budget].append(from_tail(tail, budget, level.channels, stream))
+            elif level.least > 0.0 and not tail.clusters:  # it cannot alarm more often
+                found[budget].append(Threshold(level.channels, level.least, level.least, 0, 0.0))
             elif budget == budgets[0]:
                 raise too_few(signal, healthy.hours, tail.clusters, entrant.name)
             else:
