@@ -44,6 +44,34 @@ def test_a_termination_does_not_wait_for_the_cases_that_have_not_begun(tmp_path)
     assert process.wait(timeout=20) == 128 + signal.SIGTERM
 
 
+DEAD = """
+import os, signal, time
+from concurrent.futures import BrokenExecutor
+from rig.campaign.pool import each
+
+def fly(case):
+    if case == 5:
+        time.sleep(0.5)
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(60.0 if case == 4 else 0.0)
+    return case
+
+try:
+    list(each(fly, range(1000), 2))
+except BrokenExecutor:
+    raise SystemExit(7) from None
+"""
+
+
+def test_a_worker_that_is_killed_ends_the_others_and_is_told(tmp_path):
+    """The executor ends those that are left by SIGTERM, which workers must not leave to their parent."""
+    process = subprocess.Popen([sys.executable, "-c", DEAD], cwd=tmp_path)
+    try:
+        assert process.wait(timeout=20) == 7
+    finally:
+        process.kill()
+
+
 class Pressed(UserList[int]):
     """Cases of which Ctrl-C is pressed while one is handed out."""
 

@@ -149,10 +149,12 @@ def each(
     """Yield ``function`` of every item, in their order, from several processes; an interruption begins no more of them.
 
     It is heeded between two looks: one that tore the executor's queues would leave a lock held, and waiting threads.
+    Workers leave interruptions to this process and end by SIGTERM, as the executor asks them to where one of them died.
     begin : ``initializer``, ``initargs`` and ``mp_context`` of a worker, as of ProcessPoolExecutor
     """
+    begin["initargs"] = (begin.pop("initializer", None), *begin.get("initargs", ()))
     parts = iter([items[i : i + chunk] for i in range(0, len(items), chunk)])
-    with interruptible() as stop, ProcessPoolExecutor(workers, **begin) as executor:
+    with interruptible() as stop, ProcessPoolExecutor(workers, initializer=_begin, **begin) as executor:
         out: deque[Future[list[Result]]] = deque()
         try:
             while True:
@@ -186,13 +188,15 @@ def leave_interrupts_to_parent() -> None:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
 
 
-def _begin() -> None:
-    """Begin a worker, which ends with its parent: without it there is nothing to do."""
+def _begin(then: Callable[..., None] | None = None, *arguments: Any) -> None:
+    """Begin a worker, which ends with its parent: without it there is nothing to do; ``then`` its caller's way."""
     leave_interrupts_to_parent()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    if then is not None:
+        then(*arguments)
 
 
 def _end_with(sentinel: int) -> None:

@@ -43,7 +43,7 @@ from rig.thresholds.tradeoff import GAIN, LATER_S, NOISE, SHARES, SMALL, Kind, P
 
 BEFORE_S: Final = 10.0
 PIECES: Final = 48  # of a signal and half
-CHOOSING: Final = 16  # of the calibrating half, by which ours with all that lasts is chosen
+CHOOSING: Final = 16  # of half the calibrating recordings, by which margins are chosen
 _STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a thousandth of it
 _HIGHEST: Final = 64.0
 _OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")

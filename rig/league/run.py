@@ -23,7 +23,7 @@ import polars as pl
 from rig.campaign.config import from_what
 from rig.campaign.folder import difference, locked, write_whole
 from rig.campaign.plan import Plan, rig_identity
-from rig.campaign.pool import context, each, leave_interrupts_to_parent
+from rig.campaign.pool import context, each
 from rig.errors import BadInput
 from rig.league import flights
 from rig.league.calibration import require_time
@@ -164,9 +164,8 @@ def _flown(plan: Plan, orders: Told, where: Where, units: Sequence[Batch], worke
 
 
 def _begin(what: dict[str, Any], source: str, orders: Told, where: Where) -> None:
-    """Begin a worker; Ctrl-C is its parent's."""
+    """Begin a worker."""
     global _runner
-    leave_interrupts_to_parent()
     _runner = _work(Plan(from_what(what, source), source), orders, where)
 
 

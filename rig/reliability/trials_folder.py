@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -52,9 +51,8 @@ def _tallies(plan: Plan, units: Sequence[Batch], workers: int) -> Iterator[Tally
 
 
 def _begin(what: dict[str, Any], source: str) -> None:
-    """Begin a worker; Ctrl-C is its parent's."""
+    """Begin a worker."""
     global _flight
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _flight = TrialRunner(Plan(from_what(what, source), source))
 
 
