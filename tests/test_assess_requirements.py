@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 import requirement_formulas as formulas
 
-from rig.assess.requirements import Requirement, RequirementsRecorder, load_requirements
+from rig import scenario
+from rig.assess.requirements import Requirement, RequirementsRecorder, check_rows, load_requirements
 from rig.assess.requirements.requirement import names
 from rig.errors import BadInput
 from rig.frame import INDEX, End, State, new_block
+from rig.loop import fly_rows
 
 Q, P = INDEX["pitch_rate"], INDEX["roll_rate"]
 
@@ -337,3 +339,13 @@ def test_the_channels_measured_together_are_the_least_of_each_alone(at):
         assert together == least or together.status == least.status == "not applicable"
         decided |= {int(name[-1]) for name in together.values if name[-1].isdigit()}
     assert decided == {1, 2, 3, 4}
+
+
+def test_the_same_requirements_are_measured_on_the_faulted_signals_of_each_flight():
+    """Formulas are kept from flight to flight; what they are over is each flight's own."""
+    asked = load_requirements(["redundancy"])
+    for signal in ("pitch_rate", "roll_rate", "pitch_rate"):
+        fault = f'{{kind="hardover",signal="{signal}",channels=[1],start_s=0.5}}'
+        flight = scenario.load(None, ["duration_s=1.0", f"faults=[{fault}]"])
+        verdicts = check_rows(fly_rows(flight), flight, asked)
+        assert {verdict.signal for verdict in verdicts} == {signal}
