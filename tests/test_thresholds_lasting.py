@@ -115,6 +115,17 @@ def test_a_transient_of_a_frame_less_than_the_persistence_fails_nobody_with_a_no
     assert failed == 0 and with_less > 20  # of 220
 
 
+def test_thresholds_above_the_noise_of_single_frames_stand_any_transient_and_those_of_the_budget_alone_do_not():
+    flights, grid = [flight(k, 0.0) for k in range(20)], Grid(20.0, (8,), (4, 3), (0.0,))
+    (alone,), (above,) = (designs(flights, GIVEN, replace(grid, transients=asked)) for asked in (False, True))
+    assert above.threshold.upper > 1.5 * alone.threshold.upper and above.threshold.point == alone.threshold.point
+    hit = [with_transients(flight(200 + k, 0.0, 120.0), 7, 1000.0) for k in range(10)]
+    failed, failed_alone = (
+        sum(len(isolations(each.T, design.settings(GIVEN), RATE, 50)) for each in hit) for design in (above, alone)
+    )
+    assert failed == 0 and failed_alone > 20  # of 220
+
+
 def test_an_outlier_threshold_is_exceeded_in_few_frames_by_any_channel(biased: list[Design]):
     at, exceeding, frames = biased[1].outliers[4].upper, 0, 0
     for k in range(15):

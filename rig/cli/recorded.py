@@ -90,6 +90,10 @@ class ThresholdsOptions:
     keep: Annotated[bool, Option("--keep", help="Also use flights in which one channel deviates from the others.")] = (
         False
     )
+    transients: Annotated[
+        bool,
+        Option("--transients", help="No threshold within the noise of single frames: transients fail nobody."),
+    ] = False
     outlier: Annotated[
         bool, Option("--outlier", help="Write outlier_threshold, and keep the threshold that there is.")
     ] = False
@@ -140,7 +144,8 @@ def _grid(options: ThresholdsOptions) -> Grid:
     frames = whole_numbers("--persistence", options.persistence, 1, MOST_FRAMES)
     counts = whole_numbers("--levels", options.levels, 2, 4)
     rules = () if options.outlier else _rules(options.lasting)  # beside thresholds that are kept: one kind of design
-    return Grid(options.budget, frames, counts, _seconds("--filter", options.filters), options.seed, rules)
+    filters = _seconds("--filter", options.filters)
+    return Grid(options.budget, frames, counts, filters, options.seed, rules, options.transients)
 
 
 def _seconds(option: str, text: str) -> list[float]:

@@ -156,7 +156,13 @@ def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h
     blocks = [DataBlock(each.name, np.ascontiguousarray(each.samples.T), signal.rate_hz) for each in flights]
     lasting: dict[str, Sequence[Rule]] = {BIASED: ["bias"], LASTING: RULES}
     persistence = (int(signal.params["persistence"][0]),)
-    grid = Grid(budget_per_h, persistence, filters_s=(signal.given.filter_s,), lasting=lasting.get(entrant.name, ()))
+    grid = Grid(
+        budget_per_h,
+        persistence,
+        filters_s=(signal.given.filter_s,),
+        lasting=lasting.get(entrant.name, ()),
+        transients=True,
+    )
     if entrant.name == LASTING:
         names = [block.name for block in blocks]
         data = Data(names, signal.rate_hz, healthy.hours, {signal.name: blocks}, {signal.name: signal.given})

@@ -95,6 +95,7 @@ class Grid:
     filters_s: Sequence[float] = (0.0, 0.1)
     seed: int = 0
     lasting: Sequence[Rule] = ()
+    transients: bool = False  # no threshold within the noise of single frames, as no outlier threshold ever is
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +139,15 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
         by_level = {
             level: _at_level(flights, compared, given.wraps, frames, level, (grid, number, f)) for level in levels
         }
+        least = dict.fromkeys(levels, 0.0)
+        if grid.transients:
+            least = {level: of_one_frame(compared, given.wraps, fitted, level) for level in levels}
         for i, (persistence, singular) in enumerate(frames):
-            thresholds = {level: threshold for level in levels if (threshold := by_level[level][i]) is not None}
+            thresholds = {
+                level: _at_least(least[level], threshold)
+                for level in levels
+                if (threshold := by_level[level][i]) is not None
+            }
             if fitted not in thresholds:
                 continue
             plain = Design(filter_s, persistence, singular, thresholds)
@@ -187,7 +195,7 @@ def _biased(
         (outlier,) = _at_level(flights, compared, given.wraps, frames, level, asked)
         least = of_one_frame(compared, given.wraps, len(flights[0].samples), level)
         if outlier is not None and max(outlier.upper, least) < before.upper:
-            outliers[level] = replace(outlier, upper=max(outlier.upper, least))
+            outliers[level] = _at_least(least, outlier)
     lasting = {"bias_bound": bound, "bias_s": given.bias_s}
     if max(plain.thresholds) not in outliers:
         return None
@@ -195,6 +203,10 @@ def _biased(
         level: replace(threshold, upper=max(threshold.upper, bound)) for level, threshold in plain.thresholds.items()
     }
     return replace(plain, thresholds=thresholds, outliers=outliers, lasting=lasting)
+
+
+def _at_least(least: float, threshold: Threshold) -> Threshold:
+    return replace(threshold, upper=max(threshold.upper, least))
 
 
 def of_one_frame(compared: Callable[[tuple[int, ...]], list[Floats]], wraps: bool, fitted: int, level: int) -> float:
