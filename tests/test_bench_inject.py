@@ -138,6 +138,7 @@ FLOWN = {
     "drift": {"settles_at": 0.2, "time_constant_s": 0.1},
     "scale": {"factor": 0.5},
     "noise": {"std": 0.01},
+    "bias_instability": {"std": 0.01, "time_constant_s": 0.5},
     "oscillation": {"amplitude": 0.1, "frequency_hz": 3.0, "replacing": True},
     "spikes": {"amplitude": 0.3, "rate_per_s": 20.0},
     "intermittent": {"gap_s": 0.05, "contact_s": 0.05, "random": True, "in_gaps": "no number"},

@@ -42,6 +42,7 @@ def test_an_error_of_a_coil_is_seen_in_the_third_frame_beyond_the_tolerance():
     [
         {"kind": "hardover", "direction": "low"},
         {"kind": "noise", "std": 5.0},
+        {"kind": "bias_instability", "std": 1.0, "time_constant_s": 0.1},
         {"kind": "oscillation", "amplitude": 0.3, "frequency_hz": 1.0},
         {"kind": "oscillation", "amplitude": 0.9, "frequency_hz": 1.0, "replacing": True},
         {"kind": "spikes", "amplitude": 0.3, "times_s": [0.05], "width_s": 0.1},

@@ -101,6 +101,30 @@ def test_noise_has_its_deviation_on_every_channel_of_its_own():
     assert not noise[:, [1, 3]].any()
 
 
+def test_an_unstable_bias_is_a_gauss_markov_process_from_zero_on_every_channel_of_its_own():
+    std, constant, runs, on = 0.02, 1.0, 400, 10
+    keys = {"kind": "bias_instability", "signal": "pitch_rate", "channels": [1, 3], "start_s": on / 100}
+    block = healthy(311)
+    block["channels"] = 0.0
+    keys |= {"std": std, "time_constant_s": constant}
+    flown = [faulted(keys, block=block.copy(), size=100, seed=seed)["channels"][:, Q] for seed in range(runs)]
+    bias = np.array(flown)
+    assert not bias[:, : on + 1].any() and not bias[:, :, [1, 3]].any()
+    for t in (0.05, 0.5, 3.0):  # as if at once, then as long as its constant, then for good
+        at, expected = bias[:, on + round(100 * t)], std**2 * (1.0 - np.exp(-2.0 * t / constant))
+        both = np.concatenate([at[:, 0], at[:, 2]])
+        assert both.var() == pytest.approx(expected, rel=5.0 * np.sqrt(2.0 / len(both)))
+        assert abs(np.corrcoef(at[:, 0], at[:, 2])[0, 1]) < 5.0 / np.sqrt(runs)
+    later, now = bias[:, on + 300, [0, 2]].ravel(), bias[:, on + 250, [0, 2]].ravel()
+    assert np.corrcoef(later, now)[0, 1] == pytest.approx(np.exp(-0.5 / constant), abs=0.12)
+
+
+def test_an_unstable_bias_begins_at_zero_in_each_of_its_times():
+    bias = on_channel(kind="bias_instability", std=0.02, time_constant_s=0.1, duration_s=0.1, repeat_every_s=0.25)
+    off = bias["channels"][:, Q, 1] - X
+    assert [off[k] for k in (ON, ON + 25)] == [0.0, 0.0] and off[ON + 9] != 0.0 != off[ON + 34]
+
+
 def test_spikes_come_at_their_times_and_last_their_width():
     rows = on_channel(kind="spikes", amplitude=0.4, times_s=[0.2, 0.0], width_s=0.03)
     due = [20, 21, 22, 40, 41, 42]

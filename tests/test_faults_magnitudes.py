@@ -17,6 +17,7 @@ FORMS = [
     ("drift", "rate_per_s", "rate_thresholds_per_s", {}),
     ("drift", "settles_at", "settles_at_thresholds", {"time_constant_s": 0.2}),
     ("noise", "std", "std_thresholds", {}),
+    ("bias_instability", "std", "std_thresholds", {"time_constant_s": 0.2}),
     ("oscillation", "amplitude", "amplitude_thresholds", {"frequency_hz": 7.0}),
     ("oscillation", "amplitude", "amplitude_thresholds", {"frequency_hz": 7.0, "replacing": True}),
     ("spikes", "amplitude", "amplitude_thresholds", {"times_s": [0.1]}),

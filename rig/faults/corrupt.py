@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from rig.faults.effects import Act, Acting, corrupted, flagged, freeze, keep, measured
+from rig.faults.effects import RANDOM, Act, Acting, corrupted, flagged, freeze, keep, measured
 from rig.faults.parts import ComputerPart, Part
 from rig.faults.trigger import advance, watch
 from rig.frame import FLIGHT_INDEX
@@ -41,7 +41,7 @@ def corrupt(row, k, data):
         if st["acts"] == 0 and target["remembers"] == 0:
             continue
         s, c = target["row"], target["column"]
-        normal = data.normal[k, target["draw"]] if target["act"] == Act.NOISE else 0.0
+        normal = data.normal[k, target["draw"]] if target["act"] in RANDOM else 0.0
         fault = Acting(target, st, kept[t], memory, p["dt_s"])
         if s < 0:
             corrupt_value(row, inertial, c, normal, fault)
@@ -96,7 +96,7 @@ def corrupt_reference(row, reference, k, data):
         target = targets[t]
         st, c = state[target["fault"]], target["column"]
         there = reference[c] == reference[c]
-        normal = data.normal[k, target["draw"]] if target["act"] == Act.NOISE else 0.0
+        normal = data.normal[k, target["draw"]] if target["act"] in RANDOM else 0.0
         corrupt_value(row, reference, c, normal, Acting(target, st, kept[t], memory, p["dt_s"]))
         if not there:
             reference[c] = np.nan

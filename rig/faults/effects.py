@@ -38,14 +38,17 @@ class Act(IntEnum):
     RANGE_END = 17  # an end of the range, which the schedule makes SET or, for an angle on the circle, ADD_ANGLE
     INVERT = 18  # of a discrete
     ADD_ANGLE = 19  # half a turn
+    GAUSS_MARKOV = 20
 
 
 # What needs the value while the fault does not act.
 REMEMBERING: Final = (Act.HOLD, Act.SWING, Act.DELAY, Act.REPEAT, Act.LIMIT_RATE, Act.PITOT_STATIC_ICE)
+# What needs a normal draw in each frame.
+RANDOM: Final = (Act.NOISE, Act.GAUSS_MARKOV)
 # What an electrical fault of one coil does to a position: an open or shorted turn, a drifting joint, a coupled wire.
 # A jam, a swapped pair, a wrong excitation and all that is digital leave the sum of the coils as it is.
 OF_A_COIL: Final = (
-    *(Act.ADD, Act.DRIFT, Act.SETTLE, Act.RANGE_END, Act.NOISE, Act.OSCILLATE, Act.SWING, Act.CROSS_TALK),
+    *(Act.ADD, Act.DRIFT, Act.SETTLE, Act.RANGE_END, *RANDOM, Act.OSCILLATE, Act.SWING, Act.CROSS_TALK),
 )
 
 
@@ -65,7 +68,7 @@ class Effect:
     act: Act
     value: float = 0.0
     thresholds: bool = False  # ``value`` is in thresholds of the signal's monitor
-    time_constant_s: float = 0.0  # SETTLE
+    time_constant_s: float = 0.0  # SETTLE, GAUSS_MARKOV
     frequency_hz: float = 0.0  # OSCILLATE, SWING
     whole_frames: bool = False  # DELAY: rounded up
     static_rate_pa_s: float = 0.0  # PITOT_STATIC_ICE; it or the pitot line's ``value`` NaN: that line is open
@@ -134,6 +137,10 @@ def changed(x, other, normal, frame, t, fault):
         return x * value
     if act == Act.NOISE:
         return x + value * normal
+    if act == Act.GAUSS_MARKOV:
+        left = math.exp(-fault.dt_s / target["time_constant_s"])
+        kept["held"] = 0.0 if t == 0.0 else left * kept["held"] + value * math.sqrt(1.0 - left * left) * normal
+        return x + kept["held"]
     if act in (Act.OSCILLATE, Act.SWING):
         swing = value * math.sin(TWO_PI * target["frequency_hz"] * t)
         return swing + (x if act == Act.OSCILLATE else kept["held"])

@@ -152,6 +152,30 @@ class Noise(Ramped):
     _one_form = one_form("std")
 
 
+class BiasInstability(Corrupted):
+    """y = x + b, a first-order Gauss-Markov process, of its own on every channel. A gyro that ages, loose glue.
+
+    b <- b exp(-dt / T) + std sqrt(1 - exp(-2 dt / T)) n, n white and normal, from b = 0 at the onset: after t its
+    standard deviation is std sqrt(1 - exp(-2 t / T)), and well before T it is a random walk.
+    """
+
+    act, sizes, trials_draw = Act.GAUSS_MARKOV, ("std",), True
+    sentence = "{where} had an unstable bias from {at} on, of up to {error}"
+    example = "b747_pitch_angle_bias_instability"
+
+    kind: Literal["bias_instability"]
+    std: float | None = quantity("signal", "standard deviation of the bias, long after the onset", None, gt=0)
+    std_thresholds: float | None = threshold_quantity("std", gt=0)
+    time_constant_s: float = quantity("s", "T, of its correlation", gt=0)
+
+    _one_form = one_form("std")
+
+    @property
+    def effect(self) -> Effect:
+        """Correlated over its time constant."""
+        return self.sized(Act.GAUSS_MARKOV, time_constant_s=self.time_constant_s)
+
+
 class Oscillation(Ramped):
     """y = x + A sin(2 pi f t), or the last value instead of x. An unstable servo loop, a loose connection that hums."""
 

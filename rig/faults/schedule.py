@@ -13,7 +13,7 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
 from rig.faults import fault as together
-from rig.faults.effects import OF_A_COIL, REMEMBERING, Act, Effect
+from rig.faults.effects import OF_A_COIL, RANDOM, REMEMBERING, Act, Effect
 from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
 from rig.faults.fault import Fault
 from rig.faults.parts import ComputerPart
@@ -266,7 +266,7 @@ class Faults:
             row["value"] = np.clip(row["value"], low, high)
         elif effect.act == Act.VALID_ONLY and where not in CHANNELLED:
             row["act"] = Act.NO_NUMBER  # there is no flag to set
-        elif effect.act == Act.NOISE:
+        elif effect.act in RANDOM:
             self._normal_from.append(self._generator(i, f"noise {point.place} {point.channel}"))
             row["draw"] = len(self._normal_from) - 1
         elif effect.act == Act.DELAY:

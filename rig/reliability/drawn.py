@@ -22,7 +22,7 @@ from rig.campaign.sampling import valuer
 from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.faults import KINDS, Faults
-from rig.faults.effects import Act
+from rig.faults.effects import RANDOM, Act
 from rig.faults.record import Trigger
 from rig.faults.settings import in_thresholds
 from rig.faults.trigger import DutyCycle
@@ -120,7 +120,7 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
     sensors = np.repeat(made.one.params, trials)
     sensor = getattr(made.scenario.sensors, made.scenario.faults[made.tested].signal)
     calibrate(sensors, sensor, rng.uniform(-1.0, 1.0, (3, trials, CHANNELS)))
-    noisy = int((targets["act"] == Act.NOISE).sum(axis=1).max())
+    noisy = int(np.isin(targets["act"], RANDOM).sum(axis=1).max())
     return Trials(
         first=first,
         onset=onset,

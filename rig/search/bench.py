@@ -24,7 +24,7 @@ from rig.campaign.worker import Orders, check_rig
 from rig.computer.redundancy.manager import ManagerData
 from rig.errors import BadInput
 from rig.faults import FaultData
-from rig.faults.effects import Act
+from rig.faults.effects import RANDOM
 from rig.faults.record import FOREVER, KEPT, Trigger
 from rig.frame import CHANNELS, INDEX, Block, rows
 from rig.reliability.drawn import KEYS, Cell, Drawn, records
@@ -154,7 +154,7 @@ def _faults(cell: Cell, tables: Sequence[dict[str, Any]], rng: Generator, n: int
     data: FaultData = cell.faults.data
     state = np.zeros_like(data.state)
     state["onset"] = np.where(schedule[0]["trigger"] == Trigger.TIME, schedule[0]["first"], FOREVER)
-    noisy = int((targets["act"] == Act.NOISE).sum())
+    noisy = int(np.isin(targets["act"], RANDOM).sum())
     return data._replace(
         schedule=schedule[0],
         targets=targets[0],
