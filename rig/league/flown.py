@@ -16,6 +16,7 @@ from rig.league.own_class import voted
 from rig.thresholds.monitored import failures, four
 from rig.thresholds.tail import GAP_S
 from rig.util.runs import cluster_starts
+from rig.util.threads import heed
 
 Frames = NDArray[np.int64]
 POOLED: Final = "all"  # signals together
@@ -41,6 +42,7 @@ def failing(
     stays failed.
     channels : of the flights, if fewer than the signal has; guesses : an even split counts as a failure
     """
+    heed()
     if entrant.is_own:
         return _own(entrant, signal, values, flights, channels)
     made = manager(entrant, signal, values, channels)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
@@ -11,7 +10,6 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from rig.errors import BadInput
 from rig.league.calibration import Calibrated, calibrate
 from rig.league.entrants import Entrant, OfSignal, fails_nobody
 from rig.league.flown import counted, failing, second_counts, transients
@@ -19,6 +17,7 @@ from rig.league.healthy import Healthy
 from rig.league.trials import Told
 from rig.units.angles import differences
 from rig.util.progress import tell
+from rig.util.threads import on_threads
 
 CURVE: Final = (10.0, 100.0)  # other budgets, in budgets, for delay and share over them
 _TIMES: Final = 3  # that a cost is measured, of which the least counts
@@ -75,15 +74,10 @@ def prepare(
 
 def _each(pairs: Sequence[Pair], work: Callable[[Pair], Result], what: str, workers: int) -> Iterator[Result]:
     """Yield what ``work`` returns for each pair, in order."""
-    with ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(work, pair) for pair in pairs]
-        for i, ((entrant, signal), future) in enumerate(zip(pairs, futures, strict=True)):
-            try:
-                yield future.result()
-            except BadInput:
-                pool.shutdown(cancel_futures=True)
-                raise
-            tell(f"{what} {entrant.name}, {signal.name}", i, len(pairs))
+    for i, result in enumerate(on_threads(pairs, work, workers)):
+        yield result
+        entrant, signal = pairs[i]
+        tell(f"{what} {entrant.name}, {signal.name}", i, len(pairs))
 
 
 def worst_reference(signal: OfSignal, healthy: Healthy) -> float:

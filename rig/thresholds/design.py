@@ -18,6 +18,7 @@ from rig.thresholds.distances import DUPLEX, exceeded_each, in_use, near_first, 
 from rig.thresholds.lasting import ALLOWANCES, OFF, Rule, alarms, bias_bound, residuals, stale_frames, unbiased
 from rig.thresholds.monitored import low_passed
 from rig.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
+from rig.util.threads import heed
 
 Floats = NDArray[np.float64]
 BESIDE: Final = 1e-4  # of healthy frames beyond an outlier threshold: one beside a transient makes it last longer
@@ -213,6 +214,7 @@ def of_one_frame(compared: Callable[[tuple[int, ...]], list[Floats]], wraps: boo
     """Return the distance that a channel has from all others in BESIDE of the frames; of all choices the largest."""
     largest = 0.0
     for channels in in_use(fitted, level):
+        heed()
         parts = [near_first(samples) if wraps else samples for samples in compared(channels) if samples.size]
         distances = np.concatenate([np.maximum.reduce(nearest(samples)) for samples in parts] or [np.zeros(1)])
         comparable = distances[np.isfinite(distances)]
@@ -271,6 +273,7 @@ def _at_level(
     largest: list[Threshold | None] = [None] * len(frames)
     few = [False] * len(frames)
     for choice, channels in enumerate(in_use(len(flights[0].samples), level)):
+        heed()
         parts = [(samples, f.rate_hz) for samples, f in zip(compared(channels), flights, strict=True) if samples.size]
         if not parts:
             return [None] * len(frames)

@@ -34,6 +34,7 @@ from rig.thresholds.distances import near_first
 from rig.thresholds.monitored import four, parameters
 from rig.thresholds.tail import LEAST, draws, peaks, point, upper
 from rig.util.runs import runs
+from rig.util.threads import heed
 
 Floats = NDArray[np.float64]
 Rule = Literal["bias", "slow", "stale"]
@@ -120,6 +121,7 @@ def begun(before: Sequence[Floats], settings: RecordedSignal, count: int, rate_h
 def alarms(samples: Floats, settings: RecordedSignal, rate_hz: float, allowances: Floats) -> Floats:
     """Return (n,) the largest of ``allowances`` with which the sums fail somebody in a frame, else 0; then they begin
     again."""
+    heed()
     params = np.repeat(_params(settings, samples, rate_hz), len(allowances))
     params["slow_allowance"] = allowances
     alarm = np.zeros(samples.shape[1])

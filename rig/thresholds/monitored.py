@@ -20,6 +20,7 @@ from rig.frame import CHANNELS, Ilm, rows
 from rig.kernels import long_kernel
 from rig.recordings.settings import RecordedSignal
 from rig.util.runs import cluster_starts
+from rig.util.threads import heed
 
 Floats = NDArray[np.float64]
 Frames = NDArray[np.int64]
@@ -72,6 +73,7 @@ def failures(samples: Floats, references: Floats | None, manager: Manager) -> Fr
     references : (n, 2), the first and the second; None: there are none
     After each the flight goes on with all channels in use again, and what was learned of them.
     """
+    heed()
     failed = np.zeros(len(samples), np.uint8)
     given = np.full((len(samples), 2), np.nan) if references is None else references
     _restarted(four(samples), given, _blank_row(), manager.data, manager.new_state(), manager.new_state(), failed)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -21,6 +20,7 @@ from rig.thresholds.lasting import LIMITS, residuals
 from rig.thresholds.tail import CLUSTERS
 from rig.thresholds.tradeoff import Pieces, Tradeoff, pieces, ranked, tradeoff
 from rig.util.progress import tell
+from rig.util.threads import on_threads
 
 RULE: Final = (
     "most of the injected faults found rightly at this budget, within it in the hold-out; of equals the shorter "
@@ -88,12 +88,11 @@ def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
 
     keep : flights that hold a fault are not left out
     """
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, len(data.signals))) as pool:
-        work = pool.map(lambda name: of_signal(name, data, grid, keep), data.signals)
-        signals: dict[str, Signal] = {}
-        for name, made in zip(data.signals, work, strict=True):
-            signals[name] = made
-            tell(f"designed {name}", len(signals), len(data.signals))
+    names, signals = list(data.signals), dict[str, Signal]()
+    for made in on_threads(names, lambda name: of_signal(name, data, grid, keep), os.cpu_count() or 1):
+        name = names[len(signals)]
+        signals[name] = made
+        tell(f"designed {name}", len(signals), len(names))
     if all(signal.chosen is None for signal in signals.values()):
         raise BadInput(next(note for signal in signals.values() for note in signal.notes[::-1]))
     return signals

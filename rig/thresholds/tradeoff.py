@@ -19,6 +19,7 @@ from rig.recordings.settings import RecordedSignal
 from rig.thresholds.design import DataBlock, Design
 from rig.thresholds.lasting import begun
 from rig.thresholds.monitored import outcomes
+from rig.util.threads import heed
 
 Floats = NDArray[np.float64]
 Kind = Literal["offset", "small", "ramp", "noise", "gain", "stuck"]
@@ -117,6 +118,7 @@ def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) 
 
 def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Found:
     """Vote all pieces with a fault of a ``kind`` and ``size``, in the unit of the signal, in one channel of each."""
+    heed()
     samples, pieces = cut.samples.copy(), np.arange(len(cut.samples))
     samples[pieces, :, cut.channel] = faulty(cut, kind, size)
     learned = begun(cut.before, settings, samples.shape[2], cut.rate_hz) if cut.before else None

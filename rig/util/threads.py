@@ -1,0 +1,45 @@
+"""Work on several threads, in order, that ends soon after an error or an interruption."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final, TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+_HERE: Final = threading.local()  # ``ended``, the event of the work that this thread is part of
+
+
+class Ended(Exception):  # no error: nobody waits for the result any more
+    """The work that this thread is part of has ended."""
+
+
+def on_threads(items: Sequence[Item], work: Callable[[Item], Result], threads: int) -> Generator[Result, None, None]:
+    """Yield what ``work`` returns for each item, in order; results do not depend on the number of threads.
+
+    Where one raises, the caller is interrupted or reads no further, nothing more is begun, and what runs ends where it
+    next calls ``heed``.
+    """
+    ended = threading.Event()
+
+    def begun(item: Item) -> Result:
+        _HERE.ended = ended
+        return work(item)
+
+    with ThreadPoolExecutor(max(1, min(threads, len(items)))) as pool:
+        futures = [pool.submit(begun, item) for item in items]
+        try:
+            for future in futures:
+                yield future.result()
+        finally:
+            ended.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def heed() -> None:
+    """Raise Ended on a thread of ``on_threads`` whose work has ended; elsewhere nothing."""
+    ended: threading.Event | None = getattr(_HERE, "ended", None)
+    if ended is not None and ended.is_set():
+        raise Ended
