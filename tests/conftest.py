@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import typer
 from hypothesis import settings
 from numpy.typing import NDArray
 
@@ -48,6 +50,8 @@ def rig_command(
     """rig_command(arguments of ``rig``) -> exit code, stdout, stderr; in a folder of its own."""
     from rig.cli import main as cli  # not for the tests that need no command
 
+    if not hasattr(typer.main.get_command, "cache_info"):  # the tree of commands is made once, not for each of them
+        typer.main.get_command = functools.cache(typer.main.get_command)
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> tuple[int, str, str]:
