@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.units.angles import difference, differences, limit, near, short_way, step_sizes, unwrapped, wrap
+from rig.units.angles import difference, differences, limit, near, short_way, step_sizes, unwrapped, within_a_turn, wrap
 
-ANGLES = st.floats(-100, 100)
+ANGLES, TURN = st.floats(-100, 100), 2 * pi
 
 
 @given(ANGLES)
@@ -29,6 +29,13 @@ def test_limits_saturate_or_go_round():
     assert limit(7.0, 0.0, 2 * pi, 1) == pytest.approx(7.0 - 2 * pi)
     assert limit(inf, -1.0, 2.0, 0) == 2.0
     assert isnan(limit(nan, -1.0, 2.0, 0)) and isnan(wrap(nan))
+
+
+@given(
+    st.floats(-20.0, 20.0) | st.sampled_from([0.0, -0.0, TURN, -TURN, 5e-324, np.nextafter(TURN, 0.0), -1e-17, 1e300])
+)
+def test_within_a_turn_is_the_remainder_to_the_bit_but_for_the_sign_of_zero(angle):
+    assert within_a_turn(angle) == angle % TURN
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=20))

@@ -76,14 +76,12 @@ def contradicted(n, vote, reference, second, p, st):
         return False
     wraps, first_threshold, second_threshold = p["wraps"], st["reference_threshold"], p["second_threshold"]
     # Neither comparison nor majority can see what all channels have in common: one design, one supply, one wrong scale.
-    off, second_off = abs(difference(vote, reference, wraps)), abs(difference(vote, second, wraps))
-    apart = abs(difference(reference, second, wraps))
-    # A comparison with NaN is false.
-    return (
-        off > max(REFERENCE_MARGIN * first_threshold, st["threshold"])
-        and second_off > max(REFERENCE_MARGIN * second_threshold, st["threshold"])
-        and apart <= first_threshold + second_threshold
-    )
+    # A comparison with NaN is false; nearly always the first is, and differences of angles take longest here.
+    if not abs(difference(vote, reference, wraps)) > max(REFERENCE_MARGIN * first_threshold, st["threshold"]):
+        return False
+    if not abs(difference(vote, second, wraps)) > max(REFERENCE_MARGIN * second_threshold, st["threshold"]):
+        return False
+    return abs(difference(reference, second, wraps)) <= first_threshold + second_threshold
 
 
 @kernel
