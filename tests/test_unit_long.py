@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite, isnan
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,14 @@ from rig.unit.vectors import VOTES_WITHIN, differences
 
 assert objects  # the fixture
 PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
+STATES, RESOLVERS, ILM = (
+    {state.name.lower(): int(state) for state in State},
+    {resolver.name.lower(): int(resolver) for resolver in Resolver},
+    {int(ilm): ilm.name.lower() for ilm in Ilm},
+)
+GIVEN = ("channels", "valid", "ilm", "reference", "second_reference", "reset")
+FLAGS = ("trend_high", "trend_low", "reference_usable", "common_mode")
+ANSWERED = ("voted", "state", "level", "pattern", "resolver", *FLAGS)
 
 
 def settings(row: NDArray[Any], lasting: NDArray[Any]) -> Settings:
@@ -104,32 +113,21 @@ def expected(config: NDArray[Any], inputs: NDArray[Any], i: int, rows: Block) ->
     oracle.weighted, oracle.fade_frames, oracle.low = bool(row["weighted"]), int(row["fade_frames"]), float(row["low"])
     oracle.level, fitted = int(row["fitted"]), int(row["fitted"])
     within = VOTES_WITHIN * float(row["high"] - row["low"])
-    for k, given in enumerate(inputs):
-        there = (given["valid"][i] != 0) & np.isfinite(given["channels"][i])
-        samples = [
-            float(x) if ok and c < fitted else None
-            for c, (x, ok) in enumerate(zip(given["channels"][i], there, strict=True))
-        ]
-        ilm = [Ilm(int(one)).name.lower() for one in given["ilm"][i]]
-        references = [
-            None if np.isnan(given[name][i]) else float(given[name][i]) for name in ("reference", "second_reference")
-        ]
-        commanded = {c for c in range(fitted) if given["reset"][i] >> c & 1}
-        oracle.command(commanded)
-        frame, said = oracle.say(samples, ilm, *references)
-        answer, states = rows[k], [State[name.upper()] for name in frame.states] + [State.ABSENT] * (CHANNELS - fitted)
-        ours = (answer["state"][i].tolist(), answer["level"][i], answer["pattern"][i], answer["resolver"][i])
-        theirs = (states, frame.level, PATTERNS[frame.pattern], Resolver[frame.resolver.upper()])
-        flags = (
-            answer["trend_high"][i],
-            answer["trend_low"][i],
-            answer["reference_usable"][i],
-            answer["common_mode"][i],
-        )
-        if ours != theirs or flags != (*frame.trend, frame.usable, frame.common):
-            return f"signal {i}, frame {k}: {ours} {flags}, the oracle says {theirs} {frame}"
-        if not abs(answer["voted"][i] - said) <= within:
-            return f"signal {i}, frame {k}: vote {answer['voted'][i]}, the oracle says {said}"
+    given = ([*columns] for columns in zip(*(inputs[name][:, i].tolist() for name in GIVEN), strict=True))
+    answers = ([*columns] for columns in zip(*(rows[name][:, i].tolist() for name in ANSWERED), strict=True))
+    for k, ((x, valid, ilm, first, second, reset), (voted, *ours)) in enumerate(zip(given, answers, strict=True)):
+        there = [c < fitted and valid[c] != 0 and isfinite(x[c]) for c in range(CHANNELS)]
+        samples = [x[c] if there[c] else None for c in range(CHANNELS)]
+        references = [None if isnan(reference) else reference for reference in (first, second)]
+        oracle.command({c for c in range(fitted) if reset >> c & 1})
+        frame, said = oracle.say(samples, [ILM[one] for one in ilm], *references)
+        states = [STATES[name] for name in frame.states] + [STATES["absent"]] * (CHANNELS - fitted)
+        patterns = [frame.level, PATTERNS[frame.pattern], RESOLVERS[frame.resolver]]
+        theirs = [states, *patterns, *frame.trend, frame.usable, frame.common]
+        if ours != theirs:
+            return f"signal {i}, frame {k}: {ours}, the oracle says {theirs} {frame}"
+        if not abs(voted - said) <= within:
+            return f"signal {i}, frame {k}: vote {voted}, the oracle says {said}"
     return ""
 
 
