@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
+# Hundreds of processes of the tests would read all sources anew: here Python keeps what it has compiled.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: fly suite test test-all wheel check lint types imports coverage bench measured requirements golden designs replay docs setup clean
 
