@@ -11,14 +11,15 @@ from rig.util.threads import Ended, heed, on_threads
 
 
 def until_told(begun: threading.Event, seen: list[int]):
-    """Return work of which all but the first item goes on for good, and heeds."""
+    """Return work of which all but the first item goes on for seconds, and heeds."""
 
     def work(item: int) -> int:
         seen.append(item)
         if item:
             begun.set()
             try:
-                while True:
+                ends = time.monotonic() + 3.0
+                while time.monotonic() < ends:
                     heed()
                     time.sleep(0.001)
             except Ended:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
@@ -74,10 +75,10 @@ def prepare(
 
 def _each(pairs: Sequence[Pair], work: Callable[[Pair], Result], what: str, workers: int) -> Iterator[Result]:
     """Yield what ``work`` returns for each pair, in order."""
-    for i, result in enumerate(on_threads(pairs, work, workers)):
-        yield result
-        entrant, signal = pairs[i]
-        tell(f"{what} {entrant.name}, {signal.name}", i, len(pairs))
+    with closing(on_threads(pairs, work, workers)) as results:
+        for i, ((entrant, signal), result) in enumerate(zip(pairs, results, strict=True)):
+            yield result
+            tell(f"{what} {entrant.name}, {signal.name}", i, len(pairs))
 
 
 def worst_reference(signal: OfSignal, healthy: Healthy) -> float:

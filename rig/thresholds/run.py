@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -89,10 +90,11 @@ def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
     keep : flights that hold a fault are not left out
     """
     names, signals = list(data.signals), dict[str, Signal]()
-    for made in on_threads(names, lambda name: of_signal(name, data, grid, keep), os.cpu_count() or 1):
-        name = names[len(signals)]
-        signals[name] = made
-        tell(f"designed {name}", len(signals), len(names))
+    work = on_threads(names, lambda name: of_signal(name, data, grid, keep), os.cpu_count() or 1)
+    with closing(work) as results:
+        for name, made in zip(names, results, strict=True):
+            signals[name] = made
+            tell(f"designed {name}", len(signals), len(names))
     if all(signal.chosen is None for signal in signals.values()):
         raise BadInput(next(note for signal in signals.values() for note in signal.notes[::-1]))
     return signals

@@ -19,8 +19,8 @@ class Ended(Exception):  # no error: nobody waits for the result any more
 def on_threads(items: Sequence[Item], work: Callable[[Item], Result], threads: int) -> Generator[Result, None, None]:
     """Yield what ``work`` returns for each item, in order; results do not depend on the number of threads.
 
-    Where one raises, the caller is interrupted or reads no further, nothing more is begun, and what runs ends where it
-    next calls ``heed``.
+    Where one raises, or the caller is interrupted meanwhile or closes it (``contextlib.closing``), nothing more is
+    begun, and what runs ends where it next calls ``heed``.
     """
     ended = threading.Event()
 
