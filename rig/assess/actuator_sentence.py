@@ -7,6 +7,7 @@ from typing import Final
 
 from rig.assess.context import Context, channels
 from rig.assess.record import ActuatorScore, FaultScore
+from rig.faults import KINDS
 from rig.faults.places import OF_SERVOS, site
 from rig.units.quantities import duration, seconds
 
@@ -51,9 +52,7 @@ def _missed(fault: FaultScore, context: Context) -> str:
 
 
 def _silent(fault: FaultScore, context: Context) -> str:
-    if fault.kind == "sov_stuck":
-        return "was not found: nobody shut the channel off"
-    return "was not found: no monitor left its threshold"
+    return f"was not found: {KINDS[fault.kind].unseen or 'no monitor left its threshold'}"
 
 
 def _cost(fault: FaultScore, context: Context) -> Iterator[str]:

@@ -22,9 +22,7 @@ RELAYS: Final = "relays"  # other lanes told another word than came directly
 
 def columns_of(fault: Fault) -> int:
     """Return the channels, bits, that a fault of a computer or of a link takes away from all signals for the others."""
-    if fault.kind != "computer_stop" and site(fault.signal) != "ccdl":
-        return 0
-    return sum(1 << lane for lane in senders(fault.signal))
+    return sum(1 << lane for lane in senders(fault.signal)) if fault.takes_channels else 0
 
 
 class LaneOutcome:

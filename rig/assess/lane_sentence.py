@@ -8,6 +8,7 @@ from rig.assess.actuator_sentence import listed
 from rig.assess.context import Context
 from rig.assess.lane_outcome import LINK, RELAYS
 from rig.assess.record import FaultScore
+from rig.faults import KINDS
 from rig.faults.places import OF_LANES, site
 from rig.frame import ActuatorMonitor
 from rig.record.actuators import monitor_name
@@ -33,7 +34,7 @@ def on_lanes(fault: FaultScore) -> bool:
 def lane_result(fault: FaultScore, context: Context) -> str:
     """Return what became of a fault on lanes: ``was found by its watchdog after 10 ms``."""
     if fault.outcome != "detected":
-        return f"was not found: {_why(fault)}"
+        return f"was not found: {KINDS[fault.kind].unseen or 'nothing left its threshold for long enough'}"
     after = duration(fault.delay_from_onset_frames, context.rate_hz)
     return f"was found by {_BY.get(fault.resolver or '', f'its own {fault.resolver}')} after {after}"
 
@@ -48,13 +49,3 @@ def computers_lost(context: Context) -> str:
     if score.backup_frame is not None:
         parts.append(f"the back-up flew from {seconds(score.backup_frame, context.rate_hz)} on ({score.backup_reason})")
     return "; ".join(parts)
-
-
-def _why(fault: FaultScore) -> str:
-    if fault.kind == "software":
-        return "all lanes computed the same, and nobody compares what all do alike"
-    if fault.kind == "clock_drift":
-        return "its clock was kept within the window, or the clocks run free"
-    if fault.kind in ("dac", "checksum"):
-        return "the test of its own did not see it, by its coverage, or it was within the tolerance"
-    return "nothing left its threshold for long enough"

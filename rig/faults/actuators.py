@@ -102,6 +102,7 @@ class SovStuck(_OfChannels):
     """A channel's shut-off valve stays where it is: once failed, the channel drives the spool on. A stuck solenoid."""
 
     sentence = "{where} had a stuck shut-off valve from {at} on"
+    unseen = "nobody shut the channel off"
     example = "b747_rudder_sov_stuck"
 
     kind: Literal["sov_stuck"]

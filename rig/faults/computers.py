@@ -19,6 +19,7 @@ from rig.faults.settings import Placed, Size, quantity
 from rig.frame import CHANNELS, COMPUTERS, DISCRETES, MOVED, SIGNALS, SURFACES, LaneTest
 
 _TOLERANCE_OF_TESTS = 0.02  # of full scale: a converter that is off by less is within its tolerance
+_BY_ITS_TEST = "the test of its own did not see it, by its coverage, or it was within the tolerance"
 SurfaceName = Literal["elevator", "aileron", "rudder", "throttle"]
 
 
@@ -48,6 +49,7 @@ class ComputerStop(_OnComputer):
     When it ends the lane starts again, with what the first engaged lane has, and waits to be readmitted.
     """
 
+    takes_channels = True
     sentence = "{where} stopped at {at}"
     example = "f16_computer_stop"
 
@@ -64,6 +66,7 @@ class ClockDrift(_OnComputer):
 
     sizes = ("drift_ppm",)
     sentence = "{where} had a wrong clock from {at} on"
+    unseen = "its clock was kept within the window, or the clocks run free"
     example = "f16_clock_drift"
 
     kind: Literal["clock_drift"]
@@ -139,6 +142,7 @@ class Software(_OfOneSurface):
 
     of_all = True
     sentence = "{where} computed a wrong command from {at} on"
+    unseen = "all lanes computed the same, and nobody compares what all do alike"
     example = "f16_software"
 
     kind: Literal["software"]
@@ -152,6 +156,7 @@ class Dac(_OfOneSurface):
 
     part = ComputerPart.OUTPUT
     sentence = "{where} put out a wrong command from {at} on"
+    unseen = _BY_ITS_TEST
     example = "f16_dac"
 
     kind: Literal["dac"]
@@ -170,6 +175,7 @@ class Checksum(_OnComputer):
 
     sizes = ("factor",)
     sentence = "{where} had a damaged program from {at} on"
+    unseen = _BY_ITS_TEST
     example = "f16_checksum"
 
     kind: Literal["checksum"]

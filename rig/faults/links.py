@@ -18,7 +18,7 @@ class _OnLink(Placed):
     """A fault of a link."""
 
     sites: ClassVar[tuple[Site, ...]] = ("ccdl",)
-    act, changes_samples = Act.SET, False
+    act, changes_samples, takes_channels = Act.SET, False, True
     part: ClassVar[LinkPart]
 
     @property
