@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
 
@@ -283,6 +284,22 @@ def test_each_chunk_is_in_the_file_when_write_returns(tmp_path):
     log.abort()
 
 
+def test_a_chunk_that_is_appended_meanwhile_is_in_the_file_with_the_next_and_the_bytes_are_the_same(tmp_path):
+    events = [Event(250, "warning", "channel failed", "pitch_rate.3 failed")]
+    write(tmp_path / "a.mcap", 350, events)
+    block, timing, sizes = random_block(350), random_timing(350), []
+    with (
+        ThreadPoolExecutor(1) as pool,
+        LogWriter(tmp_path / "b.mcap", RATE, {"scenario": "{}"}, [("flight.toml", b"duration_s = 1\n")]) as log,
+    ):
+        for start in range(0, 350, 100):
+            part = slice(start, start + 100)
+            log.write(block[part], timing[part], [e for e in events if e.frame // 100 == start // 100], None, pool)
+            sizes.append((tmp_path / "b.mcap").stat().st_size)
+    assert sizes[1] > sizes[0] + 50_000 and sizes[3] > sizes[2] + 50_000
+    assert (tmp_path / "b.mcap").read_bytes() == (tmp_path / "a.mcap").read_bytes()
+
+
 def test_a_value_that_does_not_fit_is_refused_by_name(tmp_path):
     block = random_block(10)
     block["level"][4, 2] = 128
@@ -298,7 +315,8 @@ def test_a_log_that_cannot_be_made_is_bad_input_before_the_flight(tmp_path, path
         LogWriter(tmp_path / path, RATE, {})
 
 
-def test_a_full_disk_ends_the_log_with_what_it_holds(tmp_path):
+@pytest.mark.parametrize("pool", [None, ThreadPoolExecutor(1)], ids=["at once", "meanwhile"])
+def test_a_full_disk_ends_the_log_with_what_it_holds(tmp_path, pool):
     path = tmp_path / "a.mcap"
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     log = LogWriter(path, RATE, {"seed": "1"}, [("flight.toml", b"")])
@@ -306,7 +324,7 @@ def test_a_full_disk_ends_the_log_with_what_it_holds(tmp_path):
     try:
         with pytest.raises(RigError, match=r"disk full .*flight stopped at \d+\.990 s; the log is complete"):
             for k in range(100):
-                log.write(random_block(100, k, 100 * k), random_timing(100))
+                log.write(random_block(100, k, 100 * k), random_timing(100), append_on=pool)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     read = read_log(path)

@@ -74,7 +74,10 @@ class Findings:
 
 
 class FlightRecords(Findings):
-    """Every block into summary and log, and to those who watch; a context, which it records in."""
+    """Every block into summary and log, and to those who watch; a context, which it records in.
+
+    A flight that is not paced is flown on while a block is compressed and written.
+    """
 
     def __init__(
         self,
@@ -91,9 +94,10 @@ class FlightRecords(Findings):
         self._assess_rows = assess_rows
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
         self._replies, self._pool = Histogram(), ThreadPoolExecutor(1, "verdict", off_the_core)
+        self._meanwhile = self._pool if pace.period_s is None else None  # a paced flight has time to wait for its log
 
     def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
-        """Record the next rows; watchers are given them when the log has them."""
+        """Record the next rows; watchers are given them when the log has them, or is writing them."""
         events = self.found(rows, lanes)
         if self._unit is not None:
             news = self._unit.news.until(int(rows["frame"][-1]))
@@ -101,7 +105,7 @@ class FlightRecords(Findings):
         if self._keys is not None:
             events = sorted([*self._keys.events_until(int(rows["frame"][-1])), *events], key=lambda event: event.frame)
         summed_up = self._pool.submit(self._sum_up, rows, events, lanes)  # both leave the interpreter to each other
-        self._writer.write(rows, timing, events, lanes)
+        self._writer.write(rows, timing, events, lanes, self._meanwhile)
         self.execution.add(rows)
         summed_up.result()
         if self.jitter is not None:
@@ -141,9 +145,12 @@ class FlightRecords(Findings):
         return reason
 
     def __enter__(self) -> Self:
+        self._switch_s = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_S)
         return self
 
     def __exit__(self, *_: object) -> None:
+        sys.setswitchinterval(self._switch_s)
         self._pool.shutdown()
 
 
@@ -158,7 +165,6 @@ class RecordingThread:
     def __init__(self, recorder: Recorder) -> None:
         self._recorder, self._pool = recorder, ThreadPoolExecutor(1, "recorder", off_the_core)
         self._pending: Future[None] | None = None
-        self._switch_s = sys.getswitchinterval()
 
     def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Begin to record ``rows`` as soon as the block before them is done.
@@ -174,11 +180,9 @@ class RecordingThread:
             pending.result()
 
     def __enter__(self) -> Self:
-        sys.setswitchinterval(SWITCH_S)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        sys.setswitchinterval(self._switch_s)
         try:
             if kind is None:
                 self._wait()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -15,7 +16,7 @@ from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadInput, RigError
 from rig.frame import TIMING, Block, LaneBlock, LaneParts, lane_rows, new_block
-from rig.log.container import Container, Packed
+from rig.log.container import Container, Packed, Run
 from rig.log.layout import event_runs, frame_runs, log_times, row_bytes
 from rig.log.packing import pack, parts_of, plan
 from rig.log.records import HEAD, MESSAGE_OPCODE
@@ -65,9 +66,10 @@ class LogWriter:
         self._blank_lanes = lane_rows(1, lanes) if lanes else None
         self._records = plan(self.chunk_frames, lanes).blank.copy()
         self._compressor = zstandard.ZstdCompressor(compression_params=COMPRESSION)
+        self._under_way: Future[None] | None = None
         self._last_time = 0
         self._file: Container | None = None
-        self._pack(new_block(1), np.zeros(1, TIMING), (), self._blank_lanes)  # compiles before the first frame
+        self._fill(new_block(1), np.zeros(1, TIMING), (), self._blank_lanes)  # compiles before the first frame
         try:
             self._file = Container(self.path, opening(lanes), new=new)
             about = {"schema_version": str(SCHEMA_VERSION), "rate_hz": repr(float(rate_hz))}
@@ -84,12 +86,19 @@ class LogWriter:
             raise kind(f"{self._named}: the log cannot be written: {error.strerror}") from None
 
     def write(
-        self, rows: Block, timing: NDArray[Any], events: Sequence[Event] = (), lanes: LaneBlock | None = None
+        self,
+        rows: Block,
+        timing: NDArray[Any],
+        events: Sequence[Event] = (),
+        lanes: LaneBlock | None = None,
+        append_on: Executor | None = None,
     ) -> None:
         """Append ``rows`` with their ``timing`` and the events found in them; on the disk when it returns.
 
         In chunks of at most ``chunk_frames``.  RigError when the disk is full: the log is then closed with
         what it holds.
+        append_on : who compresses and writes the last chunk, one at a time; the next call waits for it, and raises what
+        went wrong with it
         """
         if len(timing) != len(rows):
             raise ValueError(f"{len(rows)} rows, {len(timing)} rows of timing")
@@ -97,7 +106,12 @@ class LogWriter:
         for start in starts:
             part = slice(start, start + self.chunk_frames)
             moved = None if self._blank_lanes is None else self._blank_lanes[:0] if lanes is None else lanes[part]
-            self._append(self._pack(rows[part], timing[part], events if start == starts[-1] else (), moved))
+            self._settle()
+            filled = self._fill(rows[part], timing[part], events if start == starts[-1] else (), moved)
+            if append_on is None:
+                self._append(*filled)
+            else:
+                self._under_way = append_on.submit(self._append, *filled)
 
     def close(self, result: Mapping[str, str] | None = None) -> None:
         """Write ``result`` (how the flight ended) and the summary; a second call does nothing.
@@ -106,6 +120,7 @@ class LogWriter:
         """
         if self._file is None:
             return
+        self._settle()
         try:
             if result is not None:
                 self._file.metadata(RESULT, result)
@@ -129,7 +144,10 @@ class LogWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _pack(self, rows: Block, timing: NDArray[Any], events: Sequence[Event], lanes: LaneBlock | None) -> Packed:
+    def _fill(
+        self, rows: Block, timing: NDArray[Any], events: Sequence[Event], lanes: LaneBlock | None
+    ) -> tuple[Any, list[Run]]:
+        """Return the bytes of a chunk, which stay until the next call, and its runs."""
         times = log_times(rows["frame"], self._rate_hz)
         made = plan(len(rows), parts_of(lanes))
         if len(self._records) != len(made.blank):
@@ -143,19 +161,24 @@ class LogWriter:
             offsets = data.nbytes + np.cumsum([0, *map(len, records)])
             entries = list(zip(event_times.tolist(), offsets[:-1].tolist(), strict=True))
             data = b"".join([data.tobytes(), *records])
-        size = memoryview(data).nbytes
-        runs = [*frame_runs(times, parts_of(lanes)), *event_runs(entries)]
-        return Packed(self._compressor.compress(data), crc32(data), size, runs)
+        return data, [*frame_runs(times, parts_of(lanes)), *event_runs(entries)]
 
-    def _append(self, packed: Packed) -> None:
+    def _settle(self) -> None:
+        """Wait for the chunk that is being appended."""
+        under_way, self._under_way = self._under_way, None
+        if under_way is not None:
+            under_way.result()
+
+    def _append(self, data: Any, runs: list[Run]) -> None:
         if self._file is None:
             raise RigError(f"{self._named}: the log is closed")
+        packed = Packed(self._compressor.compress(data), crc32(data), memoryview(data).nbytes, runs)
         try:
             self._file.chunk(packed)
         except OSError as error:
             raise self._stopped(error) from None
-        if packed.runs and packed.runs[0].channels.start != EVENT_CHANNEL:
-            self._last_time = int(packed.runs[0].times[-1])
+        if runs and runs[0].channels.start != EVENT_CHANNEL:
+            self._last_time = int(runs[0].times[-1])
 
     def _stopped(self, error: OSError) -> RigError:
         """Close the log as well as the disk allows, and say what happened."""
