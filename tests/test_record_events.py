@@ -6,8 +6,6 @@ from rig.flight.recorder import event_finder
 from rig.frame import DISCRETE_INDEX, INDEX, End, Law, Pattern, Resolver, Source, State, new_block
 from rig.loop import Rig, frames
 from rig.record.events import EventFinder
-from rig.record.flight_summary import Verdict
-from rig.util.files import bundled
 
 Q = INDEX["pitch_rate"]
 
@@ -131,27 +129,6 @@ def test_what_is_failed_in_the_first_frame_has_its_events_there():
         *("gear_down.1 failed by comparison", "gear_down: 4 to 3 channels", "pitch_rate.3 failed by comparison"),
         *("pitch_rate: 1:1:1", "pitch_rate: 4 to 3 channels"),
     ]
-
-
-def left_by(events) -> set[str]:
-    """The channels that are failed when all events have happened."""
-    failed = set()
-    for event in events:
-        if event.name == "channel failed":
-            failed.add(event.text.split()[0])
-        elif event.name == "channel readmitted":
-            failed.discard(event.text.split()[0])
-    return failed
-
-
-@pytest.mark.parametrize("name", sorted(path.stem for path in bundled("faults").glob("*.toml")))
-def test_the_failures_of_a_flight_are_those_that_its_events_tell(name):
-    which = scenario.load(name)
-    finder, verdict = event_finder(which), Verdict()
-    for rows, _ in frames(Rig(which), which):
-        verdict.add(rows, finder.find(rows))
-    failed = {f"{signal}.{channel}" for signal, channels in verdict.failed.items() for channel in channels}
-    assert failed == left_by(verdict.events)
 
 
 def test_the_first_frame_of_a_flight_may_fail_a_channel():

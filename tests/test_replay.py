@@ -69,13 +69,25 @@ def long_enough_s(which: scenario.Scenario) -> float:
     return min(which.duration_s, max(known) + 1.0) if len(known) == len(starts) else which.duration_s
 
 
+def left_by(events) -> set[str]:
+    """The channels that are failed when all events have happened."""
+    failed = set()
+    for event in events:
+        if event.name == "channel failed":
+            failed.add(event.text.split()[0])
+        elif event.name == "channel readmitted":
+            failed.discard(event.text.split()[0])
+    return failed
+
+
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_bundled_scenario_replays_and_flies_again_identically(name, tmp_path):
+def test_every_bundled_scenario_tells_its_failures_replays_and_flies_again_identically(name, tmp_path):
     """``make replay`` flies all of them to their ends."""
     which = scenario.load(name)
-    short = [f"duration_s={long_enough_s(which)}"]
-    recording = recorded(fly(name, overrides=short, out=tmp_path).log)
+    flight = fly(name, overrides=[f"duration_s={long_enough_s(which)}"], out=tmp_path)
+    recording = recorded(flight.log)
     assert recording.log.events or not which.faults
+    assert left_by(flight.events) == {f"{signal}.{c}" for signal, channels in flight.failed.items() for c in channels}
     for again in (False, True):
         found = verify(recording, again)
         assert found.comparison.identical, found.decisions.moved[:5]
