@@ -25,6 +25,16 @@ def test_the_worst_loss_comes_first_and_what_may_be_chance_is_no_loss():
     assert not any("parity" in line for line in lines)
 
 
+def test_states_of_the_reference_that_change_nothing_share_a_sentence():
+    rows = [group("parity", 0.1, 0.2, reference=state) for state in ("as flown", "absent", "jumping")]
+    rows.append(group("parity", 0.05, 0.2, reference="off"))
+    lines = said(rows=rows)
+    assert [line.split(": it isolates")[0].split("1 fault, ")[1] for line in lines] == [
+        "reference as flown, absent, jumping",
+        "reference off",
+    ]
+
+
 def test_without_a_loss_it_says_so_and_names_who_is_behind():
     lines = said(rows=[group("cusum", -0.3, -0.1, kind="all")])
     assert lines[0] == "cross-channel loses in no group: no rival isolates significantly more"

@@ -9,9 +9,10 @@ from typing import Any, Final
 import plotly.graph_objects as go
 
 from rig.report.page import lay_out, write_page
-from rig.util.palette import series_colour
+from rig.util.palette import series_colour, series_dash
 
 _HEIGHT: Final = 340
+_AT_ONCE: Final = 16  # sentences of the verdict, the worst for ours first; the others are unfolded
 Row = dict[str, Any]
 
 
@@ -20,7 +21,7 @@ def write(path: Path, result: dict[str, Any]) -> None:
     title = f"{result['budget_per_h']:g} false isolations an hour and signal, calibrated on {result['hours']:.3g} h"
     entrants = list(dict.fromkeys(row["entrant"] for row in result["levels"]))
     figures = dict([*_shares(result["by_size"], entrants), *_delays(result["curve"], entrants)])
-    about = {"title": title, "verdict": result["verdict"], "pictures": list(figures)}
+    about = {"title": title, "verdict": result["verdict"], "most": _AT_ONCE, "pictures": list(figures)}
     write_page(path, "league.html", figures, {}, **about)
 
 
@@ -57,4 +58,5 @@ def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
 
 
 def _line(name: str, entrants: Sequence[str]) -> dict[str, Any]:
-    return {"name": name, "mode": "lines+markers", "line_color": series_colour(list(entrants).index(name))}
+    place = list(entrants).index(name)
+    return {"name": name, "mode": "lines+markers", "line": {"color": series_colour(place), "dash": series_dash(place)}}

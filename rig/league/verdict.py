@@ -18,7 +18,7 @@ _OURS: Final = (OURS, BIASED, LASTING, SHIPPED)
 
 
 def verdict(result: Mapping[str, Any]) -> list[str]:
-    """Return the sentences on ``result``, as of run.py: the losses of ours first.
+    """Return the sentences on ``result``, as of run.py: the losses of ours first, then who is not worth its price.
 
     A loss or a lead is one whose 95 % interval leaves out zero.
     """
@@ -27,11 +27,11 @@ def verdict(result: Mapping[str, Any]) -> list[str]:
     lines: list[str] = []
     for ours in (OURS, BIASED, LASTING):
         lines += _losses([row for row in rivals if row["ours"] == ours], ours)
+    lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
     plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
     lines += _leads([row for row in plain if row in rivals])
     lines += _among([row for row in plain if row["entrant"] in _OURS and row["ours"] == OURS])
     lines += [*_wrong(table, silent), *_before(table, silent), *_votes(plain, silent)]
-    lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
     return [*lines, *_lost(result["lost_differences"])]
 
 
@@ -41,13 +41,24 @@ def _where(row: Row) -> str:
     return f"{row['signal']}, {kind}, {count}, reference {row['reference']}"
 
 
+def _alike(rows: Sequence[Row], *values: str) -> list[Row]:
+    """Return the rows with one for all states of the reference in which ``values`` are the same."""
+    merged: dict[tuple[Any, ...], Row] = {}
+    for row in rows:
+        key = tuple(row.get(name) for name in ("ours", "entrant", "signal", "kind", "faults", *values))
+        before = merged.get(key)
+        reference = row["reference"] if before is None else f"{before['reference']}, {row['reference']}"
+        merged[key] = {**row, "reference": reference}
+    return list(merged.values())
+
+
 def _points(row: Row) -> str:
     return f"{100 * row['value']:+.1f} points ({100 * row['low']:.1f} to {100 * row['high']:.1f})"
 
 
 def _losses(rows: Sequence[Row], ours: str) -> Iterator[str]:
     """Yield each group in which a rival isolates more, the worst first."""
-    lost = [row for row in rows if row["low"] > 0.0]
+    lost = _alike([row for row in rows if row["low"] > 0.0], "value", "low", "high")
     for row in sorted(lost, key=lambda row: -row["value"]):
         yield f"{ours} LOSES to {row['entrant']}: {_where(row)}: it isolates {_points(row)}"
     if rows and not lost:
@@ -68,10 +79,10 @@ def _among(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _wrong(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
-    for row in table:
-        if row["kind"] == ALL and row["wrong channel"] and row["entrant"] not in silent:
-            share = 100 * row["wrong channel"] / row["trials"]
-            yield f"{row['entrant']} fails a healthy channel for the fault in {share:.2g} % of {_where(row)}"
+    wrong = [row for row in table if row["kind"] == ALL and row["wrong channel"] and row["entrant"] not in silent]
+    for row in _alike(wrong, "wrong channel", "trials"):
+        share = 100 * row["wrong channel"] / row["trials"]
+        yield f"{row['entrant']} fails a healthy channel for the fault in {share:.2g} % of {_where(row)}"
 
 
 def _before(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:

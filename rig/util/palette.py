@@ -26,6 +26,11 @@ def series_colour(index: int) -> str:
     return SERIES[index % len(SERIES)]
 
 
+def series_dash(index: int) -> str:
+    """Return how the line ``index`` is dashed where there are more lines than colours."""
+    return DASHES[index // len(SERIES) % len(DASHES)]
+
+
 def faint(colour: str, opacity: float) -> str:
     """Return a ``colour`` that lets through what is below it."""
     red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
