@@ -1,5 +1,6 @@
 """The vote of the lanes' commands, each lane for itself: median, who is failed, what settles a tie, integrators."""
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,19 +39,9 @@ class Voters(NamedTuple):
     commands: CommandData
 
 
-def voters(**given: Any) -> Voters:
-    """Lanes at 100 Hz that vote the signals alike."""
-    config = Config(**{"count": 4, **given})
-    signals = Rig(scenario.load(None, ["faults=[]"])).redundancy.data.manager.params
-    return Voters(
-        np.zeros(4, FCC),
-        links(config, 100.0, signals),
-        health(config, STROKE, 100.0),
-        commands(config, LIMITS, 100.0),
-    )
-
-
-VOTERS = voters()
+@cache
+def healthy() -> Rig:
+    return Rig(scenario.load(None, ["faults=[]"]))
 
 
 def told(elevator: list[float], who: Voters, frames: int = 1, lead: Any = None) -> None:
@@ -80,8 +71,9 @@ def test_commands_within_the_threshold_are_voted_to_their_median(count, middle, 
 
 
 def voters_like(count: int, **given: Any) -> Voters:
+    """Lanes at 100 Hz that vote the signals alike."""
     config = Config(**{"count": count, **given})
-    signals = VOTERS.links.signals
+    signals = healthy().redundancy.data.manager.params
     return Voters(
         np.zeros(4, FCC), links(config, 100.0, signals), health(config, STROKE, 100.0), commands(config, LIMITS, 100.0)
     )
@@ -162,7 +154,7 @@ def test_a_late_message_counts_as_that_of_the_frame_before():
     out=st.integers(0, 3),
 )
 def test_integrators_go_to_the_median_of_the_engaged_lanes(count, integral, out):
-    who, law = voters_like(count), Rig0.control.data.state[0].copy()
+    who, law = voters_like(count), healthy().control.data.state[0].copy()
     who.commands.integral[:, 1] = integral
     if out < count:
         who.health.lane["health"][out] = Health.FAILED
@@ -172,9 +164,6 @@ def test_integrators_go_to_the_median_of_the_engaged_lanes(count, integral, out)
     law["aileron_integral"] = 0.123
     equalise(0, law, off.links, off.health, off.commands)
     assert law["aileron_integral"] == 0.123
-
-
-Rig0 = Rig(scenario.load(None, ["faults=[]"]))
 
 
 def test_with_the_lag_the_actuator_gets_the_median_of_what_the_engaged_lanes_put_out():

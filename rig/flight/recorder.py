@@ -95,6 +95,7 @@ class FlightRecords(Findings):
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
         self._replies, self._pool = Histogram(), ThreadPoolExecutor(1, "verdict", off_the_core)
         self._meanwhile = self._pool if pace.period_s is None else None  # a paced flight has time to wait for its log
+        self._switch_s = sys.getswitchinterval()
 
     def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Record the next rows; watchers are given them when the log has them, or is writing them."""
@@ -145,7 +146,6 @@ class FlightRecords(Findings):
         return reason
 
     def __enter__(self) -> Self:
-        self._switch_s = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_S)
         return self
 
@@ -158,8 +158,8 @@ class RecordingThread:
     """Hands blocks to a recorder on a thread, in order, and at most one is under way.
 
     For a paced flight: neither the disk nor the compressor holds a frame up.  One that flies as fast as it can has
-    nothing to gain from that, as both would share the interpreter.  What the recorder raises is raised by the next
-    ``record`` or at the end.
+    nothing more to gain from that, as both would share the interpreter.  What the recorder raises is raised by the
+    next ``record`` or at the end.
     """
 
     def __init__(self, recorder: Recorder) -> None:
