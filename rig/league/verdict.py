@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from scipy.stats import poisson
@@ -41,11 +41,11 @@ def _where(row: Row) -> str:
     return f"{row['signal']}, {kind}, {count}, reference {row['reference']}"
 
 
-def _alike(rows: Sequence[Row], *values: str) -> list[Row]:
-    """Return the rows with one for all states of the reference in which ``values`` are the same."""
+def _alike(rows: Sequence[Row], figures: Callable[[Row], tuple[float, ...]]) -> list[Row]:
+    """Return the rows with one for all states of the reference in which the ``figures`` are the same."""
     merged: dict[tuple[Any, ...], Row] = {}
     for row in rows:
-        key = tuple(row.get(name) for name in ("ours", "entrant", "signal", "kind", "faults", *values))
+        key = tuple(row.get(name) for name in ("ours", "entrant", "signal", "kind", "faults")) + figures(row)
         before = merged.get(key)
         reference = row["reference"] if before is None else f"{before['reference']}, {row['reference']}"
         merged[key] = {**row, "reference": reference}
@@ -58,7 +58,7 @@ def _points(row: Row) -> str:
 
 def _losses(rows: Sequence[Row], ours: str) -> Iterator[str]:
     """Yield each group in which a rival isolates more, the worst first."""
-    lost = _alike([row for row in rows if row["low"] > 0.0], "value", "low", "high")
+    lost = _alike([row for row in rows if row["low"] > 0.0], lambda row: (row["value"], row["low"], row["high"]))
     for row in sorted(lost, key=lambda row: -row["value"]):
         yield f"{ours} LOSES to {row['entrant']}: {_where(row)}: it isolates {_points(row)}"
     if rows and not lost:
@@ -80,7 +80,7 @@ def _among(rows: Sequence[Row]) -> Iterator[str]:
 
 def _wrong(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
     wrong = [row for row in table if row["kind"] == ALL and row["wrong channel"] and row["entrant"] not in silent]
-    for row in _alike(wrong, "wrong channel", "trials"):
+    for row in _alike(wrong, lambda row: (row["wrong channel"], row["trials"])):
         share = 100 * row["wrong channel"] / row["trials"]
         yield f"{row['entrant']} fails a healthy channel for the fault in {share:.2g} % of {_where(row)}"
 
