@@ -312,8 +312,10 @@ def test_a_unit_may_not_miss_more_in_a_row_than_it_is_allowed(tmp_path: Path):
 
 
 def test_the_first_miss_may_end_the_flight(tmp_path: Path):
-    with pytest.raises(RigError, match=r"frame 50: missed its deadline, 0.8 of the frame"):
+    """A busy machine may make an answer before the lost one late."""
+    with pytest.raises(RigError, match=r"frame \d+: missed its deadline, 0.8 of the frame") as ended:
         fly(tmp_path, udp(tmp_path, [["lost-reply", 50, 99]], on_miss="end"), "rate_hz=50", realtime_factor=1.0)
+    assert int(str(ended.value).split("frame ")[1].split(":")[0]) <= 50
 
 
 def test_the_log_names_the_unit_and_what_became_of_it(tmp_path: Path):
