@@ -12,7 +12,7 @@ from rig.report.page import lay_out, write_page
 from rig.util.palette import series_colour, series_dash
 
 _HEIGHT: Final = 340
-_AT_ONCE: Final = 16  # sentences of the verdict, the worst for ours first; the others are unfolded
+_AT_ONCE: Final = 16  # sentences of the verdict, the worst for ours first; the others fold away
 Row = dict[str, Any]
 
 
