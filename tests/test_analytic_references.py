@@ -424,6 +424,7 @@ def test_none_is_none():
     assert np.isnan(run(busy(), Config(**off))["reference"]).all()
 
 
+@pytest.mark.long
 def test_compiled_and_interpreted_references_agree_bit_for_bit():
     program = "from test_analytic_references import digest; print(digest())"
     assert printed(program, interpreted=True) == printed(program, interpreted=False)

@@ -5,7 +5,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections import UserList
+from concurrent.futures import Future, ProcessPoolExecutor
+from typing import Any
 
 import pytest
 
@@ -72,18 +73,20 @@ def test_a_worker_that_is_killed_ends_the_others_and_is_told(tmp_path):
         process.kill()
 
 
-class Pressed(UserList[int]):
-    """Cases of which Ctrl-C is pressed while one is handed out."""
-
-    def __getitem__(self, place):  # pyright: ignore[reportIncompatibleMethodOverride] # of slices, as each takes them
-        if isinstance(place, slice) and place.start == 5:
-            signal.raise_signal(signal.SIGINT)
-        return super().__getitem__(place)
-
-
-def test_ctrl_c_while_cases_are_handed_out_is_heeded_after_it_and_python_has_its_handler_back():
+def test_ctrl_c_while_cases_are_handed_out_is_heeded_after_it_and_python_has_its_handler_back(
+    monkeypatch: pytest.MonkeyPatch,
+):
     """One that lands within the executor leaves the lock of its queue held: the process never ended."""
+    submit, handed = ProcessPoolExecutor.submit, []
+
+    def pressed(executor: ProcessPoolExecutor, *task: Any) -> Future[Any]:
+        if len(handed) == 5:
+            signal.raise_signal(signal.SIGINT)
+        handed.append(task)
+        return submit(executor, *task)
+
+    monkeypatch.setattr(ProcessPoolExecutor, "submit", pressed)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
-        list(each(double, Pressed(range(20)), 2))
-    assert signal.getsignal(signal.SIGINT) is before
+        list(each(double, range(20), 2))
+    assert signal.getsignal(signal.SIGINT) is before and 5 < len(handed) < 20

@@ -165,6 +165,7 @@ def test_a_worker_begins_with_its_kernels_compiled_and_ctrl_c_still_reaches_the_
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
+@pytest.mark.long
 def test_after_kill_9_of_the_parent_the_workers_end_and_the_same_command_goes_on(whole: Result, tmp_path: Path):
     path, out, flying = write(tmp_path), tmp_path / "out", []
 
@@ -184,6 +185,7 @@ def test_after_kill_9_of_the_parent_the_workers_end_and_the_same_command_goes_on
     assert sorted(done(out)) == list(range(48))
 
 
+@pytest.mark.long
 def test_after_kill_9_of_a_worker_the_campaign_goes_on_by_itself(whole: Result, tmp_path: Path):
     path, out, killed = write(tmp_path), tmp_path / "out", []
 
@@ -199,6 +201,7 @@ def test_after_kill_9_of_a_worker_the_campaign_goes_on_by_itself(whole: Result, 
     assert sorted(done(out)) == list(range(48))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=str)
 def test_an_interruption_keeps_what_is_flown_and_says_how_to_go_on(
     whole: Result, tmp_path: Path, number: signal.Signals, code: int
@@ -213,6 +216,7 @@ def test_an_interruption_keeps_what_is_flown_and_says_how_to_go_on(
     assert run(planned(path), out).table_sha256 == whole.table_sha256
 
 
+@pytest.mark.long
 def test_a_second_ctrl_c_ends_at_once_and_says_no_more_than_the_first(whole: Result, tmp_path: Path):
     path, out = write(tmp_path), tmp_path / "out"
 
@@ -267,6 +271,7 @@ def test_a_flight_that_ends_the_process_is_recorded_as_crashed_among_twenty_othe
     assert logged is not None and logged["digest"] == flown[3]
 
 
+@pytest.mark.long
 def test_a_flight_that_never_ends_is_timed_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "hooks.py").write_text(ABORTING)
     monkeypatch.chdir(tmp_path)
@@ -277,6 +282,7 @@ def test_a_flight_that_never_ends_is_timed_out(tmp_path: Path, monkeypatch: pyte
     assert rows == [("flown", None), ("timed out", "longer than 1.5 s"), ("flown", None)]
 
 
+@pytest.mark.long
 def test_a_full_disk_stops_with_one_line_and_the_same_command_goes_on(whole: Result, tmp_path: Path):
     path, out = write(tmp_path), tmp_path / "out"
     limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))  # noqa: E731 # less than one log
@@ -397,6 +403,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.long
 def test_a_cluster_of_which_one_worker_is_killed_gives_the_same_table(whole: Result, tmp_path: Path):
     script = tmp_path / "cluster.py"
     script.write_text(CLUSTER)

@@ -65,6 +65,7 @@ def test_a_connection_to_a_port_of_ours_is_seen():
             assert viewer.connected(port)
 
 
+@pytest.mark.long
 def test_a_served_flight_waits_flies_and_stays_as_a_user_sees_it(tmp_path: Path):
     command = [sys.executable, "-m", "rig", "fly", "--set", "duration_s=2", "--rerun", "serve", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -96,6 +96,7 @@ main()
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGKILL, -9)])
 def test_an_interruption_ends_the_first_flight_at_once(number: signal.Signals, code: int, tmp_path: Path):
     """With an empty cache, and nothing damaged in it afterwards."""

@@ -27,6 +27,7 @@ def test_the_regulator_of_a_double_integrator_is_the_known_one() -> None:
     assert k[0] == pytest.approx([1.0, np.sqrt(2.0)], rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_one_point_designed_afresh_is_the_one_in_the_file(name: str) -> None:
     """Points are designed one by one, so one of them stands for the file; the file has them all."""
@@ -72,6 +73,7 @@ def test_an_aircraft_that_only_moves_up_and_down_gets_no_lateral_law() -> None:
     assert point.max_roll_rate_rad_s > 0.0 and point.max_sideslip_rad > 0.0
 
 
+@pytest.mark.long
 def test_margins_out_of_reach_are_refused_with_the_point_and_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     slow = backup.candidates()[:1]
     monkeypatch.setattr(backup, "candidates", lambda: slow)

@@ -83,6 +83,7 @@ def test_every_source_was_measured_and_its_threshold_is_the_worst_error_with_the
             assert e.threshold == float(f"{reference_design.RESERVE * e.worst:.3g}")
 
 
+@pytest.mark.long
 @pytest.mark.requirement("references", "thresholds from the measurement")
 @pytest.mark.parametrize("name", NAMES)
 def test_the_errors_in_the_file_are_those_of_the_flights(name: str):

@@ -68,6 +68,7 @@ def test_the_manager_in_the_docs_fails_the_faulty_channel():
     assert (rows["state"][-1] == State.FAILED).sum() == 1
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("documented")
 def test_the_manager_in_the_docs_fails_nobody_healthy_in_a_hundred_flights():
     """Heading north, where the channels of heading lie on both sides of the end of the circle."""

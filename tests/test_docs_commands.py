@@ -48,6 +48,7 @@ PARSED = {
     "rig search worst-pitch-rate": "300 flights, tests/test_cli_search.py",
     "rig view": "a window or a picture, tests/test_view_*.py",
 }
+LONG = {"own-league"}  # a league
 OTHERS = {  # not commands of ours
     "make fly": "`rig fly`, after setup",
     "make test": "this",
@@ -131,7 +132,10 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
 GROUPS = {"aircraft", "campaign", "reliability", "scenario", "unit", "faults"}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.stem, marks=[pytest.mark.long] if page.stem in LONG else []) for page in PAGES],
+)
 @pytest.mark.usefixtures("clone")
 def test_every_command_works_as_written(page: Path, run: Callable[[str], str]):
     if "make -C" in page.read_text() and not (shutil.which("make") and shutil.which("cc")):

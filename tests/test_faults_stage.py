@@ -122,6 +122,7 @@ def test_a_jammed_surface_stays_where_it_was_while_the_law_commands_on():
     assert np.ptp(rows["surface"][100:, 0]) > 1e-4 and np.array_equal(rows["actuator"][:, 1:], rows["surface"][:, 1:])
 
 
+@pytest.mark.long
 def test_compiled_and_interpreted_faults_leave_the_same_bits():
     program = (
         "import hashlib, json, sys\nfrom rig import scenario\nfrom rig.loop import Rig, frames\n"

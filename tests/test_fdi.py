@@ -234,6 +234,7 @@ def digest() -> str:
     return hashlib.sha256(rows["estimate"].tobytes()).hexdigest()
 
 
+@pytest.mark.long
 def test_compiled_and_interpreted_agree_bit_for_bit():
     program = "from test_fdi import digest; print(digest())"
     assert printed(program, interpreted=True) == digest()

@@ -21,6 +21,7 @@ TOOL = Path(__file__).parent / "tools" / "hostile.py"
 CASE = Case("file", 0, ("info", "x"), "nothing")
 
 
+@pytest.mark.long
 def test_a_hundred_hostile_inputs_are_answered_in_one_line(tmp_path: Path):
     report = tmp_path / "found.json"
     command = [sys.executable, str(TOOL), "--cases", "108", "--json", str(report)]

@@ -72,6 +72,7 @@ def _run(
     return results, set(compiled)
 
 
+@pytest.mark.long
 def test_an_edit_compiles_what_reaches_it_and_nothing_else(tmp_path: Path):
     assert _run(tmp_path) == ([3.0, 3.0], {"outer", "inner", "other", "apart"})
     assert _run(tmp_path, PYTHONHASHSEED="7") == ([3.0, 3.0], set())
@@ -83,6 +84,7 @@ def test_an_edit_compiles_what_reaches_it_and_nothing_else(tmp_path: Path):
     assert _run(tmp_path) == ([3.0, 3.0], set())  # both states are kept
 
 
+@pytest.mark.long
 def test_an_inlined_kernel_is_compiled_with_its_caller_alone_and_an_edit_of_it_compiles_that_again(tmp_path: Path):
     names = {"import kernel": "import inlined, kernel", "@kernel\ndef inner": "@inlined\ndef inner"}
     inlined = _HELPER
@@ -93,6 +95,7 @@ def test_an_inlined_kernel_is_compiled_with_its_caller_alone_and_an_edit_of_it_c
     assert _run(tmp_path, helper=inlined.replace("x * GAIN", "x * GAIN + 1.0")) == ([4.0, 3.0], {"outer"})
 
 
+@pytest.mark.long
 def test_a_checkout_elsewhere_uses_what_is_equal(tmp_path: Path):
     first, second = tmp_path / "first", tmp_path / "second"
     first.mkdir()
@@ -102,6 +105,7 @@ def test_a_checkout_elsewhere_uses_what_is_equal(tmp_path: Path):
     assert _run(second, **shared) == ([3.0, 3.0], set())
 
 
+@pytest.mark.long
 def test_a_file_that_is_cut_short_is_compiled_again(tmp_path: Path):
     _run(tmp_path)
     for path in (tmp_path / "cache").glob("*/apart-*"):
@@ -110,6 +114,7 @@ def test_a_file_that_is_cut_short_is_compiled_again(tmp_path: Path):
     assert _run(tmp_path) == ([3.0, 3.0], set())
 
 
+@pytest.mark.long
 def test_of_processes_that_need_the_same_kernels_each_is_compiled_by_one(tmp_path: Path):
     (tmp_path / "module.py").write_text(_MODULE)
     (tmp_path / "helper.py").write_text(_HELPER)
@@ -122,6 +127,7 @@ def test_of_processes_that_need_the_same_kernels_each_is_compiled_by_one(tmp_pat
     assert sorted(name for _, compiled in said for name in compiled) == ["apart", "inner", "other", "outer"]
 
 
+@pytest.mark.long
 def test_python_may_call_a_kernel_that_another_has_had_compiled(tmp_path: Path):
     calls = "import module, helper; print(module.outer(1.0), helper.inner(1.0), helper.inner(2), module.outer(2.0))"
     for _ in range(2):  # compiled, then loaded

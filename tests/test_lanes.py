@@ -169,6 +169,7 @@ def test_the_digest_has_the_lanes(logged, tmp_path):
     assert (again.rows["voted"] == alone.rows["voted"]).all()
 
 
+@pytest.mark.long
 def test_compiled_and_interpreted_lanes_decide_the_same_bits():
     program = (
         "import hashlib\nfrom rig import scenario\nfrom rig.loop import Rig, frames\n"

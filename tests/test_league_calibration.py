@@ -12,6 +12,7 @@ from rig.league.flown import isolations, transients
 from rig.league.healthy import measured
 
 
+@pytest.mark.long
 def test_the_parity_limits_of_white_noise_are_those_of_chi_square_with_a_degree_less_than_samples():
     budget, sigma = 30.0, 0.1
     healthy = white(sigma, 10, 18_000)  # half an hour
@@ -46,6 +47,7 @@ def test_a_learned_bias_lets_ours_see_less_where_channels_differ_by_constants():
         assert [(row["failed"], row["bursts"]) for row in found if row["frames"] == 7] == [(0, 110), (0, 110)]
 
 
+@pytest.mark.long
 def test_all_that_lasts_is_what_thresholds_chooses_sums_where_noise_dominates():
     found = calibrate(Entrant(LASTING, OURS), white_signal(8), white(0.1, 10, 9000), 20.0)
     assert 0.0 < found.values["slow_allowance"] < 0.1 and found.values["slow_limit"] > 24 * 0.05

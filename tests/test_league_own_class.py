@@ -26,6 +26,7 @@ def test_a_manager_of_the_rig_decides_the_same_as_a_class_of_the_users(own: str,
     assert first.equals(second) and first["outcome"].n_unique() > 1
 
 
+@pytest.mark.long
 def test_the_calibrated_number_of_a_class_is_that_of_the_normal_law():
     sigma, budget = 0.1, 30.0
     found = calibrate(Entrant(NAME, NAME), white_signal(), white(sigma, 48, 3000), budget)

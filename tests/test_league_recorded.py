@@ -62,6 +62,7 @@ def of_three_in_a_row(blocks: Sequence[DataBlock]) -> float:
     return max(float(np.lib.stride_tricks.sliding_window_view(x, 3, axis=1).min(axis=2).max()) for x in apart)
 
 
+@pytest.mark.long
 def test_a_level_is_the_least_that_fails_nobody_in_its_half_and_a_margin(data: Data, result: dict[str, Any]):
     for row in result["levels"]:
         if row["entrant"] == "cross-voter":
@@ -69,6 +70,7 @@ def test_a_level_is_the_least_that_fails_nobody_in_its_half_and_a_margin(data: D
             assert any(chosen <= margin < 1.05 * chosen for chosen in MARGINS)
 
 
+@pytest.mark.long
 def test_flights_that_are_noisier_than_others_of_their_half_ask_for_a_margin(tmp_path: Path):
     write(tmp_path, 8, apart=0.0, noise=(0.02, 0.02, 0.036, 0.036), names="x")
     data = load([tmp_path], CONFIG, "config")
@@ -79,6 +81,7 @@ def test_flights_that_are_noisier_than_others_of_their_half_ask_for_a_margin(tmp
             assert row["false"] == 0
 
 
+@pytest.mark.long
 def test_every_piece_has_one_outcome_and_differences_pair_them(result: dict[str, Any]):
     every = [row for row in result["table"] if row["kind"] == "all"]
     assert {row["signal"] for row in every} == {"x", "y"}
@@ -92,6 +95,7 @@ def test_every_piece_has_one_outcome_and_differences_pair_them(result: dict[str,
             assert row["trials"] == 11 * PIECES * 2 and row["value"] == pytest.approx((mine - ours) / row["trials"])
 
 
+@pytest.mark.long
 def test_what_is_large_is_found_and_who_fails_nobody_misses_it(result: dict[str, Any]):
     offsets = {row["entrant"]: row for row in result["table"] if (row["signal"], row["kind"]) == ("x", "offset 2")}
     assert offsets[SHIPPED]["isolated"] == 2 * PIECES
@@ -102,6 +106,7 @@ def test_what_is_large_is_found_and_who_fails_nobody_misses_it(result: dict[str,
     assert small[BIASED]["isolated"] > small[OURS]["isolated"] + PIECES / 2  # constants are four times the noise
 
 
+@pytest.mark.long
 def test_where_noise_dominates_what_lasts_finds_more(tmp_path: Path):
     """Offsets of a twentieth of the motion, below the noise of a sample."""
     write(tmp_path, 4, apart=0.1, noise=(0.1,), names="x")

@@ -48,11 +48,13 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.long
 def test_two_workers_write_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
     run(small(), asked(healthy, second=healthy), tmp_path / "two", workers=2)
     assert content(tmp_path / "two") == content(whole[0])
 
 
+@pytest.mark.long
 def test_an_interrupted_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
     def interrupt(what: str, done: int, total: int) -> None:
         if what == "trials" and done == 1:
@@ -65,6 +67,7 @@ def test_an_interrupted_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any]
     assert content(tmp_path / "cut") == content(whole[0])
 
 
+@pytest.mark.long
 def test_a_killed_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
     """With two workers, killed once levels are written and units have begun to be."""
     begin = "import sys; from pathlib import Path; from test_league_run import killed; killed(*map(Path, sys.argv[1:]))"
@@ -119,6 +122,7 @@ def test_another_league_in_the_folder_is_refused_and_left_alone(whole: tuple[Pat
     assert content(out) == content(whole[0])
 
 
+@pytest.mark.long
 def test_a_damaged_unit_is_named_with_its_remedy(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
     out = shutil.copytree(whole[0], tmp_path / "copy")
     unit = sorted((out / "units").iterdir())[1]

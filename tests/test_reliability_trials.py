@@ -261,6 +261,7 @@ def test_a_damaged_folder_is_refused_in_one_line(tmp_path: Path, damage: Any, sa
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 def test_ctrl_c_leaves_nothing(tmp_path: Path):
     argv = [sys.executable, "-m", "rig", "reliability", "trials", "reliability", "--runs", "100000000"]
     process = subprocess.Popen([*argv, "--out", str(tmp_path / "out")], stderr=subprocess.PIPE, stdout=subprocess.PIPE)

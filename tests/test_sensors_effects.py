@@ -178,6 +178,7 @@ def test_recorded_truth_gives_the_same_channels_again():
     assert np.array_equal(sense(MOVING, config, split=100), sense(MOVING, config, split=33))
 
 
+@pytest.mark.long
 def test_compiled_and_interpreted_sensors_give_the_same_bits():
     program = (
         "import hashlib\n"

@@ -348,6 +348,7 @@ def test_logs_of_ours_need_no_configuration(capsys: pytest.CaptureFixture[str], 
     assert code == 2 and "its scenario has 1 faults" in err and not Path("p.toml").exists()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not QUAD.is_dir(), reason="the recordings are not here")
 def test_a_design_on_real_flights_is_met_by_others(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
     """Nine flights design, five others fly; a setting that docs/vote.md warns of fails channels in the same five."""

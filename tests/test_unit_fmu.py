@@ -152,6 +152,7 @@ def test_the_monitor_as_an_fmu_flies_the_bits_of_the_library(tmp_path: Path):
         assert flight.unit is not None and flight.unit["said"] == said and flight.unit["reproducible"]
 
 
+@pytest.mark.long
 @needs_fmpy
 @needs_a_compiler
 @pytest.mark.parametrize("version", VERSIONS)

@@ -131,6 +131,7 @@ def expected(config: NDArray[Any], inputs: NDArray[Any], i: int, rows: Block) ->
     return ""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(len(TITLES)), ids=TITLES)
 def test_our_manager_answers_the_long_sessions_as_the_oracle(number: int):
     """Boxes apart, which join the signals: the C monitor and the short vectors have them."""
@@ -140,6 +141,7 @@ def test_our_manager_answers_the_long_sessions_as_the_oracle(number: int):
     assert [text for i in range(S) if (text := expected(config, inputs, i, rows))] == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(len(TITLES)), ids=TITLES)
 def test_so_are_the_discretes(number: int):
     config, inputs = inputs_of(number)
@@ -247,6 +249,7 @@ def test_the_monitor_in_c_says_the_same_bits(objects: dict[str, Path], tmp_path:
         assert [name for name in names if said[name].tobytes() != case.expected[name].tobytes()] == []
 
 
+@pytest.mark.long
 @needs_a_compiler
 @pytest.mark.parametrize("defect", SLOW, ids=[defect.name for defect in SLOW])
 def test_a_slow_defect_is_found(defect: Defect, objects: dict[str, Path], tmp_path: Path):
@@ -254,6 +257,7 @@ def test_a_slow_defect_is_found(defect: Defect, objects: dict[str, Path], tmp_pa
     assert any(list(differences(case, monitor.said(case))) for case in long_cases(FRAMES))
 
 
+@pytest.mark.long
 @needs_a_compiler
 def test_a_counter_of_sixteen_bits_is_found_by_the_longest(objects: dict[str, Path], tmp_path: Path):
     monitor = with_defect(WORD, objects, tmp_path)
@@ -262,6 +266,7 @@ def test_a_counter_of_sixteen_bits_is_found_by_the_longest(objects: dict[str, Pa
     assert "heading channel 1 is" in found[0] and int(found[0].split()[1].strip(":")) > 65_536
 
 
+@pytest.mark.long
 @needs_a_compiler
 def test_the_check_names_signal_frame_and_field(objects: dict[str, Path], tmp_path: Path):
     with_defect(SLOW[2], objects, tmp_path)

@@ -386,6 +386,7 @@ class Network(threading.Thread):
         self.far.close()
 
 
+@pytest.mark.long
 @needs_a_compiler
 def test_a_hundred_starts_over_a_network_that_loses_and_doubles_a_tenth(tmp_path: Path, listening: tuple[str, int]):
     from rig.bench.unit_check import load

@@ -93,6 +93,7 @@ def with_defect(defect: Defect, objects: dict[str, Path], folder: Path) -> Libra
     return Library(compiled(sources, folder / "libdefect.so", "-O0"))
 
 
+@pytest.mark.long
 def test_the_vectors_are_those_of_the_independent_reading():
     made = unit_vectors.cases()
     assert [case.requirement for case in made] == [case.requirement for case in CASES]

@@ -11,12 +11,14 @@ from ipaddress import ip_address
 from pathlib import Path
 
 import psutil
+import pytest
 
 START_S = 300.0  # at most: the first flight after an installation compiles
 STEADY_S = 1.0  # the sockets are looked at until there has been no new one for so long
 SERVERS = 2  # recording and page
 
 
+@pytest.mark.long
 def test_every_socket_of_a_served_flight_and_of_a_served_log_is_on_the_loopback(tmp_path: Path):
     flown = ["fly", "f16_pitch_rate_hardover", "--set", "duration_s=600", "--out", "logs", "--realtime-factor", "1"]
     watched([*flown, "--rerun", "serve", "--no-wait"], tmp_path)

@@ -143,7 +143,7 @@ def installed() -> dict[str, str]:
 def _chosen(every: bool) -> list[str]:
     """Return pytest's arguments."""
     if every:
-        return ["-n", "auto"]
+        return ["-n", "auto", "--dist", "worksteal"]  # neighbours share what their module flies once
     files = [str(path) for path in sorted(TESTS.glob("test_*.py")) if "outside.needs(" in path.read_text()]
     return ["-m", "outside", *files]
 
