@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -44,7 +45,15 @@ def test_nothing_is_done_where_there_is_nothing_to_do():
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt, SystemExit, ValueError])
-def test_what_runs_ends_where_it_heeds_and_nothing_more_begins(end: type[BaseException]):
+def test_what_runs_ends_where_it_heeds_and_nothing_more_begins(
+    end: type[BaseException], monkeypatch: pytest.MonkeyPatch
+):
+    def on_a_busy_machine(pool: ThreadPoolExecutor, **how: bool) -> None:
+        time.sleep(0.05)
+        shutdown(pool, **how)
+
+    shutdown = ThreadPoolExecutor.shutdown
+    monkeypatch.setattr(ThreadPoolExecutor, "shutdown", on_a_busy_machine)
     begun, seen = threading.Event(), list[int]()
     work = on_threads(range(100), until_told(begun, seen), 2)
     assert next(work) == 0

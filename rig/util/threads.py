@@ -34,8 +34,10 @@ def on_threads(items: Sequence[Item], work: Callable[[Item], Result], threads: i
             for future in futures:
                 yield future.result()
         finally:
-            ended.set()
-            pool.shutdown(wait=False, cancel_futures=True)
+            try:
+                pool.shutdown(wait=False, cancel_futures=True)  # first: a thread that has ended its item takes the next
+            finally:
+                ended.set()
 
 
 def heed() -> None:
