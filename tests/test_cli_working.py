@@ -116,9 +116,10 @@ def test_where_one_json_object_is_asked_for_nothing_is_said(capsys: pytest.Captu
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_flight_tells_how_far_it_is(monkeypatch: pytest.MonkeyPatch, rig_command):
+@pytest.mark.parametrize("paced", [(), ("--realtime-factor", "10")], ids=["as fast as it can", "paced"])
+def test_a_flight_tells_how_far_it_is(paced: tuple[str, ...], rig_command):
     heard: list[tuple[str, int, int]] = []
     with listening(lambda *told: heard.append(told)):
-        code, _, err = rig_command("fly", "--set", "duration_s=3", "--set", "faults=[]")
+        code, _, err = rig_command("fly", "--set", "duration_s=3", "--set", "faults=[]", *paced)
     assert code == 0 and "flying" not in err
     assert ("flying", 300, 300) in heard

@@ -6,7 +6,6 @@ import resource
 import subprocess
 import sys
 import tracemalloc
-from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
 
@@ -284,25 +283,6 @@ def test_each_chunk_is_in_the_file_when_write_returns(tmp_path):
     log.abort()
 
 
-def test_a_chunk_that_is_appended_meanwhile_is_in_the_file_with_the_next_and_the_bytes_are_the_same(tmp_path):
-    event = Event(250, "warning", "channel failed", "pitch_rate.3 failed")
-    block, timing = random_block(350), random_timing(350)
-
-    def sizes(path, pool):
-        """Of the file after each second that is given."""
-        with LogWriter(path, RATE, {"scenario": "{}"}) as log:
-            for start in range(0, 350, 100):
-                part = slice(start, start + 100)
-                log.write(block[part], timing[part], [event] if start == 200 else [], None, pool)
-                yield path.stat().st_size
-
-    whole = list(sizes(tmp_path / "a.mcap", None))
-    with ThreadPoolExecutor(1) as pool:
-        meanwhile = list(sizes(tmp_path / "b.mcap", pool))
-    assert all(size >= before for size, before in zip(meanwhile[1:], whole, strict=False))
-    assert (tmp_path / "b.mcap").read_bytes() == (tmp_path / "a.mcap").read_bytes()
-
-
 def test_a_value_that_does_not_fit_is_refused_by_name(tmp_path):
     block = random_block(10)
     block["level"][4, 2] = 128
@@ -318,8 +298,7 @@ def test_a_log_that_cannot_be_made_is_bad_input_before_the_flight(tmp_path, path
         LogWriter(tmp_path / path, RATE, {})
 
 
-@pytest.mark.parametrize("pool", [None, ThreadPoolExecutor(1)], ids=["at once", "meanwhile"])
-def test_a_full_disk_ends_the_log_with_what_it_holds(tmp_path, pool):
+def test_a_full_disk_ends_the_log_with_what_it_holds(tmp_path):
     path = tmp_path / "a.mcap"
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     log = LogWriter(path, RATE, {"seed": "1"}, [("flight.toml", b"")])
@@ -327,7 +306,7 @@ def test_a_full_disk_ends_the_log_with_what_it_holds(tmp_path, pool):
     try:
         with pytest.raises(RigError, match=r"disk full .*flight stopped at \d+\.990 s; the log is complete"):
             for k in range(100):
-                log.write(random_block(100, k, 100 * k), random_timing(100), append_on=pool)
+                log.write(random_block(100, k, 100 * k), random_timing(100))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     read = read_log(path)

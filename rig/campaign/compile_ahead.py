@@ -31,8 +31,8 @@ from rig.lanes.think import ComputerData, follow_votes
 from rig.log import LogWriter
 from rig.plant.truth import write_row
 from rig.scenario import load
-from rig.unit.compiled_exchange import cores
 from rig.util.interrupt import at_once
+from rig.util.threads import cores
 
 Show = Callable[[int, int], None]  # kernels that are compiled, of how many
 _CHILD: Final = "from rig.campaign.compile_ahead import run_child; run_child()"

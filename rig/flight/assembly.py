@@ -33,6 +33,7 @@ from rig.scenario import Given, Scenario, find, load
 from rig.unit.settings import Unit, as_lane, read_unit
 from rig.unit.unit import UnitUnderTest, running
 from rig.util.interrupt import Stop, interruptible
+from rig.util.threads import cores
 from rig.util.trust import Trust
 from rig.view.facts import of_resolved
 from rig.view.sink import check_where
@@ -207,7 +208,8 @@ def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> li
 def _fly(rig: loop.Rig, records: FlightRecords, pace: Pace, stop: Stop, keys: Keys | None) -> ManagerFailed | None:
     """Fly to the end of the flight, or until the user's own manager raises or the unit stops, which is returned."""
     before_row = None if keys is None else keys.before_row
-    with records, nullcontext(records) if pace.period_s is None else RecordingThread(records) as recorder:
+    beside = pace.period_s is not None or cores() > 1  # on one core it would only take turns with the frames
+    with RecordingThread(records) if beside else nullcontext(records) as recorder:
         try:
             loop.fly(rig, [recorder], pace=pace, stop=stop, before_row=before_row)
         except ManagerFailed as failure:

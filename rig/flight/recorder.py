@@ -2,7 +2,7 @@
 
 Findings         events, summary, faults that did nothing: enough for a flight in memory
 FlightRecords    the same with the log, times, and all who watch: ``rig fly``
-RecordingThread  another recorder, while the next block is flown
+RecordingThread  another recorder, while the next block is flown: ``rig fly`` too
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextvars import copy_context
 from typing import Any, Final, Self
 
 import numpy as np
@@ -74,10 +75,7 @@ class Findings:
 
 
 class FlightRecords(Findings):
-    """Every block into summary and log, and to those who watch; a context, which it records in.
-
-    A flight that is not paced is flown on while a block is compressed and written.
-    """
+    """Every block into summary and log, and to those who watch."""
 
     def __init__(
         self,
@@ -93,34 +91,27 @@ class FlightRecords(Findings):
         self.scenario, self._writer, self._unit, self._keys, self._watchers = scenario, writer, unit, keys, watchers
         self._assess_rows = assess_rows
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
-        self._replies, self._pool = Histogram(), ThreadPoolExecutor(1, "verdict", off_the_core)
-        self._meanwhile = self._pool if pace.period_s is None else None  # a paced flight has time to wait for its log
-        self._switch_s = sys.getswitchinterval()
+        self._replies = Histogram()
 
     def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
-        """Record the next rows; watchers are given them when the log has them, or is writing them."""
+        """Record the next rows; watchers are given them when the log has them."""
         events = self.found(rows, lanes)
         if self._unit is not None:
             news = self._unit.news.until(int(rows["frame"][-1]))
             events = sorted([*events, *news], key=lambda event: event.frame) if news else events
         if self._keys is not None:
             events = sorted([*self._keys.events_until(int(rows["frame"][-1])), *events], key=lambda event: event.frame)
-        summed_up = self._pool.submit(self._sum_up, rows, events, lanes)  # both leave the interpreter to each other
-        self._writer.write(rows, timing, events, lanes, self._meanwhile)
+        self.verdict.add(rows, events, lanes)
+        if self._assess_rows is not None:
+            self._assess_rows(rows, lanes)
+        self._writer.write(rows, timing, events, lanes)
         self.execution.add(rows)
-        summed_up.result()
         if self.jitter is not None:
             self.jitter.add(timing["frame_us"], timing["late_us"])
         if self._unit is not None:
             self._replies.add(timing["reply_us"])
         for watcher in self._watchers:
             watcher(rows, events, timing, lanes)
-
-    def _sum_up(self, rows: Block, events: Sequence[Event], lanes: LaneBlock | None) -> None:
-        """Take the next rows into the summary and the outcome, while the log is written."""
-        self.verdict.add(rows, events, lanes)
-        if self._assess_rows is not None:
-            self._assess_rows(rows, lanes)
 
     def unit_result(self) -> dict[str, Any] | None:
         """Return what became of the exchanges with a unit under test, and how long they took."""
@@ -145,26 +136,19 @@ class FlightRecords(Findings):
         self._writer.close(result)
         return reason
 
-    def __enter__(self) -> Self:
-        sys.setswitchinterval(SWITCH_S)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        sys.setswitchinterval(self._switch_s)
-        self._pool.shutdown()
-
 
 class RecordingThread:
-    """Hands blocks to a recorder on a thread, in order, and at most one is under way.
+    """Hands blocks to a recorder on a thread, in order, and at most one is under way; a context.
 
-    For a paced flight: neither the disk nor the compressor holds a frame up.  One that flies as fast as it can has
-    nothing more to gain from that, as both would share the interpreter.  What the recorder raises is raised by the
-    next ``record`` or at the end.
+    Neither the disk nor the compressor holds a frame up, and a flight that is not paced is over sooner.  What the
+    recorder raises is raised by the next ``record`` or at the end.
     """
 
     def __init__(self, recorder: Recorder) -> None:
         self._recorder, self._pool = recorder, ThreadPoolExecutor(1, "recorder", off_the_core)
         self._pending: Future[None] | None = None
+        self._context = copy_context()  # whoever listens to progress does so there too
+        self._switch_s = sys.getswitchinterval()
 
     def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Begin to record ``rows`` as soon as the block before them is done.
@@ -172,7 +156,7 @@ class RecordingThread:
         The arrays must stay as they are until the next call has returned.
         """
         self._wait()
-        self._pending = self._pool.submit(self._recorder.record, rows, timing, lanes)
+        self._pending = self._pool.submit(self._context.run, self._recorder.record, rows, timing, lanes)
 
     def _wait(self) -> None:
         pending, self._pending = self._pending, None
@@ -180,6 +164,7 @@ class RecordingThread:
             pending.result()
 
     def __enter__(self) -> Self:
+        sys.setswitchinterval(SWITCH_S)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -187,6 +172,7 @@ class RecordingThread:
             if kind is None:
                 self._wait()
         finally:
+            sys.setswitchinterval(self._switch_s)
             self._pool.shutdown()
 
 

@@ -113,10 +113,10 @@ def message_indexes(first: int, offsets: NDArray[np.int64]) -> NDArray[Any]:
     return made
 
 
-def _timed(run: Run) -> NDArray[np.uint8]:
+def _timed(run: Run) -> bytes:
     made = run.indexes.copy()  # flights in other threads share the original
     made["entries"]["time"] = run.times
-    return made.view(np.uint8)
+    return made.tobytes()
 
 
 class _Kept(NamedTuple):
@@ -229,7 +229,7 @@ class Container:
             len(packed.data),
         )
         offset = self._offset
-        self._put(head, packed.data, *map(_timed, packed.runs))
+        self._put(b"".join([head, packed.data, *map(_timed, packed.runs)]))  # at once: frames are flown beside it
         runs = [*map(_kept_run, packed.runs), *[0] * (MOST_RUNS - len(packed.runs))]
         self._chunks.extend(_Kept(start, end, offset, length, len(packed.data), packed.size, *runs))
         self._whole = (self._offset, self._crc)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import struct
 from collections import deque
 from collections.abc import Iterator
@@ -29,10 +28,11 @@ from rig.log.layout import Layout, event_runs
 from rig.log.records import HEAD, MESSAGE_OPCODE
 from rig.log.schema import EVENT_CHANNEL, LEVELS
 from rig.record.event import Event, Severity
+from rig.util.threads import cores
 
 CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB
 AHEAD: Final = 8  # chunks that are decoded before they are asked for
-THREADS: Final = min(4, os.cpu_count() or 1)  # nearly all of decoding leaves the interpreter to others
+THREADS: Final = min(4, cores())  # nearly all of decoding leaves the interpreter to others
 # Raised by bytes that make no sense.
 MALFORMED: Final = (McapError, DecodeError, ValueError, LookupError, struct.error, zstandard.ZstdError)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
@@ -21,7 +20,7 @@ from rig.thresholds.lasting import LIMITS, residuals
 from rig.thresholds.tail import CLUSTERS
 from rig.thresholds.tradeoff import Pieces, Tradeoff, pieces, ranked, tradeoff
 from rig.util.progress import tell
-from rig.util.threads import on_threads
+from rig.util.threads import cores, on_threads
 
 RULE: Final = (
     "most of the injected faults found rightly at this budget, within it in the hold-out; of equals the shorter "
@@ -90,7 +89,7 @@ def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
     keep : flights that hold a fault are not left out
     """
     names, signals = list(data.signals), dict[str, Signal]()
-    work = on_threads(names, lambda name: of_signal(name, data, grid, keep), os.cpu_count() or 1)
+    work = on_threads(names, lambda name: of_signal(name, data, grid, keep), cores())
     with closing(work) as results:
         for name, made in zip(names, results, strict=True):
             signals[name] = made

@@ -9,7 +9,6 @@ among its data, not a part of its code.
 from __future__ import annotations
 
 import ctypes
-import os
 import socket
 import time
 from typing import Any, Final, NamedTuple
@@ -25,6 +24,7 @@ from rig.kernels import kernel
 from rig.unit.crc import crc32
 from rig.unit.layout import FROM_UNIT, OUTPUT, SEAM, Kind, Seam, blank, place
 from rig.unit.port import PLAIN, RECEIVED, Port, copy_bytes
+from rig.util.threads import cores
 
 PENDING: Final = -1  # no status of frame.UnitStatus: Python goes on with this frame
 FOREVER_NS: Final = np.iinfo(np.int64).max
@@ -102,11 +102,6 @@ def to_socket(exchange: CompiledExchange, fd: int, spin_ns: int, sums: bool = Fa
 def clear(exchange: CompiledExchange) -> None:
     """Have nothing pending."""
     exchange.state["sent"] = exchange.state["code"] = exchange.state["count"] = 0
-
-
-def cores() -> int:
-    """Return how many this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _by_address(builder: Any, arguments: Any, returns: ir.IntType) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -14,6 +15,11 @@ _HERE: Final = threading.local()  # ``ended``, the event of the work that this t
 
 class Ended(Exception):  # no error: nobody waits for the result any more
     """The work that this thread is part of has ended."""
+
+
+def cores() -> int:
+    """Return how many this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def on_threads(items: Sequence[Item], work: Callable[[Item], Result], threads: int) -> Generator[Result, None, None]:
