@@ -15,7 +15,7 @@ from rig.assess.of_log import FlightConclusion
 from rig.assess.outcome import LEVELS, NEVER, SIGNAL, all_out, count_healthy, mark_failed, mark_wrong
 from rig.assess.scoring import score_of
 from rig.assess.unfaulted import MeasuredAgain
-from rig.assess.words import PUBLIC, Cause, fault_word, fault_words, vote_word
+from rig.assess.words import PUBLIC, Cause, fault_word, fault_words, vote_flags
 from rig.campaign.flying import fly as fly_in_memory
 from rig.campaign.rows import OUTCOMES, fault_rows
 from rig.flight.assembly import fly
@@ -43,7 +43,10 @@ def test_every_word_has_its_public_names():
     assert fault_words(*np.transpose(every)).tolist() == [fault_word(*flags) for flags in every]
     assert words == set(PUBLIC["campaign"]) and words - {"wrong channel"} == set(PUBLIC["score"])
     assert set(PUBLIC["score"].values()) == set(OUTCOMES)
-    assert {vote_word(*flags) for flags in np.ndindex(2, 2)} == set(PUBLIC["reliability"])
+    lost, off = np.array([[False, False], [True, False], [False, True], [True, True]]).T
+    votes = vote_flags(lost, off)
+    assert list(votes) == list(PUBLIC["reliability"])
+    assert np.array(list(votes.values())).T.tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 0]]
     assert {cause.kind for cause in Cause if cause.by_design} == {"failed with its box", "failed by rule"}
 
 

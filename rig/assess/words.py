@@ -104,6 +104,9 @@ def fault_words(executed: Any, failed: Any, exceeded: Any, healthy_failed: Any) 
 _FAULT_WORDS: Final = np.vectorize(fault_word, otypes=[np.str_])
 
 
-def vote_word(kept: bool, lost: bool) -> VoteWord:
-    """Return what became of a vote; lost : the signal was at level 0, its vote kept until then."""
-    return "kept" if kept and not lost else "lost and announced" if lost else "bad and silent"
+def vote_flags(lost: Any, off: Any) -> dict[VoteWord, Any]:
+    """Return which of the words for a vote are true: columns, arrays or numpy's bool, as they are given.
+
+    lost : the signal was at level 0, its vote kept until then; off : its vote was not kept
+    """
+    return {"kept": ~lost & ~off, "lost and announced": lost, "bad and silent": ~lost & off}

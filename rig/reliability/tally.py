@@ -16,12 +16,14 @@ from typing import Any, Final
 
 import polars as pl
 
+from rig.assess.words import PUBLIC, vote_flags
+
 TESTED, SECOND = "tested", "second"  # ids of the fault that is counted, and of a near one after it
 DESIGNS: Final = ("single", "near", "alike")
 LATENT: Final = "level then manoeuvre"  # condition: all faults in level flight, where a stuck channel is not found
 AT_ONCE: Final = {"single": 1, "near": 2, "alike": 2}  # channels that fail
 CELL: Final = ("signal", "good_before", "design", "kind", "condition")
-OUTCOMES: Final = ("kept", "known_loss", "bad_vote")
+OUTCOMES: Final = tuple(name.replace(" ", "_") for name in PUBLIC["reliability"].values())
 COUNTS: Final[dict[str, Any]] = {
     **dict.fromkeys(CELL, pl.String),
     "good_before": pl.Int64,
@@ -56,14 +58,9 @@ def together(manager: str, parts: Sequence[Cells]) -> Cells:
     return Cells(manager, counts, false_isolations)
 
 
-def outcome_of(lost: Any, off: Any) -> tuple[Any, Any, Any]:
-    """Return OUTCOMES of trials whose signal was declared lost, and whose vote was not kept: columns or arrays."""
-    return ~lost & ~off, lost, ~lost & off
-
-
 def counted(trials: pl.DataFrame) -> pl.DataFrame:
     """Count trials: CELL, ``lost`` and ``off`` (bool), ``survived`` (bool or null), ``settle`` (s or null)."""
-    kept, known, bad = outcome_of(pl.col("lost"), pl.col("off"))
+    kept, known, bad = vote_flags(pl.col("lost"), pl.col("off")).values()
     crashed, flown = ~pl.col("survived"), pl.col("survived").is_not_null().any()
     grouped = trials.group_by(CELL).agg(
         trials=pl.len().cast(pl.Int64),
