@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from datetime import date, time
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar, Final, TypeVar, get_args
+from typing import Any, ClassVar, Final, Self, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,10 @@ class Settings(BaseModel):
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         super().__pydantic_init_subclass__(**kwargs)
         cls._limits = dict(_limits(cls))
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        """Return the settings themselves, which are frozen: those that are defaults are not copied for each reader."""
+        return self
 
     @model_validator(mode="after")
     def _within_limits(self) -> Settings:
