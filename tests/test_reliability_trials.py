@@ -22,11 +22,12 @@ from rig.faults.effects import Act
 from rig.overrides import set_key
 from rig.reliability.cells import cells
 from rig.reliability.drawn import Drawn, cell, draw, records, refill
-from rig.reliability.one_signal import faults_of
+from rig.reliability.one_signal import faults_of, one_signal, setting_key
 from rig.reliability.recorded import recording
 from rig.reliability.trials import SHARES, Batch, Tally, TrialRunner, added_up, combinations, planned, shared_out
 from rig.reliability.trials import fly_trials as run_trials
 from rig.reliability.trials_folder import fly_trials
+from rig.scenario import load
 
 RELIABILITY = "faults/campaigns/reliability.toml"
 
@@ -269,3 +270,22 @@ def test_ctrl_c_leaves_nothing(tmp_path: Path):
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130 and b"Traceback" not in said and not (tmp_path / "out").exists()
+
+
+def test_combinations_of_the_same_settings_share_no_memory_and_other_settings_have_parameters_of_their_own():
+    def of(**redundancy: object):
+        data = {"faults": [], "redundancy": {"signals": {"pitch_rate": {"threshold": 0.05, **redundancy}}}}
+        return one_signal(load(data), "pitch_rate", setting_key({**data, "seed": 3, "title": "x"}))
+
+    first, again, other = of(), of(), of(persistence=17)
+    assert first.params.tobytes() == again.params.tobytes()
+    assert first.manager.params.tobytes() == again.manager.params.tobytes()
+    for one, two in ((first.memory, again.memory), (first.params, again.params), (first.line, again.line)):
+        assert not np.shares_memory(one, two)
+    assert not np.shares_memory(first.manager.params, again.manager.params)
+    assert (first.manager.params["persistence"], other.manager.params["persistence"]) == (8, 17)
+    assert (
+        setting_key({"seed": 1, "faults": [1]})
+        == setting_key({"seed": 2, "title": "t"})
+        != setting_key({"rate_hz": 1.0})
+    )

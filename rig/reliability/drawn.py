@@ -27,7 +27,7 @@ from rig.faults.record import Trigger
 from rig.faults.settings import in_thresholds
 from rig.faults.trigger import DutyCycle
 from rig.frame import CHANNELS
-from rig.reliability.one_signal import OneSignal, faults_of, one_signal
+from rig.reliability.one_signal import OneSignal, faults_of, one_signal, setting_key
 from rig.reliability.recorded import Recording
 from rig.reliability.tally import SECOND, TESTED
 from rig.scenario import Scenario
@@ -82,7 +82,8 @@ def cell(plan: Plan, number: int, named: bool = True) -> Cell:
     if np.isin(made.schedule["duty_cycle"], (DutyCycle.RANDOM, DutyCycle.TELEGRAPH)).any():
         raise BadInput(f"{plan.source}: run {number}: open-loop trials know no pulses at random times")
     earlier = [i for i in range(len(labels)) if i not in (tested, second)]
-    return Cell(scenario, one_signal(scenario, name), made, _varied(plan, number), tested, second, earlier)
+    alone = one_signal(scenario, name, setting_key(run.data))
+    return Cell(scenario, alone, made, _varied(plan, number), tested, second, earlier)
 
 
 def _varied(plan: Plan, number: int) -> dict[tuple[int, str], Vary]:

@@ -6,7 +6,11 @@ the tested signal is the only one runs through the same code.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,25 +38,51 @@ class OneSignal(NamedTuple):
     latches: bool  # whether the manager keeps what it failed out for good
 
 
-def one_signal(scenario: Scenario, name: str) -> OneSignal:
-    """Return the tested signal of a scenario.  BadInput: a manager or sensor that open-loop trials do not know."""
+def setting_key(data: Mapping[str, Any]) -> str:
+    """Return what tells a scenario's table from others, whatever its faults, its title and its seed."""
+    given = {key: value for key, value in data.items() if key not in ("faults", "title", "seed")}
+    return json.dumps(given, sort_keys=True, default=str)
+
+
+def one_signal(scenario: Scenario, name: str, key: str | None = None) -> OneSignal:
+    """Return the tested signal of a scenario.  BadInput: a manager or sensor that open-loop trials do not know.
+
+    key : tells its settings from others, see ``setting_key``; those that are made already are not made again
+    """
+    params, p = _parameters(scenario, name) if key is None else _kept(_Settings(key, scenario), name)
+    chosen = scenario.redundancy.manager
+    return OneSignal(
+        signal=INDEX[name],
+        params=params.copy(),
+        memory=np.zeros(1, MEMORY),
+        line=np.zeros((1, 4, int(params["delay"].max()) + 2)),
+        manager=Manager(chosen, p.copy()),
+        threshold=float(p["threshold"][0]),
+        latches=manager_kind(chosen).latches,
+    )
+
+
+@dataclass(frozen=True)
+class _Settings:
+    key: str
+    scenario: Scenario = field(compare=False)
+
+
+@lru_cache(maxsize=64)  # combinations of a plan have few settings, and all signals are made to find one
+def _kept(settings: _Settings, name: str) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    return _parameters(settings.scenario, name)
+
+
+def _parameters(scenario: Scenario, name: str) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Return PARAMS of the sensors and of the manager of one signal, (1,) each."""
     s, chosen = INDEX[name], scenario.redundancy.manager
     if chosen not in MANAGERS:
         raise BadInput(f"redundancy.manager: {chosen!r}: open-loop trials run {', '.join(MANAGERS)}")
     params = sensors.Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"]).params[s : s + 1].copy()
-    for field, what in (("shares", "cross-axis errors"), ("drifts", "drift"), ("alarms", "false alarms of monitors")):
-        if params[0][field] != 0:
+    for key, what in (("shares", "cross-axis errors"), ("drifts", "drift"), ("alarms", "false alarms of monitors")):
+        if params[0][key] != 0:
             raise BadInput(f"sensors.{name}: open-loop trials know no {what}")
-    p = loop.redundancy(scenario).manager.params[s : s + 1].copy()
-    return OneSignal(
-        signal=s,
-        params=params,
-        memory=np.zeros(1, MEMORY),
-        line=np.zeros((1, 4, int(params["delay"].max()) + 2)),
-        manager=Manager(chosen, p),
-        threshold=float(p["threshold"][0]),
-        latches=manager_kind(chosen).latches,
-    )
+    return params, loop.redundancy(scenario).manager.params[s : s + 1].copy()
 
 
 def faults_of(scenario: Scenario, name: str) -> Faults:

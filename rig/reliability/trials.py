@@ -6,7 +6,6 @@ its own, given by the number of its run and its place, so neither workers nor th
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -25,7 +24,7 @@ from rig.errors import BadInput
 from rig.faults.record import KEPT, FaultData
 from rig.frame import CHANNELS, D, S
 from rig.reliability.drawn import Cell, cell, draw, refill
-from rig.reliability.one_signal import ROW
+from rig.reliability.one_signal import ROW, setting_key
 from rig.reliability.recorded import Recording, recording
 from rig.reliability.tally import AT_ONCE, CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, Cells
 
@@ -62,12 +61,11 @@ class Recordings:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._flown: dict[str, Recording] = {}
+        self._flown: dict[tuple[int, str, str], Recording] = {}
 
     def __call__(self, unit: Batch, made: Cell, condition: str) -> Recording:
         """Return that of a unit; whatever of its scenario is no fault decides it."""
-        given = {key: value for key, value in self._plan.data(unit.number).items() if key not in ("faults", "title")}
-        key = json.dumps([unit.seed, condition, given], sort_keys=True, default=str)
+        key = unit.seed, condition, setting_key(self._plan.data(unit.number))
         if key not in self._flown:
             self._flown[key] = recording(made.scenario, recording_seed(unit.seed, condition))
         return self._flown[key]

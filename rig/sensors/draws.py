@@ -12,6 +12,7 @@ and the draws do not depend on the length of the blocks.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from math import exp, pi, sqrt
 from typing import Any, Final, NamedTuple
 
@@ -141,18 +142,23 @@ class Alarms:
     """``rows`` (n, S, 4): whether the monitor of each channel raises a false alarm, each from a stream of its own."""
 
     def __init__(self, suite: Settings, rate_hz: float, seeds: SeedSequence) -> None:
-        self._channels: list[_Channel] = []
-        for s, (signal, child) in enumerate(zip(SIGNALS, seeds.spawn(S), strict=True)):
-            monitor = getattr(suite, signal.name).monitor
-            if monitor is not None and monitor.false_alarm_per_hour > 0:
-                chance = 1.0 - exp(-monitor.false_alarm_per_hour / (3600.0 * rate_hz))
-                length = max(1, to_frame(monitor.false_alarm_s, rate_hz))
-                streams = map(np.random.default_rng, child.spawn(CHANNELS))
-                self._channels += [_Channel(s, c, chance, length, rng) for c, rng in enumerate(streams)]
+        self._suite, self._rate_hz, self._seeds = suite, rate_hz, seeds.spawn(S)
         self.rows = np.zeros((0, S, CHANNELS), np.uint8)
-        self._frame = 0
-        self._next = min((channel.begin for channel in self._channels), default=_NEVER)
+        self._frame = self._next = 0  # the first ``prepare`` looks who is next
         self._marked = False
+
+    @cached_property
+    def _channels(self) -> list[_Channel]:
+        """Those that may raise one: streams are dear to make, and trials of one signal draw none."""
+        channels: list[_Channel] = []
+        for s, (signal, child) in enumerate(zip(SIGNALS, self._seeds, strict=True)):
+            monitor = getattr(self._suite, signal.name).monitor
+            if monitor is not None and monitor.false_alarm_per_hour > 0:
+                chance = 1.0 - exp(-monitor.false_alarm_per_hour / (3600.0 * self._rate_hz))
+                length = max(1, to_frame(monitor.false_alarm_s, self._rate_hz))
+                streams = map(np.random.default_rng, child.spawn(CHANNELS))
+                channels += [_Channel(s, c, chance, length, rng) for c, rng in enumerate(streams)]
+        return channels
 
     def prepare(self, frames: int) -> None:
         """Draw the next ``frames`` rows; what is drawn does not depend on the length of the blocks."""
@@ -165,7 +171,7 @@ class Alarms:
         if self._marked:
             for channel in self._channels:
                 channel.mark(self.rows, first, self._frame)
-            self._next = min(channel.begin for channel in self._channels)
+            self._next = min((channel.begin for channel in self._channels), default=_NEVER)
 
 
 class _Channel:
