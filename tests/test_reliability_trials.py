@@ -279,7 +279,7 @@ def test_combinations_of_the_same_settings_share_no_memory_and_other_settings_ha
 
     first, again, other = of(), of(), of(persistence=17)
     for one, two in ((first.params, again.params), (first.manager.params, again.manager.params)):
-        assert all(np.array_equal(one[name], two[name]) for name in one.dtype.names)
+        assert all(np.array_equal(one[name], two[name]) for name in one.dtype.names or ())
     for one, two in ((first.memory, again.memory), (first.params, again.params), (first.line, again.line)):
         assert not np.shares_memory(one, two)
     assert not np.shares_memory(first.manager.params, again.manager.params)
