@@ -8,6 +8,7 @@ import pytest
 
 from rig import fly
 from rig.errors import RigError
+from rig.flight import assembly
 from rig.flight.recorder import RecordingThread
 from rig.frame import TIMING, new_block
 
@@ -69,6 +70,16 @@ def test_what_the_recorder_raises_on_the_last_block_is_raised_at_the_end_and_the
         assert sys.getswitchinterval() < before
         thread.record(*block(2))
     assert sys.getswitchinterval() == before
+
+
+@pytest.mark.parametrize(("cores", "threads"), [(1, 1), (2, 2)])
+def test_a_flight_that_is_not_paced_is_recorded_beside_its_frames_only_where_there_is_a_second_core(
+    cores: int, threads: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(assembly, "cores", lambda: cores)
+    used = {threading.get_ident()}
+    flight = fly(STEADY, out=tmp_path, watch=lambda *_: used.add(threading.get_ident()))
+    assert len(used) == threads and flight.digest == fly(STEADY, out=tmp_path).digest
 
 
 def test_rows_stay_as_they_are_while_those_who_watch_a_flight_that_is_not_paced_see_them(tmp_path: Path):

@@ -91,7 +91,8 @@ def fly(
     seed, overrides : laid over it, as ``--seed`` and ``--set``: texts ``key=value``, or a table of dotted keys
     out             : folder of the log; rerun : see view.stream.open_stream
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
-    watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
+    watch : given every block while it is recorded, on a thread of its own where a second core is free; it must be
+            quick, and copy the rows that it keeps
     allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
     realtime : ask the system for frames on time (flight/pace.py); at the pace of the clock when no factor is given
     live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs

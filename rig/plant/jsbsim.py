@@ -114,17 +114,13 @@ class Plant:
         elevator, aileron, rudder, throttle = self._actuator[k].tolist()
         self._throttle(throttle)
         if not self._servos:
-            self._elevator(elevator)
-            self._aileron(aileron)
-            self._rudder(rudder)
+            self._place(elevator, aileron, rudder)
         if self._air_changes_s < inf:
             self._move_air((int(self._frame[k]) + 1) / self._rate_hz)
         try:
             if self._servos:
-                for elevator, aileron, rudder in self._positions.tolist():
-                    self._elevator(elevator)
-                    self._aileron(aileron)
-                    self._rudder(rudder)
+                for positions in self._positions.tolist():
+                    self._place(*positions)
                     self._run()
             else:
                 for _ in self._steps:
@@ -132,6 +128,11 @@ class Plant:
         except jsbsim.BaseError as error:
             log.warning("frame %d: %s", self._frame[k], error)
             self._broken = True
+
+    def _place(self, elevator: float, aileron: float, rudder: float) -> None:
+        self._elevator(elevator)
+        self._aileron(aileron)
+        self._rudder(rudder)
 
     def _move_air(self, time_s: float) -> None:
         if time_s < self._air_changes_s:
