@@ -23,6 +23,7 @@ from rig.computer.analytic.designed import Designed
 from rig.computer.control.autopilot import Config as Control
 from rig.computer.control.gains import Gains
 from rig.computer.redundancy import Config as Redundancy
+from rig.computer.redundancy.config import refuse_short_wait
 from rig.errors import BadInput
 from rig.faults import Fault, check
 from rig.faults.fault import LiveFault, distinct_keys
@@ -119,6 +120,7 @@ class Scenario(Settings):
         refuse_unfit(self.actuators, self.airframe)
         self._servos_for_their_faults()
         refuse_long_offsets(self.computers, self.rate_hz)
+        refuse_short_wait(self.redundancy, self.rate_hz)
         self._lanes_for_their_faults()
         fitted = {named.name: getattr(self.sensors, named.name).channels for named in (*SIGNALS, *DISCRETES)}
         check(self.faults, fitted)

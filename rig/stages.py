@@ -118,4 +118,16 @@ def redundancy(scenario: Scenario) -> Redundancy:
     ranges, channels, discretes = sensors.ranges(suite), sensors.channels(suite), sensors.discrete_channels(suite)
     settings, references, rate_hz = scenario.redundancy, scenario.references, scenario.rate_hz
     tested = scenario.control.tested
-    return Redundancy(settings, ranges, channels, references, rate_hz, discretes, scenario.trust, tested)
+    noise = sensors.noise_std(suite, rate_hz)
+    return Redundancy(
+        settings,
+        ranges,
+        channels,
+        references,
+        rate_hz,
+        discretes,
+        scenario.trust,
+        tested,
+        noise,
+        scenario.computers.count,
+    )

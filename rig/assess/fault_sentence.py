@@ -27,6 +27,8 @@ _RESOLVERS: Final = {
     "box": "with its whole box",
     "common": "with all channels: two references agreed against them",
     "slow": "by the sum of its small deviations",
+    "lane": "because its computer is failed",
+    "given_up": "with all channels: no rule had answered the split",
 }
 
 

@@ -36,7 +36,7 @@ class Outcome:
         self.params = monitored.params
         self.records = Outcomes(
             params=monitored.params,
-            flight=_blank_flight(count, monitored.box_signals, window),
+            flight=_blank_flight(count, window),
             faults=faults,
             signals=monitored.signals,
             discretes=monitored.discretes,
@@ -155,9 +155,9 @@ class FlightOutcome(Outcome):
             self.computers.add(lanes)
 
 
-def _blank_flight(signals: int, box_signals: int, window: int) -> NDArray[Any]:
+def _blank_flight(signals: int, window: int) -> NDArray[Any]:
     flight = np.zeros(1, FLIGHT)
     flight["spans"], flight["unexplained"], flight["acted_from"] = signals, NEVER, NEVER
-    flight["box_signals"], flight["window"] = box_signals, window
+    flight["window"] = window
     flight["low"], flight["high"] = np.inf, -np.inf
     return flight

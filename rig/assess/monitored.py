@@ -14,8 +14,8 @@ from rig.assess.lane_outcome import columns_of
 from rig.assess.outcome import LONG_AGO, NEVER, SIGNAL
 from rig.assess.outcome_records import FAULT
 from rig.computer.analytic.sources import FROM_UNIT, second, source
-from rig.computer.redundancy import Config, measured_thresholds
-from rig.computer.redundancy.config import parameters
+from rig.computer.redundancy import Config, flight_parameters
+from rig.computer.redundancy.box import boxes
 from rig.computer.redundancy.discrete_config import discrete_parameters
 from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
@@ -31,8 +31,10 @@ _HALF: Final = 0.5  # an error of a discrete is 0 or 1
 def monitor(scenario: Scenario) -> NDArray[np.void]:
     """Return the (S,) config.PARAMS records of the flight's manager."""
     suite, config = scenario.sensors, scenario.redundancy
-    params = parameters(config.signals, sensors.ranges(suite), sensors.channels(suite), scenario.rate_hz)
-    measured_thresholds(params, config, scenario.references)
+    ranges, channels = sensors.ranges(suite), sensors.channels(suite)
+    params = flight_parameters(
+        config, ranges, channels, scenario.references, scenario.rate_hz, scenario.computers.count
+    )
     kind = manager_kind(config.manager)
     if kind.kernel is not None and not kind.compares:
         params["outlier_threshold"] = params["outlier_threshold_triplex"] = 0.0  # they do not ask for it
@@ -55,10 +57,9 @@ class Monitored(NamedTuple):
     params: NDArray[np.void]  # (S,) config.PARAMS
     signals: NDArray[Any]  # (S,) SIGNAL
     discretes: NDArray[Any]  # (D,) SIGNAL
-    box_signals: int
 
     @classmethod
-    def of(cls, params: NDArray[np.void], discretes: NDArray[np.void], box_signals: int) -> Monitored:
+    def of(cls, params: NDArray[np.void], discretes: NDArray[np.void], box_signals: int | None) -> Monitored:
         """Return the blank records; params, discretes : config.PARAMS and DISCRETE_PARAMS.
 
         A single channel of four is measured by the outlier threshold where there is one.
@@ -68,7 +69,9 @@ class Monitored(NamedTuple):
             np.where(outlier > 0.0, outlier, params["threshold"]), params["fitted"], lingers(params)
         )
         watched = blank_records(np.full(len(discretes), _HALF), discretes["fitted"], discretes["persistence"])
-        return cls(params, signals, watched, box_signals)
+        signals["box"] = params["box"]
+        signals["box_needed"] = boxes(params["box"], box_signals, 1)["needed"][0][params["box"]]
+        return cls(params, signals, watched)
 
 
 def settings_of(scenario: Scenario) -> tuple[NDArray[np.void], NDArray[np.void]]:

@@ -27,6 +27,8 @@ SIGNAL: Final = np.dtype(
         # Its monitor.
         ("threshold", "f8"),  # of a single channel; a vote is off by more than the one of PARAMS
         ("fitted", "i8"),
+        ("box", "i8"),
+        ("box_needed", "i8"),  # signals of the box that must accuse a channel until it is failed on all; 0: never
         ("linger", "i8"),  # frames for which a fault that has ceased can be the cause of a failure
         # Its channels.
         ("error", "f8", (CHANNELS,)),  # injected, in this row; NaN where the sample is lost

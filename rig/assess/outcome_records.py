@@ -93,7 +93,6 @@ FLIGHT: Final = np.dtype(
         ("episodes", "i8"),
         ("spans", "i8"),
         ("unexplained", "i8"),  # signal * 4 + channel of a sample that no fault can have changed; NEVER
-        ("box_signals", "i8"),
         ("window", "i8"),  # frames for which the load factor is looked at after an onset
         ("low", "f8", (len(EXTREMES),)),
         ("high", "f8", (len(EXTREMES),)),

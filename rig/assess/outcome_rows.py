@@ -182,8 +182,9 @@ def cause_of(signal, s, c, resolver, frame, discrete, out):
     if not discrete and resolver == Resolver.BOX:
         faulty = 0
         for other in range(len(out.signals)):
-            faulty += out.signals[other]["wrong_at"][c] >= frame - out.signals[other]["linger"]
-        if faulty >= max(out.flight[0]["box_signals"], 1):
+            mate = out.signals[other]
+            faulty += mate["box"] == signal["box"] and mate["wrong_at"][c] >= frame - mate["linger"]
+        if faulty >= max(signal["box_needed"], 1):
             return Cause.WITH_ITS_BOX.value
     if not discrete and resolver == Resolver.COMMON and max(signal["disturbed"], signal["reference_at"]) >= since:
         return Cause.BY_RULE.value

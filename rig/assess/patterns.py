@@ -16,7 +16,7 @@ from rig.assess.record import Coverage, Episode, ResolverScore
 from rig.assess.words import Cause
 from rig.frame import SIGNALS, Pattern, Resolver
 
-RESOLVERS: Final = ("ilm", "trend", "reference", "extremes", "middle", "box")
+RESOLVERS: Final = ("ilm", "lane", "trend", "reference", "extremes", "middle", "box")
 SINGULAR: Final = tuple(pattern for pattern in Pattern if pattern.is_singular)
 _CODES: Final = frozenset(map(int, Resolver))
 _LAST_RESORT: Final = {Pattern.P1_1_1_1: Resolver.EXTREMES, Pattern.P1_1_1: Resolver.MIDDLE}

@@ -79,7 +79,14 @@ def step(held, p, j, k, noise):
     )  # fmt: skip
     fcc["reference"][0], fcc["second_reference"][0] = held.reference[frame], held.second[frame]
     bench_step(
-        row, row, 0, sensors, None, None, ManagerData(m.choice, m.params, p.manager[j : j + 1], m.boxes, m.rival), None
+        row,
+        row,
+        0,
+        sensors,
+        None,
+        None,
+        ManagerData(m.choice, m.params, p.manager[j : j + 1], m.boxes, m.lanes, m.rival),
+        None,
     )
     p.frame[j] += 1
     params = m.params[0]

@@ -64,7 +64,21 @@ class Transition(Settings):
     level: int | None = Field(default=None, ge=0, le=CHANNELS)
     pattern: Literal["normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost"] | None = None
     resolver: (
-        Literal["none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box", "common", "slow"] | None
+        Literal[
+            "none",
+            "ilm",
+            "trend",
+            "reference",
+            "extremes",
+            "middle",
+            "unresolved",
+            "box",
+            "common",
+            "slow",
+            "lane",
+            "given_up",
+        ]
+        | None
     ) = None
     source: Literal["voted", "reference", "degraded"] | None = None
     channel: int | None = Field(default=None, ge=1, le=CHANNELS)

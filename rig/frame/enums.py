@@ -49,6 +49,8 @@ class Resolver(IntEnum):
     BOX = 7  # the channel is out on several signals: its box has died
     COMMON = 8  # all channels agree, and two references agree against them
     SLOW = 9  # small deviations of a channel, summed over seconds
+    LANE = 10  # the computers of one side are failed
+    GIVEN_UP = 11  # no rule has answered for ``unresolved_s``: the signal is lost
 
 
 class Ilm(IntEnum):

@@ -27,7 +27,7 @@ from rig.computer.redundancy.discrete import DiscreteData
 from rig.computer.redundancy.manager import ManagerData
 from rig.faults import FaultData, break_computers, corrupt_commands
 from rig.faults.parts import ComputerPart
-from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, S, lane_rows
+from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, Health, S, lane_rows
 from rig.kernels import inlined, kernel
 from rig.lanes.backup import PLACE, fly_backup
 from rig.lanes.clock import ClockData, clocks, run_on, sample_early
@@ -82,6 +82,7 @@ class LaneData(NamedTuple):
     references: NDArray[Any]  # and so on: states, in place
     manager: NDArray[Any]
     boxes: NDArray[Any]
+    failed: NDArray[np.uint8]  # (4,) lanes that are failed, as all know at the beginning of the frame
     discretes: NDArray[Any]
     control: NDArray[Any]
     gain: NDArray[np.float64]
@@ -128,6 +129,7 @@ class Lanes:
             references=_of_each(redundancy.references.state),
             manager=_of_each(redundancy.manager.state),
             boxes=_of_each(redundancy.manager.boxes),
+            failed=np.zeros(_LANES, np.uint8),
             discretes=_of_each(redundancy.discretes.state),
             control=_of_each(control.state),
             gain=_of_each(control.gain),
@@ -173,6 +175,8 @@ def think_before(row, k, data, lanes):
     break_computers(row, lanes.health.parts, lanes.health.seen, data.faults)
     engage(row["frame"], lanes.health)
     join(lanes)
+    for i in range(lanes.fitted):
+        lanes.failed[i] = lanes.health.lane[i]["health"] == Health.FAILED
     share_samples(row, lanes.bus, lanes.clocks.clock[0]["lead"], lanes.running, data.faults, lanes.links)
     think_apart(row, k, data, lanes)
 
@@ -273,7 +277,7 @@ def of_lane(i, data, lanes):
     """Return the ComputerData of lane i: its own state, and the parameters that all have."""
     r, m, c, f = data.redundancy.references, data.redundancy.manager, data.control, data.faults
     references = ReferenceData(r.pressures, r.table, r.param, lanes.references[i])
-    manager = ManagerData(m.choice, m.params, lanes.manager[i], lanes.boxes[i], m.rival)
+    manager = ManagerData(m.choice, m.params, lanes.manager[i], lanes.boxes[i], lanes.failed, m.rival)
     discretes = DiscreteData(data.redundancy.discretes.params, lanes.discretes[i])
     control = ControlData(c.pressures, c.table, c.param, lanes.control[i], lanes.gain[i], c.fdi_param, lanes.fdi[i])
     faults = FaultData(

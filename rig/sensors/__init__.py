@@ -12,4 +12,4 @@ Equations and order of the effects: docs/sensors.md.
 """
 
 from rig.sensors.kernel import SensorData, Sensors, measure
-from rig.sensors.settings import Sensor, Suite, channels, discrete_channels, fitted, ranges
+from rig.sensors.settings import Sensor, Suite, channels, discrete_channels, fitted, noise_std, ranges

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, exp, floor, hypot, pi, sin, sqrt
+from math import cos, exp, floor, pi, sin, sqrt
 from typing import Any, Final
 
 import numpy as np
@@ -50,7 +50,7 @@ def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> ND
         sensor = getattr(suite, signal.name)
         draw = rng.uniform(-1.0, 1.0, (3, CHANNELS))
         calibrate(row, sensor, draw)
-        row["noise_std"] = hypot(sensor.noise_std, sensor.noise_density * sqrt(rate_hz))
+        row["noise_std"] = sensor.sample_noise_std(rate_hz)
         row["blend"] = 1.0 if sensor.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * sensor.lag_s))
         row["quantum"] = sensor.quantum
         row["low"], row["high"] = sensor.limits(signal)

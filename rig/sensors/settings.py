@@ -6,6 +6,7 @@ is drawn once a flight for each channel, uniform within plus and minus it.
 
 from __future__ import annotations
 
+from math import hypot, sqrt
 from typing import Any, Final
 
 import numpy as np
@@ -83,6 +84,10 @@ class Sensor(Settings):
         low = signal.low if self.low is None else self.low
         return low, signal.high if self.high is None else self.high
 
+    def sample_noise_std(self, rate_hz: float) -> float:
+        """Return the standard deviation of the white noise of a sample."""
+        return hypot(self.noise_std, self.noise_density * sqrt(rate_hz))
+
     @model_validator(mode="after")
     def _pairs(self) -> Sensor:
         """Refuse keys that only mean something together."""
@@ -148,6 +153,11 @@ Suite = create_model(
 def ranges(suite: Settings) -> NDArray[np.float64]:
     """Return (S, 2) lowest and highest sample of each signal."""
     return np.array([getattr(suite, signal.name).limits(signal) for signal in SIGNALS])
+
+
+def noise_std(suite: Settings, rate_hz: float) -> NDArray[np.float64]:
+    """Return (S,) standard deviation of the white noise of a sample, unit of the signal."""
+    return np.array([getattr(suite, signal.name).sample_noise_std(rate_hz) for signal in SIGNALS])
 
 
 def channels(suite: Settings) -> NDArray[np.int64]:

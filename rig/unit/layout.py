@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rig.computer.redundancy.config import LASTING, PARAMS
+from rig.computer.redundancy.config import LASTING, PARAMS, SINCE_3
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
 from rig.frame.fields import BASES, FIELD, FIELDS
@@ -89,7 +89,8 @@ ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (Kind, Form, Said, Ilm
 
 def members(enum: type[IntEnum] | type[IntFlag], version: int = VERSION) -> list[IntEnum | IntFlag]:
     """Return the values of an enum that a unit of a version of the records may read or write."""
-    return [member for member in enum if version > 1 or member is not Resolver.SLOW]
+    since = {Resolver.SLOW: 2, Resolver.LANE: 3, Resolver.GIVEN_UP: 3}
+    return [member for member in enum if not isinstance(member, Resolver) or version >= since.get(member, 1)]
 
 
 _Entry = tuple[str, Any, tuple[int, ...]]
@@ -150,11 +151,13 @@ def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
 
 # Fields of CONFIG that hold our own settings, and which of them.
 SETTINGS: Final[dict[str, tuple[str, ...]]] = {
-    "signal": tuple(name for name in PARAMS.names or () if name not in LASTING),
+    "signal": tuple(name for name in PARAMS.names or () if name not in LASTING + SINCE_3),
     "lasting": LASTING,
     "discrete": DISCRETE_PARAMS.names or (),
 }
-SIGNAL_CONFIG: Final = _little(PARAMS, SETTINGS["signal"])
+RESOLVERS: Final = 5  # that a unit may ask: it knows of no other computers
+_TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "resolvers" else (n, "i8", (RESOLVERS,)) for n in PARAMS.names or ()])
+SIGNAL_CONFIG: Final = _little(_TOLD, SETTINGS["signal"])
 LASTING_CONFIG: Final = _little(PARAMS, SETTINGS["lasting"])
 DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS, SETTINGS["discrete"])
 HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.config import PARAMS, without_lanes
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.frame import D, S
 from rig.unit.host import HEAD
@@ -20,6 +20,7 @@ from rig.unit.layout import (
     FROM_UNIT,
     HELLO,
     OUTPUT,
+    RESOLVERS,
     SEAM,
     SETTINGS,
     TO_UNIT,
@@ -60,7 +61,7 @@ def configuration(
     """
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
     for part, key, records in _settings(params, discretes):
-        config[0][part][key] = records[key]
+        config[0][part][key] = without_lanes(records[key])[:, :RESOLVERS] if key == "resolvers" else records[key]
     config["rate_hz"], config["form"] = rate_hz, form
     config["box_signals"], config["box_persistence"] = boxes["signals"][0], boxes["persistence"][0]
     config["trim_surface"], config["surface_low"], config["surface_high"] = trim, limits[:, 0], limits[:, 1]
@@ -72,7 +73,11 @@ def settings_of(config: NDArray[Any]) -> tuple[NDArray[np.void], NDArray[np.void
     """Return the settings in a (1,) CONFIG, of which our own manager is made: (S,) PARAMS, (D,) DISCRETE_PARAMS."""
     params, discretes = np.zeros(S, PARAMS), np.zeros(D, DISCRETE_PARAMS)
     for part, key, records in _settings(params, discretes):
-        records[key] = config[0][part][key]
+        if key == "resolvers":
+            records[key][:, :RESOLVERS] = config[0][part][key]
+        else:
+            records[key] = config[0][part][key]
+    params["box"] = 1
     return params, discretes
 
 

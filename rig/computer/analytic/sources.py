@@ -87,6 +87,9 @@ FROM_UNIT: Final[dict[str, tuple[str, ...]]] = {
     **dict.fromkeys((*_ATTITUDE, "angle_of_attack", "angle_of_sideslip"), INERTIAL),
 }
 
+# The signals that the inertial unit measures too, of the same quantity: it and four sensors of one make may err alike.
+TELLING: Final = (*_TURNING, "normal_load_factor", "lateral_load_factor", "longitudinal_load_factor")
+
 
 def source(config: Config, signal: str) -> str:
     """Return where the reference of ``signal`` comes from, ``none`` when it has none."""

@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.analytic.designed import Designed
-from rig.computer.analytic.references import ReferenceData, References, refer, remember
-from rig.computer.analytic.sources import second, source
-from rig.computer.redundancy.config import Config, SignalConfig, parameters
+from rig.computer.analytic.references import ReferenceData, References, refer, remember, still_within
+from rig.computer.analytic.sources import PARTNERS, TELLING, second, source
+from rig.computer.redundancy.config import Config, SignalConfig, box_of_signals, parameters, without_lanes
 from rig.computer.redundancy.discrete import DiscreteData, DiscreteVoter, vote_discretes
 from rig.computer.redundancy.discrete_config import discrete_parameters
+from rig.computer.redundancy.durations import in_frames
 from rig.computer.redundancy.manager import ManagerData
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, Manager, manager_kind, vote_signals, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
-from rig.frame import CHANNELS, SIGNALS, D
+from rig.frame import CHANNELS, INDEX, SIGNALS, D
 from rig.kernels import kernel
 from rig.util.trust import Trust
 
@@ -43,18 +44,22 @@ class Redundancy:
         discrete_channels: NDArray[np.int64] | None = None,
         trust: Trust | None = None,
         tested: Collection[str] = (),
+        noise_std: NDArray[np.float64] | None = None,
+        computers: int = 1,
     ) -> None:
         """Make the stage.  BadInput: the user's manager.
 
         ranges (S, 2), channels (S,), discrete_channels (D,) : of the sensors; all discretes have four when not given
         trust : whether a manager class that the settings name may be run; it may not when not given
         tested : signals whose common faults the control law finds by itself
+        noise_std : (S,) of a sample of each sensor, unit of the signal; none when not given
+        computers : fitted
         """
-        params = parameters(config.signals, ranges, channels, rate_hz)
-        measured_thresholds(params, config, designed)
-        params["common_persistence"], params["common_fails"] = config.common_persistence, common_fails(config, tested)
+        params = flight_parameters(config, ranges, channels, designed, rate_hz, computers)
+        params["common_fails"] = common_fails(config, tested)
         kind = manager_kind(config.manager)
-        self.references = References(config.references, designed, rate_hz, kind.refers)
+        still = still_within(params["threshold"], np.zeros(len(SIGNALS)) if noise_std is None else noise_std)
+        self.references = References(config.references, designed, rate_hz, kind.refers, still)
         own = kind.kernel is None
         self.own: OwnManager | None = load_manager(config.manager, params, trust or Trust()) if own else None
         name = DEFAULT if own else config.manager
@@ -74,6 +79,31 @@ class Redundancy:
         return RedundancyData(self.references.data, self.manager.data, self.discretes.data)
 
 
+def flight_parameters(
+    config: Config,
+    ranges: NDArray[np.float64],
+    channels: NDArray[np.int64],
+    designed: Designed,
+    rate_hz: float,
+    computers: int = 1,
+) -> NDArray[np.void]:
+    """Return the (S,) PARAMS records of a flight's manager, but for what a common mode does.
+
+    ranges (S, 2), channels (S,) : of the sensors; computers : fitted; one has no other's health to ask
+    """
+    params = parameters(config.signals, ranges, channels, rate_hz)
+    measured_thresholds(params, config, designed)
+    if computers == 1:
+        params["resolvers"] = without_lanes(params["resolvers"])
+    params["common_persistence"] = config.common_persistence
+    params["unresolved_frames"] = in_frames(0, config.unresolved_s or None, rate_hz)
+    params["box"] = box_of_signals(config.boxes, [signal.name for signal in SIGNALS])
+    params["referred"] = [source(config.references, signal.name) != "none" for signal in SIGNALS]
+    params["tells"] = [_bit(signal.name) if signal.name in TELLING else 0 for signal in SIGNALS]
+    params["sources"] = [sources_of(config, signal.name) for signal in SIGNALS]
+    return params
+
+
 def common_fails(config: Config, tested: Collection[str]) -> list[bool]:
     """Return for each signal whether a common mode fails it (ours); one of ``tested`` only by its own setting."""
     general = {signal.name: "report" if signal.name in tested else config.common_mode for signal in SIGNALS}
@@ -90,6 +120,17 @@ def measured_thresholds(params: NDArray[np.void], config: Config, designed: Desi
             row["reference_airspeed_m_s"] = 0.0 if airspeed is None else airspeed.threshold
         measured = designed.error(signal.name, second(config.references, signal.name))
         row["second_threshold"] = row["threshold"] if measured is None else measured.threshold
+
+
+def sources_of(config: Config, signal: str) -> int:
+    """Return a bit for each signal in TELLING that a reference of ``signal`` reads (reference_monitor.contradicted)."""
+    chosen = source(config.references, signal), second(config.references, signal)
+    read = {name for of in chosen for name in PARTNERS.get((signal, of), ()) if name in TELLING}
+    return sum(map(_bit, read))
+
+
+def _bit(signal: str) -> int:
+    return 1 << INDEX[signal]
 
 
 @kernel

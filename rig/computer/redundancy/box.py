@@ -1,4 +1,6 @@
-"""A box that dies: a channel accused on several signals at once is failed on all of its signals.
+"""A box that dies: a channel accused on several signals of a box at once is failed on all signals of that box.
+
+A box is a named set of signals that one unit of each channel measures: air data, inertial, sticks.
 
 One frame's evidence against a channel on one signal: it miscompares, its sample is not comparable, or an in-line
 monitor or the reference blames it for a pattern without a majority.  Trend, extremes and middle are no evidence.
@@ -10,20 +12,43 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.computer.redundancy.compare import is_singular
 from rig.computer.redundancy.lasting import begin_sums
 from rig.frame import CHANNELS, Resolver, State
 from rig.kernels import kernel
 
+MOST_BOXES: Final = 16  # as many as signals; place 0 is that of signals in no box
 BOXES: Final = np.dtype(
     [
-        ("signals", "i8"),  # that must accuse a channel in the same frame; 0: no channel is failed as a box
+        ("needed", "i8", (MOST_BOXES + 1,)),  # signals of each that must accuse a channel in the same frame; 0: never
+        ("signals", "i8"),  # as was asked; -1: more than half of the box
+        ("least", "i8"),  # of them, but zeros; 0 where all are: no channel is failed as a box
         ("persistence", "i8"),  # frames in a row
-        ("count", "i8", (CHANNELS,)),  # of such frames
+        ("counting", "u1"),  # some count is not zero
+        ("count", "i8", (MOST_BOXES + 1, CHANNELS)),  # of such frames
     ],
     align=True,
 )
+
+
+def boxes(of_signal: NDArray[np.int64], signals: int | None, persistence: int) -> NDArray[np.void]:
+    """Return the (1,) BOXES record at the first frame.
+
+    of_signal : (S,) box of each signal, from 1; 0 for none
+    signals : that must accuse a channel at once, at most all of its box; None: more than half of the box, and two at
+              least, since one signal has its own comparison; 0: no channel is failed as a box
+    persistence : frames in a row
+    """
+    record = np.zeros(1, BOXES)
+    sizes = np.bincount(of_signal, minlength=MOST_BOXES + 1)
+    sizes[0] = 0
+    needed = sizes // 2 + 1 if signals is None else np.minimum(signals, sizes)
+    record["needed"] = np.where(sizes > 1, np.maximum(needed, 2 if signals is None else 0), 0)
+    record["least"] = min((int(n) for n in record["needed"][0] if n > 0), default=0)
+    record["signals"], record["persistence"] = -1 if signals is None else signals, persistence
+    return record
 
 
 @kernel
@@ -46,21 +71,40 @@ def accused(resolver, ranked, p, st):
 
 @kernel
 def fail_boxes(fcc, params, state, box):
-    """Fail on all their signals the channels accused long enough on enough signals, unless they are the majority."""
-    condemned, candidates, boxes = 0, 0, 0
+    """Fail, box by box, on all its signals the channels accused long enough on enough of them."""
+    box["counting"] = False
+    for b in range(1, MOST_BOXES + 1):
+        if box["needed"][b] > 0:
+            fail_box(b, fcc, params, state, box)
+
+
+@kernel
+def fail_box(b, fcc, params, state, box):
+    """Fail the units of box ``b`` that are accused long enough, unless they are the majority of those there."""
+    condemned, candidates, units = 0, 0, 0
     for c in range(CHANNELS):
         against, in_use = 0, False
         for s in range(len(params)):
-            against += (state[s]["accused"] >> c) & 1
-            in_use = in_use or (c < params[s]["fitted"] and not state[s]["failed"][c])
-        box["count"][c] = box["count"][c] + 1 if against >= box["signals"] else 0
-        boxes += in_use or against > 0
-        if box["count"][c] >= box["persistence"]:
+            if params[s]["box"] == b:
+                against += (state[s]["accused"] >> c) & 1
+                in_use = in_use or (c < params[s]["fitted"] and not state[s]["failed"][c])
+        box["count"][b, c] = box["count"][b, c] + 1 if against >= box["needed"][b] else 0
+        box["counting"] |= box["count"][b, c] > 0
+        units += in_use or against > 0
+        if box["count"][b, c] >= box["persistence"]:
             condemned, candidates = condemned | 1 << c, candidates + 1
-    if 2 * candidates > boxes or candidates == 0:
+    if 2 * candidates > units or candidates == 0:
         return
     for s in range(len(params)):
-        fail_all(condemned, fcc, s, params[s], state[s])
+        if params[s]["box"] == b:
+            fail_all(condemned, fcc, s, params[s], state[s])
+
+
+@kernel
+def begin_counts(box):
+    """Set all counts to zero, in a frame in which too few signals are accused for any box."""
+    box["counting"] = False
+    box["count"][:] = 0
 
 
 @kernel

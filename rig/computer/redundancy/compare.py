@@ -17,14 +17,15 @@ def rank(samples, valid, base, p, st):
 
     samples : (4,) this frame's channels; valid : (4,) 0 when the sensor flags the sample
     base : an angle is taken within half a turn of it; p, st : a PARAMS and a STATE record
-    Reads ``failed``; writes ``x`` (4,), comparable values by channel, ``order`` (4,), channels by ascending value.
+    Reads ``failed`` and ``stale``, a bit for each channel whose sample repeats; writes ``x`` (4,), comparable values by
+    channel, ``order`` (4,), channels by ascending value.
     """
-    failed, x, order = st["failed"], st["x"], st["order"]
+    failed, stale, x, order = st["failed"], st["stale"], st["x"], st["order"]
     low, high, wraps = p["low"], p["high"], p["wraps"]
     n = 0
     for c in range(p["fitted"]):
         sample = samples[c]
-        if failed[c] or not comparable(sample, valid[c], low, high):
+        if failed[c] or (stale >> c) & 1 or not comparable(sample, valid[c], low, high):
             continue
         x[c] = base + difference(sample, base, wraps) if wraps else sample
         order[n] = c

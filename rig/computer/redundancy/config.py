@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from typing import Any, Final, Literal
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from pydantic import Field, create_model, field_validator, model_validator
 
 from rig import settings
 from rig.computer.analytic.references import Config as References
+from rig.computer.redundancy.box import MOST_BOXES
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.computer.redundancy.lowpass import gain
@@ -19,9 +20,10 @@ from rig.computer.redundancy.managers import DEFAULT, MANAGERS
 from rig.computer.redundancy.rivals.settings import Rivals
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Resolver, S, to_frame
 from rig.settings import Settings
-from rig.text import choices
+from rig.text import choices, quoted, shorten
 
-ResolverName = Literal["ilm", "reference", "trend", "extremes", "middle"]
+ResolverName = Literal["ilm", "lane", "reference", "trend", "extremes", "middle"]
+RESOLVERS: Final = len(get_args(ResolverName))
 CommonMode = Literal["report", "fail"]  # what two references against all channels do to a signal
 
 
@@ -42,9 +44,14 @@ class SignalConfig(Settings):
     persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
     persistence_s: float | None = Field(default=None, gt=0)  # the same as a time, in place of the frames
     singular_persistence: int = Field(default=10, ge=1)  # frames until a singular pattern is settled
+    count_down: float | None = Field(default=None, gt=0)  # what an agreeing frame takes off the count; all of it
     singular_persistence_s: float | None = Field(default=None, gt=0)
-    resolvers: list[ResolverName] = ["ilm", "reference", "trend", "extremes", "middle"]  # the last two close the order
+    # The last two close the order.
+    resolvers: list[ResolverName] = ["ilm", "lane", "reference", "trend", "extremes", "middle"]
     trend_frames: int = Field(default=8, ge=1, le=8)
+    trend_window: Literal["sliding", "tumbling"] = "sliding"  # or begun anew every trend_frames
+    trend_small: float | None = Field(default=None, ge=0)  # changes a frame up to which one frame is trend enough
+    trend_beside_reference: bool = False  # ask the trend of a signal with a reference that cannot be used, too
     reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
     # What lasts (lasting.py); each 0 or not given: off.
     bias_bound: float = Field(
@@ -68,6 +75,12 @@ class SignalConfig(Settings):
     @model_validator(mode="after")
     def _frames_or_seconds(self) -> SignalConfig:
         refuse_both(self, "persistence", "singular_persistence")
+        return self
+
+    @model_validator(mode="after")
+    def _counts_in_frames(self) -> SignalConfig:
+        if self.count_down is not None and "persistence" not in self.model_fields_set:
+            raise ValueError("count_down: give persistence, the count in frames that fails a channel, beside it")
         return self
 
     @model_validator(mode="after")
@@ -133,8 +146,12 @@ class Config(Settings):
     """The ``[redundancy]`` table of an aircraft or scenario."""
 
     manager: str = DEFAULT  # one of MANAGERS, or module:name of one's own
-    box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
+    # Signals of a box that accuse a channel at once until it is failed on all of them: more than half of the box when
+    # not given; 0: never.
+    box_signals: int | None = Field(default=None, ge=0)
     box_persistence: int = Field(default=8, ge=1)  # frames for which they do
+    boxes: dict[str, list[str]] = {}  # the signals that one unit of each channel measures; all in one when not given
+    unresolved_s: float = Field(default=1.0, ge=0)  # of a split that no rule answers until it is given up; 0: never
     discrete_persistence: int = Field(default=PERSISTENCE, ge=1)  # frames, of a discrete that has none of its own
     discretes: DiscreteConfigs = DiscreteConfigs()  # pyright: ignore[reportInvalidTypeForm]  # from the frame's table
     common_mode: CommonMode = "fail"  # of signals without one of their own that the control law does not test itself
@@ -151,11 +168,41 @@ class Config(Settings):
             raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:name")
         return name
 
+    @field_validator("boxes")
+    @classmethod
+    def _each_in_one(cls, boxes: dict[str, list[str]]) -> dict[str, list[str]]:
+        if boxes:
+            box_of_signals(boxes, tuple(INDEX))
+        return boxes
+
     @field_validator("rivals")
     @classmethod
     def _of_known_signals(cls, rivals: Rivals) -> Rivals:
         rivals.refuse_others(INDEX)
         return rivals
+
+
+def box_of_signals(boxes: Mapping[str, Sequence[str]], signals: Sequence[str]) -> list[int]:
+    """Return the box of each of ``signals``, from 1; all are in box 1 where no ``boxes`` are named.
+
+    ValueError: an unknown signal, one in two boxes or in none, more boxes than MOST_BOXES.
+    """
+    if not boxes:
+        return [1] * len(signals)
+    if len(boxes) > MOST_BOXES:
+        raise ValueError(f"at most {MOST_BOXES} boxes, got {len(boxes)}")
+    found: dict[str, int] = {}
+    for number, (box, members) in enumerate(boxes.items(), 1):
+        for name in members:
+            if name not in signals:
+                raise ValueError(f"{shorten(box)}: unknown signal {quoted(name)}, {choices(name, signals)}")
+            if name in found:
+                other = list(boxes)[found[name] - 1]
+                raise ValueError(f"{name} is in two boxes, {shorten(other)} and {shorten(box)}; each is in one")
+            found[name] = number
+    if missing := [name for name in signals if name not in found]:
+        raise ValueError(f"{', '.join(missing)}: in no box; each signal is in one of {', '.join(map(shorten, boxes))}")
+    return [found[name] for name in signals]
 
 
 PARAMS: Final = np.dtype(
@@ -186,14 +233,47 @@ PARAMS: Final = np.dtype(
         ("deviation", "f8"),
         ("deviation_frames", "f8"),  # integral in unit times frames
         ("fitted", "i8"),  # channels of the signal
-        ("resolvers", "i8", (5,)),  # in order, 0 where none
+        ("resolvers", "i8", (RESOLVERS,)),  # in order, 0 where none
         ("wraps", "u1"),
         ("weighted", "u1"),
+        ("count_down", "f8"),  # 0: an agreeing frame sets the count to zero
+        ("unresolved_frames", "i8"),  # 0: a split may stay open
+        ("trend_small", "f8"),  # -1: the trend is always of trend_frames
+        ("trend_tumbles", "u1"),
+        ("trend_beside_reference", "u1"),
+        ("referred", "u1"),  # a reference is configured
+        ("tells", "i8"),  # the bit of a rate or a load factor, which the inertial unit measures too; 0: another signal
+        ("sources", "i8"),  # a bit for each such signal that one of its references reads
+        ("box", "i8"),  # from 1; 0: none (box.py)
     ],
     align=True,
 )
 
+# What version 2 of a unit's records did not know.
+SINCE_3: Final = (
+    *("count_down", "unresolved_frames", "trend_small", "trend_tumbles", "trend_beside_reference", "referred"),
+    *("tells", "sources", "box"),
+)
 LASTING: Final = ("bias_bound", "bias_gain", "slow_allowance", "slow_limit", "stale_frames")  # of lasting.py
+
+
+def without_lanes(resolvers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return (n, RESOLVERS) resolvers in their order without the lanes' health, which one computer alone has not."""
+    rows = [[code for code in row if code != Resolver.LANE] for row in resolvers.tolist()]
+    return np.array([row + [0] * (RESOLVERS - len(row)) for row in rows], dtype=np.int64).reshape(-1, RESOLVERS)
+
+
+def refuse_short_wait(config: Config, rate_hz: float) -> None:
+    """Raise ValueError where a split would be given up before an answer to it can have stood long enough."""
+    given_up = in_frames(0, config.unresolved_s or None, rate_hz)
+    for signal in SIGNALS:
+        own: SignalConfig = getattr(config.signals, signal.name)
+        settled = in_frames(own.singular_persistence, own.singular_persistence_s, rate_hz)
+        if 0 < given_up < settled:
+            raise ValueError(
+                f"redundancy.unresolved_s: {config.unresolved_s:g} s are {given_up} frames, fewer than the "
+                f"{settled} of singular_persistence of {signal.name}; 0: never"
+            )
 
 
 def command(rows: Block, resets: Sequence[Reset], rate_hz: float) -> None:
@@ -251,7 +331,15 @@ def fill(
         deviation=config.selection_deviation or 2.5 * threshold,
         deviation_frames=(config.selection_integral_s or 5.0 * threshold) * rate_hz,
         fitted=channels,
-        resolvers=resolvers + [0] * (len(row["resolvers"]) - len(resolvers)),
+        resolvers=resolvers + [0] * (RESOLVERS - len(resolvers)),
         wraps=wraps,
         weighted=config.mean == "trend-weighted",
+        count_down=config.count_down or 0.0,
+        unresolved_frames=0,
+        trend_small=-1.0 if config.trend_small is None else config.trend_small,
+        trend_tumbles=config.trend_window == "tumbling",
+        referred=0,
+        tells=0,
+        sources=0,
+        box=1,
     )

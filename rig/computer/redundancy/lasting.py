@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rig.computer.redundancy import opinions, vote
-from rig.computer.redundancy.compare import is_singular, outlier_threshold, sort
+from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, sort
 from rig.frame import Pattern
 from rig.kernels import kernel
 
@@ -144,33 +144,39 @@ def begin_sums(st):
 
 
 @kernel
-def count_repeats(samples, p, st):
-    """Count the frames in a row in which each channel's sample was the last one again, bit for bit.
+def count_repeats(samples, valid, reference, p, st):
+    """Count the frames in which each channel's sample was the last one again, bit for bit, while another's moved.
 
-    Returns True if a channel is stale.
+    A frame without a sample counts neither way.  Nothing is told by a sample at the end of the range, nor where all
+    repeat alike: sensors at their stop, or at rest with a coarse quantum, are in order.  Beside the only channel in
+    use its reference is what moves.
+    Writes ``stale``, a bit for each channel that has repeated for ``stale_frames``.
     """
-    frames, repeats, last, stale = p["stale_frames"], st["repeats"], st["last_sample"], False
+    frames, repeats, last, failed = p["stale_frames"], st["repeats"], st["last_sample"], st["failed"]
     if frames == 0:
-        return False
-    for c in range(p["fitted"]):
-        repeats[c] = (repeats[c] + 1) * (samples[c] == last[c])
-        last[c] = samples[c]
-        stale |= repeats[c] >= frames
-    return stale
-
-
-@kernel
-def is_stale(c, p, st):
-    """Return True if a channel's sample has repeated for ``stale_frames``."""
-    return 0 < p["stale_frames"] <= st["repeats"][c]
-
-
-@kernel
-def mark_stale(n, p, st):
-    """Let the ranked samples that repeat miscompare."""
-    if p["stale_frames"] == 0:
         return
-    for i in range(n):
-        c = st["order"][i]
-        if is_stale(c, p, st):
-            st["miscomparing"][c] = True
+    low, high, stale, others, moved = p["low"], p["high"], 0, 0, False
+    for c in range(p["fitted"]):
+        if not failed[c] and comparable(samples[c], valid[c], low, high):
+            others += 1
+            moved |= samples[c] != last[c]
+    if others == 1 and not np.isnan(reference):
+        moved |= reference != st["last_reference"]
+    st["last_reference"] = reference
+    for c in range(p["fitted"]):
+        x = samples[c]
+        if not comparable(x, valid[c], low, high):
+            continue
+        if x != last[c] or (p["wraps"] == 0 and (x <= low or x >= high)):
+            repeats[c] = 0
+        elif moved:
+            repeats[c] += 1
+        last[c] = x
+        stale |= np.int64(repeats[c] >= frames) << c
+    st["stale"] = stale
+
+
+@kernel
+def is_stale(c, st):
+    """Return True if a channel's sample has repeated for ``stale_frames``."""
+    return (st["stale"] >> c) & 1 != 0

@@ -1,23 +1,21 @@
 """The low-pass of the monitor: channels are compared by it, and never voted by it.
 
 Vibration that the channels do not share makes samples of one frame differ more than the faults that are to be found.
-y(k) = y(k-1) + gain d, d = x(k) - y(k-1) within +-3 thresholds, with the first comparable sample as first value, and
-again after one that is not.  The limit keeps one bad sample, however large, from being seen for a persistence.
+y(k) = y(k-1) + gain (x(k) - y(k-1)), a step of at most threshold / (persistence - 1/2), with the first comparable
+sample as first value, and again after one that is not.  The limit keeps a burst that is shorter than the persistence,
+however large, from moving the low-pass by a threshold.
 Ours: docs/redundancy.md, 'A filter before the comparison'.
 """
 
 from __future__ import annotations
 
 from math import expm1
-from typing import Final
 
 import numpy as np
 
 from rig.computer.redundancy.compare import comparable, sort
 from rig.kernels import kernel
 from rig.units.angles import difference
-
-LARGEST_STEP: Final = 3.0  # thresholds: what one sample may tell the low-pass
 
 
 def gain(filter_s: float, rate_hz: float) -> float:
@@ -30,10 +28,10 @@ def follow(last, x, base, p):
     """Return the next value of the low-pass, an angle within half a turn of ``base``; starts with ``x`` after NaN."""
     if np.isnan(last):
         return x
-    step, limit = difference(x, last, p["wraps"]), LARGEST_STEP * p["threshold"]
+    step, limit = p["filter_gain"] * difference(x, last, p["wraps"]), p["threshold"] / (p["persistence"] - 0.5)
     if np.isfinite(step) and abs(step) > limit:
         step = np.copysign(limit, step)
-    y = last + p["filter_gain"] * step
+    y = last + step
     if p["wraps"]:
         y = base + difference(y, base, p["wraps"])
     return y if np.isfinite(y) else x

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy import vote
-from rig.computer.redundancy.box import accused, fail_boxes
+from rig.computer.redundancy.box import accused, begin_counts, fail_boxes
 from rig.computer.redundancy.compare import comparable, is_singular, pattern_of, rank, threshold
 from rig.computer.redundancy.lasting import (
     NOBODY,
@@ -21,17 +21,23 @@ from rig.computer.redundancy.lasting import (
     count_repeats,
     lasts,
     learn_bias,
-    mark_stale,
     middle,
     outlier_limit,
     take_bias_off,
     watch_sums,
 )
 from rig.computer.redundancy.lowpass import follow, smooth_channels
-from rig.computer.redundancy.opinions import update_trend
-from rig.computer.redundancy.persistence import count_miscompares, latch, readmit, watch_failed
+from rig.computer.redundancy.opinions import NO_ANSWER, update_trend
+from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
 from rig.computer.redundancy.quiet import is_quiet, last_quiet
-from rig.computer.redundancy.reference_monitor import check_last, monitor_reference, reference_threshold, watch_common
+from rig.computer.redundancy.reference_monitor import (
+    check_last,
+    cut_pair,
+    disputed,
+    monitor_reference,
+    reference_threshold,
+    watch_common,
+)
 from rig.computer.redundancy.resolve import Compared, resolve
 from rig.frame import CHANNELS, Pattern, Resolver, State
 from rig.kernels import kernel
@@ -64,17 +70,35 @@ STATE: Final = np.dtype(
         ("above", "f8", (CHANNELS,)),  # sums of residuals, unit times frames
         ("below", "f8", (CHANNELS,)),
         ("last_sample", "f8", (CHANNELS,)),
+        ("last_reference", "f8"),
         ("repeats", "i8", (CHANNELS,)),
-        ("count", "i8", (CHANNELS,)),  # miscomparing frames in a row
+        ("stale", "i8"),  # a bit for each channel whose sample has repeated for too long
+        ("before", "f8", (CHANNELS,)),  # comparable samples of the last frame, NaN where none; for weighted means
+        ("count", "f8", (CHANNELS,)),  # miscomparing frames in a row; with ``count_down`` less what it took off
         ("excess", "f8", (CHANNELS,)),  # integrated deviation, for the manager "selection"
         ("agreed", "i8", (CHANNELS,)),  # frames in a row that a failed channel agreed with the vote
         ("trend_high", "i8"),
         ("trend_low", "i8"),
         ("trend_seen", "i8"),
+        ("trend_says", "i8"),  # the last whole window of those that tumble
+        ("still_high", "i8"),  # frames in a row in which the rank did not change
+        ("still_low", "i8"),
         ("last_n", "i8"),
         ("pattern", "i8"),
         ("pattern_frames", "i8"),  # frames that the present pattern has lasted
         ("singular_run", "i8"),  # frames in a row of any pattern without a majority
+        ("answer", "i8"),  # the rule that answers the pattern,
+        ("answer_blames", "i8"),  # a bit for each channel that it would fail,
+        ("answer_frames", "i8"),  # and for how many frames in a row
+        ("unresolved_frames", "i8"),  # in a row that no rule has answered
+        ("hold_of", "i8"),  # a bit for each channel compared when the shares below were found
+        ("hold_low", "i8"),  # channels, and the share of the second in a vote that nobody decides
+        ("hold_high", "i8"),
+        ("hold_share", "f8"),
+        ("after_extremes", "u1"),  # the two channels left are those that extremes have kept
+        ("cut_frames", "i8"),  # frames in a row in which the reference is off both
+        ("lanes", "i8"),  # a bit for each channel whose computer is failed
+        ("in_dispute", "u1"),  # one of the signals that its references read
         ("accused", "i8"),  # a bit for each channel that this frame's evidence speaks against
         ("freeze", "i8"),  # frames for which the counts stand still after it
         ("reference_run", "i8"),  # frames in a row that speak against the reference's present standing
@@ -82,6 +106,7 @@ STATE: Final = np.dtype(
         ("level", "i8"),
         ("selected", "i8"),  # channel, for the manager "selection"
         ("reference_usable", "u1"),
+        ("second_run", "i8"),  # frames in a row in which the second reference is off the vote
         ("common_run", "i8"),  # frames in a row in which two references contradicted all channels
         ("common_mode", "u1"),
         ("started", "u1"),
@@ -100,6 +125,7 @@ class ManagerData(NamedTuple):
     params: NDArray[Any]  # (S,) config.PARAMS
     state: NDArray[Any]  # (S,) STATE, in place
     boxes: NDArray[Any]  # (1,) box.BOXES, in place
+    lanes: NDArray[Any]  # (4,) 1 where the computer of a channel is failed
     rival: Any = None  # managers.Chosen; None: no rival
 
 
@@ -108,7 +134,8 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
     state = np.zeros(len(params), STATE)
     state["reference_usable"] = 1
     state["level"] = params["fitted"]
-    for name in ("smooth", "smooth_reference", "smooth_vote", "last_sample"):
+    state["trend_says"] = NO_ANSWER
+    for name in ("smooth", "smooth_reference", "smooth_vote", "last_sample", "last_reference", "before"):
         state[name] = np.nan
     return state
 
@@ -125,9 +152,13 @@ def manage(bus, fcc, data):
     levels, patterns, resolvers, usable = fcc["level"], fcc["pattern"], fcc["resolver"], fcc["reference_usable"]
     trend_high, trend_low = fcc["trend_high"], fcc["trend_low"]
     second, common = fcc["second_reference"], fcc["common_mode"]
-    accusing = 0
+    accusing, against = 0, disputed(params, state)
+    lanes = 0
+    for c in range(CHANNELS):
+        lanes |= np.int64(data.lanes[c] != 0) << c
     for s in range(len(params)):
         p, st = params[s], state[s]
+        st["lanes"], st["in_dispute"] = lanes, against & p["sources"] != 0
         readmit_unbiased(reset[s], p, st)
         resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
@@ -137,10 +168,10 @@ def manage(bus, fcc, data):
         report(p, st, states[s])
         accusing += st["accused"] != 0
     box = data.boxes[0]
-    if accusing >= box["signals"] > 0:
+    if accusing >= box["least"] > 0:
         fail_boxes(fcc, params, state, box)
-    else:
-        box["count"][:] = 0
+    elif box["counting"]:
+        begin_counts(box)
 
 
 @kernel
@@ -162,24 +193,26 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     """Monitor and vote one signal in one frame; return the resolver that decided (Zhang 2023, sections 2 to 8)."""
     x, order = st["x"], st["order"]
     base = anchor(samples, valid, p, st)
+    count_repeats(samples, valid, reference, p, st)
+    if p["weighted"]:
+        keep_before(p, st)
     n = rank(samples, valid, base, p, st)
-    stale = count_repeats(samples, p, st)
-    reference = unwrapped(reference, base, p["wraps"])
-    second = unwrapped(second, base, p["wraps"])
-    if not stale and is_quiet(n, p, st):
+    reference = beside(reference, base, p)
+    second = beside(second, base, p)
+    if is_quiet(n, p, st):
         return vote_quiet(reference, second, n, p, st)
     compared = to_compare(samples, valid, reference, base, n, p, st)
     st["reference_threshold"] = reference_threshold(reference, p)
     st["threshold"] = threshold(n, p)
     limit = outlier_limit(n, p, st)
     pattern = pattern_of(compared.values, compared.order, n, st["threshold"], limit, st["miscomparing"])
-    mark_stale(n, p, st)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
-    update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
+    update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
     resolver, vote_before_fade = decide(ilm, reference, compared, n, p, st)
-    monitor_reference(vote_before_fade, reference, n, p, st)
+    resolver = cut_pair(resolver, n, reference, p, st)
+    monitor_reference(reference, n, p, st)
     resolver = watch_common(resolver, n, vote_before_fade, reference, second, p, st)
     if p["filter_gain"] > 0.0:
         followed = vote_before_fade if np.isfinite(vote_before_fade) else st["vote"]
@@ -222,7 +255,7 @@ def latch_all(resolver, slow, m, n, p, st):
     level = st["level"]
     if slow != NOBODY:
         st["failed"][slow], resolver = True, Resolver.SLOW.value
-    latch(p, st)
+    resolver = settle(resolver, p, st)
     if st["level"] != level:
         begin_sums(st)
     else:
@@ -233,13 +266,13 @@ def latch_all(resolver, slow, m, n, p, st):
 @kernel
 def vote_quiet(reference, second, n, p, st):
     """Vote a quiet signal, the rest of ``manage_signal`` without what nobody gave a reason for; same bits."""
-    x, order, wraps = st["x"], st["order"], p["wraps"]
+    x, order = st["x"], st["order"]
     st["reference_threshold"], st["threshold"] = reference_threshold(reference, p), threshold(n, p)
     st["pattern_frames"] += 1
-    update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], wraps)
+    update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
     weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"]) if p["weighted"] else 0.5
     voted = vote.median(x, order, n, st["miscomparing"], weight)
-    monitor_reference(voted, reference, n, p, st)
+    monitor_reference(reference, n, p, st)
     resolver = watch_common(Resolver.NONE.value, n, voted, reference, second, p, st)
     st["accused"] = 0
     if lasts(p) or resolver != Resolver.NONE:
@@ -263,11 +296,26 @@ def anchor(samples, valid, p, st):
 
 
 @kernel
-def unwrapped(reference, base, wraps):
-    """Return a reference within half a turn of ``base`` if it ``wraps``; NaN when it is not finite."""
+def beside(reference, base, p):
+    """Return a reference as the sensors could read it; NaN when it is not finite.
+
+    An angle is taken within half a turn of ``base``; anything else is limited to the range: sensors at their stop do
+    not contradict what is beyond it.
+    """
     if not np.isfinite(reference):
         return np.nan
-    return base + difference(reference, base, wraps) if wraps else reference
+    if p["wraps"]:
+        return base + difference(reference, base, p["wraps"])
+    return min(max(reference, p["low"]), p["high"])
+
+
+@kernel
+def keep_before(p, st):
+    """Keep the samples that were comparable in the last frame, whose changes weigh a mean."""
+    before, x, order = st["before"], st["x"], st["order"]
+    before[:] = np.nan
+    for i in range(st["last_n"]):
+        before[order[i]] = x[order[i]]
 
 
 @kernel

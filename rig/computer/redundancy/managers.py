@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit
-from rig.computer.redundancy.box import BOXES
+from rig.computer.redundancy.box import boxes
 from rig.computer.redundancy.manager import ManagerData, manage, new_state
 from rig.computer.redundancy.rivals import settings as of_rivals
 from rig.computer.redundancy.rivals.bayes import BAYES_STATE, bayes
@@ -22,6 +22,7 @@ from rig.computer.redundancy.rivals.parity import parity
 from rig.computer.redundancy.rivals.step import NOBODY, RIVAL_STATE
 from rig.computer.redundancy.rivals.sums import CUSUM_STATE, cusum, innovation
 from rig.computer.redundancy.rivals.weighted import weighted
+from rig.frame import CHANNELS
 from rig.kernels import inlined, kernel
 
 
@@ -105,7 +106,7 @@ class Manager:
     """A manager of the house; ``state`` is plain data and can be copied.
 
     name : of KINDS; params : (S,) config.PARAMS, those of a rival as ``with_settings`` makes them, else its defaults
-    box_signals, box_persistence : as in config.Config; 0 signals: no channel is failed as a box
+    box_signals, box_persistence : as in config.Config, of the boxes in ``params``; 0: no channel is failed as a box
     as_unit : the signals are the axes of one unit, of which "selection" selects one channel
     watches : a rival computes its statistics, and fails nobody by them
     """
@@ -115,7 +116,7 @@ class Manager:
         name: str,
         params: NDArray[np.void],
         *,
-        box_signals: int = 0,
+        box_signals: int | None = 0,
         box_persistence: int = 1,
         as_unit: bool = False,
         watches: bool = False,
@@ -127,8 +128,8 @@ class Manager:
         if watches:
             self.params["watches"] = 1
         self.state = self.new_state()
-        self.boxes = np.zeros(1, BOXES)
-        self.boxes["signals"], self.boxes["persistence"] = box_signals, box_persistence
+        self.boxes = boxes(self.params["box"], box_signals, box_persistence)
+        self.lanes = np.zeros(CHANNELS, np.uint8)
 
     def new_state(self) -> NDArray[np.void]:
         """Return (S,) records of the state at the first frame."""
@@ -142,7 +143,7 @@ class Manager:
     @property
     def data(self) -> ManagerData:
         """Data of ``vote_signals`` besides the row."""
-        return ManagerData(self.choice, self.params, self.state, self.boxes, self.rival)
+        return ManagerData(self.choice, self.params, self.state, self.boxes, self.lanes, self.rival)
 
 
 @inlined

@@ -4,7 +4,7 @@ Of two halves an answer is a set of sides to be failed, as bits: HIGH_SIDE the l
 LOW_SIDE the smaller.  Where nobody agrees with anybody it is the one channel to be kept.  NO_ANSWER when a
 resolver cannot tell.
 Source: Zhang 2023, section 2 (ILM), section 6 with figure 7 and Table 1 (trend), section 7 with figure 8 (reference).
-Ours: ILM and reference where nobody agrees with anybody.
+Ours: ILM and reference where nobody agrees with anybody; a side that does not move has no trend.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from rig.units.angles import difference
 NO_ANSWER: Final = -1
 LOW_SIDE: Final = 1
 HIGH_SIDE: Final = 2
+SMALLER_TRUE, LARGER_TRUE, BOTH_FALSE = 0, 1, 2  # what trend bytes say
 
 
 @kernel
@@ -43,12 +44,43 @@ def by_ilm(ilm, order, n):
 
 
 @kernel
-def by_trend(track, frames):
-    """Return what the trend bytes of the two voting ranks blame (section 6, figure 7)."""
-    rising = trend_verdict(track["trend_high"], track["trend_low"], track["trend_seen"], frames)
-    if rising == 1:
+def by_lanes(lanes, order, n):
+    """Return the half whose computers are failed, if the other half's are all in order; else NO_ANSWER (section 6).
+
+    lanes : a bit for each channel whose computer is failed
+    """
+    low, high = False, False
+    for i in range(n // 2):
+        low |= (lanes >> order[i]) & 1 != 0
+        high |= (lanes >> order[n // 2 + i]) & 1 != 0
+    if low == high:
+        return NO_ANSWER
+    return LOW_SIDE if low else HIGH_SIDE
+
+
+@kernel
+def by_trend(track, p):
+    """Return what the trend bytes of the two voting ranks blame (section 6, figure 7).
+
+    Both halves are blamed only of the pair that extremes have left, by changes against each other (section 8).
+    """
+    says = track["trend_says"]
+    if p["trend_tumbles"] == 0:
+        says = trend_now(track, p)
+    if says == BOTH_FALSE:
+        return LOW_SIDE | HIGH_SIDE if track["after_extremes"] else NO_ANSWER
+    if says == LARGER_TRUE:
         return LOW_SIDE
-    return HIGH_SIDE if rising == 0 else NO_ANSWER
+    return HIGH_SIDE if says == SMALLER_TRUE else NO_ANSWER
+
+
+@kernel
+def trend_now(track, p):
+    """Return the verdict of the bytes, over ``trend_frames`` or, of changes of at most ``trend_small``, over one."""
+    frames = p["trend_frames"]
+    if abs(track["rise_high"]) <= p["trend_small"] and abs(track["rise_low"]) <= p["trend_small"]:
+        frames = 1
+    return trend_verdict(track, frames)
 
 
 @kernel
@@ -100,41 +132,57 @@ def only_near(x, order, n, reference, threshold, wraps):
 
 
 @kernel
-def update_trend(track, high, low, n, frames, wraps):
+def update_trend(track, high, low, n, p):
     """Shift this frame's two bits into the trend bytes (section 6); start again with another number of samples.
 
     A variation data byte (VDB) shifts left each frame; D0 is 1 when this frame's value of the rank is larger than the
-    last frame's.  Only this frame's and the last frame's values are stored.
+    last frame's.  Only this frame's and the last frame's values are stored.  Of windows that tumble the bytes begin
+    anew every ``trend_frames`` changes, and what a whole one says stands until the next is.
 
-    track : one manager.STATE record; high, low : values of the two voting ranks
-    n : number of valid samples; frames : length of the byte, 1 to 8
-    Writes rise_high, rise_low, trend_high, trend_low, trend_seen, last_high, last_low, last_n.
+    track : one manager.STATE record; high, low : values of the two voting ranks; n : number of valid samples
+    Writes rise_high, rise_low, trend_high, trend_low, trend_seen, still_high, still_low, last_high, last_low, last_n.
     """
     if n == track["last_n"] and n > 0:
+        frames, wraps = p["trend_frames"], p["wraps"]
         track["rise_high"] = difference(high, track["last_high"], wraps)
         track["rise_low"] = difference(low, track["last_low"], wraps)
         mask = (1 << frames) - 1
         up_high = 1 if track["rise_high"] > 0.0 else 0
         up_low = 1 if track["rise_low"] > 0.0 else 0
+        if p["trend_tumbles"] != 0 and track["trend_seen"] % frames == 0:
+            track["trend_high"] = track["trend_low"] = 0
         track["trend_high"] = ((track["trend_high"] << 1) | up_high) & mask
         track["trend_low"] = ((track["trend_low"] << 1) | up_low) & mask
         track["trend_seen"] += 1
+        track["still_high"] = track["still_high"] + 1 if track["rise_high"] == 0.0 else 0
+        track["still_low"] = track["still_low"] + 1 if track["rise_low"] == 0.0 else 0
+        if p["trend_tumbles"] != 0 and track["trend_seen"] % frames == 0:
+            track["trend_says"] = trend_verdict(track, frames)
     else:
         track["trend_high"] = track["trend_low"] = track["trend_seen"] = 0
         track["rise_high"] = track["rise_low"] = 0.0
+        track["still_high"] = track["still_low"] = 0
+        track["trend_says"] = NO_ANSWER
     track["last_high"], track["last_low"], track["last_n"] = high, low, n
 
 
 @kernel
-def trend_verdict(trend_high, trend_low, seen, frames):
-    """Return what two trend bytes show (Table 1, figure 7).
+def trend_verdict(track, frames):
+    """Return what the last ``frames`` changes of the two ranks show (Table 1, figure 7).
 
-    1: both ranks rose throughout, the larger side is good.  0: neither rose once, the smaller is good.
-    -1: no answer (mixed, or fewer than ``frames`` changes seen).
+    LARGER_TRUE: both ranks rose throughout.  SMALLER_TRUE: neither rose once.  BOTH_FALSE: the larger never rose, and
+    the smaller did throughout: each changes against itself.  NO_ANSWER: anything else, fewer changes seen, or one
+    rank frozen while the other moves: a frozen one does not fall (ours).
     """
     rising = (1 << frames) - 1
-    if seen < frames or trend_high != trend_low:
-        return -1
-    if trend_high == rising:
-        return 1
-    return 0 if trend_high == 0 else -1
+    high, low = track["trend_high"] & rising, track["trend_low"] & rising
+    frozen_high, frozen_low = track["still_high"] >= frames, track["still_low"] >= frames
+    if track["trend_seen"] < frames or frozen_high != frozen_low:
+        return NO_ANSWER
+    if high == 0 and low == rising:
+        return BOTH_FALSE
+    if high != low:
+        return NO_ANSWER
+    if high == rising:
+        return LARGER_TRUE
+    return SMALLER_TRUE if high == 0 else NO_ANSWER

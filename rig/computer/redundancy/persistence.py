@@ -1,13 +1,17 @@
-"""Persistence: miscompare counters, latched failures, readmission by command.
+"""Persistence: miscompare counters, answers that last, latched failures, readmission by command.
 
 Source: Zhang 2023, section 2 (a failure is a miscompare that outlasts the time threshold).
-Ours: how long counts stand still for patterns without a majority, readmission.
+Ours: how long counts stand still for patterns without a majority and how long an answer to one must stand, the
+up-and-down counter, what becomes of a split that nothing answers, readmission.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from rig.computer.redundancy.compare import is_singular
 from rig.computer.redundancy.lasting import is_stale
+from rig.frame import Resolver
 from rig.kernels import kernel
 from rig.units.angles import difference
 
@@ -17,7 +21,8 @@ def count_miscompares(n, ranked, p, st):
     """Count the frames in a row that each channel disagreed with all others (section 2).
 
     A sample that is not comparable counts always; during a singular pattern and for a while after it the counts
-    of the others stand still, so that the ordinary rule does not fail everybody first.
+    of the others stand still, so that the ordinary rule does not fail everybody first.  An agreeing frame sets the
+    count to zero, or with ``count_down`` takes that off it.
     ranked : bits of the channels with a comparable sample
     """
     frozen = counts_stand_still(n, p, st)
@@ -28,7 +33,10 @@ def count_miscompares(n, ranked, p, st):
         if (ranked >> c) & 1 == 0:
             count[c] += 1
         elif not frozen:
-            count[c] = count[c] + 1 if st["miscomparing"][c] else 0
+            if st["miscomparing"][c]:
+                count[c] += 1
+            elif count[c] != 0:
+                count[c] = max(count[c] - p["count_down"], 0.0) if p["count_down"] > 0.0 else 0.0
 
 
 @kernel
@@ -51,9 +59,54 @@ def counts_stand_still(n, p, st):
 
 
 @kernel
-def latch(p, st):
-    """Latch failures that persisted: miscompares (section 2), and channels blamed in a singular pattern."""
-    settled = st["pattern_frames"] >= p["singular_persistence"]
+def has_stood(resolver, p, st):
+    """Return True if the answer to a pattern without a majority may be acted on (ours).
+
+    The pattern has lasted for ``singular_persistence`` frames, and the same rule has blamed the same channels in at
+    least as many frames in a row as half of that: one row without a reference decides nothing.  The byte of a trend
+    speaks for all frames that it covers and in which no other rule answered.
+    Writes answer, blamed_by and answer_frames.
+    """
+    if not is_singular(st["pattern"]):
+        st["answer_frames"], st["unresolved_frames"] = 0, 0
+        return False
+    blamed = 0
+    for c in range(p["fitted"]):
+        blamed |= np.int64(st["blamed"][c] != 0) << c
+    same = resolver == st["answer"] and blamed == st["answer_blames"] and st["pattern_frames"] > 1
+    if same:
+        st["answer_frames"] += 1
+    else:
+        unanswered = min(st["unresolved_frames"], st["pattern_frames"] - 1, p["trend_frames"] - 1)
+        st["answer_frames"] = 1 + (unanswered if resolver == Resolver.TREND else 0)
+    st["answer"], st["answer_blames"] = resolver, blamed
+    st["unresolved_frames"] = st["unresolved_frames"] + 1 if resolver == Resolver.UNRESOLVED else 0
+    needed = p["singular_persistence"]
+    return st["pattern_frames"] >= needed and 2 * st["answer_frames"] >= needed
+
+
+@kernel
+def settle(resolver, p, st):
+    """Latch what has persisted, and what an answer that has stood blames; return the resolver.
+
+    A split that no rule has answered for ``unresolved_s`` is given up (ours): all channels of the signal are failed, so
+    that its reference flies, or its degraded mode.  Where extremes have settled 1:1:1:1 the two that are left stay
+    under suspicion (section 8, item 1).
+    """
+    settled, level = has_stood(resolver, p, st), st["level"]
+    if 0 < p["unresolved_frames"] <= st["unresolved_frames"]:
+        resolver = Resolver.GIVEN_UP.value
+        for c in range(p["fitted"]):
+            st["failed"][c] = True
+    latch(settled, p, st)
+    if st["level"] != level:
+        st["after_extremes"] = settled and resolver == Resolver.EXTREMES and st["level"] == 2
+    return resolver
+
+
+@kernel
+def latch(settled, p, st):
+    """Latch failures that persisted: miscompares (section 2), and channels blamed in a pattern that is ``settled``."""
     level = 0
     for c in range(p["fitted"]):
         if st["count"][c] >= p["persistence"] or (settled and st["blamed"][c]):
@@ -71,7 +124,7 @@ def watch_failed(samples, valid, vote, p, st):
         return
     for c in range(p["fitted"]):
         off = difference(samples[c], vote, p["wraps"]) - st["bias"][c]
-        near = valid[c] and abs(off) <= p["threshold"] and not is_stale(c, p, st)
+        near = valid[c] and abs(off) <= p["threshold"] and not is_stale(c, st)
         st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and near else 0
 
 

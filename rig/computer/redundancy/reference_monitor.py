@@ -37,15 +37,47 @@ def reference_threshold(reference, p):
 
 
 @kernel
-def monitor_reference(vote, reference, n, p, st):
-    """Set aside a reference that left a healthy vote for ``persistence`` frames until it agreed as long (section 7)."""
-    if n < 2 or is_singular(st["pattern"]) or np.isnan(reference):
+def monitor_reference(reference, n, p, st):
+    """Set aside a reference that left both voting ranks for ``persistence`` frames until it agreed as long (section 7).
+
+    The paper compares it with max- and min+.  While one of two channels drifts, or two of four alike, their mean moves
+    by half of that, and the reference that will be asked is near the good rank.  The pair that extremes have left is
+    itself under suspicion, and judges no reference.
+    """
+    if n < 2 or is_singular(st["pattern"]) or np.isnan(reference) or st["after_extremes"]:
         return
-    off = abs(difference(vote, reference, p["wraps"]))
+    off = off_ranks(reference, n, p, st)
     agrees = 1 if off <= st["reference_threshold"] else 0
     st["reference_run"] = st["reference_run"] + 1 if agrees != st["reference_usable"] else 0
     if st["reference_run"] >= p["persistence"]:
         st["reference_usable"], st["reference_run"] = agrees, 0
+
+
+@kernel
+def off_ranks(reference, n, p, st):
+    """Return how far a reference is from the nearer of the two voting ranks of ``n`` samples, n >= 1."""
+    x, order, wraps = st["x"], st["order"], p["wraps"]
+    high, low = x[order[n // 2]], x[order[(n - 1) // 2]]
+    return min(abs(difference(high, reference, wraps)), abs(difference(low, reference, wraps)))
+
+
+@kernel
+def cut_pair(resolver, n, reference, p, st):
+    """Fail the two channels that extremes have left, if a usable reference is off both for ``persistence`` frames.
+
+    Section 8, item 1: where all four were wrong, the comparison of the two that are left finds them wrong too.
+    Returns the resolver.
+    """
+    if not st["after_extremes"]:
+        return resolver
+    agree = n == 2 and st["pattern"] == Pattern.NORMAL and st["reference_usable"] and not np.isnan(reference)
+    far = agree and off_ranks(reference, n, p, st) > max(REFERENCE_MARGIN * st["reference_threshold"], st["threshold"])
+    st["cut_frames"] = st["cut_frames"] + 1 if far else 0
+    if st["cut_frames"] < p["persistence"]:
+        return resolver
+    for c in range(p["fitted"]):
+        st["failed"][c] = True
+    return Resolver.REFERENCE.value
 
 
 @kernel
@@ -70,9 +102,11 @@ def check_last(ilm, reference, p, st):
 def contradicted(n, vote, reference, second, p, st):
     """Return True if both references speak against a vote on which all channels in use agree (ours).
 
+    Two references count as two while what they read is in order: none begins to speak where a signal that both may
+    know from one source, a rate or a load factor and the inertial unit's of the same, was disputed before.
     n : comparable samples; vote : before the fade; reference, second : NaN where there is none
     """
-    if n < 2 or n != st["level"] or st["pattern"] != Pattern.NORMAL:
+    if n < 2 or n != st["level"] or st["pattern"] != Pattern.NORMAL or (st["in_dispute"] and st["common_run"] == 0):
         return False
     wraps, first_threshold, second_threshold = p["wraps"], st["reference_threshold"], p["second_threshold"]
     # Neither comparison nor majority can see what all channels have in common: one design, one supply, one wrong scale.
@@ -91,6 +125,7 @@ def watch_common(resolver, n, vote, reference, second, p, st):
     By choice every channel in use is failed then: the signal is lost, and its reference, which its own monitor may
     have set aside because the channels outvoted it, is usable.
     """
+    watch_second(n, vote, second, p, st)
     st["common_run"] = st["common_run"] + 1 if contradicted(n, vote, reference, second, p, st) else 0
     st["common_mode"] = st["common_run"] >= p["common_persistence"]
     if not st["common_mode"] or p["common_fails"] == 0:
@@ -99,3 +134,25 @@ def watch_common(resolver, n, vote, reference, second, p, st):
         st["failed"][c] = True
     st["reference_usable"], st["reference_run"] = 1, 0
     return Resolver.COMMON.value
+
+
+@kernel
+def watch_second(n, vote, second, p, st):
+    """Count the frames in a row in which the second reference of a signal that others are told by is off its vote."""
+    if p["tells"] == 0:
+        return
+    far = n >= 2 and abs(difference(vote, second, p["wraps"])) > max(
+        REFERENCE_MARGIN * p["second_threshold"], st["threshold"]
+    )
+    st["second_run"] = st["second_run"] + 1 if far else 0
+
+
+@kernel
+def disputed(params, state):
+    """Return a bit for each signal that others are told by, and that one of its own references disputes."""
+    bits = 0
+    for s in range(len(params)):
+        p, st = params[s], state[s]
+        if p["tells"] != 0 and (st["reference_usable"] == 0 or st["second_run"] >= p["persistence"]):
+            bits |= p["tells"]
+    return bits

@@ -1,10 +1,10 @@
 """Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the resolvers of its signal.
 
-In-line monitors, reference and trend are asked in the configured order; the rules of likelihood, extremes and
-middle, only when none of them answers.  When nobody answers the vote holds and follows the ranks.
+In-line monitors, lanes, reference and trend are asked in the configured order; the rules of likelihood, extremes and
+middle, only when none of them answers.  When nobody answers the vote goes on with the channels that it was of.
 Who stands on which side is told by what is compared, behind the filter if there is one; the vote is made of the samples
 themselves.
-Source: Zhang 2023, section 2 (ILM), 6 (trend), 7 (reference), 8 (extremes, middle).
+Source: Zhang 2023, section 2 (ILM), 4 (weights), 6 (trend, lanes), 7 (reference), 8 (extremes, middle).
 Ours: their order, what holds while nobody answers; docs/redundancy.md, 'Patterns without a majority'.
 """
 
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from rig.computer.redundancy import opinions, vote
 from rig.frame import Pattern, Resolver
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 
 class Compared(NamedTuple):
@@ -50,16 +51,44 @@ def resolve_two_camps(ilm, reference, compared, n, p, st):
         if name == Resolver.ILM:
             sides = opinions.by_ilm(ilm, order, n)
         elif name == Resolver.TREND:
-            sides = opinions.by_trend(st, p["trend_frames"])
+            sides = opinions.by_trend(st, p) if may_ask_trend(p, st) else opinions.NO_ANSWER
+        elif name == Resolver.LANE:
+            sides = opinions.by_lanes(st["lanes"], order, n)
         elif name == Resolver.REFERENCE and st["reference_usable"]:
             sides = opinions.by_reference(y[high], y[low], near, st["reference_threshold"])
         if sides != opinions.NO_ANSWER:
             blame_sides(sides, order, n, st)
             if name == Resolver.REFERENCE:
                 return name, opinions.middle(x[high], x[low], reference)
-            good = half if sides == opinions.LOW_SIDE else 0
-            return name, vote.halfway(x[order[good]], x[order[good + half - 1]])
-    return Resolver.UNRESOLVED.value, hold(n, st)
+            return name, vote_of_sides(name, sides, order, n, p, st)
+    return Resolver.UNRESOLVED.value, hold(n, p, st)
+
+
+@kernel
+def may_ask_trend(p, st):
+    """Return True if the trend may answer: always, or only where no reference is configured (ours; by measurement)."""
+    return p["referred"] == 0 or p["trend_beside_reference"] != 0
+
+
+@kernel
+def vote_of_sides(name, sides, order, n, p, st):
+    """Return the vote when ``sides`` are blamed: the good pair's mean, by its changes where weighted (section 4).
+
+    Of two samples of which the trend tells the good one, the weighted vote is near that whose change fits.
+    """
+    x, half = st["x"], n // 2
+    if name == Resolver.TREND and sides == opinions.LOW_SIDE | opinions.HIGH_SIDE:
+        return vote.halfway(x[order[half - 1]], x[order[half]])
+    if p["weighted"] and name == Resolver.TREND and n == 2:
+        share = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
+        return vote.between(x[order[0]], x[order[1]], share)
+    good = half if sides == opinions.LOW_SIDE else 0
+    a, b = order[good], order[good + half - 1]
+    share = 0.5
+    if p["weighted"] and half == 2:
+        rise_a, rise_b = difference(x[a], st["before"][a], p["wraps"]), difference(x[b], st["before"][b], p["wraps"])
+        share = vote.trend_weight(rise_b, rise_a, st["rise_vote"])
+    return vote.between(x[a], x[b], share)
 
 
 @kernel
@@ -93,21 +122,41 @@ def resolve_by_rank(order, n, p, st):
             low, high = order[(n - 1) // 2], order[n // 2]
             blame_all_but(low, high, order, n, st)
             return rule, vote.halfway(x[low], x[high])
-    return Resolver.UNRESOLVED.value, hold(n, st)
+    return Resolver.UNRESOLVED.value, hold(n, p, st)
 
 
 @kernel
-def hold(n, st):
-    """Return the vote that nobody decides: the last one, moved by the mean change of the two voting ranks (ours).
+def hold(n, p, st):
+    """Return the vote that nobody decides: a fixed mean of the two samples between which the last vote was (ours).
 
-    In the first frame of a pattern or of another number of samples that change is half of the fault's jump, and
-    counts as zero.  In the first frame of all, when there is no last vote, the mean of the two ranks.
+    A channel that jumps away has no share in it, wherever it goes on to; two that drift apart have half each.  So its
+    error is at most that of the plain mean of those in use, while one of the two is right.  The shares are those of
+    the first frame that nobody decides, and begin again with other channels.  In the first frame of all, when there is
+    no last vote, the mean of the two ranks.
     """
+    x, order = st["x"], st["order"]
     if not st["started"]:
-        return vote.mean(st["x"][st["order"][(n - 1) // 2]], st["x"][st["order"][n // 2]], 0.5)
-    if st["pattern_frames"] == 1:
-        return st["vote"]
-    return st["vote"] + 0.5 * (st["rise_high"] + st["rise_low"])
+        return vote.mean(x[order[(n - 1) // 2]], x[order[n // 2]], 0.5)
+    ranked = 0
+    for i in range(n):
+        ranked |= 1 << order[i]
+    if st["unresolved_frames"] == 0 or st["pattern_frames"] == 1 or st["hold_of"] != ranked:
+        st["hold_of"] = ranked
+        share_out(st["vote"], n, st)
+    return vote.between(x[st["hold_low"]], x[st["hold_high"]], st["hold_share"])
+
+
+@kernel
+def share_out(last, n, st):
+    """Find the neighbours in rank between which the ``last`` vote lies, and the upper one's share in it."""
+    x, order = st["x"], st["order"]
+    place = 0
+    while place < n - 2 and x[order[place + 1]] < last:
+        place += 1
+    low, high = order[place], order[place + 1]
+    gap = x[high] - x[low]
+    share = (last - x[low]) / gap if gap > 0.0 else 0.5
+    st["hold_low"], st["hold_high"], st["hold_share"] = low, high, min(max(share, 0.0), 1.0)
 
 
 @kernel

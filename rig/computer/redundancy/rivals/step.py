@@ -12,8 +12,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rig.computer.redundancy.compare import classify, rank, threshold
-from rig.computer.redundancy.lasting import count_repeats, mark_stale, middle
-from rig.computer.redundancy.manager import anchor, publish, report, unwrapped
+from rig.computer.redundancy.lasting import count_repeats, middle
+from rig.computer.redundancy.manager import anchor, beside, publish, report
 from rig.computer.redundancy.persistence import latch, readmit, watch_failed
 from rig.computer.redundancy.reference_monitor import check_last, monitor_reference, reference_threshold, watch_common
 from rig.frame import CHANNELS, Resolver
@@ -49,16 +49,15 @@ def begin(bus, fcc, s, p, st):
     samples, valid = bus["channels"][s], bus["valid"][s]
     readmit(bus["reset"][s], p, st)
     base = anchor(samples, valid, p, st)
+    reference = beside(fcc["reference"][s], base, p) if st["started"] else np.nan
+    count_repeats(samples, valid, reference, p, st)
     n = rank(samples, valid, base, p, st)
-    count_repeats(samples, p, st)
-    reference = unwrapped(fcc["reference"][s], base, p["wraps"]) if st["started"] else np.nan
     st["threshold"], st["reference_threshold"] = threshold(n, p), reference_threshold(reference, p)
     pattern = classify(st["x"], st["order"], n, st["threshold"], st["miscomparing"])
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"], st["held"], st["alarm"] = pattern, False, False
     for c in range(CHANNELS):
         st["miscomparing"][c] = False
-    mark_stale(n, p, st)
     usable = st["reference_usable"] != 0 and not np.isnan(reference)
     return At(n, middle(n, reference, st) if n > 0 else st["vote"], reference, usable)
 
@@ -128,19 +127,19 @@ def even_split(at, largest, st):
 def end(bus, fcc, s, at, voted, p, st):
     """Vote, count, latch, publish and report signal s of a row; return True if its level has changed."""
     samples, valid, reference, resolver = bus["channels"][s], bus["valid"][s], at.reference, Resolver.NONE.value
-    second = unwrapped(fcc["second_reference"][s], at.middle, p["wraps"]) if st["started"] else np.nan
+    second = beside(fcc["second_reference"][s], at.middle, p) if st["started"] else np.nan
     if at.n == 0:
         voted = st["vote"]
     elif at.n == 1:
         resolver, voted = check_last(bus["ilm"][s], reference, p, st)
     elif st["held"]:
         resolver, voted = Resolver.UNRESOLVED.value, (st["vote"] if st["started"] else voted)
-    monitor_reference(voted, reference, at.n, p, st)
+    monitor_reference(reference, at.n, p, st)
     resolver = watch_common(resolver, at.n, voted, reference, second, p, st)
     watch_failed(samples, valid, voted, p, st)
     count(at.n, p, st)
     level = st["level"]
-    latch(p, st)
+    latch(False, p, st)
     publish(voted, p, st)
     fcc["voted"][s], fcc["level"][s], fcc["pattern"][s] = st["output"], st["level"], st["pattern"]
     fcc["resolver"][s], fcc["common_mode"][s] = resolver, st["common_mode"]
