@@ -20,6 +20,7 @@ from rig.errors import BadInput
 from rig.faults import CLEAN
 from rig.faults.places import FLIGHT as FLIGHT_PLACES
 from rig.frame import CHANNELS, SIGNALS, Block, LaneBlock, has_part, new_block
+from rig.record.suspects import SuspectCount
 from rig.scenario import Scenario
 
 
@@ -123,6 +124,7 @@ class FlightOutcome(Outcome):
 
     window_s : after an onset, for which the load factor is looked at
     kept : the channels of the signals with a fault, of a manager that compares them
+    suspects : in how many rows each channel was suspect
     """
 
     def __init__(self, scenario: Scenario, window_s: float) -> None:
@@ -133,6 +135,7 @@ class FlightOutcome(Outcome):
         self.kept = KeptColumns(
             on_signals["signal"].tolist() if manager_kind(scenario.redundancy.manager).compares else ()
         )
+        self.suspects = SuspectCount()
         self.actuators = ActuatorOutcome(scenario, self.records.faults) if scenario.has_servos else None
         self.computers = LaneOutcome(scenario) if scenario.computers.count > 1 else None
         add_rows(new_block(0), np.zeros(0, CLEAN), 0, self.records)  # compiles before the first frame
@@ -146,6 +149,7 @@ class FlightOutcome(Outcome):
         first = self.frames
         super().add(rows, clean)
         self.kept.add(rows, first, self.records.faults)
+        self.suspects.add(rows)
 
     def add_lanes(self, rows: Block, lanes: LaneBlock | None) -> None:
         """Add ``lanes`` (n,) of servos and computers, which stand beside ``rows`` (n,); None: there are none."""

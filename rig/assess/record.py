@@ -12,6 +12,7 @@ from pydantic import Field
 
 from rig.assess.kept import Columns
 from rig.assess.words import FaultWord, IsolationKind
+from rig.record.suspects import Suspect
 from rig.settings import Settings
 
 Outcome = Literal["detected", "missed", "undetectable", "not executed"]
@@ -271,6 +272,7 @@ class Score:
     wrong_votes_s: dict[str, float]  # of each discrete, time in which its vote was not the truth
     actuators: dict[str, ActuatorScore]  # by surface; empty without servos
     computers: ComputersScore | None  # None: there is one
+    suspects: list[Suspect]  # every channel that had a state, whether it was ever suspect or not
     evidence: Evidence = field(compare=False, repr=False)
 
     @property
@@ -286,4 +288,5 @@ class Score:
             del fault["sample"], fault["pattern"], fault["word"]
         for episode in plain["episodes"]:
             del episode["last"]
+        plain["suspects"] = [each.as_dict() for each in self.suspects]
         return plain
