@@ -27,7 +27,7 @@ ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
 
 def fault_row(fault: FaultScore, scenario: Scenario) -> Row:
     """Return one fault under the heads FAULTS."""
-    rate_hz, unit = scenario.rate_hz, error_unit(fault, scenario)
+    rate_hz, unit = scenario.rate_hz, error_unit(fault)
     place = fault.signal if fault.channel is None else f"{fault.signal}.{fault.channel}"
     outcome = f"{fault.outcome}, shorter than the persistence" if fault.tolerated else fault.outcome
     frames = (moment(frame, rate_hz) for frame in (fault.onset_frame, fault.exceeded_frame, fault.failed_frame))

@@ -107,7 +107,7 @@ def fault_records(
     """
     on = [(i, name, channel) for i, fault in enumerate(faults) for name, channel in channels_of(fault) or [("", 0)]]
     records = np.zeros(len(on), FAULT)
-    for field in ("signal", "channel", "surface", "reference", "onset", "exceeded_at", "failed_at"):
+    for field in ("signal", "channel", "surface", "inertial", "reference", "onset", "exceeded_at", "failed_at"):
         records[field] = NEVER
     records["acted_at"] = records["beyond_at"] = LONG_AGO
     records["peak"] = records["sample"] = records["load_factor_change"] = np.nan
@@ -122,9 +122,9 @@ def fault_records(
             record["changes"] = discrete or fault.changes_samples  # a discrete that says bad of itself is not voted
             record["threshold"] = (monitored.discretes if discrete else monitored.signals)[place]["threshold"]
             continue
-        read = [] if config is None else references_of(fault, config)
-        record["references"], record["reference"] = _bits(read), read[0] if read else NEVER
-        record["surface"] = number(fault.signal) if site(fault.signal) == "surface" else NEVER
+        record["references"] = 0 if config is None else _bits(references_of(fault, config))
+        if (where := site(fault.signal)) in ("surface", "inertial", "reference"):
+            record[where] = number(fault.signal)
     return records
 
 

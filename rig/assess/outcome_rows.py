@@ -20,10 +20,11 @@ from rig.units.angles import difference
 
 
 @long_kernel
-def add_rows(rows, clean, first, out):
+def add_rows(rows, clean, references, first, out):
     """Add ``rows`` (n,) FLAT from ``first`` on; return the first that was not added, n when all were.
 
-    clean : (n,) faults.CLEAN; out : Outcomes
+    clean : (n,) faults.CLEAN; references : (n, S) without a fault on them, NO_REFERENCES: no fault sits on one
+    out : Outcomes
     It stops when a list is full, or at a wrong sample though no fault has acted: ``unexplained``.
     """
     flight, most = out.flight[0], CHANNELS * (len(out.signals) + len(out.discretes))
@@ -47,7 +48,7 @@ def add_rows(rows, clean, first, out):
         for d in range(len(out.discretes)):
             add_wrong(frame, out.discretes[d])
         if acting != 0:
-            follow_faults(row, frame, out)
+            follow_faults(row, clean[k], references[min(k, len(references) - 1)], frame, out)
         for s in range(len(out.signals)):
             add_signal(row, clean[k], s, frame, out)
         for d in range(len(out.discretes)):

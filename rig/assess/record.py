@@ -62,7 +62,7 @@ class FaultScore:
     delay_from_onset_frames: int | None  # failed_frame - onset_frame
     delay_from_exceeded_frames: int | None  # failed_frame - exceeded_frame; below 0 when failed before
     resolver: str | None  # who failed it: comparison, or a resolver
-    peak_error: float | None  # largest injected error that is a number, unit of the signal
+    peak_error: float | None  # largest injected error that is a number, in the unit of its place
     exceeded_run_frames: int  # longest run of frames above the threshold
     tolerated: bool  # missed, and above the threshold for fewer frames in a row than the persistence
     index: int  # of the fault in the scenario
