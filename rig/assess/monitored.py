@@ -13,7 +13,7 @@ from rig import sensors
 from rig.assess.lane_outcome import columns_of
 from rig.assess.outcome import LONG_AGO, NEVER, SIGNAL
 from rig.assess.outcome_records import FAULT
-from rig.computer.analytic.sources import FROM_UNIT, second, source
+from rig.computer.analytic.sources import FROM_UNIT, source
 from rig.computer.redundancy import Config, measured_thresholds
 from rig.computer.redundancy.config import parameters
 from rig.computer.redundancy.discrete_config import discrete_parameters
@@ -93,7 +93,7 @@ def blank_records(threshold: Any, fitted: Any, linger: NDArray[Any]) -> NDArray[
     records = np.zeros(len(linger), SIGNAL)
     records["threshold"], records["fitted"], records["level"], records["linger"] = threshold, fitted, fitted, linger
     records["failed_at"] = NEVER
-    for field in ("wrong_at", "error_at", "disturbed", "reference_at"):
+    for field in ("wrong_at", "error_at", "disturbed"):
         records[field] = LONG_AGO
     return records
 
@@ -114,8 +114,6 @@ def fault_records(
     for record, (i, name, channel) in zip(records, on, strict=True):
         fault = faults[i]
         record["number"], record["columns"] = i, columns_of(fault)
-        if config is not None:
-            record["either"] = _bits(references_of(fault, config, second_too=True))
         if name and places.site(name) in CHANNELLED:
             discrete, place = places.site(name) == "discrete", places.number(name)
             record["signal"], record["channel"], record["discrete"] = place, channel - 1, discrete
@@ -137,11 +135,8 @@ def channels_of(fault: Fault) -> list[tuple[str, int]]:
     return [(point.place, point.channel) for point in fault.points if point.channel is not None]
 
 
-def references_of(fault: Fault, config: Config, *, second_too: bool = False) -> list[int]:
-    """Return the signals whose reference a fault can change: it sits there, or on the unit that it is read from.
-
-    second_too : their second reference counts as well
-    """
+def references_of(fault: Fault, config: Config) -> list[int]:
+    """Return the signals whose reference a fault can change: it sits there, or on the unit that it is read from."""
     where = site(fault.signal)
     if where == "reference":
         return [number(fault.signal)]
@@ -149,5 +144,4 @@ def references_of(fault: Fault, config: Config, *, second_too: bool = False) -> 
         return []
     quantity = INERTIAL[number(fault.signal)]
     fed = [name for name, read in FROM_UNIT.items() if quantity in read]
-    sources = (source, second) if second_too else (source,)
-    return [INDEX[name] for name in fed if any(of(config.references, name) == "inertial" for of in sources)]
+    return [INDEX[name] for name in fed if source(config.references, name) == "inertial"]

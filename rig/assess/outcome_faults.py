@@ -21,8 +21,8 @@ def acts(acting, number):
 
 
 @kernel
-def mark_acting(acting, frame, out):
-    """Mark the channels and references that faults act on in this row."""
+def mark_acting(acting, out):
+    """Mark the channels that faults act on in this row."""
     for f in range(len(out.faults)):
         fault = out.faults[f]
         if not acts(acting, fault["number"]):
@@ -35,9 +35,6 @@ def mark_acting(acting, frame, out):
                 out.signals[s]["acting"] |= fault["columns"]
             for d in range(len(out.discretes)):
                 out.discretes[d]["acting"] |= fault["columns"]
-        for s in range(S if fault["either"] != 0 else 0):
-            if (fault["either"] >> s) & 1:
-                out.signals[s]["reference_at"] = frame
 
 
 @kernel

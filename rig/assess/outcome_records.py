@@ -26,7 +26,6 @@ FAULT: Final = np.dtype(
         ("inertial", "i8"),  # quantity of the inertial unit; -1: none
         ("reference", "i8"),  # signal whose reference it sits on; -1: none
         ("references", "i8"),  # signals whose reference it can change, from wherever it sits, bits
-        ("either", "i8"),  # those of which it can change one of the two references, bits
         ("columns", "i8"),  # channels of all signals that it takes away, bits
         ("threshold", "f8"),  # of its error on a channel
         # What became of it; frames from 0, or NEVER.
