@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from oracle import DiscreteOracle, DiscreteSettings
+from oracle_discrete import DiscreteOracle, DiscreteSettings
 from oracle_answers import Settings
 from oracle_boxes import ResettableOracle
 from test_unit_vectors import Library, objects, with_defect

@@ -12,7 +12,7 @@ from functools import cached_property
 from math import pi, sqrt
 from typing import Any
 
-from oracle import DiscreteOracle, DiscreteSettings, Frame
+from oracle import Frame
 from oracle_answers import Settings
 from oracle_boxes import ResettableOracle
 from oracle_flights import SLOPES, Flight, build, by_level, filtered, with_outliers
