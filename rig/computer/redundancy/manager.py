@@ -217,12 +217,13 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     if p["filter_gain"] > 0.0:
         followed = vote_before_fade if np.isfinite(vote_before_fade) else st["vote"]
         st["smooth_vote"] = follow(st["smooth_vote"], followed, base, p)
-        watch_failed(st["smooth"], valid, st["smooth_vote"], p, st)
+        watch_failed(st["smooth"], samples, valid, st["smooth_vote"], p, st)
     else:
-        watch_failed(samples, valid, vote_before_fade, p, st)
+        watch_failed(samples, samples, valid, vote_before_fade, p, st)
     ranked = 0
     for i in range(n):
         ranked |= 1 << order[i]
+        st["agreed"][order[i]] = 0  # of a channel that this frame has failed
     st["accused"] = accused(resolver, ranked, p, st)
     count_miscompares(n, ranked, p, st)
     m = middle(n, reference, st) if lasts(p) and n >= 2 else 0.0

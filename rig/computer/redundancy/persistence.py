@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.compare import comparable, is_singular
 from rig.computer.redundancy.lasting import is_stale
 from rig.frame import Resolver
 from rig.kernels import kernel
@@ -118,14 +118,17 @@ def latch(settled, p, st):
 
 
 @kernel
-def watch_failed(samples, valid, vote, p, st):
-    """Count how long each failed channel has agreed with the vote again, for a readmission by command (ours)."""
+def watch_failed(values, samples, valid, vote, p, st):
+    """Count how long each failed channel has agreed with the vote again, for a readmission by command (ours).
+
+    values : (4,) what is compared with the vote, of these samples
+    """
     if st["level"] == p["fitted"]:
         return
     for c in range(p["fitted"]):
-        off = difference(samples[c], vote, p["wraps"]) - st["bias"][c]
-        near = valid[c] and abs(off) <= p["threshold"] and not is_stale(c, st)
-        st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and near else 0
+        off = difference(values[c], vote, p["wraps"]) - st["bias"][c]
+        there = comparable(samples[c], valid[c], p["low"], p["high"]) and not is_stale(c, st)
+        st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and there and abs(off) <= p["threshold"] else 0
 
 
 @kernel
@@ -136,3 +139,4 @@ def readmit(commanded, p, st):
     for c in range(p["fitted"]):
         if (commanded >> c) & 1 == 1 and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
             st["failed"][c] = st["count"][c] = st["agreed"][c] = 0
+            st["after_extremes"] = st["cut_frames"] = 0
