@@ -330,9 +330,7 @@ class Oracle:
 
     # Two references against all channels.
 
-    def compare_references(
-        self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool
-    ) -> str:
+    def compare_references(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
         """Count the frames in which both references contradict all channels; by choice the signal is lost then.
 
         The count does not begin while what they read is in dispute.

@@ -132,10 +132,7 @@ def seeded_sources(seed: int) -> BoxFlight:
         )
         for _ in range(draw.choice([1, 2, 3, 5, 9, 12])):
             flight.frames.append(
-                [
-                    row(s.channels, (), None, ("absent",) * 4, firsts[i], seconds[i])
-                    for i, s in enumerate(settings)
-                ]
+                [row(s.channels, (), None, ("absent",) * 4, firsts[i], seconds[i]) for i, s in enumerate(settings)]
             )
     return flight
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from oracle_discrete import DiscreteOracle, DiscreteSettings
 from oracle_answers import Settings
 from oracle_boxes import ResettableOracle
+from oracle_discrete import DiscreteOracle, DiscreteSettings
 from test_unit_vectors import Library, objects, with_defect
 from unit_defects import Defect
 from unit_files import compiled, needs_a_compiler, written
