@@ -186,6 +186,7 @@ def readmit_unbiased(commanded, p, st):
     for c in range(p["fitted"]):
         if (out >> c) & 1 and not st["failed"][c]:
             st["bias"][c] = st["learned"][c] = 0
+            st["after_extremes"] = st["cut_frames"] = 0
 
 
 @kernel

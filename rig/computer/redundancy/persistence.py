@@ -139,4 +139,3 @@ def readmit(commanded, p, st):
     for c in range(p["fitted"]):
         if (commanded >> c) & 1 == 1 and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
             st["failed"][c] = st["count"][c] = st["agreed"][c] = 0
-            st["after_extremes"] = st["cut_frames"] = 0
