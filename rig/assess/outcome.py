@@ -36,7 +36,6 @@ SIGNAL: Final = np.dtype(
         ("wrong_at", "i8", (CHANNELS,)),  # last frame in which its sample was wrong or a fault acted on it
         ("error_at", "i8", (CHANNELS,)),  # last in which its sample was wrong
         ("disturbed", "i8"),  # last frame in which a channel in use was wrong
-        ("reference_at", "i8"),  # last frame in which a fault acted on one of its references
         ("acting", "u1"),  # channels on which a fault acts in this row,
         ("acted", "u1"),  # or ever did
         ("faulty", "u1"),  # once wrong, never healthy again

@@ -132,6 +132,7 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
         ),
         actuators={} if outcome.actuators is None else outcome.actuators.scores(),
         computers=None if outcome.computers is None else outcome.computers.score(),
+        suspects=outcome.suspects.channels(),
         evidence=Evidence(outcome.params, by_unit, frozenset(names), outcome.kept.of),
     )
 
