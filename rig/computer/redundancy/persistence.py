@@ -10,11 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from rig.computer.redundancy.compare import comparable, is_singular
-<<<<<<< HEAD
-from rig.computer.redundancy.lasting import is_stale
-=======
 from rig.computer.redundancy.lasting import is_stale, outlier_limit
->>>>>>> main
 from rig.frame import Resolver
 from rig.kernels import kernel
 from rig.units.angles import difference
