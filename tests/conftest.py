@@ -100,13 +100,20 @@ def vote_samples(
     channels: int = CHANNELS,
     threshold: float = 1.0,
     resets: Any = (),
+    lanes: Any = None,
+    params: Any = (),
     **settings: Any,
 ) -> Voted:
-    """Run ``samples`` through a manager of one signal."""
-    samples = np.asarray(samples, float)
+    """Run ``samples`` through a manager of one signal.
+
+    lanes : (n, 4), which computers are failed; params : fields of PARAMS that no setting of a signal gives
+    """
+    samples, more = np.asarray(samples, float), dict(params)
     params = np.zeros(1, PARAMS)
     fill(params[0], SignalConfig(threshold=threshold, **settings), limits, channels, wraps, 100.0)
     params["reference_airspeed_m_s"] = reference_airspeed_m_s
+    for name, value in more.items():
+        params[name] = value
     block = new_block(len(samples))
     block["channels"][:, 0] = samples
     block["valid"][:, 0] = 1 if valid is None else valid
@@ -120,7 +127,8 @@ def vote_samples(
     for frame, channel in resets:
         block["reset"][frame, 0] |= 1 << (channel - 1)
     stage = Manager(manager, params)
-    for row in nested(block):
+    for k, row in enumerate(nested(block)):
+        stage.lanes[:] = 0 if lanes is None else lanes[k]
         vote_signals(row["bus"], row["fcc"], stage.data)
     return Voted(block)
 

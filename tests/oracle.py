@@ -12,8 +12,10 @@ from itertools import pairwise
 
 from oracle_answers import Settings, View, first_answer
 from oracle_lasting import Lasting
+from oracle_split import Split
+from oracle_trend import Trend
 
-LAST_CHANNEL = 1.5  # reference thresholds
+FAR = 1.5  # reference thresholds, of what a reference speaks against
 
 
 @dataclass
@@ -37,21 +39,23 @@ class Oracle:
 
     s: Settings
     vote: float | None = None
+    rise: float = 0.0  # of the vote
     failed: set[int] = field(default_factory=set)
-    counts: list[int] = field(default_factory=lambda: [0] * 4)
-    pattern: str = ""
-    lasted: int = 0
+    counts: list[float] = field(default_factory=lambda: [0.0] * 4)
     run: int = 0
     freeze: int = 0
-    ranks: tuple[float, float] | None = None
-    ranked: int = 0
-    rises: tuple[float, float] = (0.0, 0.0)
-    bits: tuple[list[int], list[int]] = field(default_factory=lambda: ([], []))
+    split: Split = field(default_factory=Split)
+    trend: Trend = field(default_factory=Trend)
+    comparable: list[float | None] = field(default_factory=list)  # samples of the frame
+    before: dict[int, float] = field(default_factory=dict)  # those of the last frame, an angle on its turn
     memory: dict[str | int, float] = field(default_factory=dict)  # of the filter: channels, the reference, the vote
     base: float = 0.0
     trusted: bool = True
     against: int = 0
+    suspected: bool = False  # the pair that extremes left
+    pair_off: int = 0  # frames for which a reference has spoken against both of it
     contradicted: int = 0
+    second_off: int = 0  # frames for which the second reference has been off the vote
     accused: set[int] = field(default_factory=set)
     rules: set[str] = field(default_factory=set)
 
@@ -59,32 +63,58 @@ class Oracle:
         self.lasting = Lasting(self.s)
 
     def step(
-        self, samples: list[float | None], ilm: Sequence[str], reference: float | None, second: float | None = None
+        self,
+        samples: list[float | None],
+        ilm: Sequence[str],
+        reference: float | None,
+        second: float | None = None,
+        lanes: Sequence[int] = (),
+        in_dispute: bool = False,
     ) -> Frame:
+        """``lanes``: channels whose computers are failed; ``in_dispute``: what a reference of the signal reads."""
         self.rules = set()
-        view = self.view(samples, ilm, reference)
+        self.comparable = self.without_stale(samples, reference)
+        view = self.view(self.comparable, ilm, self.s.limited(reference), lanes)
+        level = self.level
         disputed_by = self.disputed_by(view)
         view.lonely = set(view.use) if disputed_by else self.miscomparing(view.seen) or self.outliers(view.seen)
         self.name(view)
-        stale = self.lasting.stale(samples) & set(view.use)
-        self.reached("stale in the middle", stale and stale & set(view.middle_two) and not view.lonely)
-        view.lonely = view.lonely | stale
-        self.remember(view)
-        view.pattern, view.bits = self.pattern, self.bits
+        self.trend.remember(view.ranks if view.x else None, len(view.x), self.s)
+        self.reached("frozen side", self.singular and self.trend.still.count(0) == 1)
         resolver, vote, wrong = self.decide(view, disputed_by)
-        self.monitor_reference(view, vote)
-        resolver = self.compare_references(view, vote, second, resolver)
+        self.split.hear(resolver, wrong, self.s)
+        resolver = self.cut_the_pair(view) or resolver
+        self.monitor_reference(view)
+        resolver = self.compare_references(view, vote, self.s.limited(second), resolver, in_dispute)
         self.accused = self.evidence(view, resolver, wrong)
-        self.count(view)
+        self.count(view, vote)
         resolver = self.fail_and_learn(view, resolver, wrong)
+        self.suspect_what_is_left(level, resolver)
+        self.rise = 0.0 if self.vote is None else self.s.change(vote, self.vote)
         self.vote = vote
         states = [self.state(c, view, wrong) for c in range(self.s.channels)]
-        high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.bits)
-        usable = self.trusted and reference is not None
-        level, common = self.s.channels - len(self.failed), self.contradicted >= self.s.common_persistence
-        return Frame(vote, states, level, self.pattern, resolver, (high, low), usable, common)
+        high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.trend.bits)
+        usable, common = self.trusted and reference is not None, self.contradicted >= self.s.common_persistence
+        return Frame(vote, states, self.level, self.split.pattern, resolver, (high, low), usable, common)
 
-    def view(self, samples: list[float | None], ilm: Sequence[str], reference: float | None) -> View:
+    @property
+    def level(self) -> int:
+        return self.s.channels - len(self.failed)
+
+    @property
+    def in_use(self) -> set[int]:
+        return set(range(self.s.channels)) - self.failed
+
+    def without_stale(self, samples: list[float | None], reference: float | None) -> list[float | None]:
+        """The samples that can be compared: those that repeat for too long cannot."""
+        stale = self.lasting.stale(samples, self.in_use, reference)
+        self.reached("stale", stale)
+        self.reached("stale in a split", stale and self.singular)
+        return [None if c in stale else x for c, x in enumerate(samples)]
+
+    def view(
+        self, samples: list[float | None], ilm: Sequence[str], reference: float | None, lanes: Sequence[int]
+    ) -> View:
         """The frame's comparable samples, those of an angle on the turn of the last vote."""
         base = self.vote if self.vote is not None else next((x for x in samples if x is not None), 0.0)
         self.base, near = base, self.s.near
@@ -94,7 +124,10 @@ class Oracle:
         beside = {c: x for c, x in smooth.items() if x is not None and c in use}
         seen = {c: x - self.lasting.bias[c] for c, x in beside.items()}
         reference = None if reference is None else near(reference, base)
-        return View(self.s, use, seen, beside, ilm, reference, self.smooth("reference", reference), self.trusted)
+        view = View(self.s, use, seen, beside, ilm, reference, self.smooth("reference", reference), self.trusted)
+        view.lanes, view.trend, view.rise, view.suspected = lanes, self.trend, self.rise, self.suspected
+        view.before, self.before = self.before, {c: x for c, x in here.items() if x is not None}
+        return view
 
     def smooth(self, key: str | int, x: float | None) -> float | None:
         """The next value behind the filter: a share of the way to ``x``; it begins with ``x``, after a gap too."""
@@ -103,8 +136,8 @@ class Oracle:
             return None
         last, near = self.memory.get(key), self.s.near
         if self.s.filter_share and last is not None:
-            step = min(max(near(x, last) - last, -3.0 * self.s.threshold), 3.0 * self.s.threshold)
-            x = near(last + self.s.filter_share * step, self.base)
+            most = self.s.threshold / (self.s.persistence - 0.5)
+            x = near(last + min(max(self.s.filter_share * self.s.change(x, last), -most), most), self.base)
         self.memory[key] = x
         return x
 
@@ -144,7 +177,7 @@ class Oracle:
         if len(view.use) != 1:
             return ""
         ((c, x),) = view.use.items()
-        reference, far = view.usable_reference, LAST_CHANNEL * self.s.reference_threshold
+        reference, far = view.usable_reference, FAR * self.s.reference_threshold
         off = reference is not None and self.s.apart(x, reference) > far
         self.reached("last channel: ilm and reference", off and view.ilm[c] == "bad")
         return "ilm" if view.ilm[c] == "bad" else "reference" if off else ""
@@ -152,7 +185,7 @@ class Oracle:
     @property
     def singular(self) -> bool:
         """Whether the frame's pattern has no majority."""
-        return ":" in self.pattern
+        return self.split.singular
 
     def still(self) -> bool:
         """Whether the counts stand still: in a singular run of r frames and for min(r, limit) frames after it."""
@@ -165,7 +198,7 @@ class Oracle:
         self.freeze = max(left - 1, 0)
         return left > 0
 
-    def count(self, view: View) -> None:
+    def count(self, view: View, vote: float) -> None:
         """The ordinary counts: one more for a miscompare, none after a frame without one."""
         still = self.still()
         for c in set(range(self.s.channels)) - self.failed:
@@ -178,16 +211,31 @@ class Oracle:
                 self.reached("freeze: miscompare not counted" if c in view.lonely else "freeze: count kept", after)
             else:
                 self.reached("freeze: last channel exempt", still and moves)
-                self.counts[c] = self.counts[c] + 1 if c in view.lonely else 0
+                self.reached("counted down", 0.0 < self.s.count_down < self.counts[c] and c not in view.lonely)
+                down = self.s.count_down or self.counts[c]
+                if c in view.lonely and self.s.filter_share and len(view.use) > 1 and not self.off(c, view, vote):
+                    self.reached("counted down: the rest of a burst", self.counts[c])
+                    self.counts[c] = max(self.counts[c] - 1, 0.0)
+                else:
+                    self.counts[c] = self.counts[c] + 1 if c in view.lonely else max(self.counts[c] - down, 0.0)
+
+    def off(self, c: int, view: View, vote: float) -> bool:
+        """Whether the sample itself is off the vote, by more than it may be."""
+        n, limit = len(view.use), None
+        if self.lasting.settled(view.use):
+            limit = self.s.outlier_of(n)
+        return abs(self.s.change(view.use[c], vote) - self.lasting.bias[c]) > (limit or self.s.within(n))
 
     def fail(self, view: View, resolver: str, wrong: set[int]) -> None:
         """Latch who has miscompared for long enough, and who is wrong in a singular pattern that has lasted."""
         late = {c for c in range(self.s.channels) if self.counts[c] >= self.s.persistence}
         self.reached(f"last channel: failed by {resolver}", len(view.use) == 1 and set(view.use) <= late)
         self.failed |= late
-        if self.singular and self.lasted >= self.s.singular_persistence:
-            self.reached(f"{self.pattern} settled by {resolver}", wrong)
+        if self.split.settled(self.s):
+            self.reached(f"{self.split.pattern} settled by {resolver}", wrong)
             self.failed |= wrong
+        elif self.singular and self.split.lasted >= self.s.singular_persistence:
+            self.reached("an answer too young", wrong)
 
     def fail_and_learn(self, view: View, resolver: str, wrong: set[int]) -> str:
         """Latch, those of small deviations too; what is summed begins again then, else biases move."""
@@ -197,15 +245,17 @@ class Oracle:
         self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
         self.failed |= slow
         self.fail(view, resolver, wrong)
+        if self.split.given_up(self.s):
+            self.reached("given up")
+            self.failed, resolver = set(range(self.s.channels)), "given_up"
         if not self.lasting.level_changed(self.failed):
-            self.reached("bias learned", self.s.bias_bound and len(view.use) > 1 and self.pattern == "normal")
+            self.reached("bias learned", self.s.bias_bound and len(view.use) > 1 and view.pattern == "normal")
             self.lasting.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
         return "slow" if slow else resolver
 
-    # Section 2, and the trend bytes of section 4.
+    # Section 2.
 
     def name(self, view: View) -> None:
-        """The pattern, and for how many frames it has lasted."""
         x, n = [view.seen[c] for c in view.by_seen], len(view.x)
         apart = [abs(a - b) > self.s.within(n) for i, a in enumerate(x) for b in x[i + 1 :]]
         if not n:
@@ -216,25 +266,17 @@ class Oracle:
             pattern = "2:2"
         else:
             pattern = "isolated" if n > 1 and view.lonely else "normal"
-        self.lasted = self.lasted + 1 if pattern == self.pattern else 1
-        self.pattern = pattern
+        view.pattern = pattern
+        closed = ":" in pattern and self.s.filter_share > 0 and self.together(view)
+        self.reached("split closed behind the filter", closed)
+        self.split.name(pattern, closed)
 
-    def remember(self, view: View) -> None:
-        """The changes of the two ranks and their bytes, both over frames of as many samples."""
-        n, last = len(view.x), self.ranks
-        self.rises = (0.0, 0.0)
-        if not n:
-            self.ranks, self.ranked, self.bits = None, 0, ([], [])
-            return
-        if last is not None and n == self.ranked:
-            above, below = view.ranks
-            self.rises = (self.s.near(above, last[0]) - last[0], self.s.near(below, last[1]) - last[1])
-            for byte, rise in zip(self.bits, self.rises, strict=True):
-                byte.append(1 if rise > 0 else 0)
-                del byte[: -self.s.trend_frames]
-        else:
-            self.bits = ([], [])
-        self.ranks, self.ranked = view.ranks, n
+    def together(self, view: View) -> bool:
+        """Whether the samples of a split agree again that what is compared still shows."""
+        x, within = [view.use[c] for c in view.by_seen], self.s.within(len(view.use))
+        if len(x) == 3:
+            return min(abs(x[1] - x[0]), abs(x[2] - x[1])) <= within
+        return abs(x[len(x) // 2] - x[len(x) // 2 - 1]) <= within
 
     # Section 3: the vote.
 
@@ -251,7 +293,7 @@ class Oracle:
             return "none", view.x[n // 2 - 1], set()
         if n in (2, 4) and view.ascending[n // 2 - 1] in view.lonely:
             return "none", view.x[n // 2], set()
-        return "none", sum(view.ranks) / 2, set()
+        return "none", view.mean_of_ranks(), set()
 
     def instead_of_the_last(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
         """While the last channel miscompares: the reference if usable, else the last vote."""
@@ -262,33 +304,62 @@ class Oracle:
         return disputed_by, reference, set()
 
     def resolve(self, view: View) -> tuple[str, float, set[int]]:
-        """The answer of the resolvers; without one the last vote, moved as the ranks have moved in this pattern."""
+        """The answer of the resolvers; without one the vote stays where it stood between two channels."""
         answer = first_answer(view)
-        self.reached(f"{self.pattern} by {answer[0] if answer else 'nobody'}")
-        if answer is not None:
-            return answer
-        if self.vote is None:
-            return "unresolved", sum(view.ranks) / 2, set()
-        first = self.lasted == 1
-        self.reached("unresolved: change of the first frame left out", first and sum(self.rises))
-        return "unresolved", self.vote + (0.0 if first else sum(self.rises) / 2), set()
+        self.reached(f"{view.pattern} by {answer[0] if answer else 'nobody'}")
+        if answer is None:
+            return "unresolved", self.split.hold(view, self.vote), set()
+        self.reached("both of a pair wrong by trend", answer[0] == "trend" and answer[2] == set(view.use))
+        return answer
 
     # Section 4: the reference's own monitor.
 
-    def monitor_reference(self, view: View, vote: float) -> None:
-        """Untrusted after ``persistence`` frames off a healthy vote, trusted after as many on it; not at level 1."""
-        if view.reference is None or len(view.use) < 2 or self.singular:
+    def monitor_reference(self, view: View) -> None:
+        """Untrusted after ``persistence`` frames off both voting ranks, trusted after as many near one of them."""
+        if view.reference is None or len(view.use) < 2 or self.singular or self.suspected:
+            self.reached("reference not judged by a suspected pair", self.suspected and view.reference is not None)
             return
-        agrees = self.s.apart(vote, view.reference) <= self.s.reference_threshold
+        agrees = self.off_ranks(view) <= self.s.reference_threshold
         self.against = self.against + 1 if agrees != self.trusted else 0
         if self.against >= self.s.persistence:
             self.trusted, self.against = agrees, 0
 
+    def off_ranks(self, view: View) -> float:
+        """How far the reference is from the nearer of the two voting ranks."""
+        return min(self.s.apart(x, view.reference or 0.0) for x in view.ranks)
+
+    # Section 5: the pair that extremes left may be bad too.
+
+    def cut_the_pair(self, view: View) -> str:
+        """Fail both of it after ``persistence`` frames in which they agree and a reference is off both."""
+        off = False
+        if self.suspected and view.pattern == "normal" and len(view.use) == 2 and view.usable_reference is not None:
+            off = self.off_ranks(view) > max(FAR * self.s.reference_threshold, self.s.within(2))
+        self.pair_off = self.pair_off + 1 if off else 0
+        if self.pair_off < self.s.persistence:
+            return ""
+        self.reached("the pair of extremes cut")
+        self.failed |= set(view.use)
+        return "reference"
+
+    def suspect_what_is_left(self, level: int, resolver: str) -> None:
+        """A pair is under suspicion from where extremes left it to the next change of the level."""
+        if self.level != level:
+            self.suspected = resolver == "extremes" and self.split.settled(self.s) and self.level == 2
+            self.pair_off = 0
+
     # Two references against all channels.
 
-    def compare_references(self, view: View, vote: float, second: float | None, resolver: str) -> str:
-        """Count the frames in which both references contradict all channels; by choice the signal is lost then."""
-        self.contradicted = self.contradicted + 1 if self.contradict(view, vote, second) else 0
+    def compare_references(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
+        """Count the frames in which both references contradict all channels; by choice the signal is lost then.
+
+        The count does not begin while what they read is in dispute.
+        """
+        off = second is not None and len(view.use) > 1 and self.second_is_off(view, vote, second)
+        self.second_off = self.second_off + 1 if off else 0
+        contradict, begun = self.contradict(view, vote, second), self.contradicted > 0
+        self.reached("common mode: in dispute", contradict and in_dispute and not begun)
+        self.contradicted = self.contradicted + 1 if contradict and (begun or not in_dispute) else 0
         if self.contradicted < self.s.common_persistence or not self.s.common_fails:
             self.reached("common mode: reported", self.contradicted >= self.s.common_persistence)
             return resolver
@@ -300,59 +371,28 @@ class Oracle:
     def contradict(self, view: View, vote: float, second: float | None) -> bool:
         """All channels in use agree, two references agree, and the former do not with the latter."""
         s, first = self.s, view.reference
-        all_agree = self.pattern == "normal" and set(view.use) == set(range(s.channels)) - self.failed
+        all_agree = view.pattern == "normal" and set(view.use) == self.in_use
         if first is None or second is None or len(view.use) < 2 or not all_agree:
             return False
-        limits = (s.reference_threshold, s.second_threshold)
-        far = [
-            s.apart(vote, r) > max(1.5 * limit, s.within(len(view.use)))
-            for r, limit in zip((first, second), limits, strict=True)
-        ]
-        near = s.apart(first, second) <= sum(limits)
-        self.reached("common mode: references apart", all(far) and not near)
-        return all(far) and near
+        off = s.apart(vote, first) > max(FAR * s.reference_threshold, s.within(len(view.use)))
+        off = off and self.second_is_off(view, vote, second)
+        near = s.apart(first, second) <= s.reference_threshold + s.second_threshold
+        self.reached("common mode: references apart", off and not near)
+        return off and near
+
+    def second_is_off(self, view: View, vote: float, second: float) -> bool:
+        return self.s.apart(vote, second) > max(FAR * self.s.second_threshold, self.s.within(len(view.use)))
+
+    @property
+    def in_dispute(self) -> bool:
+        """Whether what the signal's references say of others cannot be relied on, as of the last frame."""
+        return self.s.tells != 0 and (not self.trusted or self.second_off >= self.s.persistence)
 
     # Boxes: oracle_boxes.py asks for every signal.
 
     def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
         """The channels in use against which this frame speaks."""
-        silent = set(range(self.s.channels)) - self.failed - set(view.use)
+        silent = self.in_use - set(view.use)
         if self.singular:
             return silent | (wrong if resolver in ("ilm", "reference") else set())
         return silent | (view.lonely - self.failed)
-
-
-@dataclass
-class DiscreteSettings:
-    fail_safe: int = 0
-    persistence: int = 8
-    readmit_frames: int = 100
-    channels: int = 4
-
-
-@dataclass
-class DiscreteOracle:
-    """One discrete; samples are True, False or None for one that its flag or its own monitor declares bad."""
-
-    s: DiscreteSettings
-    failed: set[int] = field(default_factory=set)
-    wrong: list[int] = field(default_factory=lambda: [0] * 4)
-    right: list[int] = field(default_factory=lambda: [0] * 4)
-
-    def step(self, samples: list[bool | None], reset: set[int]) -> tuple[int, list[str], int]:
-        """Vote, states and level of a frame; ``reset`` are the channels commanded to be readmitted in it."""
-        s, fitted = self.s, range(self.s.channels)
-        back = {c for c in reset & self.failed if self.right[c] >= s.readmit_frames}
-        self.failed -= back
-        for c in back:
-            self.wrong[c] = self.right[c] = 0
-        votes = [samples[c] for c in fitted if c not in self.failed and samples[c] is not None]
-        yes, no = votes.count(True), votes.count(False)
-        vote = s.fail_safe if yes == no else int(yes > no)
-        for c in fitted:
-            same = samples[c] is not None and int(bool(samples[c])) == vote
-            self.right[c] = self.right[c] + 1 if same and c in self.failed else 0
-            self.wrong[c] = 0 if same else self.wrong[c] + 1
-        self.failed |= {c for c in fitted if self.wrong[c] >= s.persistence}
-        states = ["failed" if c in self.failed else "suspect" if self.wrong[c] else "ok" for c in fitted]
-        return vote, states + ["absent"] * (4 - s.channels), s.channels - len(self.failed)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import pi
+from math import inf, pi
+
+from oracle_trend import Trend
 
 PAIRS = ("2:2", "1:1")
 LAST_ASKED = ("extremes", "middle")  # the paper's rules of likelihood
@@ -27,14 +29,26 @@ class Settings:
     stale_frames: int = 0
     persistence: int = 8
     singular_persistence: int = 10
-    resolvers: tuple[str, ...] = ("ilm", "reference", "trend", "extremes", "middle")
+    count_down: float = 0.0  # what an agreeing frame takes off a count; 0: all of it
+    unresolved_frames: int = 0  # of a split that no rule answers, until it is given up; 0: never
+    resolvers: tuple[str, ...] = ("ilm", "lane", "reference", "trend", "extremes", "middle")
     trend_frames: int = 8
+    trend_small: float = -1.0  # changes up to which one frame is trend enough; below zero: none
+    trend_tumbles: bool = False  # bytes begun anew every trend_frames
+    trend_beside_reference: bool = False
+    referred: bool = False  # a reference is configured
+    weighted: bool = False  # means by the trend
     reference_threshold: float = 1.0
     second_threshold: float = 1.0
     common_persistence: int = 10
     common_fails: bool = False
     channels: int = 4
     turn: float = 0.0  # a full turn for an angle, 0 for anything else
+    low: float = -inf  # the sensor's range
+    high: float = inf
+    box: int = 1  # which box measures the signal; 0: none
+    tells: int = 0  # the bit of a signal whose references tell of those of others
+    sources: int = 0  # the bits of those that tell of its own
 
     def within(self, compared: int) -> float:
         """How far two of ``compared`` samples may be apart and agree."""
@@ -47,6 +61,13 @@ class Settings:
     def near(self, x: float, base: float) -> float:
         """``x`` on the turn of ``base``."""
         return base + ((x - base + pi) % self.turn - pi) if self.turn else x
+
+    def change(self, x: float, last: float) -> float:
+        return self.near(x, last) - last
+
+    def limited(self, x: float | None) -> float | None:
+        """What a healthy sensor would show of ``x``."""
+        return x if x is None or self.turn else min(max(x, self.low), self.high)
 
     def apart(self, x: float, reference: float) -> float:
         """How far ``x`` is from ``reference``, the short way round."""
@@ -68,7 +89,11 @@ class View:
     reference: float | None  # finite
     seen_reference: float | None
     trusted: bool  # whether the reference has not been declared unusable
-    bits: tuple[list[int], list[int]] = ([], [])
+    lanes: Sequence[int] = ()  # channels whose computers are failed
+    before: dict[int, float] = field(default_factory=dict)  # comparable samples of the last frame
+    rise: float = 0.0  # the last change of the vote
+    suspected: bool = False  # a pair that extremes left
+    trend: Trend = field(default_factory=Trend)
     pattern: str = ""
     lonely: set[int] = field(default_factory=set)  # who miscompares
 
@@ -98,7 +123,29 @@ class View:
         return self.by_seen[len(self.by_seen) // 2], self.by_seen[(len(self.by_seen) - 1) // 2]
 
     def mean(self, side: set[int]) -> float:
-        return sum(self.use[c] for c in side) / len(side)
+        """Section 4: of a pair the plain mean, or the mean weighted by its changes."""
+        if len(side) == 1 or not self.s.weighted:
+            return sum(self.use[c] for c in side) / len(side)
+        lower, higher = (c for c in self.by_seen if c in side)
+        share = 0.5
+        if lower in self.before and higher in self.before:
+            rises = [self.s.change(self.use[c], self.before[c]) for c in (higher, lower)]
+            share = share_of_larger(rises[0], rises[1], self.rise)
+        return self.use[lower] + share * (self.use[higher] - self.use[lower])
+
+    def mean_of_ranks(self) -> float:
+        """The mean of the two voting ranks, weighted by their changes where that is chosen."""
+        above, below = self.ranks
+        share = share_of_larger(*self.trend.rises, self.rise) if self.s.weighted else 0.5
+        return below + share * (above - below)
+
+
+def share_of_larger(rise_larger: float, rise_smaller: float, rise_vote: float) -> float:
+    """What the larger of two weighs: the more, the nearer its change is to the vote's, if both move the same way."""
+    larger, smaller = abs(rise_larger - rise_vote), abs(rise_smaller - rise_vote)
+    if not rise_larger * rise_smaller > 0 or larger + smaller == 0:
+        return 0.5
+    return smaller / (larger + smaller)
 
 
 def by_ilm(view: View) -> Answer | None:
@@ -138,22 +185,38 @@ def triplex(view: View, reference: float) -> Answer | None:
     return vote, wrong | (low if reference - below > view.s.reference_threshold else set())
 
 
+def by_lane(view: View) -> Answer | None:
+    """The half without a failed computer, if the other half has one."""
+    if view.pattern not in PAIRS:
+        return None
+    bad = [side for side in view.halves if side & set(view.lanes)]
+    if len(bad) != 1:
+        return None
+    good = set(view.use) - bad[0]
+    return view.mean(good), bad[0]
+
+
 def by_trend(view: View) -> Answer | None:
     """Both ranks rising throughout: the larger half; neither rising in any frame: the smaller."""
-    if view.pattern not in PAIRS or len(view.bits[0]) < view.s.trend_frames:
+    s, (low, high) = view.s, view.halves
+    if view.pattern not in PAIRS or (s.referred and not s.trend_beside_reference):
         return None
-    low, high = view.halves
-    both = view.bits[0] + view.bits[1]
-    if all(both):
-        return view.mean(high), low
-    return None if any(both) else (view.mean(low), high)
+    says = view.trend.says(s)
+    if says == "both wrong":
+        return (sum(view.ranks) / 2, low | high) if view.suspected else None
+    if not says:
+        return None
+    good, wrong = (high, low) if says == "larger" else (low, high)
+    if s.weighted and view.pattern == "1:1":
+        return view.mean_of_ranks(), wrong
+    return view.mean(good), wrong
 
 
 def by_extremes(view: View) -> Answer | None:
     """Section 5, when nobody else answers."""
     if view.pattern != "1:1:1:1":
         return None
-    return view.mean(set(view.middle_two)), {view.by_seen[0], view.by_seen[3]}
+    return sum(view.use[c] for c in view.middle_two) / 2, {view.by_seen[0], view.by_seen[3]}
 
 
 def by_middle(view: View) -> Answer | None:
@@ -165,6 +228,7 @@ def by_middle(view: View) -> Answer | None:
 
 RESOLVERS: dict[str, Callable[[View], Answer | None]] = {
     "ilm": by_ilm,
+    "lane": by_lane,
     "reference": by_reference,
     "trend": by_trend,
     "extremes": by_extremes,

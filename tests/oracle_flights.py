@@ -9,7 +9,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import permutations, product
+from itertools import islice, permutations, product
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ ONE_SIDE = [()]  # a good and a bad pair, as the samples split
 NOBODY_SAYS = [("absent",) * 4]
 REFERENCES = [None, None, 0.0, 0.25, 3.0, -1.5, 1.5, 6.25]
 SECONDS = [*REFERENCES, 3.25, 2.5, -2.0]
+ORDERS = list(permutations(RESOLVERS))
 NOBODY = [()]
 ONE_OR_TWO = [c for n in (1, 2) for c in permutations(range(4), n)]
 ALL_BUT_ONE = [*permutations(range(4), 3), (0, 1, 2, 3)]
@@ -43,6 +44,14 @@ class Flight:
     ilm: list[tuple[str, ...]] = field(default_factory=list)
     references: list[float | None] = field(default_factory=list)
     seconds: list[float | None] = field(default_factory=list)
+    lanes: list[tuple[int, ...]] = field(default_factory=list)  # channels whose computers are failed
+
+    @property
+    def frames(self) -> list[tuple[Any, ...]]:
+        """Samples, monitors, references and failed computers of each frame."""
+        n = len(self.samples)
+        columns = self.samples, self.ilm, self.references, self.seconds or [None] * n, self.lanes or [()] * n
+        return list(zip(*columns, strict=True))
 
 
 def some_settings(pick: Pick, turn: bool) -> Settings:
@@ -52,7 +61,7 @@ def some_settings(pick: Pick, turn: bool) -> Settings:
         threshold=1.0 + beside,
         persistence=pick(range(1, 8)),
         singular_persistence=pick(range(1, 7)),
-        resolvers=tuple(pick(list(permutations(RESOLVERS)))[: pick([5, 5, 4, 3, 2, 1, 0])]),
+        resolvers=tuple(pick(ORDERS)[: pick([6, 6, 5, 4, 3, 2, 1, 0])]),
         trend_frames=pick([1, 2, 3, 4, 8]),
         reference_threshold=pick([0.5, 1.0, 2.0]) + beside,
         second_threshold=pick([0.5, 1.0, 2.0]) + beside,
@@ -73,6 +82,7 @@ def build(pick: Pick, turn: bool = False) -> Flight:
         flags = pick(pick([SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, NOBODY_SAYS])) or one_side(offsets, pick([True, False]))
         silent = pick(pick([NOBODY] * 7 + [ONE_OR_TWO, ONE_OR_TWO, ALL_BUT_ONE]))
         offset, second = pick(REFERENCES), pick(SECONDS)
+        lanes = pick(pick([NOBODY, NOBODY, ONE_OR_TWO]))
         for _ in range(pick([1, 1, 2, 2, 3, 3, 4, 6, 9])):
             value += slope
             present = set(range(flight.settings.channels)) - set(silent)
@@ -80,12 +90,83 @@ def build(pick: Pick, turn: bool = False) -> Flight:
             flight.ilm.append(flags)
             flight.references.append(None if offset is None else value + offset)
             flight.seconds.append(None if second is None else value + second)
+            flight.lanes.append(lanes)
     return flight
 
 
 def one_side(offsets: Sequence[float], upper: bool) -> tuple[str, ...]:
     """Monitors that say good of the two larger (smaller) samples and bad of the others."""
     return tuple("good" if (x in sorted(offsets)[2:]) == upper else "bad" for x in offsets)
+
+
+def by_rules(flight: Flight, pick: Pick) -> Flight:
+    """The same with the settings of rules that are off by default, and with single frames that are not as the rest."""
+    turn = flight.settings.turn
+    more = {
+        "count_down": pick([0.0, 0.0, 0.5, 1.0, 2.5]),
+        "unresolved_frames": pick([0, 3, 7, 12]),
+        "trend_small": pick([-1.0, -1.0, 0.0, 0.2]),
+        "trend_tumbles": pick([False, False, True]),
+        "trend_beside_reference": pick([False, True]),
+        "referred": pick([False, True]),
+        "weighted": pick([False, True]),
+    }
+    changed = replace(flight, settings=replace(flight.settings, **more))
+    for _ in range(pick([0, 1, 2, 4])):
+        k, c = pick(range(len(flight.samples))), pick(range(flight.settings.channels))
+        spoil(changed, pick(["reference", "monitors", "sample", "lanes"] + ["frozen"] * (not turn)), k, c, pick)
+    return changed
+
+
+def spoil(flight: Flight, what: str, k: int, c: int, pick: Pick) -> None:
+    """Change frame ``k``, of channel ``c`` where it is about one; a frozen one and its neighbour stay for long."""
+    if what == "reference":
+        flight.references[k] = pick([None, 6.0])
+    elif what == "monitors":
+        flight.ilm[k] = pick(pick([SAYS, TWO_GOOD]))
+    elif what == "sample":
+        flight.samples[k] = [None if d == c else x for d, x in enumerate(flight.samples[k])]
+    elif what == "lanes":
+        flight.lanes[k] = pick(ONE_OR_TWO)
+    else:
+        freeze(flight.samples, {c, pick(range(4))}, k, pick([3, 9, 20]))
+
+
+def freeze(samples: list[list[float | None]], stuck: set[int], k: int, frames: int) -> None:
+    """Let channels repeat what they show in frame ``k``."""
+    for later in islice(range(k + 1, len(samples)), frames):
+        samples[later] = [samples[k][c] if c in stuck else x for c, x in enumerate(samples[later])]
+
+
+def at_the_stop(flight: Flight, pick: Pick) -> Flight:
+    """The same within a sensor's range, at the ends of which samples stay and their references go on."""
+    there = sorted(x for row in flight.samples for x in row if x is not None) or [0.0]
+    low, high = (there[round(part * (len(there) - 1))] + pick([0.0, 0.0, 0.125]) for part in (0.2, 0.8))
+    s = replace(flight.settings, low=low - 1.0, high=high)
+    samples = [[None if x is None else min(max(x, s.low), s.high) for x in row] for row in flight.samples]
+    return replace(flight, settings=s, samples=samples)
+
+
+def left_by_extremes(flight: Flight, pick: Pick) -> Flight:
+    """Four apart, of which two are left, that agree or not, and are in order or not; then the flight."""
+    s = replace(flight.settings, channels=4, threshold_duplex=pick([None, 2.0]), resolvers=("trend", "extremes"))
+    value, slopes = pick([0.0, 3.0]), pick([(0.0, 0.0), (0.125, -0.125), (-0.125, 0.125), (0.125, 0.125)])
+    offsets = pick([(0.0, 1.75), (0.0, 2.25), (1.75, 0.0)])
+    reference = pick([None, 0.0, 0.875, 6.25, -3.25, 3.5])
+    before = s.singular_persistence + pick(range(4))
+    frames = before + pick([4, 9, 14])
+    samples: list[list[float | None]] = [
+        [value + off + k * slope for off, slope in zip(offsets, slopes, strict=True)] + [value + 9.0, value - 9.0]
+        for k in range(frames)
+    ]
+    references = [None] * before + [None if reference is None else value + reference] * (frames - before)
+    if pick([False, True]):
+        references[before + 2] = pick([None, value])
+    beside = pick([None, 0.0, 0.25])
+    seconds = [None if x is None or beside is None else x + beside for x in references]
+    settled = Flight(s, samples, [("absent",) * 4] * frames, references, seconds, [()] * frames)
+    names = ("samples", "ilm", "references", "seconds", "lanes")
+    return replace(settled, **{name: getattr(settled, name) + getattr(flight, name) for name in names})
 
 
 def by_level(flight: Flight, pick: Pick) -> Flight:
@@ -116,7 +197,7 @@ def lasting(flight: Flight, pick: Pick) -> Flight:
     """The same for longer and with biases, which are learned, summed, or neither; samples may not repeat for ever."""
     s = flight.settings
     more = {
-        "bias_bound": pick([0.0, 0.3, 0.9]),
+        "bias_bound": min(pick([0.0, 0.3, 0.9]), *map(s.within, (2, 3, 4))),
         "bias_share": pick([0.05, 0.3]),
         "slow_allowance": pick([0.10037, 0.30171]),
         "slow_limit": pick([0.0, 0.30713, 1.11131]),
@@ -125,16 +206,32 @@ def lasting(flight: Flight, pick: Pick) -> Flight:
     beside = {name: getattr(s, name) + 1 / 1024 for name in ("threshold", "reference_threshold", "second_threshold")}
     longer = [k for k in range(len(flight.samples)) for _ in range(pick([1, 1, 4, 9]))]
     biases = [pick([0.0, 0.0, 0.203125, 0.453125, -0.453125]) for _ in range(4)]
-    samples, ilm, references, seconds = (
-        [column[k] for k in longer] for column in (flight.samples, flight.ilm, flight.references, flight.seconds)
+    samples, ilm, references, seconds, lanes = (
+        [column[k] for k in longer]
+        for column in (flight.samples, flight.ilm, flight.references, flight.seconds, flight.lanes)
     )
+    if pick([False, True]):  # all move in every frame
+        samples = [[None if x is None else x + k % 2 / 64 for x in row] for k, row in enumerate(samples)]
+    for _ in range(pick([0, 1, 2, 3])):
+        freeze(samples, {pick(range(4)), pick(range(4))}, pick(range(len(samples))), pick([6, 20, 50]))
+    for _ in range(pick([0, 0, 3])):
+        k = pick(range(len(samples)))
+        samples[k] = [None if pick([True, False, False]) else x for x in samples[k]]
     calm = pick([0, 12, 40])  # frames before all that
     rest = [3.0 if c < s.channels else None for c in range(4)]
     samples, ilm = [rest] * calm + samples, [("good",) * 4] * calm + ilm
     references, seconds = [pick([None, 3.0])] * calm + references, [None] * calm + seconds
     samples = [[None if x is None else x + bias for x, bias in zip(row, biases, strict=True)] for row in samples]
     references = [None if x is None else x + 1 / 2048 for x in references]
-    return Flight(replace(s, **more, **beside), samples, ilm, references, seconds)
+    return Flight(replace(s, **more, **beside), samples, ilm, references, seconds, [()] * calm + lanes)
+
+
+def by_all(flight: Flight, pick: Pick) -> Flight:
+    """The same with several of these at once."""
+    for change in (by_rules, left_by_extremes, by_level, filtered, with_outliers, lasting, at_the_stop):
+        if pick([True, False]) and not (flight.settings.turn and change in (left_by_extremes, at_the_stop)):
+            flight = change(flight, pick)
+    return flight
 
 
 @st.composite

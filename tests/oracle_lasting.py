@@ -15,7 +15,8 @@ class Lasting:
     bias: dict[int, float] = field(default_factory=lambda: dict.fromkeys(range(4), 0.0))
     learned: dict[int, int] = field(default_factory=lambda: dict.fromkeys(range(4), 0))  # frames
     sums: dict[tuple[int, int], float] = field(default_factory=dict)  # by channel and sign
-    last: dict[int, float | None] = field(default_factory=dict)
+    last: dict[int, float] = field(default_factory=dict)  # comparable samples
+    last_reference: float | None = None  # of the last frame, as given
     repeats: dict[int, int] = field(default_factory=dict)
     out: int = 0  # channels that were failed when the sums last began, or since
 
@@ -31,16 +32,24 @@ class Lasting:
         """A channel is readmitted."""
         self.bias[c], self.learned[c] = 0.0, 0
 
-    def repeats_for_too_long(self, c: int) -> bool:
-        return 0 < self.s.stale_frames <= self.repeats.get(c, 0)
-
-    def stale(self, samples: list[float | None]) -> set[int]:
-        """Channels whose sample is that of ``stale_frames`` frames ago and of all between."""
-        for c, x in enumerate(samples):
-            same = x is not None and self.last.get(c) == x
-            self.repeats[c] = self.repeats.get(c, 0) + 1 if same else 0
+    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None) -> set[int]:
+        """Channels whose sample has been the same for too long, while another has moved."""
+        if not self.s.stale_frames:
+            return set()
+        there = {c: x for c, x in enumerate(samples) if x is not None}
+        witnesses = set(there) & in_use
+        moved = any(self.last.get(c) != there[c] for c in witnesses)
+        if len(witnesses) == 1 and reference is not None:
+            moved = moved or reference != self.last_reference
+        for c, x in there.items():
+            at_the_stop = not self.s.turn and not self.s.low < x < self.s.high
+            if self.last.get(c) != x or at_the_stop:
+                self.repeats[c] = 0
+            elif moved:
+                self.repeats[c] += 1
             self.last[c] = x
-        return {c for c in self.repeats if self.repeats_for_too_long(c)}
+        self.last_reference = reference
+        return {c for c in there if self.repeats[c] >= self.s.stale_frames}
 
     def residuals(self, view: View) -> dict[int, float]:
         """How far each sample is from the middle, in which a usable reference may stand between two halves."""

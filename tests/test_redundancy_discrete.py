@@ -10,7 +10,7 @@ from conftest import FEWER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from one_stage import step_stage
-from oracle import DiscreteOracle, DiscreteSettings
+from oracle_discrete import DiscreteOracle, DiscreteSettings
 from pydantic import ValidationError
 
 from rig.computer.redundancy.config import Reset, command

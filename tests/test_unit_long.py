@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from oracle import DiscreteOracle, DiscreteSettings
 from oracle_answers import Settings
 from oracle_boxes import ResettableOracle
+from oracle_discrete import DiscreteOracle, DiscreteSettings
 from test_unit_vectors import Library, objects, with_defect
 from unit_defects import Defect
 from unit_files import compiled, needs_a_compiler, written
@@ -54,6 +54,9 @@ def settings(row: NDArray[Any], lasting: NDArray[Any]) -> Settings:
         resolvers=tuple(Resolver(one).name.lower() for one in row["resolvers"] if one),
         channels=int(row["fitted"]),
         turn=2 * np.pi if row["wraps"] else 0.0,
+        weighted=bool(row["weighted"]),
+        low=number["low"],
+        high=number["high"],
         bias_bound=float(lasting["bias_bound"]),
         bias_share=float(lasting["bias_gain"]),
         slow_allowance=float(lasting["slow_allowance"]),
@@ -63,46 +66,29 @@ def settings(row: NDArray[Any], lasting: NDArray[Any]) -> Settings:
 
 
 class FadingOracle(ResettableOracle):
-    """With the two things that the short vectors leave off: the trend-weighted mean, and the fade after it.
+    """With what the short vectors leave off: the fade.
 
-    Section 4: while both ranks move the same way, the one whose change is nearer to the vote's last change weighs more.
-    The fade begins in the frame after a change of level, at the vote that was said before, and ends after its frames;
-    a change of level ends one that is under way.  A readmission begins the count of a common mode again.
+    It begins in the frame after a change of level, at the vote that was said before, and ends after its frames; a
+    change of level ends one that is under way.
     """
 
-    weighted, fade_frames, low = False, 0, 0.0
-    rise = said = off = 0.0
-    left, level = 0, 0
-
-    def decide(self, view: Any, disputed_by: str) -> tuple[str, float, set[int]]:
-        resolver, vote, wrong = super().decide(view, disputed_by)
-        plain = resolver == "none" and len(view.x) > 1 and not self.singular and vote == sum(view.ranks) / 2
-        if self.weighted and plain and self.rises[0] * self.rises[1] > 0:
-            high, low = (abs(rise - self.rise) for rise in self.rises)
-            share = low / (high + low) if high + low else 0.5
-            above, below = max(view.ranks), min(view.ranks)
-            vote = below + share * (above - below)
-        return resolver, vote, wrong
-
-    def contradict(self, view: Any, vote: float, second: float | None) -> bool:
-        readmitted = self.s.channels - len(self.failed) > self.level
-        return not readmitted and super().contradict(view, vote, second)
+    fade_frames, low = 0, 0.0
+    said = off = 0.0
+    left, shown = 0, 0
 
     def circle(self, x: float) -> float:
         return self.low + (x - self.low) % self.s.turn if self.s.turn else x
 
     def say(self, *given: Any) -> tuple[Any, float]:
         """A frame and the vote that is said."""
-        before = self.vote
         frame = self.step(*given)
         self.vote = self.circle(frame.voted)
-        self.rise = 0.0 if before is None else self.s.near(frame.voted, before) - before
         if self.left == self.fade_frames:
             self.off = self.s.near(self.said, self.vote) - self.vote
-        fading = 0 < self.left <= self.fade_frames and frame.level == self.level
+        fading = 0 < self.left <= self.fade_frames and frame.level == self.shown
         self.said = self.circle(self.vote + self.off * self.left / (self.fade_frames + 1)) if fading else self.vote
-        self.left = self.fade_frames if frame.level != self.level else max(self.left - 1, 0)
-        self.level = frame.level
+        self.left = self.fade_frames if frame.level != self.shown else max(self.left - 1, 0)
+        self.shown = frame.level
         return frame, self.said
 
 
@@ -110,8 +96,8 @@ def expected(config: NDArray[Any], inputs: NDArray[Any], i: int, rows: Block) ->
     """Where our answers of signal ``i`` are not the oracle's, or an empty text."""
     row = config["signal"][0, i]
     oracle = FadingOracle(settings(row, config["lasting"][0, i]), readmit_frames=int(row["readmit_frames"]))
-    oracle.weighted, oracle.fade_frames, oracle.low = bool(row["weighted"]), int(row["fade_frames"]), float(row["low"])
-    oracle.level, fitted = int(row["fitted"]), int(row["fitted"])
+    oracle.fade_frames, oracle.low = int(row["fade_frames"]), float(row["low"])
+    oracle.shown = fitted = int(row["fitted"])
     within = VOTES_WITHIN * float(row["high"] - row["low"])
     given = ([*columns] for columns in zip(*(inputs[name][:, i].tolist() for name in GIVEN), strict=True))
     answers = ([*columns] for columns in zip(*(rows[name][:, i].tolist() for name in ANSWERED), strict=True))

@@ -12,9 +12,10 @@ from functools import cached_property
 from math import pi, sqrt
 from typing import Any
 
-from oracle import DiscreteOracle, DiscreteSettings, Frame
+from oracle import Frame
 from oracle_answers import Settings
 from oracle_boxes import ResettableOracle
+from oracle_discrete import DiscreteOracle, DiscreteSettings
 from oracle_flights import SLOPES, Flight, build, by_level, filtered, with_outliers
 from oracle_flights import lasting as with_lasting
 
@@ -54,7 +55,7 @@ class Flown:
 
     @property
     def settings(self) -> Settings:
-        return self.flight.settings
+        return replace(self.flight.settings, low=self.low, high=self.high)
 
     @cached_property
     def answers(self) -> list[Frame]:
