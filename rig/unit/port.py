@@ -6,7 +6,6 @@ What a frame means does not depend on the carrier: all of them move the bytes th
 from __future__ import annotations
 
 from enum import IntEnum
-from math import ceil
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from rig.computer.analytic.references import remember
 from rig.computer.redundancy.discrete import vote_discretes
-from rig.frame import FLAT, SURFACES, Law, State, UnitStatus
+from rig.frame import FLAT, SURFACES, Law, State, UnitStatus, to_frame
 from rig.frame.fields import FIELD, FIELDS
 from rig.kernels import kernel
 from rig.unit.layout import (
@@ -94,7 +93,7 @@ def new_port(
     counts, changes, start_frames = (
         np.zeros(4, np.int64),
         np.zeros((MOST_CHANGES, 4), np.int64),
-        ceil(start_s * rate_hz),
+        to_frame(start_s, rate_hz),
     )
     whole = records.view(np.uint8).reshape(len(records), -1)
     return Port(
