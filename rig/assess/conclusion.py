@@ -155,6 +155,8 @@ def _pattern_sentence(group: Sequence[Episode], context: Context) -> str:
 def _settled(episode: Episode) -> str:
     if episode.resolver == "unresolved":
         return "nobody settled it: the vote was held"
+    if episode.resolver == "given_up":
+        return "nobody settled it, and the signal was given up"
     who = _NAMES.get(episode.resolver, episode.resolver)
     if not episode.failed:
         return f"settled by {who}, and the pattern went by before a channel was failed"

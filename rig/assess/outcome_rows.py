@@ -9,7 +9,17 @@ import math
 
 import numpy as np
 
-from rig.assess.outcome import LEVELS, NEVER, channel_bits, count_healthy, count_vote, in_use, mark_failed, mark_wrong
+from rig.assess.outcome import (
+    LEVELS,
+    NEVER,
+    channel_bits,
+    count_healthy,
+    count_vote,
+    in_use,
+    known_level,
+    mark_failed,
+    mark_wrong,
+)
 from rig.assess.outcome_faults import follow_faults, is_singular, mark_acting, watch_faults
 from rig.assess.outcome_records import COMPARISON, EXTREMES, PATTERNS, RESOLVERS
 from rig.assess.unfaulted import injected, middle, same
@@ -107,19 +117,17 @@ def add_wrong(frame, signal):
 def add_signal(row, clean, s, frame, out):
     """Add one signal: who is failed and for what, healthy channels, its vote, its pattern."""
     signal, p = out.signals[s], out.params[s]
-    level, before = row["level"][s], np.int64(signal["failed"])
+    level, before = known_level(row["level"][s], row["state"][s]), np.int64(signal["failed"])
     became = mark_failed(channel_bits(row["state"][s]), frame, signal)
     excused = add_failures(row, s, became, before, frame, signal, out) if became != 0 else 0
     if frame - signal["disturbed"] > signal["linger"]:
         healthy_frames, false_isolations = signal["healthy_frames"], signal["false_isolations"]
         count_healthy(became & ~excused, before, signal["level"], signal, healthy_frames, false_isolations)
-    if signal["reported"] == 0:
-        for c in range(CHANNELS):
-            signal["reported"] |= row["state"][s, c] != State.ABSENT
+    signal["reported"] |= level < LEVELS
     signal["acted"] |= signal["acting"]
     signal["acting"] = 0
-    add_vote(row, clean, s, signal, p, out)
-    add_pattern(row, s, before, signal, frame, out)
+    add_vote(row, clean, s, level, signal, p, out)
+    add_pattern(row, s, level, before, signal, frame, out)
     signal["unresolved"] += row["resolver"][s] == Resolver.UNRESOLVED
     signal["lost"] += level == 0
     signal["level"], signal["usable"] = level, row["reference_usable"][s]
@@ -202,7 +210,7 @@ def cause_of(signal, s, c, resolver, before, frame, discrete, out):
 
 
 @kernel
-def add_vote(row, clean, s, signal, p, out):
+def add_vote(row, clean, s, level, signal, p, out):
     """Add the vote of one signal: how far it is from the truth, and from that of healthy channels."""
     voted, truth, flight = row["voted"][s], row["truth"][s], out.flight[0]
     counts, frame, after_onset = math.isfinite(truth), flight["frames"], flight["acted_from"] != NEVER
@@ -212,7 +220,7 @@ def add_vote(row, clean, s, signal, p, out):
     count_vote(out.votes[s, 1], frame, from_clean, counts, p["threshold"], after_onset)
     span = out.spans[signal["span"]]
     span["above"] += above
-    if row["level"][s] == 0:
+    if level == 0:
         if span["lost"] == 0:
             span["above_lost"] = span["above"]
         span["lost"] += 1
@@ -222,9 +230,9 @@ def add_vote(row, clean, s, signal, p, out):
 
 
 @kernel
-def add_pattern(row, s, before, signal, frame, out):
+def add_pattern(row, s, level, before, signal, frame, out):
     """Add the pattern of one signal: coverage, and the stretch without a majority that it may be part of."""
-    pattern, level, flight = row["pattern"][s], row["level"][s], out.flight[0]
+    pattern, flight = row["pattern"][s], out.flight[0]
     last, last_level = (signal["pattern"], signal["level"]) if frame > 0 else (pattern, level)
     if last < PATTERNS and pattern < PATTERNS:
         out.patterns[s, last, pattern] += 1

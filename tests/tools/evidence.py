@@ -3,8 +3,8 @@
     python tests/tools/evidence.py [--workers 2] [--rows last,third,...] [--set KEY=VALUE] [--json FILE]
 
 Every row flies each signal, sign and aircraft that its function in evidence_rows.py names; the same code prints the
-same counts.  Asked for by name alone: slow, slow-weather, references-healthy, whole-boxes, bursts.  What became of
-these is read from the frames, beside the truth and the samples before any fault; each has a table of its own.
+same counts.  Asked for by name alone: slow, slow-weather, references-healthy, whole-boxes, bursts, trend.  What became
+of these is read from the frames, beside the truth and the samples before any fault; each has a table of its own.
 """
 
 from __future__ import annotations
@@ -69,6 +69,15 @@ def drifts(row: str, found: list[Table]) -> str:
     return grid(row, found, lines, lambda one: words(one)[2], cells)
 
 
+def trends(row: str, found: list[Table]) -> str:
+    """Return what a third fault and two alike come to without a reference, by signal, by the window of the trend."""
+    cells: Cells = {
+        **{"flights": len, "right": sums("right"), "wrong": sums("wrong"), "undeclared": sums("undeclared")},
+        **{"given up": sums("given_up")},
+    }
+    return grid(row, found, lambda one: [words(one)[1], words(one)[2], "all"], lambda one: words(one)[3], cells)
+
+
 def units(row: str, found: list[Table]) -> str:
     """Return failed channels of the faulty signals and all of them, of the rest of their box, of healthy boxes."""
     cells: Cells = {
@@ -111,7 +120,7 @@ def references(row: str, found: list[Table]) -> str:
 
 OF_ROW: Final[dict[str, Callable[[str, list[Table]], str]]] = {
     **{"slow": drifts, "slow-weather": drifts, "references-healthy": references},
-    **{"whole-boxes": units, "bursts": burst},
+    **{"whole-boxes": units, "bursts": burst, "trend": trends},
 }
 LISTED: Final = 40  # flights of a row that are not right; more are in the JSON file alone
 

@@ -223,6 +223,27 @@ def slow_weather() -> Iterator[Try]:
             yield one
 
 
+def trend() -> Iterator[Try]:
+    """A third fault, and two alike, of a signal without a reference in a climbing turn: windows of the trend's byte."""
+    windows = {
+        "sliding": (),
+        "tumbling": ("trend_window=tumbling", "trend_frames=4"),
+        "by-change": ("trend_small={small}",),
+        "none": ('resolvers=["ilm"]',),
+    }
+    for aircraft in AIRCRAFT:
+        for name in REFERRED:
+            threshold = tables(aircraft)["redundancy"]["signals"][name]["threshold"]
+            for kind, gone, away in (("third", (1, 2), [3]), ("alike", (), [3, 4])):
+                for sign in (1, -1):
+                    before = [fault("hardover", name, [c], 2.0 + 2.0 * c) for c in gone]
+                    for window, own in windows.items():
+                        sets = [f"redundancy.signals.{name}.{one.format(small=threshold / 50)}" for one in own]
+                        faults = [*before, offset(name, away, 4.0 * sign, 10.0)]
+                        more = (TURN, f"redundancy.references.{name}=none", *sets)
+                        yield flight("trend", f"{name} {kind} {window} {sign:+d}", aircraft, 25.0, faults, *more)
+
+
 def references_healthy() -> Iterator[Try]:
     """Climb, turn and rolls on the stick in severe turbulence."""
     for aircraft in AIRCRAFT:
@@ -265,5 +286,5 @@ COUNTED: Final[dict[str, Callable[[], Iterator[Try]]]] = {
 }
 BY_FRAMES: Final[dict[str, Callable[[], Iterator[Try]]]] = {  # what became of them is read from the frames
     **{"slow": slow, "slow-weather": slow_weather, "references-healthy": references_healthy},
-    **{"whole-boxes": whole_boxes, "bursts": bursts},
+    **{"whole-boxes": whole_boxes, "bursts": bursts, "trend": trend},
 }
