@@ -273,10 +273,9 @@ class Oracle:
 
     def together(self, view: View) -> bool:
         """Whether the samples of a split agree again that what is compared still shows."""
-        x, within = [view.use[c] for c in view.by_seen], self.s.within(len(view.use))
-        if len(x) == 3:
-            return min(abs(x[1] - x[0]), abs(x[2] - x[1])) <= within
-        return abs(x[len(x) // 2] - x[len(x) // 2 - 1]) <= within
+        x, apart = [view.use[c] for c in view.by_seen], self.s.apart
+        gaps = [apart(above, below) for below, above in pairwise(x)]
+        return min(gaps if len(x) == 3 else [gaps[len(x) // 2 - 1]]) <= self.s.within(len(x))
 
     # Section 3: the vote.
 

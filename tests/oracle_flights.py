@@ -183,14 +183,15 @@ def with_outliers(flight: Flight, pick: Pick) -> Flight:
 
 
 def filtered(flight: Flight, pick: Pick) -> Flight:
-    """The same behind a filter; no threshold is met exactly, no reference lies on a sample: rounding would decide."""
+    """The same behind a filter; no threshold is met exactly, no sample or reference lies on another: rounding, or the
+    order of equals, would decide."""
     s, beside = flight.settings, 1 / 1024
     more = {name: getattr(s, name) + beside for name in ("threshold", "reference_threshold", "second_threshold")}
     levels = {name: pick([None, 0.5 + beside, 2.0 + beside]) for name in ("threshold_triplex", "threshold_duplex")}
+    samples = [[None if x is None else x + c / 16384 for c, x in enumerate(row)] for row in flight.samples]
     references = [None if x is None else x + beside / 2 for x in flight.references]
-    return replace(
-        flight, settings=replace(s, filter_share=pick([0.15, 0.4, 0.9]), **more, **levels), references=references
-    )
+    chosen = replace(s, filter_share=pick([0.15, 0.4, 0.9]), **more, **levels)
+    return replace(flight, settings=chosen, samples=samples, references=references)
 
 
 def lasting(flight: Flight, pick: Pick) -> Flight:

@@ -95,6 +95,7 @@ STATE: Final = np.dtype(
         ("hold_low", "i8"),  # channels, and the share of the second in a vote that nobody decides
         ("hold_high", "i8"),
         ("hold_share", "f8"),
+        ("held", "u1"),  # nobody decided the last frame
         ("after_extremes", "u1"),  # the two channels left are those that extremes have kept
         ("cut_frames", "i8"),  # frames in a row in which the reference is off both
         ("lanes", "i8"),  # a bit for each channel whose computer is failed
@@ -217,6 +218,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
     resolver, vote_before_fade = decide(ilm, reference, compared, n, p, st)
+    st["held"] = resolver == Resolver.UNRESOLVED
     resolver = cut_pair(resolver, n, reference, p, st)
     monitor_reference(reference, n, p, st)
     resolver = watch_common(resolver, n, vote_before_fade, reference, second, p, st)
@@ -261,16 +263,16 @@ def come_together(order, n, p, st):
     """
     low, high = st["x"][order[(n - 1) // 2]], st["x"][order[n // 2]]
     if n == 3:
-        return middle_agrees(order, st)
+        return middle_agrees(order, p, st)
     return abs(difference(high, low, p["wraps"])) <= st["threshold"]
 
 
 @kernel
-def middle_agrees(order, st):
+def middle_agrees(order, p, st):
     """Return True if the middle one of three samples agrees with another."""
-    x, within = st["x"], st["threshold"]
-    middle_one = x[order[1]]
-    return abs(x[order[0]] - middle_one) <= within or abs(x[order[2]] - middle_one) <= within
+    x, within, wraps = st["x"], st["threshold"], p["wraps"]
+    low, middle_one, high = x[order[0]], x[order[1]], x[order[2]]
+    return abs(difference(low, middle_one, wraps)) <= within or abs(difference(high, middle_one, wraps)) <= within
 
 
 @kernel
