@@ -95,7 +95,7 @@ STATE: Final = np.dtype(
         ("hold_low", "i8"),  # channels, and the share of the second in a vote that nobody decides
         ("hold_high", "i8"),
         ("hold_share", "f8"),
-        ("held", "u1"),  # nobody decided the last frame
+        ("unanswered", "u1"),  # no rule decided the last frame
         ("after_extremes", "u1"),  # the two channels left are those that extremes have kept
         ("cut_frames", "i8"),  # frames in a row in which the reference is off both
         ("lanes", "i8"),  # a bit for each channel whose computer is failed
@@ -218,7 +218,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
     resolver, vote_before_fade = decide(ilm, reference, compared, n, p, st)
-    st["held"] = resolver == Resolver.UNRESOLVED
+    st["unanswered"] = resolver == Resolver.UNRESOLVED
     resolver = cut_pair(resolver, n, reference, p, st)
     monitor_reference(reference, n, p, st)
     resolver = watch_common(resolver, n, vote_before_fade, reference, second, p, st)
