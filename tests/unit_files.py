@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.config import without_lanes
 from rig.frame import FLAT, Block
 from rig.kernels import cache_root
 from rig.unit.header import header
-from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, SETTINGS, VERSION, Said
+from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, RESOLVERS, SETTINGS, VERSION, Said
 from rig.unit.settings import Unit, read_unit
 
 SOURCES = Path(__file__).parents[1] / "docs" / "examples" / "unit"
@@ -41,7 +42,8 @@ def config(params: NDArray[Any], discretes: NDArray[Any], boxes: NDArray[Any]) -
     record = np.zeros(1, CONFIG)
     for part, fields in SETTINGS.items():
         for name in fields:
-            record[part][0][name] = (discretes if part == "discrete" else params)[name]
+            value = (discretes if part == "discrete" else params)[name]
+            record[part][0][name] = without_lanes(value)[:, :RESOLVERS] if name == "resolvers" else value
     record["box_signals"], record["box_persistence"] = boxes["signals"], boxes["persistence"]
     record["layout"] = LAYOUT
     return record
