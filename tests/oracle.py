@@ -87,7 +87,7 @@ class Oracle:
         self.monitor_reference(view)
         resolver = self.compare_references(view, vote, self.s.limited(second), resolver, in_dispute)
         self.accused = self.evidence(view, resolver, wrong)
-        self.count(view)
+        self.count(view, vote)
         resolver = self.fail_and_learn(view, resolver, wrong)
         self.suspect_what_is_left(level, resolver)
         self.rise = 0.0 if self.vote is None else self.s.change(vote, self.vote)
@@ -198,7 +198,7 @@ class Oracle:
         self.freeze = max(left - 1, 0)
         return left > 0
 
-    def count(self, view: View) -> None:
+    def count(self, view: View, vote: float) -> None:
         """The ordinary counts: one more for a miscompare, none after a frame without one."""
         still = self.still()
         for c in set(range(self.s.channels)) - self.failed:
@@ -213,7 +213,18 @@ class Oracle:
                 self.reached("freeze: last channel exempt", still and moves)
                 self.reached("counted down", 0.0 < self.s.count_down < self.counts[c] and c not in view.lonely)
                 down = self.s.count_down or self.counts[c]
-                self.counts[c] = self.counts[c] + 1 if c in view.lonely else max(self.counts[c] - down, 0.0)
+                if c in view.lonely and self.s.filter_share and len(view.use) > 1 and not self.off(c, view, vote):
+                    self.reached("counted down: the rest of a burst", self.counts[c])
+                    self.counts[c] = max(self.counts[c] - 1, 0.0)
+                else:
+                    self.counts[c] = self.counts[c] + 1 if c in view.lonely else max(self.counts[c] - down, 0.0)
+
+    def off(self, c: int, view: View, vote: float) -> bool:
+        """Whether the sample itself is off the vote, by more than it may be."""
+        n, limit = len(view.use), None
+        if self.lasting.settled(view.use):
+            limit = self.s.outlier_of(n)
+        return abs(self.s.change(view.use[c], vote) - self.lasting.bias[c]) > (limit or self.s.within(n))
 
     def fail(self, view: View, resolver: str, wrong: set[int]) -> None:
         """Latch who has miscompared for long enough, and who is wrong in a singular pattern that has lasted."""
@@ -256,7 +267,16 @@ class Oracle:
         else:
             pattern = "isolated" if n > 1 and view.lonely else "normal"
         view.pattern = pattern
-        self.split.name(pattern)
+        closed = ":" in pattern and self.s.filter_share > 0 and self.together(view)
+        self.reached("split closed behind the filter", closed)
+        self.split.name(pattern, closed)
+
+    def together(self, view: View) -> bool:
+        """Whether the samples of a split agree again that what is compared still shows."""
+        x, within = [view.use[c] for c in view.by_seen], self.s.within(len(view.use))
+        if len(x) == 3:
+            return min(abs(x[1] - x[0]), abs(x[2] - x[1])) <= within
+        return abs(x[len(x) // 2] - x[len(x) // 2 - 1]) <= within
 
     # Section 3: the vote.
 
@@ -330,9 +350,7 @@ class Oracle:
 
     # Two references against all channels.
 
-    def compare_references(
-        self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool
-    ) -> str:
+    def compare_references(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
         """Count the frames in which both references contradict all channels; by choice the signal is lost then.
 
         The count does not begin while what they read is in dispute.

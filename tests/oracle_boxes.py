@@ -132,10 +132,7 @@ def seeded_sources(seed: int) -> BoxFlight:
         )
         for _ in range(draw.choice([1, 2, 3, 5, 9, 12])):
             flight.frames.append(
-                [
-                    row(s.channels, (), None, ("absent",) * 4, firsts[i], seconds[i])
-                    for i, s in enumerate(settings)
-                ]
+                [row(s.channels, (), None, ("absent",) * 4, firsts[i], seconds[i]) for i, s in enumerate(settings)]
             )
     return flight
 
@@ -171,21 +168,27 @@ class ResettableOracle(Oracle):
 
     readmit_frames: int = 100
     agreed: list[int] = field(default_factory=lambda: [0] * 4)  # frames in a row, of a failed channel
+    readmitted: bool = False  # in this frame
 
     def command(self, channels: set[int]) -> None:
         """Readmit those of the commanded channels that have agreed long enough."""
         for c in channels & self.failed:
             if self.agreed[c] >= self.readmit_frames:
                 self.failed.remove(c)
-                self.suspected, self.pair_off = False, 0
+                self.suspected, self.pair_off, self.readmitted = False, 0, True
                 self.counts[c] = self.agreed[c] = 0
                 self.lasting.forget(c)
 
     def step(self, samples: list[float | None], *given: Any) -> Frame:
         out = set(self.failed)
         frame = super().step(samples, *given)
+        self.readmitted = False
         voted = self.smooth("vote", frame.voted) or 0.0
         for c, x in enumerate(self.comparable):
             agrees = x is not None and self.s.apart(self.memory[c] - self.lasting.bias[c], voted) <= self.s.threshold
             self.agreed[c] = self.agreed[c] + 1 if c in out and agrees else 0
         return frame
+
+    def contradict(self, *given: Any) -> bool:
+        """A readmission begins the count of a common mode again."""
+        return not self.readmitted and super().contradict(*given)

@@ -162,7 +162,9 @@ def left_by_extremes(flight: Flight, pick: Pick) -> Flight:
     references = [None] * before + [None if reference is None else value + reference] * (frames - before)
     if pick([False, True]):
         references[before + 2] = pick([None, value])
-    settled = Flight(s, samples, [("absent",) * 4] * frames, references, [None] * frames, [()] * frames)
+    beside = pick([None, 0.0, 0.25])
+    seconds = [None if x is None or beside is None else x + beside for x in references]
+    settled = Flight(s, samples, [("absent",) * 4] * frames, references, seconds, [()] * frames)
     names = ("samples", "ilm", "references", "seconds", "lanes")
     return replace(settled, **{name: getattr(settled, name) + getattr(flight, name) for name in names})
 

@@ -14,12 +14,17 @@ class Split:
     answer: tuple[str, frozenset[int]] | None = None  # of the last frame: the rule, and whom it blames
     stood: int = 0  # frames for which that has been so
     open: int = 0  # frames in a row that nobody has answered
+    held: bool = False  # whether the last frame was one
+    closed: bool = False  # behind a filter: the samples of the split are together again
     ranked: frozenset[int] = frozenset()  # the channels of which the shares are
     shares: tuple[int, int, float] = (0, 0, 0.0)  # two channels, and the share of the second
 
-    def name(self, pattern: str) -> None:
-        self.lasted = self.lasted + 1 if pattern == self.pattern else 1
-        self.pattern = pattern
+    def name(self, pattern: str, closed: bool = False) -> None:
+        if pattern != self.pattern:
+            self.lasted, self.answer, self.stood = 1, None, 0
+        elif not closed:
+            self.lasted += 1
+        self.pattern, self.closed = pattern, closed
 
     @property
     def singular(self) -> bool:
@@ -28,8 +33,11 @@ class Split:
 
     def hear(self, resolver: str, wrong: set[int], s: Settings) -> None:
         """The frame's answer: it has stood for one frame more, or begins to."""
+        self.held = resolver == "unresolved"
+        if self.closed:
+            return
         answer = (resolver, frozenset(wrong)) if self.singular else None
-        if answer is not None and answer == self.answer and self.lasted > 1:
+        if answer is not None and answer == self.answer:
             self.stood += 1
         else:
             covered = min(self.open, self.lasted - 1, s.trend_frames - 1)
@@ -39,7 +47,7 @@ class Split:
 
     def settled(self, s: Settings) -> bool:
         wait = s.singular_persistence
-        return self.singular and self.lasted >= wait and 2 * self.stood >= wait
+        return self.singular and not self.closed and self.lasted >= wait and 2 * self.stood >= wait
 
     def given_up(self, s: Settings) -> bool:
         return 0 < s.unresolved_frames <= self.open
@@ -48,7 +56,7 @@ class Split:
         """Where the last vote stood between two neighbours, it stays, as those two move."""
         if vote is None:
             return sum(view.ranks) / 2
-        if not self.open or self.lasted == 1 or self.ranked != set(view.use):
+        if not self.held or self.lasted == 1 or self.ranked != set(view.use):
             order, place = view.ascending, 0
             while place < len(order) - 2 and view.use[order[place + 1]] < vote:
                 place += 1

@@ -89,25 +89,81 @@ def test_the_box_of_another_channel_excuses_nothing_nor_does_a_comparison():
     assert [(each.signal, each.channel) for each in found.false_alarms] == [("pitch_angle", 2), ("heading", 1)]
 
 
+ALL = [0, 1, 2, 3]
+
+
+def given_up(faults: list[Any], channels: list[int] = ALL) -> tuple[Scenario, Block, Score]:
+    """A flight in which all ``channels`` of the pitch rate, from 0, are failed in frame 60 by two references."""
+    which, rows = flight(faults, 100, exact=True)
+    rows["state"][:, Q], rows["resolver"][:, Q], rows["level"][:, Q] = State.OK, Resolver.NONE, 4
+    reported(rows, Resolver.COMMON, ["pitch_rate"], channels)
+    return which, rows, score(which, rows)
+
+
 @pytest.mark.parametrize(
-    ("faults", "kind"),
+    "faults",
     [
-        ([], "false_alarms"),
-        (REFERENCES, "failed_by_rule"),
-        ([{**REFERENCES[0], "end_s": 0.4}], "false_alarms"),  # more than the longer persistence ago
-        ([{**REFERENCES[0], "signal": "inertial.pitch_rate_rad_s"}], "failed_by_rule"),  # the second reference
-        ([{**REFERENCES[0], "signal": "reference.roll_rate"}], "false_alarms"),
+        [],
+        REFERENCES,
+        [{**REFERENCES[0], "end_s": 0.4}],
+        [{**REFERENCES[0], "signal": "inertial.pitch_rate_rad_s"}],  # the second reference
+        [{**REFERENCES[0], "signal": "reference.roll_rate"}],
+        [REFERENCES[0], {**REFERENCES[0], "signal": "inertial.pitch_rate_rad_s"}],  # both
+        [{**offset([1, 2, 3, 4], 0.2, 0.2), "signal": "roll_rate"}],  # which a reference may read
     ],
 )
-def test_a_common_mode_is_by_rule_only_when_a_fault_set_references_and_channels_apart(faults: list[Any], kind: str):
-    which, rows = flight(faults, 100, exact=True)
-    rows["state"][:, Q], rows["resolver"][:, Q] = State.OK, Resolver.NONE
-    reported(rows, Resolver.COMMON, ["pitch_rate"], [0, 1, 2, 3])
+def test_a_healthy_signal_that_is_given_up_is_four_healthy_channels_failed(faults: list[Any]):
+    which, rows, found = given_up(faults)
+    assert lists(found) == {**dict.fromkeys(ISOLATIONS.values(), 0), "false_alarms": 4}
+    assert found.signals["pitch_rate"].false_isolations == (4, 0, 0, 0)
+    said = told(which, rows)
+    assert said[-1].endswith(", 4 healthy channels failed") and "by rule" not in " ".join(said)
+    assert (
+        "pitch_rate channel 1 was healthy and was failed at 0.60 s by common, although no channel of it was faulty"
+        in said
+    )
+
+
+@pytest.mark.parametrize("kind", ["offset", "stuck"])
+def test_a_signal_whose_channels_are_off_alike_is_given_up_rightly(kind: str):
+    size = {"offset": 0.2} if kind == "offset" else {"value": 0.2}
+    which, rows, found = given_up(
+        [{"kind": kind, "signal": "pitch_rate", "channels": [1, 2, 3, 4], "start_s": 0.2, **size}]
+    )
+    assert lists(found) == dict.fromkeys(ISOLATIONS.values(), 0)
+    assert [(fault.outcome, fault.resolver) for fault in found.faults] == [("detected", "common")] * 4
+    assert told(which, rows)[-1].endswith("4 of 4 detectable faults detected, no healthy channel failed")
+
+
+@pytest.mark.parametrize(
+    ("faulty", "kinds"),
+    [
+        ([2], {"wrong_isolations": 3}),  # the vote is that of three healthy ones
+        ([2, 4], {"failed_by_rule": 2}),  # no majority is healthy
+        ([1, 2, 3], {"failed_by_rule": 1}),
+    ],
+)
+def test_a_healthy_channel_goes_by_rule_where_no_majority_of_those_in_use_is_healthy(faulty: list[int], kinds: Any):
+    which, rows, found = given_up([offset(faulty, 0.2, 0.03)])
+    assert lists(found) == {**dict.fromkeys(ISOLATIONS.values(), 0), **kinds}
+    last = told(which, rows)[-1]
+    if "failed_by_rule" in kinds:
+        assert last.endswith(f"no healthy channel failed, {kinds['failed_by_rule']} failed by rule")
+        assert "by rule: common mode, at 0.60 s on pitch_rate" in " ".join(told(which, rows))
+    else:
+        assert last.endswith("3 healthy channels failed")
+
+
+def test_of_two_channels_in_use_one_that_is_off_is_no_majority():
+    which, rows, _ = given_up([offset([2], 0.2, 0.03)], [1, 2])
+    rows["state"][10:, Q, [0, 3]] = State.FAILED  # before
     found = score(which, rows)
-    assert lists(found) == {**dict.fromkeys(ISOLATIONS.values(), 0), kind: 4}
-    assert found.signals["pitch_rate"].false_isolations == ((4 if kind == "false_alarms" else 0), 0, 0, 0)
-    if kind == "failed_by_rule":
-        assert "channel 1 was failed by rule: common mode, at 0.60 s on pitch_rate" in told(which, rows)
+    assert lists(found) == {"false_alarms": 2, "wrong_isolations": 0, "failed_with_box": 0, "failed_by_rule": 1}
+
+
+def test_an_error_that_is_over_for_longer_than_the_linger_excuses_nothing():
+    found = given_up([offset([1, 2, 3], 0.2, 0.03, 0.4)])[2]
+    assert lists(found) == {"false_alarms": 4, "wrong_isolations": 0, "failed_with_box": 0, "failed_by_rule": 0}
 
 
 def test_a_healthy_channel_that_common_mode_fails_with_faulty_ones_in_use_is_failed_by_rule():

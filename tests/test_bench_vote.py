@@ -132,6 +132,36 @@ def test_a_sample_out_of_range_is_invalid(run: Any):
     assert table["x.voted"][0] == 0.1
 
 
+@pytest.mark.parametrize("written", [9.0, np.nan])
+def test_a_channel_that_is_off_or_invalid_in_seven_rows_of_eight_is_told_though_it_is_never_failed(
+    written: float, run: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    samples = constant(0, 0.1, 0.2, frames=80)
+    samples[np.arange(80) % 8 != 7, 1] = written
+    _, found = run(columns(samples), SETTINGS)
+    counts = [(c["suspect_rows"], c["suspect_share"]) for c in found["signals"]["x"]["channels"]]
+    assert failed(found) == {} and counts == [(0, 0.0), (70, 0.875), (0, 0.0)]
+    assert found["suspects"] == ["x.2: suspect in 70 of 80 rows (87.5 %), never failed"]
+    monkeypatch.setattr(sys, "argv", [option for option in sys.argv if option != "--json"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    told = capsys.readouterr().out
+    assert "x.2: suspect in 70 of 80 rows (87.5 %), never failed\n" in told
+    rows = [line.split() for line in told.splitlines() if line.strip().startswith("x.")]
+    assert [row[:4] for row in rows[:3]] == [
+        ["x.1", "ok", "never", "never"],
+        ["x.2", "ok", "70", "(87.5"],
+        ["x.3", "ok", "never", "never"],
+    ]
+
+
+def test_few_suspect_rows_are_counted_and_deserve_no_sentence(run: Any):
+    samples = constant(0, 0.1, 0.2, 0.1, frames=300)
+    samples[[50, 120], 2] = 9.0
+    _, found = run(columns(samples), SETTINGS)
+    assert [c["suspect_rows"] for c in found["signals"]["x"]["channels"]] == [0, 0, 2, 0] and found["suspects"] == []
+
+
 def test_an_angle_that_wraps_is_compared_the_short_way(run: Any):
     angles = (np.pi + 0.01 * np.array([[-1.0, 0.0, 1.0, 2.0]]) + np.pi) % (2 * np.pi) - np.pi
     samples = np.tile(angles, (30, 1))

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from one_stage import step_stage
 
-from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.box import MOST_BOXES
+from rig.computer.redundancy.config import PARAMS, SignalConfig, box_of_signals, fill
 from rig.computer.redundancy.managers import Manager
-from rig.frame import Ilm, Pattern, Resolver, S, State, new_block
+from rig.frame import SIGNALS, Ilm, Pattern, Resolver, S, State, new_block
 
 FRAMES = 30
 
@@ -18,14 +19,16 @@ def fly(
     *,
     reference: Any = None,
     fitted: int = 4,
-    box_signals: int = 4,
+    box_signals: int | None = 4,
     box_persistence: int = 8,
     fade_s: float = 0.0,
+    boxes: Any = 1,
 ) -> Any:
-    """``samples`` (S, 4), the same in every frame, through the manager; threshold 1, persistence 8, singular 10."""
+    """``samples`` (S, 4) or (FRAMES, S, 4) through the manager; threshold 1, persistence 8, singular 10."""
     params = np.zeros(S, PARAMS)
     for row in params:
         fill(row, SignalConfig(threshold=1.0, fade_s=fade_s), (-1000.0, 1000.0), fitted, False, 100.0)
+    params["box"] = boxes
     block = new_block(FRAMES)
     block["channels"] = samples
     block["valid"], block["ilm"] = 1, Ilm.ABSENT
@@ -138,3 +141,95 @@ def test_where_a_box_agreed_with_the_others_the_vote_fades_from_the_next_frame_o
     voted = fly(samples, fade_s=0.05)["voted"][:, S - 1]
     assert voted[:8] == pytest.approx(np.full(8, 0.7))
     assert voted[8:15] == pytest.approx(0.8 - 0.1 * np.array([5, 4, 3, 2, 1, 0, 0]) / 6)
+
+
+# Several boxes: four signals are in the first, seven in the second, one in the third, four in none.
+
+BOXES = [1] * 4 + [2] * 7 + [3] + [0] * 4
+
+
+def off_on(*signals: int, channel: int = 2) -> Any:
+    samples = np.zeros((S, 4))
+    samples[list(signals), channel] = 5.0
+    return samples
+
+
+def failed_by_box(block: Any, c: int = 2) -> list[int]:
+    """The signals on which a channel has been failed as a box, in frame 3."""
+    return np.flatnonzero(block["state"][2, :, c] == State.FAILED).tolist()
+
+
+def fly_boxes(samples: Any, box_signals: int | None = None) -> Any:
+    return fly(samples, box_signals=box_signals, box_persistence=3, boxes=BOXES)
+
+
+@pytest.mark.requirement("redundancy", "a box that is out on more than half of its signals is out on all")
+@pytest.mark.parametrize(
+    ("off", "failed"),
+    [
+        ([0, 1, 2], [0, 1, 2, 3]),
+        ([0, 1], []),
+        ([4, 5, 6, 7], list(range(4, 11))),
+        ([4, 5, 6], []),
+        ([0, 1, 2, 4, 5, 6, 7], list(range(11))),
+        ([0, 1, 4, 5, 6, 11, 12, 13, 14, 15], []),  # none of them half
+    ],
+)
+def test_a_box_dies_by_its_own_signals_and_on_its_own(off: list[int], failed: list[int]):
+    block = fly_boxes(off_on(*off))
+    assert failed_by_box(block) == failed
+    assert (block["resolver"][2, failed] == Resolver.BOX).all() and (block["level"][2, failed] == 3).all()
+    assert (block["level"][2, np.setdiff1d(np.arange(S), failed)] == 4).all()
+
+
+@pytest.mark.parametrize(
+    ("needed", "off", "failed"),
+    [
+        (2, [0, 1], [0, 1, 2, 3]),
+        (5, [0, 1, 2, 3], [0, 1, 2, 3]),  # no box needs more than it has
+        (5, [4, 5, 6, 7], []),
+        (5, [4, 5, 6, 7, 8], list(range(4, 11))),
+        (1, [11], []),  # one signal is no box
+        (1, [12, 13, 14, 15], []),  # nor are those in none
+        (0, list(range(S)), []),
+    ],
+)
+def test_a_number_that_is_given_is_that_of_every_box(needed: int, off: list[int], failed: list[int]):
+    assert failed_by_box(fly_boxes(off_on(*off), needed)) == failed
+
+
+@pytest.mark.requirement("redundancy", "a box that is out on more than half of its signals is out on all")
+def test_an_accused_majority_in_one_box_does_not_save_another():
+    """Of the first box three channels are silent on three signals each, of the second one."""
+    samples = off_on(4, 5, 6, 7)
+    samples[:3, :3] = np.nan
+    block = fly_boxes(samples)
+    assert failed_by_box(block) == list(range(4, 11))
+    assert [failed_by_box(block, c) for c in (0, 1, 3)] == [[], [], []]
+
+
+def test_the_count_of_a_box_begins_anew_where_too_few_accuse_whatever_others_do():
+    samples = np.tile(off_on(0, 1, 2, 4, 5, 6, 7), (FRAMES, 1, 1))
+    samples[1, 0] = 0.0  # two of four in the second frame
+    block = fly_boxes(samples)
+    assert failed_by_box(block) == list(range(4, 11))
+    assert failed_at(block, 3)[2] == 5
+
+
+@pytest.mark.parametrize(
+    ("boxes", "says"),
+    [
+        ({"air": ["pitch_rat"]}, "air: unknown signal"),
+        ({"air": ["pitch_rate"], "rates": ["pitch_rate"]}, "pitch_rate is in two boxes, air and rates"),
+        ({"air": ["pitch_rate"]}, "in no box; each signal is in one of air"),
+        ({f"b{i}": [] for i in range(MOST_BOXES + 1)}, f"at most {MOST_BOXES} boxes, got {MOST_BOXES + 1}"),
+    ],
+)
+def test_each_signal_is_in_one_box(boxes: dict[str, list[str]], says: str):
+    with pytest.raises(ValueError, match=says):
+        box_of_signals(boxes, [signal.name for signal in SIGNALS])
+
+
+def test_signals_are_numbered_by_their_boxes_and_all_in_one_where_none_are_named():
+    assert box_of_signals({"x": ["b", "c"], "y": ["a"]}, ["a", "b", "c"]) == [2, 1, 1]
+    assert box_of_signals({}, ["a", "b", "c"]) == [1, 1, 1]

@@ -21,6 +21,7 @@ from rig.computer.redundancy.config import (
     fill,
     parameters,
 )
+from rig.computer.redundancy.manager import STATE
 from rig.frame import SIGNALS, Ilm, Resolver, State, new_block
 
 LOW, HIGH, NONE = opinions.LOW_SIDE, opinions.HIGH_SIDE, opinions.NO_ANSWER
@@ -148,11 +149,28 @@ def test_a_trend_byte_starts_anew_when_the_number_of_valid_samples_changes():
 
 
 @pytest.mark.parametrize(
-    ("high", "low", "seen", "says"),
-    [(7, 7, 3, 1), (0, 0, 3, 0), (7, 0, 3, -1), (0, 7, 3, -1), (5, 5, 3, -1), (7, 7, 2, -1), (0, 0, 2, -1)],
+    ("high", "low", "seen", "still", "says"),
+    [
+        (7, 7, 3, (0, 0), opinions.LARGER_TRUE),
+        (0, 0, 3, (0, 0), opinions.SMALLER_TRUE),
+        (0, 0, 3, (3, 9), opinions.SMALLER_TRUE),
+        (0, 0, 3, (3, 2), NONE),
+        (0, 0, 3, (0, 3), NONE),
+        (7, 0, 3, (0, 0), NONE),
+        (0, 7, 3, (0, 0), opinions.BOTH_FALSE),
+        (0, 7, 3, (3, 0), NONE),
+        (5, 5, 3, (0, 0), NONE),
+        (7, 7, 2, (0, 0), NONE),
+        (0, 0, 2, (0, 0), NONE),
+        (0b1111, 0b0111, 4, (0, 0), opinions.LARGER_TRUE),  # the newest three
+        (0b1000, 0b0000, 4, (0, 0), opinions.SMALLER_TRUE),
+    ],
 )
-def test_a_verdict_needs_both_bytes_whole_and_alike(high, low, seen, says):
-    assert opinions.trend_verdict(high, low, seen, 3) == says
+def test_a_verdict_needs_both_bytes_whole(high: int, low: int, seen: int, still: tuple[int, int], says: int):
+    track = np.zeros(1, STATE)
+    track["trend_high"], track["trend_low"], track["trend_seen"] = high, low, seen
+    track["still_high"], track["still_low"] = still
+    assert opinions.trend_verdict(track[0], 3) == says
 
 
 @given(st.floats(-1e3, 1e3), st.floats(0, 1e3), st.floats(0, 1))
@@ -218,9 +236,18 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
         "readmit_frames": 100,
         "fade_frames": 25,
         "fitted": 3,
-        "resolvers": [1, 3, 2, 4, 5],
+        "resolvers": [1, 10, 3, 2, 4, 5],
         "wraps": 1,
         "weighted": 0,
+        "count_down": 0.0,
+        "unresolved_frames": 0,
+        "trend_small": -1.0,
+        "trend_tumbles": 0,
+        "trend_beside_reference": 0,
+        "referred": 0,
+        "tells": 0,
+        "sources": 0,
+        "box": 1,
     }
     chosen = SignalConfig(
         threshold=0.5,
@@ -243,7 +270,7 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     assert (row["deviation"][0], row["deviation_frames"][0]) == (2.0, 50.0)
     row = np.zeros(1, PARAMS)
     fill(row[0], chosen, (-1.0, 2.0), 4, False, 100.0)
-    assert row["resolvers"][0].tolist() == [3, 0, 0, 0, 0]
+    assert row["resolvers"][0].tolist() == [3, 0, 0, 0, 0, 0]
 
 
 def test_every_signal_has_its_own_settings_range_and_channels():
@@ -347,7 +374,7 @@ def test_discretes_persist_eight_frames_unless_told():
 def test_boxes_and_common_modes_have_their_defaults_and_least_settings():
     every: Any = {"signals": {s.name: {"threshold": 1.0} for s in SIGNALS}}
     plain = Config.model_validate(every)
-    assert (plain.box_signals, plain.box_persistence) == (4, 8)
+    assert (plain.box_signals, plain.box_persistence) == (None, 8)
     assert (plain.common_mode, plain.common_persistence) == ("fail", 10)
     for key, least in (("box_signals", 0), ("box_persistence", 1), ("common_persistence", 1)):
         assert getattr(Config.model_validate({**every, key: least}), key) == least

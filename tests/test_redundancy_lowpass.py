@@ -46,7 +46,7 @@ def test_the_next_fault_is_found_by_the_threshold_of_those_that_are_left():
 
 @pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_an_offset_is_seen_when_the_filtered_one_leaves_the_threshold():
-    offset, threshold, filter_s, persistence = 2.0, 1.0, 0.1, 8
+    offset, threshold, filter_s, persistence = 1.3, 1.0, 0.1, 8  # a step is never more than its limit, 1 / 7.5
     samples = constant(*ALIKE, frames=60)
     samples[10:, 1] = offset
     # offset (1 - exp(-t / filter_s)) > threshold, with the first filtered frame one sampling interval after frame 9.
@@ -56,25 +56,34 @@ def test_an_offset_is_seen_when_the_filtered_one_leaves_the_threshold():
     assert out.failed_at() == [None, first + persistence - 1, None, None]
 
 
-@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
+@pytest.mark.requirement("redundancy", "a burst shorter than the persistence moves no comparison by a threshold")
 @pytest.mark.parametrize("size", [2.9, 50.0, 900.0])
 @pytest.mark.parametrize("filter_s", [0.005, 0.02, 0.1, 1.0])
-def test_one_bad_sample_however_large_is_seen_for_one_frame_at_most(size: float, filter_s: float):
+@pytest.mark.parametrize("persistence", [2, 4, 8])
+def test_a_burst_that_is_shorter_than_the_persistence_is_never_seen(size: float, filter_s: float, persistence: int):
+    """A step is at most 1 / (persistence - 1/2) thresholds: all but one of the persistence are less than one."""
     samples = constant(*ALIKE, frames=60)
-    samples[20, 2] = size
-    out = vote_samples(samples, filter_s=filter_s, persistence=2)
-    assert out.failed_at() == [None] * 4
-    assert np.count_nonzero(out.pattern != Pattern.NORMAL) == (min(size, 3.0) * gain(filter_s, RATE_HZ) > 1.0)
+    samples[20 : 20 + persistence - 1, 2] = size
+    out = vote_samples(samples, filter_s=filter_s, persistence=persistence)
+    assert (out.pattern == Pattern.NORMAL).all() and (out.state == State.OK).all()
+
+
+def test_one_as_long_as_the_persistence_is():
+    samples = constant(*ALIKE, frames=60)
+    samples[20:28, 2] = 900.0
+    out = vote_samples(samples, filter_s=0.1)
+    assert np.flatnonzero(out.pattern != Pattern.NORMAL).tolist() == [27] and out.failed_at() == [None] * 4
 
 
 @pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
-def test_a_hardover_behind_a_filter_is_seen_when_its_limited_steps_have_left_the_threshold():
-    filter_s, persistence = 0.1, 8
+@pytest.mark.parametrize(("offset", "at"), [(900.0, 18), (-900.0, 18), (2.0, 18), (1.5, 22)])
+def test_a_large_offset_is_seen_when_its_limited_steps_have_left_the_threshold(offset: float, at: int):
+    """Steps of 2/15: 16/15 after eight; of 2 five, then 2 - 4/3 0.905^3 = 1.012 after three more; of 1.5 one, then
+    1.5 - 1.367 0.905^11 = 1.045 after eleven more, where it was 0.997 after ten."""
     samples = constant(*ALIKE, frames=60)
-    samples[10:, 1] = 900.0
-    first = 10 + int(np.floor(1.0 / (3.0 * gain(filter_s, RATE_HZ)))) + 1  # counted from 1
-    out = vote_samples(samples, filter_s=filter_s, persistence=persistence)
-    assert out.failed_at() == [None, first + persistence - 1, None, None]
+    samples[10:, 1] = offset
+    out = vote_samples(samples, filter_s=0.1)
+    assert out.failed_at() == [None, at + 7, None, None]
 
 
 @pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")

@@ -16,13 +16,10 @@ from oracle_boxes import SIGNALS, BoxFlight, BoxOracle, seeded_boxes, seeded_sou
 from oracle_flights import (
     Flight,
     Pick,
-    at_the_stop,
     by_level,
-    by_rules,
     filtered,
     flights,
     lasting,
-    left_by_extremes,
     seeded,
     with_outliers,
 )

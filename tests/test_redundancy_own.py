@@ -11,7 +11,7 @@ from rig import scenario
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.own import load_manager
 from rig.errors import BadInput, ManagerFailed
-from rig.frame import INDEX, Block, nested, new_block
+from rig.frame import INDEX, SIGNALS, Block, Source, State, nested, new_block
 from rig.loop import Rig, fly_rows, frames
 from rig.util.trust import Trust
 
@@ -77,7 +77,7 @@ vote = numba.njit(first_valid)
 
 @numba.njit
 def raising(bus, fcc, k, params, state):
-    fcc[k]["level"][0] = 4
+    fcc[k]["voted"][0] = 0.0
     if k == 3:
         raise ValueError("compiled")
 
@@ -106,16 +106,45 @@ def counting(bus, fcc, k, params, state, frame):
     fcc[k]["trend_high"][:] = frame // 100
     fcc[k]["trend_low"][:] = frame % 100
 
-class Silent:
+class Votes:
     def __init__(self, params):
         pass
 
     def step(self, bus, fcc, k):
         fcc[k]["voted"][:] = bus[k]["channels"][:, 0]
 
-class Failing(Silent):
+@numba.njit
+def votes(bus, fcc, k, params, state):
+    fcc[k]["voted"][:] = bus[k]["channels"][:, 0]
+
+class Silent(Votes):
+    def step(self, bus, fcc, k):
+        fcc[k]["level"][:] = 4
+
+class Failing(Votes):
     def step(self, bus, fcc, k):
         fcc[k]["state"][:] = 2
+
+class Half(Votes):
+    def step(self, bus, fcc, k):
+        row = fcc[k]
+        row["voted"][:] = bus[k]["channels"][:, 0]
+        row["level"][0] = 2
+        row["level"][1] = 0
+        row["state"][2, 1] = 2
+        row["level"][3], row["state"][3] = 0, 0
+        row["voted"][4] = bus[k]["channels"][4, 0] if k % 2 else np.nan
+"""
+FORGETFUL = """
+import numpy as np
+
+class Forgetful:
+    def __init__(self, params):
+        pass
+
+    def step(self, bus, fcc, k, frame):
+        some = np.arange(16) != (5 if frame % 50 == 49 else 16)
+        fcc[k]["voted"][some] = bus[k]["channels"][some, 0]
 """
 ALLOWED = Trust(allow_code=True)
 
@@ -182,14 +211,67 @@ def test_who_takes_a_frame_is_given_its_number_and_not_the_row_of_the_block(name
     assert (100 * flown["trend_high"][:, 0] + flown["trend_low"][:, 0]).tolist() == list(range(250))
 
 
-def test_a_manager_that_writes_no_level_is_told_so_in_its_first_frame(tmp_path: Path, monkeypatch):
+def test_a_manager_that_writes_no_vote_is_told_so_in_its_first_frame(tmp_path: Path, monkeypatch):
     (tmp_path / "frame_manager.py").write_text(FRAMES)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(
-        ManagerFailed, match=r"'frame_manager:Silent' wrote no level in frame 0: of every signal it must"
+        ManagerFailed, match=r"'frame_manager:Silent' wrote no vote in frame 0: of every signal it must"
     ):
         rows_of("redundancy.manager=frame_manager:Silent")
     assert (rows_of("redundancy.manager=frame_manager:Failing")["level"] == 0).all()  # it says so itself
+
+
+@pytest.mark.parametrize("name", ["Votes", "votes"])
+def test_a_manager_that_writes_votes_alone_has_all_channels_in_use(name: str, tmp_path: Path, monkeypatch):
+    """In blocks whose memory is used again, and on an aircraft with fewer channels."""
+    (tmp_path / "frame_manager.py").write_text(FRAMES)
+    monkeypatch.chdir(tmp_path)
+    which = scenario.load(
+        None,
+        ["duration_s=3.5", "faults=[]", f"redundancy.manager=frame_manager:{name}", "sensors.pitch_rate.channels=2"],
+    )
+    rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+    assert (rows["level"] == [2] + [4] * 15).all() and (rows["source"] == Source.VOTED).all()
+    assert (rows["state"][:, 0] == [State.OK, State.OK, State.ABSENT, State.ABSENT]).all()
+    assert (rows["state"][:, 1:] == State.OK).all() and np.array_equal(rows["voted"], rows["channels"][:, :, 0])
+
+
+def test_what_a_manager_leaves_out_follows_from_what_it_writes(tmp_path: Path, monkeypatch):
+    (tmp_path / "frame_manager.py").write_text(FRAMES)
+    monkeypatch.chdir(tmp_path)
+    rows = rows_of("redundancy.manager=frame_manager:Half")
+    level, state = rows["level"], rows["state"]
+    ok, failed = [State.OK] * 4, [State.FAILED] * 4
+    assert (level[:, :6] == [2, 0, 3, 0, 4, 4]).all()
+    assert (state[:, 0] == ok).all() and (state[:, 1] == failed).all() and (state[:, 3] == ok).all()
+    assert (state[:, 2] == [State.OK, State.FAILED, State.OK, State.OK]).all()
+    assert (rows["source"][:, :6] == [0, Source.DEGRADED, 0, Source.DEGRADED, 0, 0]).all()
+    assert np.isnan(rows["voted"][::2, 4]).all() and np.isfinite(rows["voted"][1::2, 4]).all()
+
+
+def test_what_it_does_not_write_is_not_what_the_memory_of_its_row_held(tmp_path: Path, monkeypatch):
+    (tmp_path / "frame_manager.py").write_text(FRAMES)
+    monkeypatch.chdir(tmp_path)
+    block, fresh = new_block(2), new_block(2)
+    block.view(np.uint8)[:] = 3
+    for rows in (block, fresh):
+        rows["frame"], rows["channels"], rows["valid"] = 0, 1.5, 1
+        params = np.zeros(len(SIGNALS), PARAMS)
+        params["fitted"] = 4
+        load_manager("frame_manager:Votes", params, ALLOWED).step(rows, *parts(rows), 1)
+    answers = ("voted", "state", "level", "pattern", "resolver", "reference_usable", "common_mode")
+    for name in (*answers, "trend_high", "trend_low"):
+        assert block[name][1].tobytes() == fresh[name][1].tobytes(), name
+
+
+def test_of_a_signal_that_a_manager_leaves_out_nothing_is_known(tmp_path: Path, monkeypatch):
+    (tmp_path / "forgetful_manager.py").write_text(FORGETFUL)
+    monkeypatch.chdir(tmp_path)
+    rows = rows_of("redundancy.manager=forgetful_manager:Forgetful")
+    left_out = np.arange(250) % 50 == 49
+    assert np.array_equal(np.isnan(rows["voted"][:, 5]), left_out)
+    assert np.array_equal(rows["level"][:, 5] == 0, left_out)
+    assert (rows["state"][left_out, 5] == State.ABSENT).all() and (rows["state"][~left_out, 5] == State.OK).all()
 
 
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")

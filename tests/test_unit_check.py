@@ -107,9 +107,13 @@ class First:
         fcc[k]["voted"][:] = np.nan_to_num(bus[k]["channels"][:, 0])
         fcc[k]["level"][:] = 4
 
-class Silent(First):
+class Votes(First):
     def step(self, bus, fcc, k):
         fcc[k]["voted"][:] = np.nan_to_num(bus[k]["channels"][:, 0])
+
+class Silent(First):
+    def step(self, bus, fcc, k):
+        fcc[k]["level"][:] = 4
 """
 
 
@@ -124,8 +128,9 @@ def test_of_a_class_is_tested_what_it_writes_and_what_it_decides(tmp_path: Path,
     monkeypatch.syspath_prepend(tmp_path)
     seam = of_class(tmp_path, "First", seam_only=True)
     assert seam.grade == "seam" and [one.part for one in seam.requirements] == ["seam", "seam"]
+    assert of_class(tmp_path, "Votes", seam_only=True).passed
     decided = of_class(tmp_path, "First", seam_only=False)
     wrong = [one for one in decided.requirements if not one.passed]
     assert not decided.passed and wrong and all(one.part == "decisions" for one in wrong)
     (silent,) = of_class(tmp_path, "Silent", seam_only=False).requirements
-    assert not silent.passed and "wrote no level in frame 0" in silent.detail
+    assert not silent.passed and "wrote no vote in frame 0" in silent.detail

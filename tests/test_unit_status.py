@@ -26,7 +26,7 @@ import rig
 from rig.bench.unit_check import check
 from rig.bench.unit_long import LASTING, TITLES
 from rig.errors import RigError, UnitRefused
-from rig.frame import SIGNALS, Law, UnitStatus
+from rig.frame import SIGNALS, Law, State, UnitStatus
 from rig.kernels import cache_root
 from rig.unit.crc import crc32
 from rig.unit.fmu_description import OLD_TOKEN, TOKEN, description
@@ -70,6 +70,8 @@ def test_trim_is_flown_until_the_box_is_ready_and_its_fault_word_is_told(tmp_pat
     assert np.isnan(starting["voted"]).all() and (starting["unit_age"] == np.arange(1, START_FRAMES + 1)).all()
     plain = [not signal.wraps for signal in SIGNALS]
     assert np.array_equal(flown["voted"][:, plain], np.median(flown["channels"], axis=2)[:, plain])
+    assert (starting["state"] == State.ABSENT).all() and (flown["level"] == 4).all()
+    assert not {"level", "signal lost", "source"} & {event.name for event in flight.events}
     assert (flown["law"] == Law.AUTOPILOT).all() and (flown["unit_age"] == 0).all() and flight.survived
     news = [(event.frame, event.name, event.text) for event in flight.events if event.name.startswith("unit")]
     assert news[:3] == [

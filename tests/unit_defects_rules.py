@@ -196,4 +196,52 @@ BOXES = [
         "            if (signals[i].rules.box >= 0) {\n                fail_all",
     ),
 ]
-OLD_RULES = [*REFERENCES, *SPLITS, *TRENDS, *REPEATS, *BOXES]
+FILTER = [
+    Defect("a miscompare behind a filter counts always", "(f->alone[c] && is_off(c, f, p, s))", "f->alone[c]"),
+    Defect(
+        "the rest of a burst takes the count to zero",
+        "f->alone[c] ? larger(0.0, count[c] - 1.0) :",
+        "f->alone[c] ? 0.0 :",
+    ),
+    Defect("the rest of a burst leaves the count", "larger(0.0, count[c] - 1.0)", "count[c]"),
+    Defect(
+        "off the vote by more than the threshold, not the outlier's",
+        "(f->outlier_threshold > 0.0) ? f->outlier_threshold : f->threshold",
+        "f->threshold",
+    ),
+    Defect(
+        "the filter's value off the vote",
+        "difference(f->x[c], f->vote, p) - s->lasting",
+        "difference(f->y[c], f->vote, p) - s->lasting",
+    ),
+    Defect("a split that has closed goes on", "} else if (!f->together) {", "} else if (f->n >= 0) {"),
+    Defect(
+        "a split that has closed settles",
+        "    if (f->together) {\n        return false;",
+        "    if (f->together && (f->n < 0)) {\n        return false;",
+    ),
+    Defect(
+        "a split of three never closes",
+        "(below <= f->threshold) || (above <= f->threshold)",
+        "(below < 0.0) || (above < 0.0)",
+    ),
+    Defect(
+        "a filter that goes on over stale samples",
+        "compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);\n            s->smooth",
+        "compare_is_comparable(f, c, p);\n            s->smooth",
+    ),
+    Defect("a common mode of a pair that was cut", " || s->latches.failed[f->order[0]]", ""),
+    Defect(
+        "the suspicion of a pair after its box",
+        "            references_trust_pair(s);\n            lasting",
+        "            lasting",
+    ),
+    Defect("the suspicion of a pair after a readmission", "    references_readmit(before.failed, s);\n", ""),
+    Defect(
+        "agreement of a channel out of range",
+        "there = compare_is_comparable(f, c, p) && !lasting",
+        "there = (f->valid[c] != 0) && !lasting",
+    ),
+    Defect("agreement of a channel that the frame has failed", " && !has(f->ranked, c);", ";"),
+]
+OLD_RULES = [*FILTER, *REFERENCES, *SPLITS, *TRENDS, *REPEATS, *BOXES]

@@ -82,12 +82,12 @@ def _give_rules(draw: Generator, params: NDArray[Any]) -> None:
     """What version 3 of a unit's records tells: splits, counts, references that read each other, boxes."""
     params["count_down"] = draw.choice([0.0, 0.0, 0.0, 0.3, 1.0], S)
     params["unresolved_frames"] = draw.choice([0, 0, 9, 14], S)
-    params["trend_small"] = np.where(draw.random(S) < 0.3, params["threshold"] * draw.choice([0.0, 0.3], S), -1.0)
+    params["trend_small"] = np.where(draw.random(S) < 0.5, params["threshold"] * draw.choice([0.1, 0.5, 2.0], S), -1.0)
     for name, share in (("trend_tumbles", 0.3), ("trend_beside_reference", 0.3), ("referred", 0.4)):
         params[name] = draw.random(S) < share
     telling = 1 << np.arange(6)
     params["tells"][:6] = np.where(draw.random(6) < 0.6, telling, 0)
-    params["sources"] = draw.choice([0, *telling, 0b100001], S)
+    params["sources"] = draw.choice([0, *telling, *[0b111111] * 6], S)
     params["box"] = draw.choice(BOXES)(draw)
 
 

@@ -20,13 +20,14 @@ RESOLVERS: Final = ("pattern", "resolver", "asked", "answered", "correct", "wron
 VOTES: Final = ("vote error", "unit", "peak", "at", "RMS", "above threshold", "after onset", "due to faults, peak")
 ACTUATORS: Final = ("actuator", "channel", "shut off", "by", "for")
 COMPUTERS: Final = ("computer", "failed", "by", "for")
+SUSPECTS: Final = ("suspect", "in frames", "share", "failed")
 ISOLATIONS: Final = ("what", "channel", "at", "by")
 ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
 
 
 def fault_row(fault: FaultScore, scenario: Scenario) -> Row:
     """Return one fault under the heads FAULTS."""
-    rate_hz, unit = scenario.rate_hz, error_unit(fault, scenario)
+    rate_hz, unit = scenario.rate_hz, error_unit(fault)
     place = fault.signal if fault.channel is None else f"{fault.signal}.{fault.channel}"
     outcome = f"{fault.outcome}, shorter than the persistence" if fault.tolerated else fault.outcome
     frames = (moment(frame, rate_hz) for frame in (fault.onset_frame, fault.exceeded_frame, fault.failed_frame))
@@ -64,6 +65,15 @@ def isolation_rows(score: Score, rate_hz: float) -> list[Row]:
     return [
         (kind, channel(each.signal, each.channel), moment(each.frame, rate_hz), each.resolver)
         for kind, each in score.isolations
+    ]
+
+
+def suspect_rows(score: Score) -> list[Row]:
+    """Return the channels that were ever suspect, under the heads SUSPECTS."""
+    return [
+        (channel(one.signal, one.channel), str(one.rows), f"{100 * one.share:.3g} %", "yes" if one.failed else "never")
+        for one in score.suspects
+        if one.rows
     ]
 
 

@@ -35,7 +35,7 @@ _OUTCOMES: Final = {"right": "correctly", "wrong": "wrongly: a healthy channel w
 
 
 def conclusion(scenario: Scenario, score: Score) -> list[str]:
-    """Return the sentences: faults, patterns without a majority, healthy channels that were failed, the flight."""
+    """Return the sentences: faults, patterns, healthy channels that were failed, lasting suspects, the flight."""
     context = Context(scenario, score)
     return [
         *fault_sentences(context),
@@ -43,6 +43,7 @@ def conclusion(scenario: Scenario, score: Score) -> list[str]:
         *_healthy(score.false_alarms, "although no channel of it was faulty", context),
         *_healthy(score.wrong_isolations, "although another channel was the faulty one", context),
         *_by_design(score, context),
+        *(f"{channel(one.signal, one.channel)} was suspect {one.text()}" for one in score.suspects if one.lasting),
         _flight(context),
     ]
 
@@ -154,6 +155,8 @@ def _pattern_sentence(group: Sequence[Episode], context: Context) -> str:
 def _settled(episode: Episode) -> str:
     if episode.resolver == "unresolved":
         return "nobody settled it: the vote was held"
+    if episode.resolver == "given_up":
+        return "nobody settled it, and the signal was given up"
     who = _NAMES.get(episode.resolver, episode.resolver)
     if not episode.failed:
         return f"settled by {who}, and the pattern went by before a channel was failed"

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.monitored import references_of
 from rig.assess.record import FaultScore, Score
 from rig.computer.redundancy.managers import manager_kind
-from rig.faults.places import SURFACE_NAMES, number, site
-from rig.frame import INDEX, SIGNALS, State
+from rig.faults.places import number, site
+from rig.frame import INDEX, SIGNALS, SURFACES, State
 from rig.scenario import Scenario
 from rig.units.angles import differences
+from rig.units.quantities import unit_of_name
 
 Bools = NDArray[np.bool_]
 
@@ -57,7 +57,7 @@ class Context(NamedTuple):
 
     def unit(self, fault: FaultScore) -> str:
         """Return the SI unit of a fault's errors; "" where they have none, as those of a discrete."""
-        return error_unit(fault, self.scenario)
+        return error_unit(fault)
 
     def threshold(self, fault: FaultScore) -> float | None:
         """Return what the monitor of the fault's signal allows with all channels in use; None where no signal is."""
@@ -67,15 +67,16 @@ class Context(NamedTuple):
         return float(p["outlier_threshold"] or p["threshold"])
 
 
-def error_unit(fault: FaultScore, scenario: Scenario) -> str:
-    """Return the SI unit of a fault's errors; "" where they have none, as those of a discrete."""
+def error_unit(fault: FaultScore) -> str:
+    """Return the SI unit of a fault's errors, that of its place; "" where they have none, as those of a discrete."""
     if fault.signal in INDEX:
         return SIGNALS[INDEX[fault.signal]].unit
     where = site(fault.signal)
     if where == "surface":
-        return "" if SURFACE_NAMES[number(fault.signal)] == "throttle" else "rad"
-    read = references_of(scenario.faults[fault.index], scenario.redundancy)
-    return SIGNALS[read[0]].unit if read else ""
+        return unit_of_name(SURFACES[number(fault.signal)]) or "1"
+    if where == "inertial":
+        return unit_of_name(fault.signal)
+    return SIGNALS[number(fault.signal)].unit if where == "reference" else ""
 
 
 def place(name: str) -> str:

@@ -10,9 +10,11 @@ import numpy as np
 from rig.assess.actuator_sentence import actuator_result, on_servos
 from rig.assess.context import Agreement, Context, agreement, channels, last_run, place
 from rig.assess.lane_sentence import lane_result, on_lanes
+from rig.assess.monitored import references_of
 from rig.assess.record import FaultScore
 from rig.faults import KINDS
-from rig.faults.settings import Triggered
+from rig.faults.places import site
+from rig.faults.settings import Triggered, in_thresholds
 from rig.frame import INDEX
 from rig.units.quantities import duration, quantity, seconds
 from rig.util.blocks import cuts
@@ -75,7 +77,22 @@ def _did(faults: Sequence[FaultScore], where: str, context: Context) -> str:
         _NO_ERROR,
     )
     error = quantity(max(errors, default=0.0), unit)
-    return sentence.format(where=where, kind=fault.kind, at=onset, value=value, error=error)
+    told = sentence.format(where=where, kind=fault.kind, at=onset, value=value, error=error)
+    return f"{told}{_by_setting(fault, context)}"
+
+
+def _by_setting(fault: FaultScore, context: Context) -> str:
+    """Return the size of a fault of servos or lanes, whose error no row shows: `` (offset 5.73 deg)``; "" for none."""
+    of = context.scenario.faults[fault.index]
+    keys = of.sizes if on_servos(fault) or on_lanes(fault) else ()
+    for name in (form for key in keys for form in (key, in_thresholds(key))):
+        setting, value = type(of).model_fields.get(name), getattr(of, name, None)
+        if setting is None or value is None or value == setting.default:
+            continue
+        declared: Any = setting.json_schema_extra
+        unit = "1" if getattr(of, "surface", "") == "throttle" else declared["unit"]
+        return f" ({name.partition('_')[0]} {quantity(value, unit)})"
+    return ""
 
 
 def _sample(fault: FaultScore, context: Context) -> str:
@@ -126,7 +143,8 @@ def _near(fault: FaultScore, context: Context, first: int, end: int) -> str:
 
 def _missed(fault: FaultScore, context: Context) -> str:
     if fault.channel is None or fault.exceeded_frame is None:
-        return "was not found: its reference was used on"
+        read = "its reference was" if site(fault.signal) == "reference" else "the references that read it were"
+        return f"was not found: {read} used on"
     longest = duration(fault.exceeded_run_frames, context.rate_hz)
     text = f"was not found: its error was above the {_threshold(fault, context)} for {longest} at most"
     if fault.tolerated:
@@ -142,8 +160,15 @@ def _missed(fault: FaultScore, context: Context) -> str:
 def _undetectable(fault: FaultScore, context: Context) -> str:
     if not KINDS[fault.kind].changes_samples:
         return "changed no sample, so there was nothing to fail"
-    if fault.signal.startswith("surface."):
+    where = site(fault.signal)
+    if where == "surface":
         return "could not be found: no monitor watches surfaces"
+    if where == "reference":
+        return "could not be found: its reference stayed within its threshold"
+    if where == "inertial":
+        read = references_of(context.scenario.faults[fault.index], context.scenario.redundancy)
+        within = "every reference that reads it stayed within its threshold" if read else "no reference reads it"
+        return f"could not be found: {within}"
     return f"could not be found: its error stayed below the {_threshold(fault, context)}"
 
 

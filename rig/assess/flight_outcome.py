@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,17 @@ from rig.assess.monitored import Monitored, fault_records, of_scenario
 from rig.assess.outcome import LEVELS, NEVER, VOTE
 from rig.assess.outcome_records import EPISODE, FAILURE, FLIGHT, PATTERNS, ROOM, SPAN, Outcomes
 from rig.assess.outcome_rows import add_rows
+from rig.assess.unfaulted import ReferredAgain
 from rig.assess.words import Cause, FaultWord, fault_word
 from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.faults import CLEAN
 from rig.faults.places import FLIGHT as FLIGHT_PLACES
 from rig.frame import CHANNELS, SIGNALS, Block, LaneBlock, has_part, new_block
+from rig.record.suspects import SuspectCount
 from rig.scenario import Scenario
+
+NO_REFERENCES: Final = np.full((1, len(SIGNALS)), np.nan)  # no fault sits on one
 
 
 class Outcome:
@@ -58,9 +62,13 @@ class Outcome:
 
     def add(self, rows: Block, clean: NDArray[Any]) -> None:
         """Add the next rows; clean : (n,) CLEAN.  BadInput when no fault can have made a sample that differs."""
+        self._add(rows, clean, NO_REFERENCES)
+
+    def _add(self, rows: Block, clean: NDArray[Any], references: NDArray[np.float64]) -> None:
+        """Add the next rows; references : as of ``add_rows``."""
         done = 0
         while done < len(rows):
-            done = int(add_rows(rows, clean, done, self.records))
+            done = int(add_rows(rows, clean, references, done, self.records))
             self._empty()
 
     def _empty(self) -> None:
@@ -123,6 +131,7 @@ class FlightOutcome(Outcome):
 
     window_s : after an onset, for which the load factor is looked at
     kept : the channels of the signals with a fault, of a manager that compares them
+    suspects : in how many rows each channel was suspect
     """
 
     def __init__(self, scenario: Scenario, window_s: float) -> None:
@@ -133,9 +142,11 @@ class FlightOutcome(Outcome):
         self.kept = KeptColumns(
             on_signals["signal"].tolist() if manager_kind(scenario.redundancy.manager).compares else ()
         )
+        self.suspects = SuspectCount()
+        self._referred = ReferredAgain(scenario) if (faults["reference"] != NEVER).any() else None
         self.actuators = ActuatorOutcome(scenario, self.records.faults) if scenario.has_servos else None
         self.computers = LaneOutcome(scenario) if scenario.computers.count > 1 else None
-        add_rows(new_block(0), np.zeros(0, CLEAN), 0, self.records)  # compiles before the first frame
+        add_rows(new_block(0), np.zeros(0, CLEAN), NO_REFERENCES, 0, self.records)  # compiles before the first frame
 
     def add(self, rows: Block, clean: NDArray[Any]) -> None:
         """Add the next rows, and keep what is to be kept of them."""
@@ -144,8 +155,9 @@ class FlightOutcome(Outcome):
             here = (faults["signal"] >= 0) & (faults["discrete"] == 0)
             faults["sample"][here] = rows["channels"][0][faults["signal"][here], faults["channel"][here]]
         first = self.frames
-        super().add(rows, clean)
+        self._add(rows, clean, NO_REFERENCES if self._referred is None else self._referred.of(rows))
         self.kept.add(rows, first, self.records.faults)
+        self.suspects.add(rows)
 
     def add_lanes(self, rows: Block, lanes: LaneBlock | None) -> None:
         """Add ``lanes`` (n,) of servos and computers, which stand beside ``rows`` (n,); None: there are none."""

@@ -13,7 +13,7 @@ from rig import sensors
 from rig.assess.lane_outcome import columns_of
 from rig.assess.outcome import LONG_AGO, NEVER, SIGNAL
 from rig.assess.outcome_records import FAULT
-from rig.computer.analytic.sources import FROM_UNIT, second, source
+from rig.computer.analytic.sources import FROM_UNIT, source
 from rig.computer.redundancy import Config, flight_parameters
 from rig.computer.redundancy.box import boxes
 from rig.computer.redundancy.discrete_config import discrete_parameters
@@ -96,7 +96,7 @@ def blank_records(threshold: Any, fitted: Any, linger: NDArray[Any]) -> NDArray[
     records = np.zeros(len(linger), SIGNAL)
     records["threshold"], records["fitted"], records["level"], records["linger"] = threshold, fitted, fitted, linger
     records["failed_at"] = NEVER
-    for field in ("wrong_at", "error_at", "disturbed", "reference_at"):
+    for field in ("wrong_at", "error_at", "disturbed"):
         records[field] = LONG_AGO
     return records
 
@@ -110,24 +110,22 @@ def fault_records(
     """
     on = [(i, name, channel) for i, fault in enumerate(faults) for name, channel in channels_of(fault) or [("", 0)]]
     records = np.zeros(len(on), FAULT)
-    for field in ("signal", "channel", "surface", "reference", "onset", "exceeded_at", "failed_at"):
+    for field in ("signal", "channel", "surface", "inertial", "reference", "onset", "exceeded_at", "failed_at"):
         records[field] = NEVER
     records["acted_at"] = records["beyond_at"] = LONG_AGO
     records["peak"] = records["sample"] = records["load_factor_change"] = np.nan
     for record, (i, name, channel) in zip(records, on, strict=True):
         fault = faults[i]
         record["number"], record["columns"] = i, columns_of(fault)
-        if config is not None:
-            record["either"] = _bits(references_of(fault, config, second_too=True))
         if name and places.site(name) in CHANNELLED:
             discrete, place = places.site(name) == "discrete", places.number(name)
             record["signal"], record["channel"], record["discrete"] = place, channel - 1, discrete
             record["changes"] = discrete or fault.changes_samples  # a discrete that says bad of itself is not voted
             record["threshold"] = (monitored.discretes if discrete else monitored.signals)[place]["threshold"]
             continue
-        read = [] if config is None else references_of(fault, config)
-        record["references"], record["reference"] = _bits(read), read[0] if read else NEVER
-        record["surface"] = number(fault.signal) if site(fault.signal) == "surface" else NEVER
+        record["references"] = 0 if config is None else _bits(references_of(fault, config))
+        if (where := site(fault.signal)) in ("surface", "inertial", "reference"):
+            record[where] = number(fault.signal)
     return records
 
 
@@ -140,11 +138,8 @@ def channels_of(fault: Fault) -> list[tuple[str, int]]:
     return [(point.place, point.channel) for point in fault.points if point.channel is not None]
 
 
-def references_of(fault: Fault, config: Config, *, second_too: bool = False) -> list[int]:
-    """Return the signals whose reference a fault can change: it sits there, or on the unit that it is read from.
-
-    second_too : their second reference counts as well
-    """
+def references_of(fault: Fault, config: Config) -> list[int]:
+    """Return the signals whose reference a fault can change: it sits there, or on the unit that it is read from."""
     where = site(fault.signal)
     if where == "reference":
         return [number(fault.signal)]
@@ -152,5 +147,4 @@ def references_of(fault: Fault, config: Config, *, second_too: bool = False) -> 
         return []
     quantity = INERTIAL[number(fault.signal)]
     fed = [name for name, read in FROM_UNIT.items() if quantity in read]
-    sources = (source, second) if second_too else (source,)
-    return [INDEX[name] for name in fed if any(of(config.references, name) == "inertial" for of in sources)]
+    return [INDEX[name] for name in fed if source(config.references, name) == "inertial"]

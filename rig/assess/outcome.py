@@ -36,13 +36,12 @@ SIGNAL: Final = np.dtype(
         ("wrong_at", "i8", (CHANNELS,)),  # last frame in which its sample was wrong or a fault acted on it
         ("error_at", "i8", (CHANNELS,)),  # last in which its sample was wrong
         ("disturbed", "i8"),  # last frame in which a channel in use was wrong
-        ("reference_at", "i8"),  # last frame in which a fault acted on one of its references
         ("acting", "u1"),  # channels on which a fault acts in this row,
         ("acted", "u1"),  # or ever did
         ("faulty", "u1"),  # once wrong, never healthy again
         ("failed", "u1"),  # in the row before
         # All of it.
-        ("level", "u1"),  # in the row before; before the first the channels that are fitted
+        ("level", "u1"),  # known_level in the row before; before the first the channels that are fitted
         ("pattern", "u1"),  # in the row before
         ("usable", "u1"),  # its reference, in the row before
         ("reported", "u1"),  # whether any channel ever had a state
@@ -90,6 +89,15 @@ def channel_bits(states):
     for c in range(CHANNELS):
         bits |= (states[c] == State.FAILED) << c
     return bits
+
+
+@kernel
+def known_level(level, states):
+    """Return ``level``; LEVELS where none of ``states`` (4,) is said, as by a unit that answers surfaces alone."""
+    for c in range(CHANNELS):
+        if states[c] != State.ABSENT:
+            return np.int64(level)
+    return LEVELS
 
 
 @kernel

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rig.assess.outcome import NEVER, in_use
@@ -19,8 +21,8 @@ def acts(acting, number):
 
 
 @kernel
-def mark_acting(acting, frame, out):
-    """Mark the channels and references that faults act on in this row."""
+def mark_acting(acting, out):
+    """Mark the channels that faults act on in this row."""
     for f in range(len(out.faults)):
         fault = out.faults[f]
         if not acts(acting, fault["number"]):
@@ -33,51 +35,65 @@ def mark_acting(acting, frame, out):
                 out.signals[s]["acting"] |= fault["columns"]
             for d in range(len(out.discretes)):
                 out.discretes[d]["acting"] |= fault["columns"]
-        for s in range(S if fault["either"] != 0 else 0):
-            if (fault["either"] >> s) & 1:
-                out.signals[s]["reference_at"] = frame
 
 
 @kernel
-def follow_faults(row, frame, out):
-    """Take in every fault that acts in this row: its onset and its error."""
+def follow_faults(row, clean, references, frame, out):
+    """Take in every fault that acts in this row: its onset and its error.
+
+    clean : its CLEAN; references : (S,) without a fault on them
+    """
     for f in range(len(out.faults)):
         fault = out.faults[f]
         if not acts(row["acting"], fault["number"]):
             continue
-        used, error, beyond = 1, 0.0, False
+        used, error, sample, beyond = 1, 0.0, math.nan, False
         if fault["signal"] >= 0:
             signal = out.discretes[fault["signal"]] if fault["discrete"] != 0 else out.signals[fault["signal"]]
             used = 1 & ~(signal["failed"] >> fault["channel"])
             error = abs(signal["error"][fault["channel"]]) if fault["changes"] != 0 else 0.0
-            beyond = error > fault["threshold"]
-        elif fault["surface"] >= 0:
-            error = abs(row["actuator"][fault["surface"]] - row["surface"][fault["surface"]])
-        elif fault["references"] != 0:
-            error, beyond = reference_error(row, fault, out)
+            beyond = not error <= fault["threshold"]
+        else:
+            sample, error = at_its_place(row, clean, references, fault, out)
+            beyond = references_beyond(row, fault, out)
         if fault["onset"] == NEVER or (used and fault["executed"] == 0):
             begin(row, fault, frame, out)
         fault["executed"] |= used
         fault["acted_at"] = frame
         if error == error and not error <= fault["peak"]:
             fault["peak"] = error
-        if fault["executed"] != 0 and (beyond or error != error):
+        if fault["executed"] != 0 and beyond:
             exceed(fault, frame)
-        if fault["signal"] < 0 and fault["failed_at"] == NEVER and lost_reference(row, fault, frame, out):
-            fault["failed_at"], fault["resolver"] = frame, COMPARISON
+        if fault["signal"] < 0 and fault["failed_at"] == NEVER:
+            fault["sample"] = sample
+            if lost_reference(row, fault, frame, out):
+                fault["failed_at"], fault["resolver"] = frame, COMPARISON
 
 
 @kernel
-def reference_error(row, fault, out):
-    """Return the error of the first reference that a fault can change, and whether any is beyond its threshold."""
-    first, beyond = 0.0, False
+def at_its_place(row, clean, references, fault, out):
+    """Return the value that a fault on no channel leaves, and how far it is from that without it; NaN and 0: none."""
+    if fault["inertial"] >= 0:
+        i = fault["inertial"]
+        return row["inertial"][i], abs(row["inertial"][i] - clean["inertial"][i])
+    if fault["reference"] >= 0:
+        s = fault["reference"]
+        return row["reference"][s], abs(difference(row["reference"][s], references[s], out.params[s]["wraps"]))
+    if fault["surface"] >= 0:
+        i = fault["surface"]
+        return row["actuator"][i], abs(row["actuator"][i] - row["surface"][i])
+    return math.nan, 0.0
+
+
+@kernel
+def references_beyond(row, fault, out):
+    """Return whether any reference that a fault can change is beyond its threshold from the truth."""
     for s in range(S):
         if (fault["references"] >> s) & 1:
             p, reference = out.params[s], row["reference"][s]
-            error = abs(difference(reference, row["truth"][s], p["wraps"]))
-            beyond = beyond or not error <= reference_threshold(reference, p)
-            first = error if s == fault["reference"] else first
-    return first, beyond
+            if not abs(difference(reference, row["truth"][s], p["wraps"])) <= reference_threshold(reference, p):
+                return True
+    return False
 
 
 @kernel

@@ -23,9 +23,9 @@ FAULT: Final = np.dtype(
         ("discrete", "u1"),
         ("changes", "u1"),  # whether the sample is what it changes
         ("surface", "i8"),  # -1: none
-        ("reference", "i8"),  # the first signal whose reference it can change; -1: none
-        ("references", "i8"),  # all of them, bits
-        ("either", "i8"),  # those of which it can change one of the two references, bits
+        ("inertial", "i8"),  # quantity of the inertial unit; -1: none
+        ("reference", "i8"),  # signal whose reference it sits on; -1: none
+        ("references", "i8"),  # signals whose reference it can change, from wherever it sits, bits
         ("columns", "i8"),  # channels of all signals that it takes away, bits
         ("threshold", "f8"),  # of its error on a channel
         # What became of it; frames from 0, or NEVER.
@@ -38,9 +38,9 @@ FAULT: Final = np.dtype(
         ("beyond_at", "i8"),  # last frame in which its error was above the threshold
         ("run", "i8"),  # of such frames, up to that
         ("longest_run", "i8"),
-        ("peak", "f8"),  # NaN: none
+        ("peak", "f8"),  # of its error, at its own place; NaN: none
         ("span", "i8"),  # that begins with it
-        ("sample", "f8"),  # when it was failed, else at the onset
+        ("sample", "f8"),  # when it was failed, else at the onset; of one on no channel the last under it
         ("load_factor", "f8"),  # before the onset
         ("load_factor_change", "f8"),  # NaN: none
         ("pattern", "u1"),  # before it was failed,

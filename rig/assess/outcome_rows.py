@@ -9,7 +9,17 @@ import math
 
 import numpy as np
 
-from rig.assess.outcome import LEVELS, NEVER, channel_bits, count_healthy, count_vote, mark_failed, mark_wrong
+from rig.assess.outcome import (
+    LEVELS,
+    NEVER,
+    channel_bits,
+    count_healthy,
+    count_vote,
+    in_use,
+    known_level,
+    mark_failed,
+    mark_wrong,
+)
 from rig.assess.outcome_faults import follow_faults, is_singular, mark_acting, watch_faults
 from rig.assess.outcome_records import COMPARISON, EXTREMES, PATTERNS, RESOLVERS
 from rig.assess.unfaulted import injected, middle, same
@@ -20,10 +30,11 @@ from rig.units.angles import difference
 
 
 @long_kernel
-def add_rows(rows, clean, first, out):
+def add_rows(rows, clean, references, first, out):
     """Add ``rows`` (n,) FLAT from ``first`` on; return the first that was not added, n when all were.
 
-    clean : (n,) faults.CLEAN; out : Outcomes
+    clean : (n,) faults.CLEAN; references : (n, S) without a fault on them, NO_REFERENCES: no fault sits on one
+    out : Outcomes
     It stops when a list is full, or at a wrong sample though no fault has acted: ``unexplained``.
     """
     flight, most = out.flight[0], CHANNELS * (len(out.signals) + len(out.discretes))
@@ -41,13 +52,13 @@ def add_rows(rows, clean, first, out):
             return k
         add_discrete_errors(row, out)
         if acting != 0:
-            mark_acting(row["acting"], frame, out)
+            mark_acting(row["acting"], out)
         for s in range(len(out.signals)):
             add_wrong(frame, out.signals[s])
         for d in range(len(out.discretes)):
             add_wrong(frame, out.discretes[d])
         if acting != 0:
-            follow_faults(row, frame, out)
+            follow_faults(row, clean[k], references[min(k, len(references) - 1)], frame, out)
         for s in range(len(out.signals)):
             add_signal(row, clean[k], s, frame, out)
         for d in range(len(out.discretes)):
@@ -106,19 +117,17 @@ def add_wrong(frame, signal):
 def add_signal(row, clean, s, frame, out):
     """Add one signal: who is failed and for what, healthy channels, its vote, its pattern."""
     signal, p = out.signals[s], out.params[s]
-    level, before = row["level"][s], np.int64(signal["failed"])
+    level, before = known_level(row["level"][s], row["state"][s]), np.int64(signal["failed"])
     became = mark_failed(channel_bits(row["state"][s]), frame, signal)
-    excused = add_failures(row, s, became, frame, signal, out) if became != 0 else 0
+    excused = add_failures(row, s, became, before, frame, signal, out) if became != 0 else 0
     if frame - signal["disturbed"] > signal["linger"]:
         healthy_frames, false_isolations = signal["healthy_frames"], signal["false_isolations"]
         count_healthy(became & ~excused, before, signal["level"], signal, healthy_frames, false_isolations)
-    if signal["reported"] == 0:
-        for c in range(CHANNELS):
-            signal["reported"] |= row["state"][s, c] != State.ABSENT
+    signal["reported"] |= level < LEVELS
     signal["acted"] |= signal["acting"]
     signal["acting"] = 0
-    add_vote(row, clean, s, signal, p, out)
-    add_pattern(row, s, before, signal, frame, out)
+    add_vote(row, clean, s, level, signal, p, out)
+    add_pattern(row, s, level, before, signal, frame, out)
     signal["unresolved"] += row["resolver"][s] == Resolver.UNRESOLVED
     signal["lost"] += level == 0
     signal["level"], signal["usable"] = level, row["reference_usable"][s]
@@ -128,17 +137,18 @@ def add_signal(row, clean, s, frame, out):
 def add_discrete(row, d, frame, out):
     """Add one discrete: who is failed and for what, whether its vote is wrong."""
     signal = out.discretes[d]
+    before = np.int64(signal["failed"])
     became = mark_failed(channel_bits(row["discrete_state"][d]), frame, signal)
     for c in range(CHANNELS):
         if (became >> c) & 1:
-            add_failure(row, d, c, True, COMPARISON, frame, out)
+            add_failure(row, d, c, True, COMPARISON, before, frame, out)
     signal["acting"] = 0
     signal["wrong_votes"] += row["discrete_voted"][d] != row["discrete_truth"][d]
 
 
 @kernel
-def add_failures(row, s, became, frame, signal, out):
-    """List the channels that ``became`` failed; return those that were by design, both bits."""
+def add_failures(row, s, became, before, frame, signal, out):
+    """List the channels that ``became`` failed; return those that were by design; before : failed then; all bits."""
     excused = 0
     for c in range(CHANNELS):
         if (became >> c) & 1:
@@ -146,16 +156,16 @@ def add_failures(row, s, became, frame, signal, out):
             comparable = row["valid"][s, c] != 0 and math.isfinite(row["channels"][s, c])
             if not comparable or resolver == Resolver.UNRESOLVED or resolver >= RESOLVERS:
                 resolver = COMPARISON
-            cause = add_failure(row, s, c, False, resolver, frame, out)
+            cause = add_failure(row, s, c, False, resolver, before, frame, out)
             excused |= (cause == Cause.WITH_ITS_BOX or cause == Cause.BY_RULE) << c
     return excused
 
 
 @kernel
-def add_failure(row, s, c, discrete, resolver, frame, out):
+def add_failure(row, s, c, discrete, resolver, before, frame, out):
     """List one channel that became failed, and book it on the faults that it was failed for; return its Cause."""
     signal = out.discretes[s] if discrete else out.signals[s]
-    cause = cause_of(signal, s, c, resolver, frame, discrete, out)
+    cause = cause_of(signal, s, c, resolver, before, frame, discrete, out)
     flight = out.flight[0]
     failure = out.failures[flight["failures"]]
     flight["failures"] += 1
@@ -174,8 +184,11 @@ def add_failure(row, s, c, discrete, resolver, frame, out):
 
 
 @kernel
-def cause_of(signal, s, c, resolver, frame, discrete, out):
-    """Return the Cause for which channel c was failed; what happened within the linger can be it."""
+def cause_of(signal, s, c, resolver, before, frame, discrete, out):
+    """Return the Cause for which channel c was failed; what happened within the linger can be it.
+
+    before : channels that were failed in the row before, bits
+    """
     since = frame - signal["linger"]
     if signal["wrong_at"][c] >= since:
         return Cause.OWN_FAULT.value
@@ -186,16 +199,18 @@ def cause_of(signal, s, c, resolver, frame, discrete, out):
             faulty += mate["box"] == signal["box"] and mate["wrong_at"][c] >= frame - mate["linger"]
         if faulty >= max(signal["box_needed"], 1):
             return Cause.WITH_ITS_BOX.value
-    if not discrete and resolver == Resolver.COMMON and max(signal["disturbed"], signal["reference_at"]) >= since:
-        return Cause.BY_RULE.value
+    erring = 0
     for other in range(CHANNELS):
-        if signal["error_at"][other] >= since:
-            return Cause.WRONG_ISOLATION.value
-    return Cause.FALSE_ALARM.value
+        erring |= (signal["error_at"][other] >= since) << other
+    # The vote was that of healthy channels where most were: then it was the references that were wrong.
+    outvoted = 2 * in_use(signal, before, erring) >= in_use(signal, before, ~0)
+    if not discrete and resolver == Resolver.COMMON and outvoted:
+        return Cause.BY_RULE.value
+    return Cause.WRONG_ISOLATION.value if erring != 0 else Cause.FALSE_ALARM.value
 
 
 @kernel
-def add_vote(row, clean, s, signal, p, out):
+def add_vote(row, clean, s, level, signal, p, out):
     """Add the vote of one signal: how far it is from the truth, and from that of healthy channels."""
     voted, truth, flight = row["voted"][s], row["truth"][s], out.flight[0]
     counts, frame, after_onset = math.isfinite(truth), flight["frames"], flight["acted_from"] != NEVER
@@ -205,7 +220,7 @@ def add_vote(row, clean, s, signal, p, out):
     count_vote(out.votes[s, 1], frame, from_clean, counts, p["threshold"], after_onset)
     span = out.spans[signal["span"]]
     span["above"] += above
-    if row["level"][s] == 0:
+    if level == 0:
         if span["lost"] == 0:
             span["above_lost"] = span["above"]
         span["lost"] += 1
@@ -215,9 +230,9 @@ def add_vote(row, clean, s, signal, p, out):
 
 
 @kernel
-def add_pattern(row, s, before, signal, frame, out):
+def add_pattern(row, s, level, before, signal, frame, out):
     """Add the pattern of one signal: coverage, and the stretch without a majority that it may be part of."""
-    pattern, level, flight = row["pattern"][s], row["level"][s], out.flight[0]
+    pattern, flight = row["pattern"][s], out.flight[0]
     last, last_level = (signal["pattern"], signal["level"]) if frame > 0 else (pattern, level)
     if last < PATTERNS and pattern < PATTERNS:
         out.patterns[s, last, pattern] += 1

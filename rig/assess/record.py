@@ -12,6 +12,7 @@ from pydantic import Field
 
 from rig.assess.kept import Columns
 from rig.assess.words import FaultWord, IsolationKind
+from rig.record.suspects import Suspect
 from rig.settings import Settings
 
 Outcome = Literal["detected", "missed", "undetectable", "not executed"]
@@ -61,7 +62,7 @@ class FaultScore:
     delay_from_onset_frames: int | None  # failed_frame - onset_frame
     delay_from_exceeded_frames: int | None  # failed_frame - exceeded_frame; below 0 when failed before
     resolver: str | None  # who failed it: comparison, or a resolver
-    peak_error: float | None  # largest injected error that is a number, unit of the signal
+    peak_error: float | None  # largest injected error that is a number, in the unit of its place
     exceeded_run_frames: int  # longest run of frames above the threshold
     tolerated: bool  # missed, and above the threshold for fewer frames in a row than the persistence
     index: int  # of the fault in the scenario
@@ -271,6 +272,7 @@ class Score:
     wrong_votes_s: dict[str, float]  # of each discrete, time in which its vote was not the truth
     actuators: dict[str, ActuatorScore]  # by surface; empty without servos
     computers: ComputersScore | None  # None: there is one
+    suspects: list[Suspect]  # every channel that had a state, whether it was ever suspect or not
     evidence: Evidence = field(compare=False, repr=False)
 
     @property
@@ -286,4 +288,5 @@ class Score:
             del fault["sample"], fault["pattern"], fault["word"]
         for episode in plain["episodes"]:
             del episode["last"]
+        plain["suspects"] = [each.as_dict() for each in self.suspects]
         return plain

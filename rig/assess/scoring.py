@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rig.assess.actuator_outcome import finder
 from rig.assess.flight_outcome import FlightOutcome
 from rig.assess.monitored import allowed_frames, channels_of, monitor
-from rig.assess.outcome import NEVER
+from rig.assess.outcome import LEVELS, NEVER
 from rig.assess.outcome_actuators import MONITORS
 from rig.assess.outcome_records import COMPARISON
 from rig.assess.patterns import by_pattern, coverage, episodes, tally
@@ -132,6 +132,7 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
         ),
         actuators={} if outcome.actuators is None else outcome.actuators.scores(),
         computers=None if outcome.computers is None else outcome.computers.score(),
+        suspects=outcome.suspects.channels(),
         evidence=Evidence(outcome.params, by_unit, frozenset(names), outcome.kept.of),
     )
 
@@ -301,7 +302,8 @@ def _signals(outcome: FlightOutcome) -> dict[str, SignalScore]:
     hours = signals["healthy_frames"][:, :0:-1] / (rate_hz * 3600.0)
     isolations = signals["false_isolations"][:, :0:-1]
     lost_s, unresolved_s = signals["lost"] / rate_hz, signals["unresolved"] / rate_hz
-    columns = (signals["level"], lost_s, unresolved_s, hours, isolations)
+    at_end = np.where(signals["level"] < LEVELS, signals["level"], 0)
+    columns = (at_end, lost_s, unresolved_s, hours, isolations)
     return {
         name: SignalScore(level, lost, unresolved, tuple(healthy), tuple(failed))
         for name, level, lost, unresolved, healthy, failed in zip(INDEX, *(c.tolist() for c in columns), strict=True)

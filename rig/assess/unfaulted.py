@@ -1,7 +1,8 @@
-"""The clean channels: what the sensors gave before any fault, kept in flight or computed again from the recorded truth.
+"""The clean samples: what sensors and inertial unit gave before any fault, kept in flight or computed again from the
+recorded truth; and the references that the recorded votes give without a fault on a reference.
 
-The sensors are deterministic in the scenario's seed, so what they give for the recorded truth is, bit for
-bit, what they gave in flight; the recorded channels less these are the injected errors.
+All are deterministic in the scenario's seed, so what they give for the recorded truth is, bit for bit, what they gave
+in flight; the recorded samples less these are the injected errors.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.analytic.references import References, refer, remember
+from rig.computer.redundancy.managers import manager_kind
 from rig.computer.redundancy.vote import mean
 from rig.faults import CLEAN
 from rig.frame import CHANNELS, FLAT, Block, LaneBlock, has_part, nested, new_block
@@ -19,16 +22,19 @@ from rig.kernels import kernel
 from rig.lanes.clock import sample_early
 from rig.scenario import Scenario
 from rig.sensors import Sensors, measure
+from rig.sensors.inertial import Inertial, sense
 from rig.units.angles import difference, limit
 
 ROWS: Final = 256  # of the clean block: half a megabyte, which stays in the cache
 
 
 class MeasuredAgain:
-    """The sensors of a flight, run over the recorded truth of its rows, which are given in their order."""
+    """Sensors and inertial unit of a flight, over the recorded truth of its rows, which are given in their order."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])
+        streams, rate_hz = scenario.streams(), scenario.rate_hz
+        self._sensors = Sensors(scenario.sensors, rate_hz, streams["sensors"])
+        self._inertial = Inertial(scenario.inertial, rate_hz, streams["inertial"])
         self._skew = self._sensors.params["skew"].copy()
         self._block, self._kept = new_block(ROWS), np.zeros(ROWS, CLEAN)
 
@@ -45,7 +51,8 @@ class MeasuredAgain:
             again, clean = self._block[: len(recorded)], self._kept[: len(recorded)]
             again.view(np.uint8)[:] = recorded.view(np.uint8)
             self._sensors.prepare(again)
-            measure_again(nested(again), self._sensors.data, self._skew, lead[first:])
+            self._inertial.prepare(again)
+            measure_again(nested(again), self._sensors.data, self._inertial.data, self._skew, lead[first:])
             for field in CLEAN.names or ():
                 clean[field] = again[field]
             yield recorded, clean
@@ -60,15 +67,38 @@ def laid_out(rows: Block) -> Block:
     return whole
 
 
-@kernel
-def measure_again(clean, data, skew, lead):
-    """Fill the channels of ``clean`` (n,) FRAME from its truth; data : SensorData; the rest as of ``sample_early``.
+class ReferredAgain:
+    """The references of a flight by its recorded votes, no fault on them, of rows that are given in their order."""
 
-    lead : (n, 4)
+    def __init__(self, scenario: Scenario) -> None:
+        config, monitored = scenario.redundancy, manager_kind(scenario.redundancy.manager).refers
+        self._references = References(config.references, scenario.references, scenario.rate_hz, monitored)
+
+    def of(self, rows: Block) -> NDArray[np.float64]:
+        """Return the (n, S) references of the next ``rows`` (n,) FLAT."""
+        again = rows.copy()
+        refer_again(nested(again), self._references.data)
+        return np.ascontiguousarray(again["reference"])
+
+
+@kernel
+def refer_again(rows, data):
+    """Write the references of ``rows`` (n,) FRAME again; data : ReferenceData."""
+    for k in range(len(rows)):
+        refer(rows[k]["bus"], rows[k]["fcc"], data)
+        remember(rows[k]["bus"], rows[k]["fcc"], data)
+
+
+@kernel
+def measure_again(clean, data, unit, skew, lead):
+    """Fill channels and inertial unit of ``clean`` (n,) FRAME from its truth; the rest as of ``sample_early``.
+
+    data : SensorData; unit : InertialData; lead : (n, 4)
     """
     for k in range(len(clean)):
         sample_early(data.params, skew, lead[k])
         measure(clean[k]["truth"], clean[k]["bus"], k, data)
+        sense(clean[k]["truth"], clean[k]["bus"], k, unit)
 
 
 @kernel

@@ -3,6 +3,7 @@
 run.py                   the one driver: the stages of a frame, each of which can be left out
 sources.py               recorded channels as rows, and the answers out of them
 vote.py                  the manager over a recording, or over the log of a flight by its own scenario
+channels.py              usable samples, suspect rows and failures of each channel
 inject.py                faults on recorded channels; injection_score.py: what became of them
 rival_statistics.py      what a rival computes of rows without failing anybody: for a calibration
 trials.py, splitting.py  one signal over a recorded truth, many times: for reliability

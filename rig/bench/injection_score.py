@@ -26,9 +26,10 @@ from rig.assess.flight_outcome import Outcome
 from rig.assess.monitored import Monitored, fault_records
 from rig.assess.scoring import resolver_name
 from rig.assess.words import INJECTED, PRIOR, PUBLIC, Cause
+from rig.bench.channels import usable_samples
 from rig.bench.inject import Injection
 from rig.bench.sources import FIELDS, blocks, put
-from rig.bench.vote import Result, Voted, discrete_params, params_of, usable_samples
+from rig.bench.vote import Result, Voted, discrete_params, params_of
 from rig.faults.record import clean_of
 from rig.frame import Block, D, Ilm, S, State, rows
 from rig.recordings.align import Corrections

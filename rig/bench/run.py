@@ -28,10 +28,11 @@ from rig.frame import Nested
 from rig.kernels import kernel, long_kernel
 from rig.lanes.think import give_references
 from rig.sensors import SensorData, measure
+from rig.unit.port import ON_DISCRETES, ON_PATTERNS
 
 ROWS: Final = 256  # of a block of flight rows: half a megabyte, which stays in the cache
-# Votes the signals of a row, in the place of the manager; returns True if it has voted the discretes too.
-Decide = Callable[[Nested, int], object]
+# Votes the signals of a row, in the place of the manager; a unit returns the groups that it has filled, of layout.Said.
+Decide = Callable[[Nested, int], int | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +58,11 @@ def run(rows: Nested, stages: Stages, flown: Nested | None = None, decide: Decid
         return
     for k in range(len(rows)):
         begin_row(rows, flown, k, s.sensors, s.faults, s.references)
-        voted_all = decide(rows, k) is True
-        end_row(rows, flown, k, s.faults, s.references, None if voted_all else s.discretes)
+        said = decide(rows, k)
+        has_discretes = said is not None and said & ON_DISCRETES
+        end_row(rows, flown, k, s.faults, s.references, None if has_discretes else s.discretes)
+        if said is not None and not said & ON_PATTERNS:  # as port.conclude
+            rows["fcc"]["reference_usable"][k] = 0
 
 
 @long_kernel

@@ -36,7 +36,7 @@ from rig.util.trust import Trust
 
 PAUSE_S: Final = 1.0
 HOSTILE_FRAMES: Final = 200
-VOTES: Final = ("voted", "state", "level")  # that a manager class must write
+VOTES: Final = ("voted", "state", "level")  # of a manager class, written or assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,14 +100,14 @@ def _of_class(unit: Unit, cases: list[Case], seam_only: bool) -> Iterator[Requir
     longest = max(cases, key=lambda case: len(case.inputs))
     try:
         first, again = (our_answers(longest.config, longest.inputs, unit.manager, trust) for _ in range(2))
-        yield _line("answers every frame, with a level", "seam", "")
+        yield _line("answers every frame, with a vote", "seam", "")
         same = all(first[name].tobytes() == again[name].tobytes() for name in VOTES)
         yield _line("from new twice, the same votes", "seam", "" if same else "another vote, state or level")
         answer_of = lambda case: _output(our_answers(case.config, case.inputs, unit.manager, trust))  # noqa: E731
         requirements = [] if seam_only else _counted((case, answer_of(case)) for case in cases)
         yield from requirements
     except ManagerFailed as error:
-        yield _line("answers every frame, with a level", "seam", str(error))
+        yield _line("answers every frame, with a vote", "seam", str(error))
 
 
 # The seam ----------------------------------------------------------------------------------------------------

@@ -179,7 +179,7 @@ def _give_lasting(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[An
     drifts = _episodes(draw, frames, each, np.array([0.0] * 12 + [0.5, -0.5]), 150.0)
     dither = draw.integers(-8, 9, channels.shape) / 1024.0
     channels = channels + float(row["threshold"]) * (biases + drifts + dither)
-    stuck = _episodes(draw, frames, each, np.arange(60) == 0, 1.5 * float(lasting["stale_frames"]) + 20.0)
+    stuck = _episodes(draw, frames, each, np.arange(25) == 0, 1.5 * float(lasting["stale_frames"]) + 20.0)
     since = np.maximum.accumulate(np.where(stuck, 0, numbers), axis=0)
     inputs["channels"][:, i] = _in_range(np.take_along_axis(channels, since, axis=0), row)
     inputs["valid"][:, i] = _episodes(draw, frames, each, np.arange(60) != 0, 2.0)  # gaps, which end no count

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop, sensors
+from rig.bench.channels import ChannelFailure, channel_records
 from rig.bench.run import Decide, Stages, run, write_sources
 from rig.bench.sources import FIELDS, Columns, DiscreteColumns, blocks, put
 from rig.computer.redundancy.config import PARAMS, fill
@@ -25,7 +26,6 @@ from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.computer.redundancy.rivals.settings import Rivals
 from rig.frame import DISCRETES, SIGNALS, Block, D, Rows, S, State, rows, to_frame
 from rig.kernels import kernel
-from rig.record.failures import COMPARISON, became_failed, decider
 from rig.recordings.clock import Floats
 from rig.recordings.recording import Bytes, Recording, Samples
 from rig.recordings.settings import RecordedDiscrete, RecordedSignal, Reset, commands
@@ -33,18 +33,8 @@ from rig.scenario import Scenario
 from rig.units.angles import difference
 from rig.util.trust import Trust
 
-INVALID: Final = "invalid"  # a sample that is no number, flagged, or out of range
 _NO_CODE: Final = Trust("the configuration")
 _BY_DEFAULT: Final = Rivals()
-
-
-class ChannelFailure(NamedTuple):
-    """A channel that was failed: in which row, counted from 1, and by whom."""
-
-    channel: int
-    frame: int
-    time_s: float
-    why: str  # comparison, a resolver, or INVALID
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +51,8 @@ class Voted:
     reference_usable: Bytes
     state: list[Bytes]
     spread: Floats  # largest less smallest of the samples in use, NaN where there are none
-    invalid: list[int]  # samples of each channel that were no number, flagged, or out of range
+    invalid: list[int]  # these three as of ChannelRecords
+    suspect: list[int]
     failures: list[ChannelFailure]
     of_flight: dict[str, Bytes] = field(default_factory=dict)  # FLIGHT_FIELDS, by the scenario of a flight
 
@@ -74,7 +65,8 @@ class VotedDiscrete:
     voted: Bytes  # 0 or 1
     level: Bytes
     state: list[Bytes]
-    invalid: list[int]  # samples of each channel that were empty or flagged
+    invalid: list[int]  # these three as of ChannelRecords
+    suspect: list[int]
     failures: list[ChannelFailure]
     reset: Bytes | None = None  # commands, of a flight voted by its scenario
 
@@ -267,14 +259,10 @@ def by_class(own: OwnManager, block: Block, nested: NDArray[Any]) -> Decide:
 
 
 def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: Columns) -> Voted:
-    wrong = [~usable for usable in usable_samples(samples, settings.limits)]
-    failures = _failures(recording, out.states, wrong, out.fields["resolver"])
+    records = channel_records(recording, samples, settings.limits, out.states, out.fields["resolver"])
     fields = {name: out.fields[name] for name in FIELDS}
     extra = {name: column for name, column in out.fields.items() if name not in fields}
-    invalid = [int(w.sum()) for w in wrong]
-    return Voted(
-        settings, **fields, state=out.states, spread=out.spread, invalid=invalid, failures=failures, of_flight=extra
-    )
+    return Voted(settings, **fields, state=out.states, spread=out.spread, **records._asdict(), of_flight=extra)
 
 
 @kernel
@@ -293,13 +281,6 @@ def spreads(rows, i, p, out):
                 off = difference(sample, row["voted"][i], p["wraps"])
                 low, high = min(low, off), max(high, off)
         out[k] = high - low if high >= low else np.nan
-
-
-def usable_samples(samples: Samples, limits: tuple[float, float]) -> list[NDArray[np.bool_]]:
-    """Return (n,) of each channel whether a sample is a number in range that is not flagged."""
-    usable = [(column >= limits[0]) & (column <= limits[1]) for column in samples.channels]
-    flags = samples.valid or [np.ones(1, np.uint8)] * len(usable)
-    return [within & (flag != 0) for within, flag in zip(usable, flags, strict=True)]
 
 
 def _vote_discretes(
@@ -327,21 +308,5 @@ def _vote_discretes(
 def _voted_discrete(
     recording: Recording, settings: RecordedDiscrete, answers: DiscreteColumns, reset: Bytes | None
 ) -> VotedDiscrete:
-    wrong = [~usable for usable in usable_samples(answers.samples, (0.0, 1.0))]
-    failures, invalid = _failures(recording, answers.state, wrong), [int(w.sum()) for w in wrong]
-    return VotedDiscrete(settings, answers.voted, answers.level, answers.state, invalid, failures, reset)
-
-
-def _failures(
-    recording: Recording,
-    states: Sequence[Bytes],
-    invalid: Sequence[NDArray[np.bool_]],
-    resolvers: Bytes | None = None,
-) -> list[ChannelFailure]:
-    """Return every change to failed, in order of time: by an invalid sample, the resolver of its row, or comparison."""
-    failures: list[ChannelFailure] = []
-    for k, _, c in became_failed(np.column_stack(states)[:, None]).tolist():
-        why = COMPARISON if resolvers is None else decider(int(resolvers[k]), True)
-        why = INVALID if invalid[c][k] else why
-        failures.append(ChannelFailure(c + 1, recording.row(k), float(recording.time_s[k]), why))
-    return failures
+    records = channel_records(recording, answers.samples, (0.0, 1.0), answers.state)
+    return VotedDiscrete(settings, answers.voted, answers.level, answers.state, *records, reset)

@@ -98,12 +98,13 @@ class Votes(NamedTuple):
         return table(self.recording, self.voted)
 
     def __repr__(self) -> str:
-        """Return one line: rows, signals, and the channels that are failed at the end."""
+        """Return one line: rows, signals, the channels that are failed at the end, and long suspect ones."""
         groups = {**self.summary["signals"], **self.summary["discretes"]}
         failed = [
             f"{name}.{c['channel']}" for name, g in groups.items() for c in g["channels"] if c["state"] == "failed"
         ]
-        return f"<Votes {self.summary['rows']} rows of {', '.join(groups)}: failed {', '.join(failed) or 'no channel'}>"
+        told = "; ".join([f"failed {', '.join(failed) or 'no channel'}", *self.summary["suspects"]])
+        return f"<Votes {self.summary['rows']} rows of {', '.join(groups)}: {told}>"
 
 
 def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Options, lap: Laps) -> Votes:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rig.bench.vote import Result, Voted, VotedDiscrete
 from rig.frame import Pattern, State
+from rig.record.suspects import Suspect
 from rig.recordings.alignment import Alignment
 from rig.recordings.clock import Floats
 from rig.recordings.recording import Recording
@@ -31,6 +32,7 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
         "signals": {name: _signal(signal) for name, signal in voted.signals.items()},
         "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
     }
+    data["suspects"] = _lasting(data)
     if alignment is not None:
         data["alignment"] = alignment.as_dict()
         for name, signal in data["signals"].items():
@@ -83,6 +85,7 @@ def _spread(spread: Floats) -> dict[str, float | None]:
 
 
 def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:
+    rows, suspect = len(signal.state[c]), signal.suspect[c]
     return {
         "channel": c + 1,
         "state": State(signal.state[c][-1]).name.lower(),
@@ -92,4 +95,16 @@ def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:
             if failure.channel == c + 1
         ],
         "invalid_samples": signal.invalid[c],
+        "suspect_rows": suspect,
+        "suspect_share": suspect / rows,
     }
+
+
+def _lasting(data: dict[str, Any]) -> list[str]:
+    """Return a line for each channel of a summary that was suspect in many rows and never failed."""
+    suspects = (
+        Suspect(name, channel["channel"], channel["suspect_rows"], data["rows"], bool(channel["failed"]))
+        for name, group in {**data["signals"], **data["discretes"]}.items()
+        for channel in group["channels"]
+    )
+    return [f"{one.signal}.{one.channel}: suspect {one.text('rows')}" for one in suspects if one.lasting]

@@ -46,6 +46,7 @@ def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
         **{name: value if math.isfinite(value) else None for name, value in asdict(verdict.peaks).items()},
         **{column: outcomes.count(outcome) for outcome, column in OUTCOMES.items()},
         **{column: len(getattr(scored, column)) for column in ISOLATIONS.values()},
+        "suspect_channels": sum(suspect.lasting for suspect in scored.suspects),
         "channel_hours": channel_hours(scenario, verdict.frames, scored),
         "vote_above_threshold_s": sum(error.above_threshold_s for error in scored.vote_error.values()),
         "unresolved": scored.unresolved,

@@ -17,7 +17,7 @@ from rig.campaign.folder import Folder, difference
 from rig.campaign.plan import Plan
 from rig.campaign.requirements import by_requirement
 from rig.campaign.statistics import detectable, mcnemar, poisson, proportion
-from rig.campaign.table import COUNTED, replies
+from rig.campaign.table import COUNTED, SUSPECTS, replies
 from rig.errors import BadInput
 
 Tables = dict[str, pl.DataFrame]
@@ -119,7 +119,8 @@ def headline(tables: Tables) -> dict[str, Any]:
         "wrong_isolation": _share(exceeded["isolation"] == "wrong"),
         "false_alarms": _alarm_rate(runs),
         "false_alarm_runs": int((runs["false_alarms"] > 0).sum()),
-        **{column: int(runs[column].sum()) for column in COUNTED},
+        **{column: int(runs[column].sum()) for column in (*COUNTED, SUSPECTS)},
+        "suspect_runs": int((runs[SUSPECTS] > 0).sum()),
     }
 
 

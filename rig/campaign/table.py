@@ -28,11 +28,13 @@ from rig.record.histogram import names
 
 WALL_CLOCK: Final = ("wall_s", "replies")  # no part of what must be the same in every run of a campaign
 COUNTED: Final = ("failed_with_box", "failed_by_rule")  # in ``alarms`` too, which are hashed
+SUSPECTS: Final = "suspect_channels"  # in ``digest`` too
 OF_SERVOS: Final = tuple(servos.RUNS)  # in ``digest`` too
 MEASURED: Final = tuple(requirements.RUNS)  # hashed where a campaign has requirements
 ADDED: Final = (
     "replies",
     *COUNTED,
+    SUSPECTS,
     *OF_SERVOS,
     *MEASURED,
     "wrong_vote_first",
@@ -63,6 +65,7 @@ RUNS: Final[dict[str, Any]] = {
     "wall_s": pl.Float64,
     "replies": pl.List(pl.Int64),  # reply times of a unit under test in each bin of record.histogram; empty without one
     **dict.fromkeys(COUNTED, pl.Int64),  # healthy channels, for a fault elsewhere
+    SUSPECTS: pl.Int64,  # channels that were suspect in many frames and never failed
     **servos.RUNS,
     **requirements.RUNS,
 }
@@ -174,10 +177,10 @@ def joined(table: str, frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
 
 
 def sha256(tables: dict[str, pl.DataFrame]) -> str:
-    """Compute one hash of all tables: sorted rows, every number exactly; no wall clock, COUNTED, OF_SERVOS."""
+    """Compute one hash of all tables: sorted rows, every number exactly; no wall clock, no count of what is there."""
     digest = hashlib.sha256()
     for name in TABLES:
-        plain = tables[name].drop(*WALL_CLOCK, *COUNTED, *OF_SERVOS, strict=False)
+        plain = tables[name].drop(*WALL_CLOCK, *COUNTED, SUSPECTS, *OF_SERVOS, strict=False)
         plain = plain.drop(*(each for each in MEASURED if each in plain.columns and plain[each].is_null().all()))
         digest.update(json.dumps([name, plain.columns, [str(t) for t in plain.dtypes]]).encode())
         for row in plain.iter_rows():

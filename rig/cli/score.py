@@ -125,6 +125,7 @@ def _show(scored: Scored) -> None:
     _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
     _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
     _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
+    _suspects(score)
     table(cells.actuator_rows(score, scenario.rate_hz), columns(*cells.ACTUATORS, worth=_WORTH), MOST_LINES)
     table(cells.computer_rows(score, scenario.rate_hz), columns(*cells.COMPUTERS, worth=_WORTH), MOST_LINES)
     if score.episodes:
@@ -147,6 +148,15 @@ def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float, *, 
         text = f"{isolation.signal}.{isolation.channel} at {moment(isolation.frame, rate_hz)} by {isolation.resolver}"
         field(title, text, style="" if by_design else "red", width=WIDTH)
     rest(len(isolations), MOST_LINES)
+
+
+def _suspects(score: Score) -> None:
+    """Print the channels that were ever suspect; one line for the others."""
+    from rig.assess import cells
+
+    rows = cells.suspect_rows(score)
+    table(rows, columns(*cells.SUSPECTS, worth=_WORTH), MOST_LINES)
+    line(f"{len(score.suspects) - len(rows)} channels suspect in no frame")
 
 
 def _votes(scored: Scored) -> None:

@@ -20,7 +20,8 @@ _DISCRETES = (
     Column("changes", "changes", worth=5),
 )
 _CHANNELS = (
-    *(Column("channel", "name"), Column("at the end", "state"), Column("failed in frame", "frame", worth=5)),
+    *(Column("channel", "name"), Column("at the end", "state"), Column("suspect rows", "suspect", worth=7)),
+    Column("failed in frame", "frame", worth=5),
     *(Column("at", "at"), Column("by", "why"), Column("invalid samples", "invalid", worth=6)),
 )
 _INJECTED = (
@@ -64,6 +65,8 @@ def vote(summary: dict[str, Any]) -> None:
     table(_named(summary["signals"]), _SIGNALS)
     table(_named(summary["discretes"]), _DISCRETES)
     table(_channels(summary), _CHANNELS)
+    for suspect in summary["suspects"]:
+        line(suspect, style="yellow")
     table(summary.get("injected", {}).get("faults", ()), _INJECTED)
     table(summary.get("requirements", ()), _REQUIREMENTS)
     if summary["not_voted"]:
@@ -90,9 +93,11 @@ def _channels(summary: dict[str, Any]) -> Iterator[dict[str, Any]]:
         for channel in signal["channels"]:
             times = [{"frame": f["frame"], "at": f"{f['time_s']:.6g} s", "why": f["why"]} for f in channel["failed"]]
             first, *again = times or [{"frame": "never", "at": "", "why": ""}]
-            head = {"name": f"{name}.{channel['channel']}", "state": channel["state"]}
+            rows = channel["suspect_rows"]
+            suspect = f"{rows} ({100 * channel['suspect_share']:.3g} %)" if rows else "never"
+            head = {"name": f"{name}.{channel['channel']}", "state": channel["state"], "suspect": suspect}
             yield {**head, **first, "invalid": channel["invalid_samples"]}
-            yield from ({"name": "", "state": "", **later, "invalid": ""} for later in again)
+            yield from ({**dict.fromkeys(head, ""), **later, "invalid": ""} for later in again)
 
 
 def _alignments(summary: dict[str, Any]) -> None:

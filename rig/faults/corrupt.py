@@ -214,11 +214,14 @@ def corrupt_commands(row, commands, part, running, data):
 
 @kernel
 def save(bus, clean):
-    """Keep the samples of the sensors."""
+    """Keep the samples of the sensors and of the inertial unit."""
     channels, valid, clean_channels, clean_valid = bus["channels"], bus["valid"], clean["channels"], clean["valid"]
     for s in range(channels.shape[0]):
         for c in range(channels.shape[1]):
             clean_channels[s, c], clean_valid[s, c] = channels[s, c], valid[s, c]
+    inertial, clean_inertial = bus["inertial"], clean["inertial"]
+    for i in range(inertial.shape[0]):
+        clean_inertial[i] = inertial[i]
 
 
 @kernel

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, FCC, D, S
+from rig.frame import CHANNELS, FCC, INERTIAL, D, S
 
 
 class Trigger(IntEnum):
@@ -159,8 +159,9 @@ SEEN: Final = np.dtype(
 
 # Samples of the sensors before any fault, as the fields of BUS; kept for who scores a flight in memory.
 def clean_of(signals: int) -> np.dtype[Any]:
-    """Return the record of the samples of so many signals before any fault."""
-    return np.dtype([("channels", "f8", (signals, CHANNELS)), ("valid", "u1", (signals, CHANNELS))], align=True)
+    """Return the record of the samples of so many signals, and of the inertial unit, before any fault."""
+    channels = ("channels", "f8", (signals, CHANNELS)), ("valid", "u1", (signals, CHANNELS))
+    return np.dtype([*channels, ("inertial", "f8", (len(INERTIAL),))], align=True)
 
 
 CLEAN: Final = clean_of(S)

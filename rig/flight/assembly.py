@@ -236,6 +236,7 @@ def _result(
         survived=verdict.survived,
         end_reason=reason,
         failed=verdict.failed,
+        suspects=tuple(one for one in verdict.suspects.channels() if one.rows),
         not_executed=[name for name, _ in records.execution.missing],
         peaks=verdict.peaks,
         events=verdict.events,

@@ -13,6 +13,7 @@ from rig.log import Log, SignalArrays, read_log
 from rig.record.event import Event
 from rig.record.failures import failed_text
 from rig.record.flight_summary import Peaks
+from rig.record.suspects import Suspect, lasting_text
 from rig.scenario import Scenario
 from rig.unit.settings import voter
 from rig.view.stream import StreamReport
@@ -43,6 +44,7 @@ class Flight:
     printed: str  # by the unit's process, its end
     realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
     conclusion: tuple[str, ...]  # sentences, of a flight that was assessed
+    suspects: tuple[Suspect, ...] = ()  # channels that were ever suspect
     overrides: tuple[str, ...] = ()  # ``key=value``, laid over the scenario's file
     unit_file: str = ""  # of the unit under test
     # Channels of servo actuators: by surface and channel from 1, time [s] and monitor.
@@ -82,7 +84,8 @@ class Flight:
         """One line: what was flown, and how it ended."""
         named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
         verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
-        return f"<Flight {named}: {verdict}, failed {failed_text(self.failed)}, log {self.log}>"
+        told = f"failed {failed_text(self.failed)}{lasting_text(self.suspects)}"
+        return f"<Flight {named}: {verdict}, {told}, log {self.log}>"
 
     def summary(self) -> dict[str, Any]:
         """Return the flight as plain data, as ``rig fly --json`` prints it."""
@@ -106,6 +109,7 @@ class Flight:
             "survived": self.survived,
             "end_reason": self.end_reason,
             "failed": self.failed,
+            "suspects": [suspect.as_dict() for suspect in self.suspects],
             "not_executed": self.not_executed,
             "peaks": asdict(self.peaks),
             "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],

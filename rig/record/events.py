@@ -29,6 +29,7 @@ from rig.kernels import kernel
 from rig.record.event import Event, Severity
 from rig.record.failures import COMPARISON, decided_by
 
+_LEVELS: Final = {"level": "state", "discrete_level": "discrete_state"}  # with the states that they are counted from
 MISSED: Final = "unit missed"  # an event's name
 
 
@@ -79,7 +80,7 @@ def _before_the_first(rows: Block) -> Block:
     before["acting"] = 0
     before["pattern"] = Pattern.NORMAL
     before["end"] = End.FLYING
-    for states, levels in (("state", "level"), ("discrete_state", "discrete_level")):
+    for levels, states in _LEVELS.items():
         failed = before[states] == State.FAILED
         before[states][failed] = State.OK
         fitted = (before[states] != State.ABSENT).sum(axis=-1)
@@ -131,7 +132,10 @@ def mark_news(words, before, places, changed, present, news):
 def _changes(old: Block, new: Block) -> Iterator[Event]:
     """Yield events of the rows ``new``, each beside the one before it in ``old``."""
     for field, describe in _DESCRIBE.items():
-        for k, *place in np.argwhere(new[field] != old[field]):
+        moved = new[field] != old[field]
+        if field in _LEVELS and moved.any():  # where no state is said, no level is
+            moved &= (old[_LEVELS[field]] != State.ABSENT).any(axis=-1)
+        for k, *place in np.argwhere(moved):
             before, now = int(old[field][(k, *place)]), int(new[field][(k, *place)])
             event = describe(int(new["frame"][k]), before, now, *map(int, place), new[k])
             if event is not None:

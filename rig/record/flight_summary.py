@@ -13,6 +13,7 @@ from rig.frame import FLIGHT_INDEX, INDEX, Block, End, LaneBlock, new_block, sig
 from rig.kernels import kernel
 from rig.record.event import Event
 from rig.record.failures import failed_channels
+from rig.record.suspects import SuspectCount
 from rig.units.angles import wrap
 
 MOST_EVENTS = 10_000  # kept for the summary; all of them are in the log
@@ -53,7 +54,7 @@ def widen(rows, start, peaks):
 
 @dataclass(slots=True)
 class Verdict:
-    """Digest, end, failed channels, peaks and events of the frames seen so far.
+    """Digest, end, failed and suspect channels, peaks and events of the frames seen so far.
 
     The digest is SHA-256 over every row as it stands in memory, those of servos and lanes too: the same flight, bit for
     bit, has the same digest.  Wall-clock timing is no part of a row.
@@ -61,6 +62,7 @@ class Verdict:
 
     frames: int = 0
     events: list[Event] = field(default_factory=list)
+    suspects: SuspectCount = field(default_factory=SuspectCount)
     _start: Block = field(default_factory=lambda: new_block(0))
     _last: Block = field(default_factory=lambda: new_block(1))
     _peaks: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf, -np.inf, np.inf, -np.inf, 0, 0, 0]))
@@ -80,6 +82,7 @@ class Verdict:
         self.frames += len(rows)
         self._last[:] = rows[-1:]
         widen(rows, self._start, self._peaks)
+        self.suspects.add(rows)
         self.events += events[: MOST_EVENTS - len(self.events)]
 
     @property

@@ -13,7 +13,6 @@ from rig.flight.unit_loop import UnitVoter
 from rig.frame import Block, nested
 from rig.scenario import Scenario
 from rig.unit.layout import Form
-from rig.unit.port import ON_DISCRETES
 from rig.unit.unit import UnitUnderTest
 
 # What the redundancy stage writes of a row, and the source that the control law takes on its word.
@@ -65,7 +64,7 @@ class VoteAgain:
         if self._voter is None:
             self._voter = UnitVoter(self._unit, self._scenario, self._stage, again)
         voter = self._voter
-        return lambda _, k: bool(voter.step(again, k) & ON_DISCRETES)
+        return lambda _, k: voter.step(again, k)
 
 
 def outputs(unit: UnitUnderTest | None) -> tuple[str, ...]:

@@ -51,8 +51,8 @@ class Course:
     def _note_odd(self, rows: Block) -> None:
         for name, s in INDEX.items():
             if name not in self.odd:
-                failed = (rows["state"][:, s] == State.FAILED).any(axis=1)
-                odd = failed | (rows["pattern"][:, s] != Pattern.NORMAL) | (rows["source"][:, s] != Source.VOTED)
+                doubted = np.isin(rows["state"][:, s], (State.SUSPECT, State.FAILED)).any(axis=1)
+                odd = doubted | (rows["pattern"][:, s] != Pattern.NORMAL) | (rows["source"][:, s] != Source.VOTED)
                 if odd.any():
                     self.odd[name] = self.frames + int(np.argmax(odd))
 

@@ -200,6 +200,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
     failed += [(each.frame, each.resolver) for _, each in score.isolations]
     deciders = dict.fromkeys(resolver for _, resolver in sorted(failed))
     lost = sum(signal.level_at_end == 0 for signal in score.signals.values())
+    lasting = sum(suspect.lasting for suspect in score.suspects)
     return [
         (f"{len(detected)} of {len(detected) + missed}", "detectable faults detected", missed > 0),
         (duration(max(delays), rate_hz) if delays else DASH, "longest delay from the threshold", False),
@@ -207,6 +208,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
         (", ".join(deciders) or DASH, "decided which channels failed", False),
         (str(len(off)), _off_by(scored, off), bool(off)),
         (str(lost), "signals without a channel at the end", lost > 0),
+        *([(str(lasting), "channels suspect in many frames, never failed", True)] if lasting else []),
     ]
 
 
@@ -237,6 +239,7 @@ def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], li
         ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
         ("Channels of actuators", cells.ACTUATORS, cells.actuator_rows(score, rate_hz)),
         ("Computers and links", cells.COMPUTERS, cells.computer_rows(score, rate_hz)),
+        ("Suspect channels", cells.SUSPECTS, cells.suspect_rows(score)),
         ("Healthy channels that were failed", cells.ISOLATIONS, cells.isolation_rows(score, rate_hz)),
         ("Patterns without a majority", cells.RESOLVERS, cells.resolver_rows(score)),
         ("Votes", cells.VOTES, cells.vote_rows(score, rate_hz)),

@@ -50,7 +50,7 @@ class Moment(NamedTuple):
 
 
 def affected(scored: Scored, course: Course) -> list[str]:
-    """Return the signals with a fault, a failed channel, a pattern or another source than the vote, the first first."""
+    """Return the signals with a fault, a suspect or failed channel, a pattern or another source, the first first."""
     first = dict(course.odd)
     for fault in scored.score.faults:
         for name in signals_of(fault, scored.scenario):

@@ -22,7 +22,7 @@ from rig.errors import BadInput
 from rig.text import quoted
 from rig.unit import links
 from rig.unit.fmu_description import IDENTIFIER, TOKEN, TOKENS, Place, Version, variables
-from rig.unit.fmu_mapping import mapped
+from rig.unit.fmu_mapping import UNSAID, mapped
 from rig.unit.fmu_variables import Described, described
 from rig.unit.layout import CONFIG, INPUT, OUTPUT, SINCE, place
 from rig.unit.links import SocketLink
@@ -38,10 +38,10 @@ _DAMAGED: Final = (zipfile.BadZipFile, OSError, RuntimeError, ValueError, EOFErr
 class FmuLink(SocketLink):
     """The child in which an FMU is stepped, and the folder that the FMU was unpacked into."""
 
-    def __init__(self, unit: Unit, folder: TemporaryDirectory[str], looks: int) -> None:
+    def __init__(self, unit: Unit, folder: TemporaryDirectory[str], looks: int, unsaid: tuple[str, ...]) -> None:
         """Start the child.  BadInput."""
         super().__init__(*links.hosted("fmu", Path(folder.name), unit.file.parent, looks))
-        self._folder = folder
+        self._folder, self.unsaid = folder, unsaid
 
     def close(self) -> str:
         """End the child and remove the folder."""
@@ -59,7 +59,7 @@ def child(unit: Unit, looks: int) -> FmuLink:
         named = f"{unit.source}: {unit.path}"
         plan = _plan(_unpacked(unit.file, Path(folder.name), named), unit, named)
         Path(folder.name, PLAN).write_text(json.dumps(plan))
-        return FmuLink(unit, folder, looks)
+        return FmuLink(unit, folder, looks, tuple(plan.get(UNSAID, ())))
     except BaseException:
         folder.cleanup()
         raise

@@ -43,6 +43,7 @@ OF_ITS_SIGNAL: Final = (  # fields of a signal's CONFIG that have its unit
     *("reference_threshold", "second_threshold", "low", "high", "deviation", "deviation_frames"),
 )
 _NEEDED: Final = {"redundancy": Said.VOTED, "flight-computer": Said.SURFACE}
+UNSAID: Final = "unsaid"  # key of a plan: fields without a variable in a group that is filled
 _OF_CONFIG: Final = re.compile(r"(signal|discrete)\[\d+\]\.(\w+)(?:\[(\d+)\])?")
 
 
@@ -76,13 +77,14 @@ def mapped(unit: Unit, known: dict[str, Described], named: str) -> dict[str, Any
     _require_apart(inputs.values(), parameters.values(), named)
     known = _with(constants, known)
     names = [*(pair.variable for pair in parameters.values()), *(name for name, _ in constants)]
-    said = _said(set(outputs), unit)
+    said, unsaid = _said(set(outputs), unit)
     law = [] if "law" in outputs else [(place(OUTPUT, "law")[1], int(Law.EXTERNAL))]
     return {
         **{f"{causality}s once": _once(causality, names, parameters.values(), known) for causality in _SET},
         "inputs": _calls([pair.variable for pair in inputs.values()], inputs.values(), known),
         "outputs": _calls([pair.variable for pair in outputs.values()], outputs.values(), known),
         "filled in": [*law, (place(OUTPUT, "said")[1], int(said))],
+        UNSAID: unsaid,
     }
 
 
@@ -218,12 +220,14 @@ def _usual(unit: str) -> str:
     return re.sub(r"(?<=[^\W\d])(-?\d)", r"^\1", unit.replace(".", "*"))
 
 
-def _said(addresses: set[str], unit: Unit) -> Said:
-    """Return the groups that are filled.  BadInput: a group in parts, or one missing that the form needs."""
-    said = Said(0)
+def _said(addresses: set[str], unit: Unit) -> tuple[Said, list[str]]:
+    """Return the groups that are filled, and the field that is left out of one.
+
+    BadInput: a group in parts, but states or levels alone, or one missing that the form needs.
+    """
+    said, unsaid = Said(0), _left_out(addresses)
     for group in Said:
-        fields = {name for name, of in ANSWERS.items() if of == group and name != "law"}
-        every = [address for address, element in _elements(Place.OUTPUT).items() if element.field in fields]
+        every = _of_output({name for name, of in ANSWERS.items() if of == group} - {"law", *unsaid})
         missing = [address for address in every if address not in addresses]
         if not missing:
             said |= group
@@ -231,7 +235,21 @@ def _said(addresses: set[str], unit: Unit) -> Said:
             why = f"form {unit.form} needs it" if group == _NEEDED[unit.form] else "others of its group are"
             more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
             raise BadInput(f"{unit.source}: fmu.outputs: {missing[0]}{more} not mapped: {why}")
-    return said
+    return said, unsaid
+
+
+def _left_out(addresses: set[str]) -> list[str]:
+    """Return which of states and levels is not mapped where the other is, whole."""
+    return [
+        field
+        for field, other in (("state", "level"), ("level", "state"))
+        if addresses.issuperset(_of_output({other})) and addresses.isdisjoint(_of_output({field}))
+    ]
+
+
+def _of_output(fields: set[str]) -> list[str]:
+    """Return the addresses of these fields of OUTPUT, in their order."""
+    return [address for address, element in _elements(Place.OUTPUT).items() if element.field in fields]
 
 
 def _calls(variables: Iterable[str], pairs: Iterable[Pair], known: dict[str, Described]) -> list[dict[str, Any]]:

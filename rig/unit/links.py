@@ -51,6 +51,7 @@ class SocketLink:
     opened = False  # a session, ever
     seam: Seam | None = None  # that the unit was built for, once it has said so
     trouble = ""  # of the last message
+    unsaid: tuple[str, ...] = ()  # fields that it does not mean when it fills their group
 
     def __init__(self, talk: socket.socket, process: UnitProcess | None, peer: str = "") -> None:
         self._talk, self.process, self.peer = talk, process, peer
@@ -216,7 +217,7 @@ def _silence(unit: Unit, process: UnitProcess, own: str) -> str:
 class LibraryLink:
     """A library in this process: no isolation, and no process of its own."""
 
-    process = None
+    process, unsaid = None, ()
 
     def __init__(self, unit: Unit) -> None:
         """BadInput: no library, or not one of ours."""

@@ -5,6 +5,7 @@ What a frame means does not depend on the carrier: all of them move the bytes th
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from enum import IntEnum
 from math import ceil
 from typing import Any, Final, NamedTuple
@@ -17,8 +18,9 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from rig.computer.analytic.references import remember
+from rig.computer.redundancy.assumed import level_of, state_of
 from rig.computer.redundancy.discrete import vote_discretes
-from rig.frame import FLAT, SURFACES, Law, State, UnitStatus
+from rig.frame import CHANNELS, FLAT, SURFACES, Law, S, State, UnitStatus
 from rig.frame.fields import FIELD, FIELDS
 from rig.kernels import kernel
 from rig.unit.layout import (
@@ -39,14 +41,16 @@ from rig.unit.layout import (
     walk,
 )
 
-ON_DISCRETES, ON_SURFACES = int(Said.DISCRETES), int(Said.SURFACE)
+ON_DISCRETES, ON_SURFACES, ON_PATTERNS = int(Said.DISCRETES), int(Said.SURFACE), int(Said.PATTERN)
+ON_VOTES, ON_STATES = int(Said.VOTED), int(Said.STATE)
 _OWN_CONTROL: Final = ("surface", "law")  # the rig's in the redundancy form, whatever a unit says of them
 Moves = NDArray[np.int64]  # (m, 4): group of Said or 0, first byte there, first byte here, bytes
 PLAIN: Final[bool] = bool(numba_config.DISABLE_JIT)  # pyright: ignore[reportAttributeAccessIssue]
 # Places in the records of an answer.
 ACCEPTED, NOT_FINITE, STARTING, CHANGES = range(4)  # places in Inbound.counts
 MOST_CHANGES: Final = 1000  # that are kept
-RECEIVED, BLANK, FLOWN = 0, 1, 2  # just now; what stands for groups that are not filled; the oldest that was accepted
+# Just now; what stands for groups that are not filled, and beside votes; the oldest that was accepted.
+RECEIVED, BLANK, ASSUMED, FLOWN = range(4)
 
 
 class Outbound(NamedTuple):
@@ -60,7 +64,7 @@ class Outbound(NamedTuple):
 class Inbound(NamedTuple):
     """Records from the unit, and those that wait to be flown."""
 
-    records: NDArray[Any]  # (3 + latency_frames,) OUTPUT: RECEIVED, BLANK, FLOWN and those that will be
+    records: NDArray[Any]  # (4 + latency_frames,) OUTPUT: RECEIVED, BLANK, ASSUMED, FLOWN and those that will be
     bytes: NDArray[np.uint8]  # the same, (records, bytes)
     counts: NDArray[np.int64]  # (4,): answers accepted, surfaces that were no finite number, frames in a row in which
     # it was starting, changes of what it says of itself
@@ -68,6 +72,8 @@ class Inbound(NamedTuple):
     start_frames: int  # that it may be starting
     form: int  # of Form
     needed: int  # groups that an answer must fill
+    no_level: bool  # its group STATE is the states alone,
+    no_state: bool  # or the levels alone
 
 
 class Port(NamedTuple):
@@ -85,11 +91,21 @@ def new_port(
     rate_hz: float,
     start_s: float = 0.0,
     seam: Seam = SEAM,
+    fitted: NDArray[np.int64] | None = None,
+    unsaid: Collection[str] = (),
 ) -> Port:
-    """Return the port of one flight; trim : (4,) surfaces that are flown until the unit has filled others."""
+    """Return the port of one flight.
+
+    trim : (4,) surfaces that are flown until the unit has filled others
+    fitted : (S,) channels of each signal, four when not given
+    unsaid : of ``state`` and ``level``, the one that it does not mean when it fills their group
+    """
     sent = blank(INPUT, TO_UNIT, Kind.FRAME, session, seam)
-    records = np.repeat(blank(OUTPUT, FROM_UNIT, Kind.REPLY, session), 3 + latency_frames)
+    records = np.repeat(blank(OUTPUT, FROM_UNIT, Kind.REPLY, session), 4 + latency_frames)
     records["voted"], records["state"], records["surface"], records["frame"] = np.nan, State.ABSENT, trim, -1
+    records["law"], fitted = Law.EXTERNAL, np.full(S, CHANNELS) if fitted is None else fitted
+    records["state"][ASSUMED][np.arange(CHANNELS) < fitted[:, None]] = State.OK
+    records["level"][ASSUMED] = fitted
     needed = Said.SURFACE if form is Form.FLIGHT_COMPUTER else Said.VOTED
     counts, changes, start_frames = (
         np.zeros(4, np.int64),
@@ -99,7 +115,17 @@ def new_port(
     whole = records.view(np.uint8).reshape(len(records), -1)
     return Port(
         Outbound(sent, sent.view(np.uint8), rate_hz),
-        Inbound(records, whole, counts, changes, start_frames, int(form), int(needed)),
+        Inbound(
+            records,
+            whole,
+            counts,
+            changes,
+            start_frames,
+            int(form),
+            int(needed),
+            no_level="level" in unsaid,
+            no_state="state" in unsaid,
+        ),
     )
 
 
@@ -137,7 +163,7 @@ _GROUPS: Final = _moves({**ANSWERS, "said": 0}, OUTPUT, OUTPUT)
 _VOTES: Final = _moves({name: 0 for name in ANSWERS if name not in _OWN_CONTROL}, OUTPUT, FLAT)
 _CONTROL: Final = _moves(dict.fromkeys(_OWN_CONTROL, 0), OUTPUT, FLAT)
 _LIMITS: Final = _limits()
-_EXTERNAL: Final = Law.EXTERNAL.value
+_EXTERNAL, _UNSAID_LAW = Law.EXTERNAL.value, Law.AUTOPILOT.value
 _WITH_SURFACES: Final = int(Form.FLIGHT_COMPUTER)
 _SURFACES: Final = len(SURFACES)
 _SELF_TEST, _LAST_STATUS = Status.SELF_TEST.value, max(Status).value
@@ -216,9 +242,12 @@ def fly_trim(fcc, trim):
 def conclude(bus, fcc, said, data):
     """Keep the unit's votes for the next references, and vote the discretes unless it has ``said`` them.
 
-    data : has references and discretes
+    Without patterns nobody watches the references: none is usable.  data : has references and discretes
     """
     remember(bus, fcc, data.references)
+    if said & ON_PATTERNS == 0:
+        for s in range(S):
+            fcc["reference_usable"][s] = 0
     if said & ON_DISCRETES == 0:
         vote_discretes(bus, fcc, data.discretes)
 
@@ -267,6 +296,31 @@ def copy(records, source, target):
 
 
 @kernel
+def complete(port):
+    """Write into the answer just received what stands for the groups that it has not filled.
+
+    Beside votes all fitted channels are in use; without them nothing is known.  Of level and states a unit may mean
+    one alone.  Surfaces without a law of ours, and 0 is one, are by a law of its own.
+    """
+    received, assumed = port.records[RECEIVED], port.records[ASSUMED]
+    said = received["said"]
+    unsaid = port.bytes[BLANK] if said & ON_VOTES == 0 else port.bytes[ASSUMED]
+    for m in range(_GROUPS.shape[0]):
+        group, first = _GROUPS[m, 0], _GROUPS[m, 1]
+        if said & group != group:
+            copy_bytes(port.bytes[RECEIVED], first, unsaid, first, _GROUPS[m, 3])
+    if received["law"] == _UNSAID_LAW:
+        received["law"] = _EXTERNAL
+    if said & ON_STATES != 0 and (port.no_level or port.no_state):
+        for s in range(S):
+            states, fitted = received["state"][s], assumed["level"][s]
+            if port.no_level:
+                received["level"][s] = level_of(states)
+            for c in range(CHANNELS if port.no_state else 0):
+                states[c] = state_of(c, received["level"][s], fitted)
+
+
+@kernel
 def accept(port):
     """Take the answer in behind those that still wait to be flown; the first one of a flight fills all places."""
     received, last = port.records[RECEIVED], port.records.shape[0] - 1
@@ -277,10 +331,8 @@ def accept(port):
         if not np.isfinite(received["surface"][s]):  # that surface stays where it was
             port.counts[NOT_FINITE] += (received["said"] & ON_SURFACES) != 0
             received["surface"][s] = newest["surface"][s]
-    for m in range(_GROUPS.shape[0]):
-        group, first = _GROUPS[m, 0], _GROUPS[m, 1]
-        source = port.bytes[RECEIVED] if group == 0 or received["said"] & group != 0 else port.bytes[BLANK]
-        copy_bytes(port.bytes[last], first, source, first, _GROUPS[m, 3])
+    complete(port)
+    move(port.bytes[RECEIVED], port.bytes[last], _GROUPS)
     newest["frame"] = received["frame"]
     if port.counts[ACCEPTED] == 0:
         for j in range(FLOWN, last):

@@ -85,8 +85,9 @@ class UnitUnderTest:
     def _prepare(self, seam: Seam) -> None:
         """Make what the flight is exchanged with; seam : that the unit was built for."""
         config, unit = self._config[0], self.unit
-        trim, rate_hz = config["trim_surface"], float(config["rate_hz"])
-        self.port = new_port(self.form, self._session, unit.latency_frames, trim, rate_hz, unit.start_s, seam)
+        trim, rate_hz, fitted = config["trim_surface"], float(config["rate_hz"]), config["signal"]["fitted"]
+        known = self.form, self._session, unit.latency_frames, trim, rate_hz
+        self.port = new_port(*known, unit.start_s, seam, fitted, self._link.unsaid)
         self.replies = ReplyCheck(self._session, Counts(), seam)
         self.compiled = new_exchange(self.port, self._session, self._message, seam)
         self._took_ns, self.news = self.compiled.state["took_ns"].data, News(self.port.back)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from rig.errors import ManagerFailed, RigError
 from rig.frame import DISCRETES, SIGNALS, UnitStatus
 from rig.unit.layout import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, SINCE, Said
-from rig.unit.port import RECEIVED
+from rig.unit.port import RECEIVED, complete
 from rig.unit.unit import UnitUnderTest
 
 FILE: Final = Path(__file__).with_name("vectors.npz")
@@ -88,7 +88,10 @@ def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -
 
 
 def ask(tested: UnitUnderTest, record: Any, k: int) -> bool:
-    """Send the body of an INPUT record to a unit as frame k of its session; return True if it was answered."""
+    """Send the body of an INPUT record to a unit as frame k of its session; return True if it was answered.
+
+    What it leaves out is then written into its answer as a flight would take it.
+    """
     port = tested.port.out
     for name in BODY:
         port.sent[name] = record[name]
@@ -98,7 +101,10 @@ def ask(tested: UnitUnderTest, record: Any, k: int) -> bool:
     except ManagerFailed:
         return False
     tested.count_status(status)
-    return status == UnitStatus.ANSWERED
+    answered = status == UnitStatus.ANSWERED
+    if answered:
+        complete(tested.port.back)
+    return answered
 
 
 def differences(case: Case, outputs: NDArray[Any]) -> Iterator[str]:
@@ -114,11 +120,13 @@ def differences(case: Case, outputs: NDArray[Any]) -> Iterator[str]:
         expected, answered = case.expected[name], outputs[name]
         counts = (case.expected["said"] & group != 0) & ~unanswered
         counts = counts.reshape(len(counts), *[1] * (expected.ndim - 1))
-        unfilled = (outputs["said"] & group == 0).reshape(counts.shape) & counts
+        filled_by = group | Said.VOTED if group == Said.STATE else group  # what votes alone stand for: port.complete
+        unfilled = (outputs["said"] & filled_by == 0).reshape(counts.shape) & counts
         off = ~(np.abs(expected - answered) <= allowed) if group == Said.VOTED else expected != answered
         for place in np.argwhere((off | unfilled) & counts)[:1]:
             where: tuple[int, ...] = tuple(place.tolist())
-            text = f"{name}{_named(where[1:], expected.shape)} is {answered[where]}, must be {expected[where]}"
+            is_said = "not said" if unfilled[where[0]].any() else answered[where]
+            text = f"{name}{_named(where[1:], expected.shape)} is {is_said}, must be {expected[where]}"
             found.append((where[0], text))
     yield from (f"frame {k}: {text}" for k, text in sorted(found, key=lambda one: one[0]))
 

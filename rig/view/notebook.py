@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rig.errors import BadLog
 from rig.log import Log, scenario_of, unit_of
 from rig.record.failures import failed_channels, failed_text
+from rig.record.suspects import SuspectCount, lasting_text
 from rig.unit.settings import voter
 from rig.util import fault_names
 from rig.util.palette import CHANNELS, DASHES, LINE, ORANGE, TRUTH, VOTE
@@ -71,8 +72,11 @@ def _verdict(log: Log) -> str:
 
 
 def _failed(log: Log) -> str:
-    """Return the channels that are failed in the last frame."""
-    return failed_text(failed_channels(log.rows[-1]) if len(log.rows) else {})
+    """Return the channels that are failed in the last frame, and those that were suspect for long."""
+    counted = SuspectCount()
+    counted.add(log.rows)
+    failed = failed_text(failed_channels(log.rows[-1]) if len(log.rows) else {})
+    return failed + lasting_text(counted.channels())
 
 
 def plot(log: Log, name: str) -> Figure:

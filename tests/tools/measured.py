@@ -43,6 +43,12 @@ COST_ROWS: Final = "|".join(
         *(r"^ \S+ +4 +0\.001 +0 %", r"^ \S+ +4 .*good [89]\d %", r"^\w+: prob"),
     )
 )
+EVIDENCE: Final = {  # title: what the command is asked for
+    "Counts": "",
+    "Slow faults: a third that drifts, two alike": " --rows slow,slow-weather",
+    "References of healthy flights": " --rows references-healthy",
+    "Whole boxes of one, two and three channels; bursts": " --rows whole-boxes,bursts",
+}
 LAWS: Final = r"^ hold|^ pitch +(F 0\.2|offset \+|.* over).* (plain|fault-tolerant)  |^ altitude .* over .* fault-t"
 FIGURES: Final = {  # name: its module
     **dict.fromkeys(("detectability", "undetected"), "offsets"),
@@ -122,7 +128,7 @@ PAGES: Final = {
     "evidence": Page(
         "What the monitor gets wrong, and what it cannot see",
         [
-            Section("Counts", ["python tests/tools/evidence.py"], r"^\||^- |^$"),
+            *(Section(name, [f"python tests/tools/evidence.py{of}"], r"^\||^- |^$") for name, of in EVIDENCE.items()),
             Section(
                 "Healthy flights",
                 [

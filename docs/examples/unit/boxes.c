@@ -78,6 +78,7 @@ static void fail_all(unsigned condemned, int i, params *p, struct signal *s, str
             s->latches.failed[c] = true;
             s->level--;
             s->fade_left = p->fade_frames;
+            references_trust_pair(s);
             lasting_begin_sums(&s->lasting);
             output->state[i][c] = RIG_STATE_FAILED;
             output->level[i] = (uint8_t)s->level;

@@ -114,7 +114,7 @@ static void look(struct frame *f, params *p, struct signal *s)
     f->seen_reference = f->reference;
     if (p->filter_gain > 0.0) {
         for (int c = 0; c < p->fitted; c++) {
-            const bool there = compare_is_comparable(f, c, p);
+            const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);
             s->smooth[c] = there ? compare_follow(s->smooth[c], near_base(f->samples[c], f, p), f, p) : (double)NAN;
         }
         s->smooth_reference = compare_follow(s->smooth_reference, f->reference, f, p);
@@ -213,9 +213,21 @@ static uint8_t classify(struct frame *f, double within)
     return pattern_of(f->n, count, apart[2]);
 }
 
+/* Whether a split that the filter still shows has closed: its samples in the middle agree again. */
+static bool come_together(const struct frame *f, params *p)
+{
+    const double low = f->x[f->by[(f->n - 1) / 2]];
+    if (f->n == 3) {
+        const double below = fabs(f->x[f->by[0]] - low);
+        const double above = fabs(f->x[f->by[2]] - low);
+        return (below <= f->threshold) || (above <= f->threshold);
+    }
+    return fabs(difference(f->x[f->by[f->n / 2]], low, p)) <= f->threshold;
+}
+
 /* Those who all agree are compared once more by the outlier threshold; without a majority at that scale nobody is
  * blamed (redundancy.md 'Outliers'). */
-void compare_pattern(struct frame *f, struct signal *s)
+void compare_pattern(struct frame *f, params *p, struct signal *s)
 {
     uint8_t pattern = classify(f, f->threshold);
     if ((pattern == RIG_PATTERN_NORMAL) && (f->outlier_threshold > 0.0)) {
@@ -225,7 +237,14 @@ void compare_pattern(struct frame *f, struct signal *s)
             pattern = RIG_PATTERN_NORMAL;
         }
     }
-    s->pattern_frames = (pattern == s->pattern) ? (s->pattern_frames + 1) : 1;
+    f->together = is_singular(pattern) && (p->filter_gain > 0.0) && come_together(f, p);
+    if (pattern != s->pattern) {
+        s->pattern_frames = 1;
+    } else if (!f->together) {
+        s->pattern_frames++;
+    } else {
+        /* it does not go on */
+    }
     s->pattern = pattern;
 }
 

@@ -44,7 +44,7 @@ static bool others_move(const struct frame *f, double reference, params *p, cons
             moved = moved || (f->samples[c] != l->last_sample[c]);
         }
     }
-    return moved || ((others == 1) && !isnan(reference) && (reference != l->last_reference));
+    return moved || ((others == 1) && isfinite(reference) && (reference != l->last_reference));
 }
 
 /* Nothing is told by a sample at the end of the range, nor where all repeat alike: sensors at their stop, or at rest

@@ -100,8 +100,9 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     const struct latches before = s->latches;
     persistence_readmit(&s->latches, input->reset[i], p->fitted, p->readmit_frames);
     lasting_readmit(before.failed, s);
+    references_readmit(before.failed, s);
     struct frame f = compare_samples(input, i, p, s);
-    compare_pattern(&f, s);
+    compare_pattern(&f, p, s);
     trend_update(&f, p, s);
     decide(&f, p, s);
     references_cut_pair(&f, p, s);

@@ -106,6 +106,7 @@ struct frame {
     double low, high;           /* the two voting ranks, */
     double rise_low, rise_high; /* and their changes since the last frame */
     bool alone[RIG_CHANNELS];   /* agrees with no other channel */
+    bool together;              /* behind a filter: the samples of a split agree again */
     bool blamed[RIG_CHANNELS];  /* would be failed by the answer to a pattern without a majority */
     uint8_t resolver;           /* who decided */
     double vote;                /* before the fade */
@@ -202,8 +203,9 @@ bool compare_is_comparable(const struct frame *f, int c, params *p);
 /* redundancy.md 'A filter before the comparison': the next value after `last`, which is NaN at the beginning. */
 double compare_follow(double last, double x, const struct frame *f, params *p);
 
-/* Name the pattern, mark who agrees with nobody, and count for how many frames the pattern has lasted. */
-void compare_pattern(struct frame *f, struct signal *s);
+/* Name the pattern, mark who agrees with nobody, and count for how many frames the pattern has lasted; behind a filter
+ * not those in which the samples themselves have come together again. */
+void compare_pattern(struct frame *f, params *p, struct signal *s);
 
 /* Sections 4 and 5: the vote with a majority. */
 double compare_median(const struct frame *f, params *p, const struct signal *s);
@@ -261,6 +263,12 @@ void references_check_last(struct frame *f, params *p, const struct signal *s);
 /* Fail the pair that extremes have left, if a usable reference is off both for long enough. */
 void references_cut_pair(struct frame *f, params *p, struct signal *s);
 
+/* End the suspicion against that pair: the level has changed. */
+void references_trust_pair(struct signal *s);
+
+/* The same, where a channel that was `failed` is so no longer. */
+void references_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
+
 /* A reference that left both voting ranks for `persistence` frames is unusable until it agreed as long. */
 void references_monitor(const struct frame *f, params *p, struct signal *s);
 
@@ -275,7 +283,8 @@ void persistence_readmit(struct latches *latches, unsigned commanded, int64_t fi
 /* Count how long each failed channel has agreed with the vote again, for a readmission by command. */
 void persistence_watch_failed(const struct frame *f, params *p, struct signal *s);
 
-/* Section 2: frames in a row that each channel miscompared; a sample that is not comparable counts always. */
+/* Section 2: frames in a row that each channel miscompared; a sample that is not comparable counts always.  Behind a
+ * filter a miscompare counts while the sample itself is off the vote, and else takes one off. */
 void persistence_count(const struct frame *f, params *p, struct signal *s);
 
 /* Fail what has persisted: single miscompares, and whom an answer blames that has stood for long enough. */

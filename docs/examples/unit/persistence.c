@@ -20,8 +20,8 @@ void persistence_watch_failed(const struct frame *f, params *p, struct signal *s
     }
     for (int c = 0; c < p->fitted; c++) {
         const double off = difference(samples[c], vote, p) - s->lasting.bias[c];
-        const bool near = (fabs(off) <= p->threshold) && !lasting_is_stale(c, &s->lasting);
-        const bool agrees = s->latches.failed[c] && (f->valid[c] != 0) && near;
+        const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting) && !has(f->ranked, c);
+        const bool agrees = s->latches.failed[c] && there && (fabs(off) <= p->threshold);
         s->latches.agreed[c] = agrees ? (s->latches.agreed[c] + 1) : 0;
     }
 }
@@ -67,6 +67,14 @@ static double counted_down(double count, const struct rules *r)
     return ((r->count_down > 0.0) && (left > 0.0)) ? left : 0.0;
 }
 
+/* Whether a sample itself is off the vote by more than it may be; asked behind a filter alone. */
+static bool is_off(int c, const struct frame *f, params *p, const struct signal *s)
+{
+    const double limit = (f->outlier_threshold > 0.0) ? f->outlier_threshold : f->threshold;
+    const double off = difference(f->x[c], f->vote, p) - s->lasting.bias[c];
+    return (p->filter_gain <= 0.0) || (f->n <= 1) || (fabs(off) > limit);
+}
+
 void persistence_count(const struct frame *f, params *p, struct signal *s)
 {
     const bool still = counts_stand_still(f, p, s);
@@ -76,7 +84,11 @@ void persistence_count(const struct frame *f, params *p, struct signal *s)
         if (s->latches.failed[c] || (ranked && still)) {
             continue;
         }
-        count[c] = (!ranked || f->alone[c]) ? (count[c] + 1.0) : counted_down(count[c], &s->rules);
+        if (!ranked || (f->alone[c] && is_off(c, f, p, s))) {
+            count[c] += 1.0;
+        } else {
+            count[c] = f->alone[c] ? larger(0.0, count[c] - 1.0) : counted_down(count[c], &s->rules);
+        }
     }
 }
 
@@ -103,6 +115,9 @@ static bool has_stood(const struct frame *f, params *p, struct signal *s)
     if (!is_singular(s->pattern)) {
         split->stood = 0;
         split->unresolved = 0;
+        return false;
+    }
+    if (f->together) {
         return false;
     }
     unsigned blames = 0U;

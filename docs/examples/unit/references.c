@@ -55,6 +55,21 @@ static void fail_all(params *p, struct signal *s)
     }
 }
 
+void references_trust_pair(struct signal *s)
+{
+    s->after_extremes = false;
+    s->cut_frames = 0;
+}
+
+void references_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
+{
+    for (int c = 0; c < RIG_CHANNELS; c++) {
+        if (failed[c] && !s->latches.failed[c]) {
+            references_trust_pair(s);
+        }
+    }
+}
+
 /* Section 8, item 1: where all four were wrong, the comparison of the two that are left finds them wrong too. */
 void references_cut_pair(struct frame *f, params *p, struct signal *s)
 {
@@ -98,7 +113,7 @@ static bool contradicted(const struct frame *f, params *p, const struct signal *
     if ((f->n < 2) || (f->n != s->level) || (s->pattern != RIG_PATTERN_NORMAL)) {
         return false;
     }
-    if (s->in_dispute && (s->common_run == 0)) {
+    if ((s->in_dispute && (s->common_run == 0)) || s->latches.failed[f->order[0]]) { /* a pair that was just cut */
         return false;
     }
     const double apart = fabs(difference(f->reference, f->second, p));

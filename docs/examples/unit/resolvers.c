@@ -131,7 +131,7 @@ static double vote_of_sides(int64_t name, int sides, const struct frame *f, para
     }
     if ((p->weighted != 0) && trend && (f->n == 2)) {
         const double share = trend_weight(f->rise_high, f->rise_low, s->rise_vote);
-        return between(f->x[f->by[0]], f->x[f->by[1]], share);
+        return mean(f->low, f->high, share); /* the ranks whose changes these are */
     }
     const int good = (sides == LOW_SIDE) ? half : 0;
     const int a = f->by[good];

@@ -13,7 +13,7 @@ from rig.assess.requirements.formula import Node
 from rig.assess.requirements.margins import Held
 from rig.assess.requirements.requirement import Requirement
 from rig.assess.requirements.subject import Subject
-from rig.frame import Block
+from rig.frame import Block, State
 
 
 @dataclass(slots=True)
@@ -111,8 +111,11 @@ class Instants:
         return sorted({int(np.argmax(rows["acting"][:, fault // 8] & (1 << fault % 8) != 0)) for fault in new})
 
     def _losses_in(self, rows: Block) -> dict[int, list[int]]:
-        """Return, by signal, the rows in which its level becomes 0."""
-        lost = rows["level"][:, : len(self._places)] == 0
+        """Return, by signal, the rows in which its level becomes 0; where no state is said, no level is."""
+        signals = len(self._places)
+        lost = rows["level"][:, :signals] == 0
+        if lost.any():
+            lost &= (rows["state"][:, :signals] != State.ABSENT).any(axis=2)
         if not lost.any():
             self._were_lost = None
             return {}

@@ -68,6 +68,8 @@ STATE: Final = np.dtype(
         ("roll_angle", "f8"),  # by the voted gyros
         ("rolling", "u1"),  # whether that has begun
         ("smoothing", "i8"),  # a bit for each signal whose filter has begun
+        ("trusted", "u1", (S,)),  # a bit for each channel in order, of the last vote
+        ("resettled", "i8"),  # a bit for each signal of whose vote that has changed
         ("started", "u1"),
         # Of each signal that a reference learns: how far the channels are from its vote, lately and usually.
         ("recent", "f8", (len(LEARNING), CHANNELS)),
@@ -206,8 +208,15 @@ def look_back(fcc, st):
     signals that are references of each other would close a loop through their substitutes (ours).
     """
     voted, level, pattern, resolver, kept = fcc["voted"], fcc["level"], fcc["pattern"], fcc["resolver"], st["voted"]
-    lost, singular, agreed = 0, 0, 0
+    state = fcc["state"]
+    lost, singular, agreed, resettled = 0, 0, 0, 0
     for s in range(S):
+        trusted = 0
+        for c in range(CHANNELS):
+            trusted |= (state[s, c] == State.OK) << c
+        if trusted != st["trusted"][s]:
+            st["trusted"][s] = trusted
+            resettled |= 1 << s
         if level[s] == 0 or not math.isfinite(voted[s]):
             lost |= 1 << s
             continue
@@ -221,7 +230,7 @@ def look_back(fcc, st):
         elif pattern[s] == Pattern.NORMAL and resolver[s] == Resolver.NONE:
             agreed |= 1 << s
         kept[s] = voted[s]
-    st["lost"], st["singular"], st["agreed"] = lost, singular, agreed
+    st["lost"], st["singular"], st["agreed"], st["resettled"] = lost, singular, agreed, resettled
     st["gyros"] = 8 * level[sig.Q] + level[sig.R]
 
 
@@ -359,7 +368,8 @@ def follow_all(p, st):
 def follow(st, s, share, rate_hz, wraps):
     """Filter the vote of signal s to first order, and find its slope; begin again after a loss.
 
-    y += share (x - y);  slope = change of y a second
+    y += share (x - y);  slope = change of y a second.  Where the vote is of other channels than before, by which it
+    jumps as they differ, y takes the jump and goes on by its slope (ours).
     """
     bit = 1 << s
     x, y = st["voted"][s], st["smooth"][s]
@@ -368,6 +378,9 @@ def follow(st, s, share, rate_hz, wraps):
     elif (st["smoothing"] & bit) == 0:
         st["smoothing"] |= bit
         st["smooth"][s], st["slope"][s] = x, 0.0
+    elif (st["resettled"] & bit) != 0:
+        move = st["slope"][s] / rate_hz
+        st["smooth"][s] = x - (1.0 / share - 1.0) * move
     else:
         move = share * difference(x, y, wraps)
         st["smooth"][s], st["slope"][s] = y + move, move * rate_hz

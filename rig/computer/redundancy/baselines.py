@@ -184,7 +184,7 @@ def ranked(bus, s, p, st):
 def finish(bus, fcc, s, voted, n, p, st):
     """Latch, publish and report signal s of a row."""
     st["pattern"] = Pattern.NORMAL if n else Pattern.LOST
-    watch_failed(bus["channels"][s], bus["valid"][s], voted, p, st)
+    watch_failed(bus["channels"][s], bus["channels"][s], bus["valid"][s], voted, p, st)
     latch(False, p, st)
     publish(voted, p, st)
     fcc["voted"][s] = st["output"]

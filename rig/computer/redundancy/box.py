@@ -115,5 +115,6 @@ def fail_all(channels, fcc, s, p, st):
             st["failed"][c] = True
             st["level"] -= 1
             st["fade_left"] = p["fade_frames"]
+            st["after_extremes"] = st["cut_frames"] = 0
             begin_sums(st)
             fcc["state"][s, c], fcc["level"][s], fcc["resolver"][s] = State.FAILED, st["level"], Resolver.BOX

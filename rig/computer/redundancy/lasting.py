@@ -160,7 +160,7 @@ def count_repeats(samples, valid, reference, p, st):
         if not failed[c] and comparable(samples[c], valid[c], low, high):
             others += 1
             moved |= samples[c] != last[c]
-    if others == 1 and not np.isnan(reference):
+    if others == 1 and np.isfinite(reference):
         moved |= reference != st["last_reference"]
     st["last_reference"] = reference
     for c in range(p["fitted"]):

@@ -14,6 +14,7 @@ from math import expm1
 import numpy as np
 
 from rig.computer.redundancy.compare import comparable, sort
+from rig.computer.redundancy.lasting import is_stale
 from rig.kernels import kernel
 from rig.units.angles import difference
 
@@ -45,7 +46,7 @@ def smooth_channels(samples, valid, base, n, p, st):
     """
     smooth, order, raw_order = st["smooth"], st["smooth_order"], st["order"]
     for c in range(p["fitted"]):
-        if comparable(samples[c], valid[c], p["low"], p["high"]):
+        if comparable(samples[c], valid[c], p["low"], p["high"]) and not is_stale(c, st):
             x = base + difference(samples[c], base, p["wraps"]) if p["wraps"] else samples[c]
             smooth[c] = follow(smooth[c], x, base, p)
         else:

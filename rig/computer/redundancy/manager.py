@@ -99,6 +99,7 @@ STATE: Final = np.dtype(
         ("cut_frames", "i8"),  # frames in a row in which the reference is off both
         ("lanes", "i8"),  # a bit for each channel whose computer is failed
         ("in_dispute", "u1"),  # one of the signals that its references read
+        ("together", "u1"),  # behind a filter: the samples of a split agree again
         ("accused", "i8"),  # a bit for each channel that this frame's evidence speaks against
         ("freeze", "i8"),  # frames for which the counts stand still after it
         ("reference_run", "i8"),  # frames in a row that speak against the reference's present standing
@@ -186,6 +187,7 @@ def readmit_unbiased(commanded, p, st):
     for c in range(p["fitted"]):
         if (out >> c) & 1 and not st["failed"][c]:
             st["bias"][c] = st["learned"][c] = 0
+            st["after_extremes"] = st["cut_frames"] = 0
 
 
 @kernel
@@ -206,7 +208,11 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     st["threshold"] = threshold(n, p)
     limit = outlier_limit(n, p, st)
     pattern = pattern_of(compared.values, compared.order, n, st["threshold"], limit, st["miscomparing"])
-    st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
+    st["together"] = is_singular(pattern) and p["filter_gain"] > 0.0 and come_together(compared.order, n, p, st)
+    if pattern != st["pattern"]:
+        st["pattern_frames"] = 1
+    elif not st["together"]:
+        st["pattern_frames"] += 1
     st["pattern"] = pattern
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
@@ -217,14 +223,15 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     if p["filter_gain"] > 0.0:
         followed = vote_before_fade if np.isfinite(vote_before_fade) else st["vote"]
         st["smooth_vote"] = follow(st["smooth_vote"], followed, base, p)
-        watch_failed(st["smooth"], valid, st["smooth_vote"], p, st)
+        watch_failed(st["smooth"], samples, valid, st["smooth_vote"], p, st)
     else:
-        watch_failed(samples, valid, vote_before_fade, p, st)
+        watch_failed(samples, samples, valid, vote_before_fade, p, st)
     ranked = 0
     for i in range(n):
         ranked |= 1 << order[i]
+        st["agreed"][order[i]] = 0  # of a channel that this frame has failed
     st["accused"] = accused(resolver, ranked, p, st)
-    count_miscompares(n, ranked, p, st)
+    count_miscompares(n, ranked, vote_before_fade, p, st)
     m = middle(n, reference, st) if lasts(p) and n >= 2 else 0.0
     slow = watch_sums(m, n, p, st) if resolver != Resolver.COMMON else NOBODY
     resolver = latch_all(resolver, slow, m, n, p, st)
@@ -244,6 +251,26 @@ def to_compare(samples, valid, reference, base, n, p, st):
         return Compared(values, order, values, reference)
     take_bias_off(values, order, n, st)
     return Compared(st["compared"], st["compared_order"], values, reference)
+
+
+@kernel
+def come_together(order, n, p, st):
+    """Return True if a split that the filter still shows has closed: its samples in the middle agree again (ours).
+
+    order : (4,) of what is compared.  Such a frame settles nothing: it may be the rest of a burst.
+    """
+    low, high = st["x"][order[(n - 1) // 2]], st["x"][order[n // 2]]
+    if n == 3:
+        return middle_agrees(order, st)
+    return abs(difference(high, low, p["wraps"])) <= st["threshold"]
+
+
+@kernel
+def middle_agrees(order, st):
+    """Return True if the middle one of three samples agrees with another."""
+    x, within = st["x"], st["threshold"]
+    middle_one = x[order[1]]
+    return abs(x[order[0]] - middle_one) <= within or abs(x[order[2]] - middle_one) <= within
 
 
 @kernel

@@ -4,12 +4,12 @@ A class is made with the (S,) config.PARAMS records and has ``step(bus, fcc, k)`
 compiled, is called as ``vote(bus, fcc, k, params, state)``.  Either may take one argument more, ``frame``.
 
 bus, fcc : BUS and FCC records of a block of rows, which is used again and again; of row k both read ``channels``,
-``valid``, ``ilm``, ``reset`` and ``reference``, and must write ``voted`` and ``level``, and ``state`` of channels that
-they fail, in every frame (docs/redundancy.md has one of each)
+``valid``, ``ilm``, ``reset`` and ``reference``, and must write ``voted``, and may write ``level`` and ``state`` of
+channels that they fail, in every frame (docs/redundancy.md has one of each); assumed.py has what is assumed else
 state : (S,) records of the module's dtype ``STATE``, or of one number; zeros at first, kept from frame to frame
 frame : number of the frame in the flight, from 0, where ``k`` is but a row of the block
 
-Whatever they raise becomes one line, and so does a first frame without a level.
+Whatever they raise becomes one line, and so does a first frame without a vote.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.assumed import begin_answer, complete_answer
 from rig.errors import BadInput, ManagerFailed
 from rig.frame import Block, State, nested, new_block
 from rig.kernels import bind
@@ -42,22 +43,27 @@ class OwnManager:
     def __init__(self, name: str, step: Step, fitted: NDArray[Any]) -> None:
         self.name = name
         self._step, self._fitted, self._began = step, fitted, False
+        fcc = nested(new_block(2))["fcc"]
+        self._begin = bind(begin_answer, fcc, 0, len(fitted))
+        self._complete = bind(complete_answer, fcc, 0, fitted)
 
     def step(self, rows: Block, bus: Any, fcc: Any, k: int) -> None:
         """Vote and monitor every signal of row k of the parts of ``rows``; ManagerFailed names who, when and what."""
         frame = int(rows["frame"][k])
+        self._begin(fcc, k, len(self._fitted))
         try:
             self._step(bus, fcc, k, frame)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
             raise self._failure(f"raised in frame {frame}: {_in_words(error)}", k, frame) from error
+        votes = self._complete(fcc, k, self._fitted)
         if not self._began:
             self._began = True
-            if _wrote_no_level(bus[k], fcc[k], self._fitted):
+            if votes == 0 and _is_answer_due(bus[k], fcc[k], self._fitted):
                 raise self._failure(
-                    f"wrote no level in frame {frame}: of every signal it must write voted, level (channels in use), "
-                    f"and state of the channels that it fails: docs/tutorials/own-voter.md",
+                    f"wrote no vote in frame {frame}: of every signal it must write voted, and it may write level "
+                    f"(channels in use) and state of the channels that it fails: docs/tutorials/own-voter.md",
                     k,
                     frame,
                 )
@@ -66,13 +72,12 @@ class OwnManager:
         return ManagerFailed(f"redundancy.manager: {self.name!r} {what}", k, frame)
 
 
-def _wrote_no_level(bus: Any, fcc: Any, fitted: NDArray[Any]) -> bool:
-    """Return True if no signal has a level although channels are good and none was failed; fitted : (S,) channels."""
+def _is_answer_due(bus: Any, fcc: Any, fitted: NDArray[Any]) -> bool:
+    """Return True if channels are good and none was failed; fitted : (S,) channels."""
     signals, channels = len(fitted), np.arange(bus["valid"].shape[-1])
     of = channels < fitted[:, None]
     good = of & (bus["valid"][:signals] == 1) & np.isfinite(bus["channels"][:signals])
-    failed = of & (fcc["state"][:signals] != State.OK)
-    return bool(good.any() and not failed.any() and not fcc["level"][:signals].any())
+    return bool(good.any() and not (of & (fcc["state"][:signals] == State.FAILED)).any())
 
 
 def load_manager(name: str, params: NDArray[np.void], trust: Trust) -> OwnManager:

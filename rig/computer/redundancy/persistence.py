@@ -9,34 +9,45 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig.computer.redundancy.compare import is_singular
-from rig.computer.redundancy.lasting import is_stale
+from rig.computer.redundancy.compare import comparable, is_singular
+from rig.computer.redundancy.lasting import is_stale, outlier_limit
 from rig.frame import Resolver
 from rig.kernels import kernel
 from rig.units.angles import difference
 
 
 @kernel
-def count_miscompares(n, ranked, p, st):
+def count_miscompares(n, ranked, vote, p, st):
     """Count the frames in a row that each channel disagreed with all others (section 2).
 
     A sample that is not comparable counts always; during a singular pattern and for a while after it the counts
     of the others stand still, so that the ordinary rule does not fail everybody first.  An agreeing frame sets the
-    count to zero, or with ``count_down`` takes that off it.
+    count to zero, or with ``count_down`` takes that off it.  Behind a filter a miscompare counts while the sample
+    itself is off the vote, and else takes one off: what the filter still shows of a burst fails nobody.
     ranked : bits of the channels with a comparable sample
     """
     frozen = counts_stand_still(n, p, st)
-    count = st["count"]
+    count, filtered = st["count"], p["filter_gain"] > 0.0 and n > 1
     for c in range(p["fitted"]):
         if st["failed"][c]:
             continue
         if (ranked >> c) & 1 == 0:
             count[c] += 1
         elif not frozen:
-            if st["miscomparing"][c]:
+            if st["miscomparing"][c] and filtered and not is_off(c, n, vote, p, st):
+                count[c] = max(count[c] - 1.0, 0.0)
+            elif st["miscomparing"][c]:
                 count[c] += 1
             elif count[c] != 0:
                 count[c] = max(count[c] - p["count_down"], 0.0) if p["count_down"] > 0.0 else 0.0
+
+
+@kernel
+def is_off(c, n, vote, p, st):
+    """Return True if the sample of channel c itself is off the ``vote`` by more than it may be."""
+    limit = outlier_limit(n, p, st)
+    off = difference(st["x"][c], vote, p["wraps"]) - st["bias"][c]
+    return abs(off) > (limit if limit > 0.0 else st["threshold"])
 
 
 @kernel
@@ -69,6 +80,8 @@ def has_stood(resolver, p, st):
     """
     if not is_singular(st["pattern"]):
         st["answer_frames"], st["unresolved_frames"] = 0, 0
+        return False
+    if st["together"]:
         return False
     blamed = 0
     for c in range(p["fitted"]):
@@ -118,14 +131,17 @@ def latch(settled, p, st):
 
 
 @kernel
-def watch_failed(samples, valid, vote, p, st):
-    """Count how long each failed channel has agreed with the vote again, for a readmission by command (ours)."""
+def watch_failed(values, samples, valid, vote, p, st):
+    """Count how long each failed channel has agreed with the vote again, for a readmission by command (ours).
+
+    values : (4,) what is compared with the vote, of these samples
+    """
     if st["level"] == p["fitted"]:
         return
     for c in range(p["fitted"]):
-        off = difference(samples[c], vote, p["wraps"]) - st["bias"][c]
-        near = valid[c] and abs(off) <= p["threshold"] and not is_stale(c, st)
-        st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and near else 0
+        off = difference(values[c], vote, p["wraps"]) - st["bias"][c]
+        there = comparable(samples[c], valid[c], p["low"], p["high"]) and not is_stale(c, st)
+        st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and there and abs(off) <= p["threshold"] else 0
 
 
 @kernel

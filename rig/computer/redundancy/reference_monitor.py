@@ -108,6 +108,8 @@ def contradicted(n, vote, reference, second, p, st):
     """
     if n < 2 or n != st["level"] or st["pattern"] != Pattern.NORMAL or (st["in_dispute"] and st["common_run"] == 0):
         return False
+    if st["failed"][st["order"][0]]:  # the frame has cut the pair
+        return False
     wraps, first_threshold, second_threshold = p["wraps"], st["reference_threshold"], p["second_threshold"]
     # Neither comparison nor majority can see what all channels have in common: one design, one supply, one wrong scale.
     # A comparison with NaN is false; nearly always the first is, and differences of angles take longest here.

@@ -81,7 +81,7 @@ def vote_of_sides(name, sides, order, n, p, st):
         return vote.halfway(x[order[half - 1]], x[order[half]])
     if p["weighted"] and name == Resolver.TREND and n == 2:
         share = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
-        return vote.between(x[order[0]], x[order[1]], share)
+        return vote.mean(x[st["order"][0]], x[st["order"][1]], share)  # the ranks whose changes these are
     good = half if sides == opinions.LOW_SIDE else 0
     a, b = order[good], order[good + half - 1]
     share = 0.5

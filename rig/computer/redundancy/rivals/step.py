@@ -136,7 +136,7 @@ def end(bus, fcc, s, at, voted, p, st):
         resolver, voted = Resolver.UNRESOLVED.value, (st["vote"] if st["started"] else voted)
     monitor_reference(reference, at.n, p, st)
     resolver = watch_common(resolver, at.n, voted, reference, second, p, st)
-    watch_failed(samples, valid, voted, p, st)
+    watch_failed(samples, samples, valid, voted, p, st)
     count(at.n, p, st)
     level = st["level"]
     latch(False, p, st)

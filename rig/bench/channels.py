@@ -1,0 +1,67 @@
+"""The channels of a recording one by one: usable samples, rows in which it was suspect, failures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.record.failures import COMPARISON, became_failed, decider
+from rig.record.suspects import doubted
+from rig.recordings.recording import Bytes, Recording, Samples
+
+INVALID: Final = "invalid"  # a sample that is no number, flagged, or out of range
+
+
+class ChannelFailure(NamedTuple):
+    """A channel that was failed: in which row, counted from 1, and by whom."""
+
+    channel: int
+    frame: int
+    time_s: float
+    why: str  # comparison, a resolver, or INVALID
+
+
+class ChannelRecords(NamedTuple):
+    """What became of the channels of one signal or discrete."""
+
+    invalid: list[int]  # samples of each that were no number (empty, of a discrete), flagged, or out of range
+    suspect: list[int]  # rows of each, by its state, or in use without a usable sample
+    failures: list[ChannelFailure]  # in order of time
+
+
+def usable_samples(samples: Samples, limits: tuple[float, float]) -> list[NDArray[np.bool_]]:
+    """Return (n,) of each channel whether a sample is a number in range that is not flagged."""
+    usable = [(column >= limits[0]) & (column <= limits[1]) for column in samples.channels]
+    flags = samples.valid or [np.ones(1, np.uint8)] * len(usable)
+    return [within & (flag != 0) for within, flag in zip(usable, flags, strict=True)]
+
+
+def channel_records(
+    recording: Recording,
+    samples: Samples,
+    limits: tuple[float, float],
+    states: Sequence[Bytes],
+    resolvers: Bytes | None = None,
+) -> ChannelRecords:
+    """Return what became of the channels by their ``states``, (n,) each; resolvers : (n,), who decided in each row."""
+    usable = [good[: len(recording.time_s)] for good in usable_samples(samples, limits)]  # of the rows voted
+    return ChannelRecords(
+        invalid=[int((~good).sum()) for good in usable],
+        suspect=[int(doubted(state, good).sum()) for state, good in zip(states, usable, strict=True)],
+        failures=_failures(recording, states, usable, resolvers),
+    )
+
+
+def _failures(
+    recording: Recording, states: Sequence[Bytes], usable: Sequence[NDArray[np.bool_]], resolvers: Bytes | None
+) -> list[ChannelFailure]:
+    """Return every change to failed, in order of time: by an invalid sample, the resolver of its row, or comparison."""
+    failures: list[ChannelFailure] = []
+    for k, _, c in became_failed(np.column_stack(states)[:, None]).tolist():
+        why = COMPARISON if resolvers is None else decider(int(resolvers[k]), True)
+        why = why if usable[c][k] else INVALID
+        failures.append(ChannelFailure(c + 1, recording.row(k), float(recording.time_s[k]), why))
+    return failures

@@ -1,0 +1,220 @@
+"""Faults on no channel, told in the unit and the size of their own place: inertial unit, references, surfaces."""
+
+from functools import cache
+from math import degrees
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig import scenario
+from rig.assess import Score, score
+from rig.assess.cells import fault_row
+from rig.assess.conclusion import conclusion
+from rig.campaign.flying import CampaignFlight, fly
+from rig.frame import INDEX, INERTIAL, SIGNALS
+from rig.loop import fly_rows
+from rig.scenario import Scenario
+
+# What people read of each quantity, and how many of it are one of SI.
+SHOWN = {
+    **dict.fromkeys(("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"), ("deg/s", degrees(1.0))),
+    **dict.fromkeys((f"velocity_{way}_m_s" for way in ("north", "east", "down")), ("m/s", 1.0)),
+    **dict.fromkeys((f"specific_force_{way}_m_s2" for way in ("forward", "right", "down")), ("m/s2", 1.0)),
+}
+# Each kind with its sentence; {} is the largest error, as three digits of it are shown.
+KINDS = {
+    "offset": ({"offset": 0.1}, "had an offset of {} from"),
+    "drift": ({"rate_per_s": 0.05}, "drifted from 1.00 s on, by up to {};"),
+    "settling drift": ({"kind": "drift", "settles_at": 0.2, "time_constant_s": 0.5}, "by up to {};"),
+    "scale": ({"factor": 0.5}, "had a wrong scale from 1.00 s on, an error of up to {};"),
+    "sign_reversal": ({}, "had the wrong sign from 1.00 s on, an error of up to {};"),
+    "noise": ({"std": 0.1}, "had noise of up to {} from"),
+    "bias_instability": ({"std": 0.1, "time_constant_s": 1.0}, "had an unstable bias from 1.00 s on, of up to {};"),
+    "oscillation": ({"amplitude": 0.1, "frequency_hz": 2.0}, "oscillated from 1.00 s on, by up to {};"),
+    "spikes": ({"amplitude": 0.3, "times_s": [0.1]}, "had spikes of up to {} from"),
+    "quantisation": ({"step": 0.1}, "had a fault (quantisation) from 1.00 s on, an error of up to {};"),
+    "delay": ({"latency_s": 0.1}, "had a fault (delay) from 1.00 s on, an error of up to {};"),
+}
+
+
+def fault(place: str, kind: str, **more: Any) -> dict[str, Any]:
+    return {"kind": kind, "signal": place, "start_s": 1.0, **more}
+
+
+@cache
+def unfaulted() -> CampaignFlight:
+    return flown()
+
+
+def loaded(*faults: dict[str, Any], sets: tuple[str, ...] = ()) -> Scenario:
+    """Two seconds of an F-16."""
+    which = scenario.load(None, ["duration_s=2", "faults=[]", *sets])
+    return scenario.from_resolved({**which.resolved(), "faults": list(faults)}, "test")
+
+
+def flown(*faults: dict[str, Any], sets: tuple[str, ...] = ()) -> CampaignFlight:
+    return fly(loaded(*faults, sets=sets))
+
+
+def scored(flight: CampaignFlight) -> Score:
+    return score(flight.scenario, flight.rows)
+
+
+def shown(value: float) -> str:
+    """Three digits, no exponent from 0.0001 on."""
+    return f"{value:.2e}" if 0.0 < value < 1e-4 else f"{value:.0f}" if value >= 999.5 else f"{value:.3g}"
+
+
+def test_every_quantity_of_the_inertial_unit_is_here():
+    assert set(SHOWN) == set(INERTIAL)
+
+
+@pytest.mark.parametrize("quantity", INERTIAL)
+def test_an_offset_of_the_inertial_unit_is_told_in_the_unit_of_its_quantity(quantity: str):
+    flight, (unit, times) = flown(fault(f"inertial.{quantity}", "offset", offset=0.25)), SHOWN[quantity]
+    found = scored(flight)
+    assert found.faults[0].peak_error == pytest.approx(0.25, rel=1e-9)
+    begin = f"inertial.{quantity} had an offset of {shown(0.25 * times)} {unit} from 1.00 s on; "
+    assert conclusion(flight.scenario, found)[0].startswith(begin)
+    assert fault_row(found.faults[0], flight.scenario)[8:10] == (shown(0.25 * times), unit)
+
+
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("quantity", ["pitch_rate_rad_s", "velocity_north_m_s"])
+def test_every_kind_is_told_by_the_size_that_it_has_at_its_place(quantity: str, name: str):
+    settings, sentence = KINDS[name]
+    flight, (unit, times) = flown(fault(f"inertial.{quantity}", **{"kind": name, **settings})), SHOWN[quantity]
+    column = INERTIAL.index(quantity)
+    errors = np.abs(flight.rows["inertial"] - unfaulted().rows["inertial"])[:, column]
+    assert errors[:100].max() == 0.0 and errors.max() > 0.0
+    found = scored(flight)
+    assert found.faults[0].peak_error == errors.max()
+    assert sentence.format(f"{shown(errors.max() * times)} {unit}") in conclusion(flight.scenario, found)[0]
+
+
+def test_where_it_sticks_or_runs_to_is_told_in_its_own_unit():
+    for settings, told in (
+        ({"kind": "stuck", "value": -0.2}, "stuck at -11.5 deg/s (-0.200 rad/s) at 1.00 s"),
+        ({"kind": "hardover", "direction": "low"}, "ran to -401 deg/s (-7.00 rad/s) at 1.00 s"),
+        ({"kind": "hardover", "ramp_s": 0.05}, "ran to +"),
+    ):
+        flight = flown(fault("inertial.yaw_rate_rad_s", **settings))
+        assert f"inertial.yaw_rate_rad_s {told}" in conclusion(flight.scenario, scored(flight))[0]
+    flight = flown(fault("inertial.velocity_north_m_s", "stuck", value=12.5))
+    assert "inertial.velocity_north_m_s stuck at +12.5 m/s at 1.00 s" in conclusion(flight.scenario, scored(flight))[0]
+
+
+def test_a_quantity_that_is_gone_has_no_size():
+    flight = flown(fault("inertial.pitch_rate_rad_s", "dropout"))
+    found = scored(flight)
+    assert found.faults[0].peak_error is None and found.faults[0].outcome == "detected"
+    assert "inertial.pitch_rate_rad_s gave no valid sample from 1.00 s on; " in conclusion(flight.scenario, found)[0]
+
+
+def test_faults_of_one_quantity_share_its_error():
+    place = "inertial.roll_rate_rad_s"
+    flight = flown(fault(place, "offset", offset=0.1), fault(place, "offset", offset=0.3, id="other"))
+    assert [each.peak_error for each in scored(flight).faults] == pytest.approx([0.4, 0.4])
+
+
+def test_what_no_reference_reads_is_said_to_be_read_by_none():
+    none = tuple(f"redundancy.references.{s.name}=none" for s in SIGNALS if not s.name.startswith(("stick", "pedal")))
+    flight = flown(fault("inertial.pitch_rate_rad_s", "offset", offset=0.1), sets=none)
+    found = scored(flight)
+    assert (found.faults[0].outcome, found.faults[0].peak_error) == ("undetectable", pytest.approx(0.1))
+    assert (
+        "of 5.73 deg/s from 1.00 s on; it could not be found: no reference reads it"
+        in conclusion(flight.scenario, found)[0]
+    )
+
+
+@pytest.mark.parametrize(
+    ("signal", "size", "told"),
+    [
+        ("pitch_rate", 0.1, "5.73 deg/s"),
+        ("normal_load_factor", 0.3, "0.3 g"),
+        ("static_pressure", 250.0, "250 Pa"),
+        ("heading", 0.2, "11.5 deg"),
+    ],
+)
+def test_a_fault_of_a_reference_is_told_without_the_references_own_error(signal: str, size: float, told: str):
+    flight = flown(fault(f"reference.{signal}", "offset", offset=size))
+    found = scored(flight)
+    assert found.faults[0].peak_error == pytest.approx(size, rel=1e-6)
+    assert f"reference.{signal} had an offset of {told} from 1.00 s on; " in conclusion(flight.scenario, found)[0]
+
+
+@pytest.mark.parametrize("manager", ["cross-channel", "median"])
+def test_references_by_the_recorded_votes_are_those_of_the_flight(manager: str):
+    """Those of all other signals to the bit, and that of the faulty one as it was without its fault."""
+    from rig.assess.unfaulted import ReferredAgain
+
+    sets = (f"redundancy.manager={manager}", "turbulence=light")
+    flight = flown(fault("reference.roll_rate", "noise", std=0.2), sets=sets)
+    healthy, p = flown(sets=sets), INDEX["roll_rate"]
+    again = ReferredAgain(flight.scenario)
+    parts = [again.of(flight.rows[k : k + 70].copy()) for k in range(0, len(flight.rows), 70)]
+    assert np.concatenate(parts).tobytes() == np.ascontiguousarray(healthy.rows["reference"]).tobytes()
+    errors = np.abs(flight.rows["reference"] - healthy.rows["reference"])[:, p]
+    assert scored(flight).faults[0].peak_error == errors.max() > 0.2
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"signal": "surface.throttle", "kind": "offset", "offset": 0.2}, "had an offset of 0.2 from 1.00 s on"),
+        ({"signal": "surface.elevator", "kind": "offset", "offset": 0.1}, "had an offset of 5.73 deg from 1.00 s on"),
+        ({"signal": "surface.rudder", "kind": "stuck", "value": 0.1}, "stuck at +5.73 deg (+0.100 rad) at 1.00 s"),
+        ({"signal": "surface.throttle", "kind": "stuck", "value": 0.5}, "stuck at +0.5 at 1.00 s"),
+    ],
+)
+def test_a_fault_of_a_surface_is_told_in_its_own_unit(settings: dict[str, Any], told: str):
+    flight = flown({"start_s": 1.0, **settings})
+    assert f"{settings['signal']} {told}" in conclusion(flight.scenario, scored(flight))[0]
+
+
+def test_what_was_kept_in_flight_gives_the_same_as_measuring_again():
+    flight = flown(
+        fault("inertial.pitch_rate_rad_s", "noise", std=0.1), fault("reference.roll_angle", "drift", rate_per_s=0.1)
+    )
+    kept = score(flight.scenario, flight.rows, clean=flight.clean)
+    assert kept.as_dict() == scored(flight).as_dict() and kept.faults[0].peak_error
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (
+            {"kind": "wrong_command", "signal": "computer.B", "surface": "elevator", "does": "offset", "offset": 0.1},
+            "computer B computed a wrong command from 1.00 s on (offset 5.73 deg); ",
+        ),
+        (
+            {"kind": "dac", "signal": "computer.C", "surface": "throttle", "does": "offset", "offset": 0.1},
+            "computer C put out a wrong command from 1.00 s on (offset 0.1); ",
+        ),
+        (
+            {"kind": "wrong_command", "signal": "computer.B", "surface": "elevator", "does": "hardover"},
+            "computer B computed a wrong command from 1.00 s on; ",
+        ),
+        (
+            {"kind": "clock_drift", "signal": "computer.D", "drift_ppm": 500.0},
+            "computer D had a wrong clock from 1.00 s on (drift 500 ppm); ",
+        ),
+        (
+            {"kind": "link_lie", "signal": "ccdl.C-D", "offset_thresholds": 1.5},
+            "link C-D told wrong samples from 1.00 s on (offset 1.5 thresholds); ",
+        ),
+        (
+            {"kind": "lvdt", "signal": "actuator.rudder", "channels": [2], "factor": 0.5},
+            "rudder channel 2 had a wrong position sensor from 1.00 s on (factor 0.5); ",
+        ),
+        ({"kind": "leak", "signal": "actuator.aileron", "share": 0.3}, "aileron leaked from 1.00 s on (share 0.3); "),
+        ({"kind": "hydraulic_loss", "signal": "hydraulics.2"}, "hydraulic system 2 lost pressure from 1.00 s on; "),
+    ],
+)
+def test_faults_of_computers_links_and_servos_are_told_by_their_setting(settings: dict[str, Any], told: str):
+    which = loaded({"start_s": 1.0, **settings}, sets=("computers.count=4", "actuators.model=servo"))
+    lanes: list[Any] = []
+    rows = fly_rows(which, lanes=lanes)
+    assert conclusion(which, score(which, rows, lanes=np.concatenate(lanes)))[0].startswith(told)
