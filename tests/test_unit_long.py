@@ -229,8 +229,8 @@ SLOW = [
     Defect("repeats of eight bits", "int64_t repeats[RIG_CHANNELS]; /*", "uint8_t repeats[RIG_CHANNELS]; /*"),
     Defect(
         "a stale sample that counts as agreement",
-        "<= p->threshold) && !lasting_is_stale(c, &s->lasting);",
-        "<= p->threshold);",
+        " && !lasting_is_stale(c, &s->lasting) && !has",
+        " && !has",
     ),
 ]
 WORD = Defect("agreement of sixteen bits", "int64_t agreed[RIG_CHANNELS]; /*", "uint16_t agreed[RIG_CHANNELS]; /*")

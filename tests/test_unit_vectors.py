@@ -13,6 +13,7 @@ import unit_vectors
 from numpy.typing import NDArray
 from one_stage import step_stage
 from unit_defects import DEFECTS, Defect
+from unit_defects_rules import OLD_RULES
 from unit_files import SOURCES as EXAMPLES
 from unit_files import compiled, needs_a_compiler
 
@@ -129,8 +130,19 @@ def test_so_does_the_monitor_in_c(objects: dict[str, Path], tmp_path: Path):
     assert [line for case in CASES for line in found(case, monitor.said(case))] == []
 
 
+def is_found(defect: Defect, objects: dict[str, Path], folder: Path) -> bool:
+    monitor = with_defect(defect, objects, folder)
+    return any(found(case, monitor.said(case)) for case in CASES)
+
+
 @needs_a_compiler
-@pytest.mark.parametrize("defect", DEFECTS, ids=[defect.name for defect in DEFECTS])
+@pytest.mark.parametrize("defect", DEFECTS, ids=lambda defect: defect.name)
 def test_the_vectors_find_a_monitor_with_a_defect(defect: Defect, objects: dict[str, Path], tmp_path: Path):
-    monitor = with_defect(defect, objects, tmp_path)
-    assert any(found(case, monitor.said(case)) for case in CASES)
+    assert is_found(defect, objects, tmp_path)
+
+
+@pytest.mark.long
+@needs_a_compiler
+@pytest.mark.parametrize("defect", OLD_RULES, ids=lambda defect: defect.name)
+def test_and_one_with_a_rule_of_before(defect: Defect, objects: dict[str, Path], tmp_path: Path):
+    assert is_found(defect, objects, tmp_path)

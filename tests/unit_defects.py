@@ -260,8 +260,8 @@ LEVELS_AND_FILTER = [
     ),
     Defect(
         "the filtered value voted by the reference",
-        "const double low = f->x[f->by[(f->n - 1) / 2]];",
-        "const double low = f->y[f->by[(f->n - 1) / 2]];",
+        "const double high = f->x[f->by[f->n / 2]];",
+        "const double high = f->y[f->by[f->n / 2]];",
     ),
     Defect("the filtered value voted", "f->vote = f->x[good];", "f->vote = f->y[good];"),
     Defect("readmission by the sample itself", "samples = filtered ? s->smooth : f->samples", "samples = f->samples"),

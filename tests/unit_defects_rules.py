@@ -31,7 +31,6 @@ REFERENCES = [
         "settled && (f->resolver == RIG_RESOLVER_EXTREMES) && (s->level == 2)",
         "settled && (s->level == 2)",
     ),
-    Defect("a suspicion that lasts", "s->after_extremes = settled && (f->", "s->after_extremes |= settled && (f->"),
     Defect(
         "a reference beyond the range",
         "near_base(reference, f, p) : clamp(reference, p->low, p->high);",
@@ -160,8 +159,8 @@ REPEATS = [
         "        l->last_sample[c] = compare_is_comparable(f, c, p) ? l->last_sample[c] : (double)NAN;\n"
         "        if (compare",
     ),
-    Defect("nothing moves beside the only channel", "((others == 1) && !isnan", "((others < 0) && !isnan"),
-    Defect("a reference moves beside any channels", "((others == 1) && !isnan", "((others >= 1) && !isnan"),
+    Defect("nothing moves beside the only channel", "((others == 1) && isfinite", "((others < 0) && isfinite"),
+    Defect("a reference moves beside any channels", "((others == 1) && isfinite", "((others >= 1) && isfinite"),
     Defect(
         "the filter's sample limited",
         "    const double limit = p->threshold / ((double)p->persistence - 0.5);",
@@ -197,7 +196,11 @@ BOXES = [
     ),
 ]
 FILTER = [
-    Defect("a miscompare behind a filter counts always", "(f->alone[c] && is_off(c, f, p, s))", "f->alone[c]"),
+    Defect(
+        "a miscompare behind a filter counts always",
+        "(f->alone[c] && is_off(c, f, p, s))",
+        "(f->alone[c] && (is_off(c, f, p, s) || (f->n > 0)))",
+    ),
     Defect(
         "the rest of a burst takes the count to zero",
         "f->alone[c] ? larger(0.0, count[c] - 1.0) :",
@@ -231,16 +234,11 @@ FILTER = [
         "compare_is_comparable(f, c, p);\n            s->smooth",
     ),
     Defect("a common mode of a pair that was cut", " || s->latches.failed[f->order[0]]", ""),
-    Defect(
-        "the suspicion of a pair after its box",
-        "            references_trust_pair(s);\n            lasting",
-        "            lasting",
-    ),
     Defect("the suspicion of a pair after a readmission", "    references_readmit(before.failed, s);\n", ""),
     Defect(
         "agreement of a channel out of range",
-        "there = compare_is_comparable(f, c, p) && !lasting",
-        "there = (f->valid[c] != 0) && !lasting",
+        "there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting) && !has",
+        "there = (f->valid[c] != 0) && !lasting_is_stale(c, &s->lasting) && !has",
     ),
     Defect("agreement of a channel that the frame has failed", " && !has(f->ranked, c);", ";"),
 ]

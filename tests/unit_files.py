@@ -6,8 +6,11 @@ import ctypes
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -142,6 +145,20 @@ def written(folder: Path, keys: dict[str, Any]) -> Unit:
     path = folder / "unit.toml"
     path.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items()))
     return read_unit(path)
+
+
+@contextmanager
+def listening(program: Path) -> Iterator[str]:
+    """The address of a running unit."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    process = subprocess.Popen([program, "--listen", address])
+    try:
+        yield address
+    finally:
+        process.kill()
+        process.wait()
 
 
 def udp(folder: Path, plan: list[Any], name: str | Path = "first_valid", **keys: Any) -> Unit:

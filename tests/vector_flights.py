@@ -183,6 +183,24 @@ def smoothed(seed: int) -> Flown:
     return Flown(filtered(lasting(build(draw.choice)), draw.choice))
 
 
+def bursting(seed: int) -> Flown:
+    """A random signal behind a filter, with bursts on one to three channels, alike or not, shorter than they may be."""
+    draw = random.Random(f"bursts {seed}")
+    flight = lasting(filtered(build(draw.choice), draw.choice))
+    if draw.random() < 0.5:
+        flight = with_outliers(flight, draw.choice)
+    value, samples = draw.choice([0.0, 3.0]), list[list[float | None]]()
+    while len(samples) < FRAMES:
+        hit, alike = draw.sample(range(4), draw.choice([0, 1, 2, 2, 3])), draw.choice([True, True, False])
+        size = draw.choice([3.0, 6.0, -9.0, 400.0])
+        off = [size * (1 if alike else i + 1) if c in hit else 0.0 for i, c in enumerate(range(4))]
+        off = [x + draw.choice([0.0, 0.0, 0.375]) for x in off]
+        for _ in range(draw.choice([1, 2, 3, 5])):
+            samples.append([value + off[c] if c < flight.settings.channels else None for c in range(4)])
+    references = [None if x is None else value + 1 / 2048 for x in flight.references]
+    return Flown(replace(flight, samples=samples[:FRAMES], references=references), low=-2e3, high=2e3)
+
+
 def biased(seed: int) -> Flown:
     """A random signal whose channels differ by what lasts."""
     draw = random.Random(f"lasting {seed}")
@@ -199,7 +217,11 @@ def paired(seed: int) -> Flown:
     """A random signal of which extremes leave two channels, often with other rules on."""
     draw = random.Random(f"extremes {seed}")
     flight = left_by_extremes(build(draw.choice), draw.choice)
-    return Flown(lasting(by_rules(flight, draw.choice) if draw.random() < 0.5 else flight))
+    if draw.random() < 0.5:
+        flight = replace(flight, seconds=[x if draw.random() < 0.9 else None for x in flight.references])
+    flight = lasting(by_rules(flight, draw.choice) if draw.random() < 0.5 else flight)
+    resets = [Reset(draw.sample(range(4), draw.choice([0, 0, 1, 2, 4]))) for _ in range(FRAMES)]
+    return Flown(flight, resets=tuple(resets), readmit_frames=draw.choice([1, 2, 3, NEVER, NEVER]))
 
 
 def stopped(seed: int) -> Flown:
@@ -213,6 +235,28 @@ def repeating(seed: int) -> Flown:
     """A random signal of whose channels one or two stick, with gaps, and none may repeat for ever."""
     draw = random.Random(f"repeats {seed}")
     return Flown(with_repeats(lasting(build(draw.choice)), draw.choice))
+
+
+def beyond_with_resets(seed: int) -> Flown:
+    """Channels that stay at the end of the range, one of which goes off, comes back and is missing now and then."""
+    draw, value = random.Random(f"beyond {seed}"), RANGE if seed % 2 else -RANGE
+    s = Settings(persistence=draw.randint(1, 3), channels=draw.choice([4, 3]))
+    flight, one, resets = Flight(s), draw.randrange(3), list[Reset]()
+    while len(flight.samples) < FRAMES:
+        away = draw.choice([-3.0 * value / RANGE, None, None, 0.0, 0.0])
+        for _ in range(draw.randint(1, 4)):
+            row = [value if c != one or away == 0.0 else None if away is None else value + away for c in range(4)]
+            flight.samples.append([x if c < s.channels else None for c, x in enumerate(row)])
+            resets.append(Reset(draw.sample(range(4), draw.choice([0, 1, 4]))))
+    flight.ilm, flight.references = [("absent",) * 4] * FRAMES, [None] * FRAMES
+    flight.seconds = [None] * FRAMES
+    return Flown(lasting(flight), resets=tuple(resets[:FRAMES]), readmit_frames=draw.randint(2, 4))
+
+
+def smoothed_and_repeating(seed: int) -> Flown:
+    """The same behind a filter."""
+    draw = random.Random(f"filtered repeats {seed}")
+    return Flown(with_repeats(lasting(filtered(build(draw.choice), draw.choice)), draw.choice))
 
 
 def with_repeats(flight: Flight, pick: Pick) -> Flight:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any, ClassVar
@@ -12,6 +13,16 @@ from oracle_boxes import ResettableOracle
 from oracle_lasting import Lasting
 from oracle_split import Split
 from oracle_trend import Trend
+
+
+class OtherTies(ResettableOracle):
+    """Of equal samples the one of the larger channel is the smaller: nothing may hang on that."""
+
+    def view(self, samples: list[float | None], ilm: Sequence[str], *given: Any) -> View:
+        view = super().view(samples, ilm, *given)
+        view.by_seen = sorted(view.seen, key=lambda c: (view.seen[c], -c))
+        view.ascending = sorted(view.use, key=lambda c: (view.use[c], -c))
+        return view
 
 
 class AgainstTheVote(ResettableOracle):
@@ -202,6 +213,110 @@ class LimitedSample(ResettableOracle):
         step = min(max(s.change(x, last), -3.0 * s.threshold), 3.0 * s.threshold)
         self.memory[key] = s.near(last + s.filter_share * step, self.base)
         return self.memory[key]
+
+
+class CutAgrees(ResettableOracle):
+    """The pair of a frame that has cut it still agrees, against two references."""
+
+    before: frozenset[int] = frozenset()
+
+    def cut_the_pair(self, view: View) -> str:
+        self.before = frozenset(self.failed)
+        return super().cut_the_pair(view)
+
+    def contradict(self, view: View, vote: float, second: float | None) -> bool:
+        now, self.failed = self.failed, set(self.before)
+        found = super().contradict(view, vote, second)
+        self.failed = now
+        return found
+
+
+class AgreesAtOnce(ResettableOracle):
+    """A channel that is failed by the frame may agree with its vote."""
+
+    def step(self, samples: list[float | None], *given: Any) -> Frame:
+        agreed, out = list(self.agreed), set(self.failed)
+        frame = super().step(samples, *given)
+        voted = self.memory.get("vote", frame.voted)
+        for c in self.failed - out:
+            x = self.memory.get(c)
+            near = x is not None and self.s.apart(x - self.lasting.bias[c], voted) <= self.s.threshold
+            self.agreed[c] = agreed[c] + 1 if near else 0
+        return frame
+
+
+class StaysSuspected(ResettableOracle):
+    """A readmission does not end the suspicion of a pair."""
+
+    def command(self, channels: set[int]) -> None:
+        kept = self.suspected, self.pair_off
+        super().command(channels)
+        self.suspected, self.pair_off = kept
+
+
+class CountsBursts(ResettableOracle):
+    """A miscompare behind a filter counts, whatever the sample itself is."""
+
+    def off(self, c: int, view: View, vote: float) -> bool:
+        return True
+
+
+class EndsBursts(ResettableOracle):
+    """What the filter still shows of a burst ends the count."""
+
+    def count(self, view: View, vote: float) -> None:
+        before = list(self.counts)
+        super().count(view, vote)
+        self.counts = [
+            0.0 if now < was and c in view.lonely else now
+            for c, (was, now) in enumerate(zip(before, self.counts, strict=True))
+        ]
+
+
+class OffByThreshold(ResettableOracle):
+    """A sample is off the vote by the threshold, whatever the outliers' is."""
+
+    def off(self, c: int, view: View, vote: float) -> bool:
+        return abs(self.s.change(view.use[c], vote) - self.lasting.bias[c]) > self.s.within(len(view.use))
+
+
+class _NeverClosed(Split):
+    def name(self, pattern: str, closed: bool = False) -> None:
+        super().name(pattern, False)
+
+
+class NeverClosed(Other):
+    """A split behind a filter goes on where its samples are together again."""
+
+    splits = _NeverClosed
+
+
+class _OnlySettles(Split):
+    def name(self, pattern: str, closed: bool = False) -> None:
+        super().name(pattern, False)
+        self.closed = closed
+
+
+class OnlySettles(Other):
+    """A split behind a filter lasts on where its samples are together again, and is not settled."""
+
+    splits = _OnlySettles
+
+
+class FollowsStale(ResettableOracle):
+    """The filter goes on over samples that repeat for too long."""
+
+    shown: list[float | None] = []  # of the frame, replaced in each
+
+    def without_stale(self, samples: list[float | None], reference: float | None) -> list[float | None]:
+        self.shown = samples
+        return super().without_stale(samples, reference)
+
+    def smooth(self, key: str | int, x: float | None) -> float | None:
+        if isinstance(key, str) or x is not None or self.shown[key] is None:
+            return super().smooth(key, x)
+        super().smooth(key, self.s.near(self.shown[key] or 0.0, self.base))
+        return None
 
 
 class PlainPairs(ResettableOracle):

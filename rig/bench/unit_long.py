@@ -88,7 +88,10 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
         signal["filter_gain"][1::4] = draw.choice([0.1, 0.5])
     if number == LASTING:
         _last(config["lasting"][0], signal, draw)
-    _rule(config["rules"][0], signal, draw, one_box=number == 1)
+    if number > 0:  # the first is of what every version of the records knows
+        _rule(config["rules"][0], signal, draw, one_box=number == 1)
+    else:
+        config["rules"]["box"], config["rules"]["trend_small"] = 1, -1.0
     signal["readmit_frames"][-1] = 200  # of _give_patience
     for row in signal:
         order = draw.permutation([Resolver.ILM, Resolver.REFERENCE, Resolver.TREND])

@@ -27,7 +27,9 @@ from vector_flights import (
     angle,
     at_airspeed,
     at_the_limits,
+    beyond_with_resets,
     biased,
+    bursting,
     discrete,
     levelled,
     paired,
@@ -37,6 +39,7 @@ from vector_flights import (
     repeating,
     ruled,
     smoothed,
+    smoothed_and_repeating,
     smoothed_with_resets,
     spoken,
     stopped,
@@ -301,6 +304,11 @@ RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
             *otherwise(vector_rules.NeverCut, vector_rules.Unsuspected),
         ],
     ),
+    (
+        "until a channel is readmitted; a pair that is cut agrees no more",
+        paired,
+        otherwise(vector_rules.StaysSuspected, vector_rules.CutAgrees, vector_rules.AgreesAtOnce),
+    ),
     ("a reference is limited to the sensor's range", stopped, otherwise(vector_rules.BeyondTheStops)),
     ("a sensor at its stop does not repeat", stopped, otherwise(vector_rules.AtTheStops)),
     ("a sample that repeats for too long is not compared", repeating, [by_repeats, *reached("stale in a split")]),
@@ -311,6 +319,17 @@ RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
     ),
     ("beside the only channel its reference moves", repeating, otherwise(vector_rules.WithoutReference)),
     ("a step of the filter is limited", smoothed, otherwise(vector_rules.LimitedSample)),
+    (
+        "what a filter still shows of a burst is taken off the count",
+        bursting,
+        otherwise(vector_rules.CountsBursts, vector_rules.EndsBursts, vector_rules.OffByThreshold),
+    ),
+    (
+        "a split that only a filter still shows does not go on",
+        bursting,
+        otherwise(vector_rules.NeverClosed, vector_rules.OnlySettles),
+    ),
+    ("a filter begins again after a stale sample", smoothed_and_repeating, otherwise(vector_rules.FollowsStale)),
 ]
 LIMITS = [
     (True, "reference_threshold"),
@@ -331,10 +350,15 @@ def chosen(make: Callable[[int], Flown | None], wanted: list[Wanted]) -> list[Fl
     for turn, wish in enumerate(wanted):
         places = len(range(turn, S, len(wanted)))
         seen = (flown for seed in range(POOL) if (flown := drawn(make, seed)) is not None and wish(flown))
-        found.append(list(islice(seen, places)))
+        found.append(list(islice((flown for flown in seen if without_ties(flown)), places)))
         if len(found[-1]) < min(places, RARE):
             raise LookupError(f"wish {turn}: {len(found[-1])} signals")
     return [found[i % len(wanted)][(i // len(wanted)) % len(found[i % len(wanted)])] for i in range(S)]
+
+
+def without_ties(flown: Flown) -> bool:
+    """Whether nothing hangs on the order of equal samples."""
+    return flown.by(vector_rules.OtherTies).answers == flown.answers
 
 
 def of_signals(
@@ -371,6 +395,8 @@ def sessions() -> Iterator[Session]:
     yield of_signals(
         "a reset readmits only after agreement", with_resets, [readmitted, refused_early, readmitted_exactly]
     )
+    title = "a failed channel without a sample in range does not agree"
+    yield of_signals(title, beyond_with_resets, [readmitted, refused_early], BEYOND)
     yield of_signals("thresholds of their own for three and for two samples", levelled, [by_three, by_two])
     wanted = [by_outlier, by_outlier_of_three, *reached("outlier: no two are close")]
     yield of_signals("an outlier of channels that agree", with_limits, wanted)
