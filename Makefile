@@ -6,7 +6,7 @@ STAMP := $(VENV)/.stamp
 # Hundreds of processes of the tests would read all sources anew: here Python keeps what it has compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: fly suite test test-all wheel check lint types imports coverage bench measured requirements golden designs replay docs setup clean
+.PHONY: fly suite test test-all wheel check lint types imports coverage bench measured requirements golden designs replay digests docs setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -60,6 +60,10 @@ designs: setup  ## design every bundled aircraft twice: the same bytes both time
 
 replay: setup  ## fly every bundled scenario to its end, replay it and fly it again: all must be identical
 	$(BIN)/python tests/tools/replay_all.py
+
+digests: setup  ## fly every bundled scenario in 14 ways and runs of every campaign again: each must have one digest
+	$(BIN)/python tests/tools/digests.py
+	$(BIN)/python tests/tools/digests.py --campaigns
 
 docs: setup  ## build the docs site into site/: strict, nothing loaded from other hosts
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'

@@ -41,6 +41,7 @@ from rig.sensors.inertial import Config as Inertial
 from rig.sensors.recorded import pin
 from rig.settings import Settings, build, read_toml
 from rig.text import nearest, quoted
+from rig.util.decimals import slack, slack_of_product
 from rig.util.files import bundled, is_file
 from rig.util.trust import Trust
 
@@ -101,13 +102,15 @@ class Scenario(Settings):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
-        steps = (self.simulation_rate_hz or self.rate_hz) / self.rate_hz
-        if steps < 1 or not _whole(steps):
+        simulation_hz = self.simulation_rate_hz or self.rate_hz
+        steps = simulation_hz / self.rate_hz
+        rounded = slack(simulation_hz, 1.0 / self.rate_hz) + slack(self.rate_hz, steps / self.rate_hz)
+        if not _whole(steps, rounded):
             raise ValueError(
                 f"simulation_rate_hz ({self.simulation_rate_hz:g}) must be a whole multiple of "
                 f"rate_hz ({self.rate_hz:g})"
             )
-        if not _whole(self.duration_s * self.rate_hz):
+        if not _whole(self.duration_s * self.rate_hz, slack_of_product(self.duration_s, self.rate_hz)):
             raise ValueError(
                 f"duration_s ({self.duration_s:g}) must be a whole number of frames of 1/{self.rate_hz:g} s"
             )
@@ -195,8 +198,10 @@ class Scenario(Settings):
         return tomli_w.dumps(self.resolved())
 
 
-def _whole(number: float) -> bool:
-    return abs(number - np.round(number)) < 1e-9 * max(1.0, abs(number))
+def _whole(number: float, rounded: float) -> bool:
+    """Return True for a whole number from 1 on, or one that misses it by what decimals were ``rounded``."""
+    whole = max(1.0, np.round(number))
+    return bool(abs(number - whole) <= max(1e-9 * whole, rounded))
 
 
 def find(name: str | Path | None = None) -> Path:

@@ -12,10 +12,9 @@ from itertools import pairwise
 
 from oracle_answers import Settings, View, first_answer
 from oracle_lasting import Lasting
+from oracle_references import FAR, References
 from oracle_split import Split
 from oracle_trend import Trend
-
-FAR = 1.5  # reference thresholds, of what a reference speaks against
 
 
 @dataclass
@@ -50,17 +49,12 @@ class Oracle:
     before: dict[int, float] = field(default_factory=dict)  # those of the last frame, an angle on its turn
     memory: dict[str | int, float] = field(default_factory=dict)  # of the filter: channels, the reference, the vote
     base: float = 0.0
-    trusted: bool = True
-    against: int = 0
-    suspected: bool = False  # the pair that extremes left
-    pair_off: int = 0  # frames for which a reference has spoken against both of it
-    contradicted: int = 0
-    second_off: int = 0  # frames for which the second reference has been off the vote
     accused: set[int] = field(default_factory=set)
+    readmitted: bool = False  # in this frame: with which the count of a common mode begins again
     rules: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        self.lasting = Lasting(self.s)
+        self.lasting, self.references = Lasting(self.s), References(self.s)
 
     def step(
         self,
@@ -72,7 +66,7 @@ class Oracle:
         in_dispute: bool = False,
     ) -> Frame:
         """``lanes``: channels whose computers are failed; ``in_dispute``: what a reference of the signal reads."""
-        self.rules = set()
+        self.rules = self.references.rules = set()
         self.comparable = self.without_stale(samples, reference)
         view = self.view(self.comparable, ilm, self.s.limited(reference), lanes)
         level = self.level
@@ -83,18 +77,17 @@ class Oracle:
         self.reached("frozen side", self.singular and self.trend.still.count(0) == 1)
         resolver, vote, wrong = self.decide(view, disputed_by)
         self.split.hear(resolver, wrong, self.s)
-        resolver = self.cut_the_pair(view) or resolver
-        self.monitor_reference(view)
-        resolver = self.compare_references(view, vote, self.s.limited(second), resolver, in_dispute)
+        resolver = self.refer(view, vote, self.s.limited(second), resolver, in_dispute)
         self.accused = self.evidence(view, resolver, wrong)
         self.count(view, vote)
         resolver = self.fail_and_learn(view, resolver, wrong)
-        self.suspect_what_is_left(level, resolver)
+        if self.level != level:
+            self.references.level_changed(resolver == "extremes" and self.split.settled(self.s) and self.level == 2)
         self.rise = 0.0 if self.vote is None else self.s.change(vote, self.vote)
         self.vote = vote
         states = [self.state(c, view, wrong) for c in range(self.s.channels)]
         high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.trend.bits)
-        usable, common = self.trusted and reference is not None, self.contradicted >= self.s.common_persistence
+        usable, common = self.references.trusted and reference is not None, self.references.common
         return Frame(vote, states, self.level, self.split.pattern, resolver, (high, low), usable, common)
 
     @property
@@ -124,8 +117,9 @@ class Oracle:
         beside = {c: x for c, x in smooth.items() if x is not None and c in use}
         seen = {c: x - self.lasting.bias[c] for c, x in beside.items()}
         reference = None if reference is None else near(reference, base)
-        view = View(self.s, use, seen, beside, ilm, reference, self.smooth("reference", reference), self.trusted)
-        view.lanes, view.trend, view.rise, view.suspected = lanes, self.trend, self.rise, self.suspected
+        smooth_reference, refs = self.smooth("reference", reference), self.references
+        view = View(self.s, use, seen, beside, ilm, reference, smooth_reference, refs.trusted)
+        view.lanes, view.trend, view.rise, view.suspected = lanes, self.trend, self.rise, refs.suspected
         view.before, self.before = self.before, {c: x for c, x in here.items() if x is not None}
         return view
 
@@ -239,7 +233,7 @@ class Oracle:
 
     def fail_and_learn(self, view: View, resolver: str, wrong: set[int]) -> str:
         """Latch, those of small deviations too; what is summed begins again then, else biases move."""
-        view.trusted = self.trusted  # as this frame left it
+        view.trusted = self.references.trusted  # as this frame left it
         slow = self.lasting.summed(view) if resolver != "common" else set()
         self.reached("slow", slow)
         self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
@@ -273,10 +267,9 @@ class Oracle:
 
     def together(self, view: View) -> bool:
         """Whether the samples of a split agree again that what is compared still shows."""
-        x, within = [view.use[c] for c in view.by_seen], self.s.within(len(view.use))
-        if len(x) == 3:
-            return min(abs(x[1] - x[0]), abs(x[2] - x[1])) <= within
-        return abs(x[len(x) // 2] - x[len(x) // 2 - 1]) <= within
+        x, apart = [view.use[c] for c in view.by_seen], self.s.apart
+        gaps = [apart(above, below) for below, above in pairwise(x)]
+        return min(gaps if len(x) == 3 else [gaps[len(x) // 2 - 1]]) <= self.s.within(len(x))
 
     # Section 3: the vote.
 
@@ -284,7 +277,7 @@ class Oracle:
         """Resolver, vote and who is wrong."""
         n = len(view.x)
         if not n:
-            return "none", self.vote if self.vote is not None else 0.0, set()
+            return "none", self.vote if self.vote is not None else self.s.limited(0.0) or 0.0, set()
         if disputed_by:
             return self.instead_of_the_last(view, disputed_by)
         if self.singular:
@@ -312,81 +305,19 @@ class Oracle:
         self.reached("both of a pair wrong by trend", answer[0] == "trend" and answer[2] == set(view.use))
         return answer
 
-    # Section 4: the reference's own monitor.
+    # What references say: oracle_references.py.
 
-    def monitor_reference(self, view: View) -> None:
-        """Untrusted after ``persistence`` frames off both voting ranks, trusted after as many near one of them."""
-        if view.reference is None or len(view.use) < 2 or self.singular or self.suspected:
-            self.reached("reference not judged by a suspected pair", self.suspected and view.reference is not None)
-            return
-        agrees = self.off_ranks(view) <= self.s.reference_threshold
-        self.against = self.against + 1 if agrees != self.trusted else 0
-        if self.against >= self.s.persistence:
-            self.trusted, self.against = agrees, 0
-
-    def off_ranks(self, view: View) -> float:
-        """How far the reference is from the nearer of the two voting ranks."""
-        return min(self.s.apart(x, view.reference or 0.0) for x in view.ranks)
-
-    # Section 5: the pair that extremes left may be bad too.
-
-    def cut_the_pair(self, view: View) -> str:
-        """Fail both of it after ``persistence`` frames in which they agree and a reference is off both."""
-        off = False
-        if self.suspected and view.pattern == "normal" and len(view.use) == 2 and view.usable_reference is not None:
-            off = self.off_ranks(view) > max(FAR * self.s.reference_threshold, self.s.within(2))
-        self.pair_off = self.pair_off + 1 if off else 0
-        if self.pair_off < self.s.persistence:
-            return ""
-        self.reached("the pair of extremes cut")
-        self.failed |= set(view.use)
-        return "reference"
-
-    def suspect_what_is_left(self, level: int, resolver: str) -> None:
-        """A pair is under suspicion from where extremes left it to the next change of the level."""
-        if self.level != level:
-            self.suspected = resolver == "extremes" and self.split.settled(self.s) and self.level == 2
-            self.pair_off = 0
-
-    # Two references against all channels.
-
-    def compare_references(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
-        """Count the frames in which both references contradict all channels; by choice the signal is lost then.
-
-        The count does not begin while what they read is in dispute.
-        """
-        off = second is not None and len(view.use) > 1 and self.second_is_off(view, vote, second)
-        self.second_off = self.second_off + 1 if off else 0
-        contradict, begun = self.contradict(view, vote, second), self.contradicted > 0
-        self.reached("common mode: in dispute", contradict and in_dispute and not begun)
-        self.contradicted = self.contradicted + 1 if contradict and (begun or not in_dispute) else 0
-        if self.contradicted < self.s.common_persistence or not self.s.common_fails:
-            self.reached("common mode: reported", self.contradicted >= self.s.common_persistence)
-            return resolver
-        self.reached("common mode: lost")
-        self.failed = set(range(self.s.channels))
-        self.trusted, self.against = True, 0
-        return "common"
-
-    def contradict(self, view: View, vote: float, second: float | None) -> bool:
-        """All channels in use agree, two references agree, and the former do not with the latter."""
-        s, first = self.s, view.reference
-        all_agree = view.pattern == "normal" and set(view.use) == self.in_use
-        if first is None or second is None or len(view.use) < 2 or not all_agree:
-            return False
-        off = s.apart(vote, first) > max(FAR * s.reference_threshold, s.within(len(view.use)))
-        off = off and self.second_is_off(view, vote, second)
-        near = s.apart(first, second) <= s.reference_threshold + s.second_threshold
-        self.reached("common mode: references apart", off and not near)
-        return off and near
-
-    def second_is_off(self, view: View, vote: float, second: float) -> bool:
-        return self.s.apart(vote, second) > max(FAR * self.s.second_threshold, self.s.within(len(view.use)))
-
-    @property
-    def in_dispute(self) -> bool:
-        """Whether what the signal's references say of others cannot be relied on, as of the last frame."""
-        return self.s.tells != 0 and (not self.trusted or self.second_off >= self.s.persistence)
+    def refer(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
+        """Fail the pair of extremes, or all channels, for their references; return who decided then."""
+        if self.references.cuts(view):
+            self.failed |= set(view.use)
+            resolver = "reference"
+        self.references.monitor(view)
+        all_in_use = len(view.use) > 1 and set(view.use) == self.in_use
+        if self.references.lost(view, vote, second, all_in_use and not self.readmitted, in_dispute):
+            self.failed = set(range(self.s.channels))
+            return "common"
+        return resolver
 
     # Boxes: oracle_boxes.py asks for every signal.
 

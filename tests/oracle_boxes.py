@@ -39,7 +39,7 @@ class BoxOracle:
         self.signals = [Oracle(s) for s in self.flight.settings]
 
     def step(self, rows: Sequence[Row]) -> list[Frame]:
-        disputed = sum(one.s.tells for one in self.signals if one.in_dispute)
+        disputed = sum(one.s.tells for one in self.signals if one.references.in_dispute)
         frames = [
             one.step(*row, in_dispute=bool(one.s.sources & disputed))
             for one, row in zip(self.signals, rows, strict=True)
@@ -80,7 +80,7 @@ class BoxOracle:
         self.rules.add("failed where it was silent" if now & one.accused else "failed where nothing spoke against it")
         one.failed |= now
         one.lasting.level_changed(one.failed)
-        one.suspected, one.pair_off = False, 0
+        one.references.level_changed()
         states = ["failed" if c in one.failed else state for c, state in enumerate(frame.states)]
         return Frame(
             frame.voted, states, frame.level - len(now), frame.pattern, "box", frame.trend, frame.usable, frame.common
@@ -168,14 +168,14 @@ class ResettableOracle(Oracle):
 
     readmit_frames: int = 100
     agreed: list[int] = field(default_factory=lambda: [0] * 4)  # frames in a row, of a failed channel
-    readmitted: bool = False  # in this frame
 
     def command(self, channels: set[int]) -> None:
         """Readmit those of the commanded channels that have agreed long enough."""
         for c in channels & self.failed:
             if self.agreed[c] >= self.readmit_frames:
                 self.failed.remove(c)
-                self.suspected, self.pair_off, self.readmitted = False, 0, True
+                self.readmitted = True
+                self.references.level_changed()
                 self.counts[c] = self.agreed[c] = 0
                 self.lasting.forget(c)
 
@@ -188,7 +188,3 @@ class ResettableOracle(Oracle):
             agrees = x is not None and self.s.apart(self.memory[c] - self.lasting.bias[c], voted) <= self.s.threshold
             self.agreed[c] = self.agreed[c] + 1 if c in out and agrees else 0
         return frame
-
-    def contradict(self, *given: Any) -> bool:
-        """A readmission begins the count of a common mode again."""
-        return not self.readmitted and super().contradict(*given)

@@ -29,6 +29,7 @@ ONE_GOOD = list(permutations(["good", "bad", "bad", "bad"]))
 TWO_GOOD = list(permutations(["good", "good", "bad", "bad"]))
 ONE_SIDE = [()]  # a good and a bad pair, as the samples split
 NOBODY_SAYS = [("absent",) * 4]
+MONITORS = [SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, ONE_SIDE, NOBODY_SAYS, NOBODY_SAYS]
 REFERENCES = [None, None, 0.0, 0.25, 3.0, -1.5, 1.5, 6.25]
 SECONDS = [*REFERENCES, 3.25, 2.5, -2.0]
 ORDERS = list(permutations(RESOLVERS))
@@ -45,6 +46,8 @@ class Flight:
     references: list[float | None] = field(default_factory=list)
     seconds: list[float | None] = field(default_factory=list)
     lanes: list[tuple[int, ...]] = field(default_factory=list)  # channels whose computers are failed
+    resets: list[tuple[int, ...]] = field(default_factory=list)  # channels commanded to be readmitted
+    readmit_frames: int = 100
 
     @property
     def frames(self) -> list[tuple[Any, ...]]:
@@ -79,10 +82,12 @@ def build(pick: Pick, turn: bool = False) -> Flight:
     for _ in range(pick(range(1, 10))):
         slope = pick(SLOPES)
         offsets = pick(pick([TOGETHER, SPLIT, NOISY, APART, APART, [None]])) or [pick(LEVELS) for _ in range(4)]
-        flags = pick(pick([SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, NOBODY_SAYS])) or one_side(offsets, pick([True, False]))
+        flags = pick(pick([SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, ONE_SIDE, NOBODY_SAYS, NOBODY_SAYS])) or one_side(
+            offsets, pick([True, False])
+        )
         silent = pick(pick([NOBODY] * 7 + [ONE_OR_TWO, ONE_OR_TWO, ALL_BUT_ONE]))
         offset, second = pick(REFERENCES), pick(SECONDS)
-        lanes = pick(pick([NOBODY, NOBODY, ONE_OR_TWO]))
+        lanes = pick(pick([NOBODY, ONE_OR_TWO]))
         for _ in range(pick([1, 1, 2, 2, 3, 3, 4, 6, 9])):
             value += slope
             present = set(range(flight.settings.channels)) - set(silent)
@@ -151,7 +156,7 @@ def left_by_extremes(flight: Flight, pick: Pick) -> Flight:
     """Four apart, of which two are left, that agree or not, and are in order or not; then the flight."""
     s = replace(flight.settings, channels=4, threshold_duplex=pick([None, 2.0]), resolvers=("trend", "extremes"))
     value, slopes = pick([0.0, 3.0]), pick([(0.0, 0.0), (0.125, -0.125), (-0.125, 0.125), (0.125, 0.125)])
-    offsets = pick([(0.0, 1.75), (0.0, 2.25), (1.75, 0.0)])
+    offsets = pick([(0.0, 1.75), (0.0, 2.25), (1.75, 0.0), (0.0, 5.0)])
     reference = pick([None, 0.0, 0.875, 6.25, -3.25, 3.5])
     before = s.singular_persistence + pick(range(4))
     frames = before + pick([4, 9, 14])
@@ -183,14 +188,15 @@ def with_outliers(flight: Flight, pick: Pick) -> Flight:
 
 
 def filtered(flight: Flight, pick: Pick) -> Flight:
-    """The same behind a filter; no threshold is met exactly, no reference lies on a sample: rounding would decide."""
+    """The same behind a filter; no threshold is met exactly, no sample or reference lies on another: rounding, or the
+    order of equals, would decide."""
     s, beside = flight.settings, 1 / 1024
     more = {name: getattr(s, name) + beside for name in ("threshold", "reference_threshold", "second_threshold")}
     levels = {name: pick([None, 0.5 + beside, 2.0 + beside]) for name in ("threshold_triplex", "threshold_duplex")}
+    samples = [[None if x is None else x + c / 16384 for c, x in enumerate(row)] for row in flight.samples]
     references = [None if x is None else x + beside / 2 for x in flight.references]
-    return replace(
-        flight, settings=replace(s, filter_share=pick([0.15, 0.4, 0.9]), **more, **levels), references=references
-    )
+    chosen = replace(s, filter_share=pick([0.15, 0.4, 0.9]), **more, **levels)
+    return replace(flight, settings=chosen, samples=samples, references=references)
 
 
 def lasting(flight: Flight, pick: Pick) -> Flight:
@@ -226,9 +232,15 @@ def lasting(flight: Flight, pick: Pick) -> Flight:
     return Flight(replace(s, **more, **beside), samples, ilm, references, seconds, [()] * calm + lanes)
 
 
+def with_commands(flight: Flight, pick: Pick) -> Flight:
+    """The same with commands to readmit channels."""
+    resets = [pick(pick([NOBODY] * 6 + [ONE_OR_TWO, ALL_BUT_ONE])) for _ in flight.samples]
+    return replace(flight, resets=resets, readmit_frames=pick([1, 2, 5]))
+
+
 def by_all(flight: Flight, pick: Pick) -> Flight:
     """The same with several of these at once."""
-    for change in (by_rules, left_by_extremes, by_level, filtered, with_outliers, lasting, at_the_stop):
+    for change in (left_by_extremes, by_level, filtered, with_outliers, lasting, at_the_stop, with_commands):
         if pick([True, False]) and not (flight.settings.turn and change in (left_by_extremes, at_the_stop)):
             flight = change(flight, pick)
     return flight
@@ -236,8 +248,15 @@ def by_all(flight: Flight, pick: Pick) -> Flight:
 
 @st.composite
 def flights(draw: Any, turn: bool = False) -> Flight:
-    return build(lambda choices: draw(st.sampled_from(choices)), turn)
+    def pick(choices: Sequence[Any]) -> Any:
+        return draw(st.sampled_from(choices))
+
+    flight = build(pick, turn)
+    return by_rules(flight, pick) if pick([False, True]) else flight
 
 
 def seeded(seed: int, turn: bool = False) -> Flight:
-    return build(random.Random(seed).choice, turn)
+    """One of the flights drawn evenly; every other has rules that are off by default."""
+    pick = random.Random(seed).choice
+    flight = build(pick, turn)
+    return by_rules(flight, pick) if seed % 2 else flight

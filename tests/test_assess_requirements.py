@@ -3,6 +3,7 @@
 import math
 import re
 import warnings
+from dataclasses import replace
 from random import Random
 
 import numpy as np
@@ -140,6 +141,16 @@ def test_windows_bind_like_not():
     # (late) until (q), and so on: ``a and b until c`` is ``a and (b until c)``
     assert measured(f"{late} until[0, 0.1] truth.pitch_rate > 0.5 and {late}", rows).status == "met"
     assert measured(f"truth.pitch_rate < 0.5 and {late} until[0.05, 0.1] truth.pitch_rate > 0.5", rows).status == "met"
+
+
+@pytest.mark.parametrize(("window", "status"), [("[0, 0.3333333]", "violated"), ("[0.35001, 0.5]", "met")])
+def test_a_window_whose_ends_are_rounded_decimals_has_the_frames_there(window: str, status: str):
+    """At 60 Hz frame 20 is at 0.3333333 s; 0.35001 s is after frame 21."""
+    rows, subject = flown(40), replace(formulas.SUBJECT, rate_hz=60.0)
+    rows["truth"][20:22, Q] = 1.0
+    recorder = RequirementsRecorder([Requirement(id="one", formula=f"always{window} truth.pitch_rate < 0.5")], subject)
+    recorder.record(rows)
+    assert recorder.finish()[0].status == status
 
 
 def test_past_the_end_what_was_flown_counts_and_of_nothing_it_is_not_applicable():

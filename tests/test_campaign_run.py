@@ -143,6 +143,30 @@ def test_a_run_flown_again_has_the_digest_of_the_table_and_its_full_log(whole: R
         again(open_folder(whole.out), 48, tmp_path)
 
 
+LANES = """
+base = "f16_wrong_command"
+[set]
+duration_s = 3.0
+[vary]
+"computers.count" = [1, 4]
+"actuators.model" = ["lag", "servo"]
+[[cases.faulty]]
+name = "none"
+set = { faults = [] }
+"""
+
+
+def test_a_run_with_lanes_or_servos_has_the_digest_of_the_table_when_it_is_flown_again(tmp_path: Path):
+    """Three seconds are one block in memory and three in a log."""
+    out = run(planned(write(tmp_path, LANES)), tmp_path / "out", workers=1).out
+    campaign, there = open_folder(out), set[tuple[str, ...]]()
+    for number in range(len(campaign.plan)):
+        flight, digest = again(campaign, number, tmp_path)
+        assert flight.digest == digest
+        there.add(flight.scenario.lane_parts)
+    assert there == {(), ("actuator",), ("computer",), ("actuator", "computer")}
+
+
 def test_a_campaign_logs_in_chunks_as_large_as_they_may_be(tmp_path: Path):
     out = tmp_path / "out"
     assert run(planned(write(tmp_path)), out, runs=1, workers=1, logs="all").done == 1

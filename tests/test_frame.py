@@ -1,5 +1,9 @@
+from math import ceil, log10
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rig.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, new_block, sig, to_frame
 
@@ -25,6 +29,30 @@ def test_patterns_are_called_as_in_the_paper():
 @pytest.mark.parametrize(("time_s", "frame"), [(0.0, 0), (0.1, 10), (0.07, 7), (0.071, 8), (0.29, 29)])
 def test_times_become_the_first_frame_not_before_them(time_s, frame):
     assert to_frame(time_s, 100.0) == frame
+
+
+@given(frame=st.integers(1, 100_000), rate_hz=st.sampled_from([30, 60, 70, 90, 120, 144, 300]), more=st.integers(0, 6))
+def test_a_rounded_decimal_is_the_frame_whose_time_was_rounded(frame: int, rate_hz: int, more: int):
+    decimals = ceil(log10(rate_hz)) + 2 + more  # of which one is a hundredth of a frame or less
+    assert to_frame(round(frame / rate_hz, decimals), float(rate_hz)) == frame
+
+
+@given(
+    frame=st.integers(0, 100_000),
+    more=st.integers(-3, 3),
+    decimals=st.integers(3, 7),
+    rate_hz=st.sampled_from([50, 100, 125, 200, 250, 500, 1000]),
+)
+def test_where_frames_are_decimals_no_time_is_taken_for_a_rounded_one(
+    frame: int, more: int, decimals: int, rate_hz: int
+):
+    parts = max(0, frame * 10**decimals // rate_hz + more)
+    assert to_frame(parts / 10**decimals, float(rate_hz)) == -(-parts * rate_hz // 10**decimals)
+
+
+@pytest.mark.parametrize("time_s", [0.02, 0.017, 0.0168, 0.01669])
+def test_a_time_between_two_frames_is_the_later_one(time_s: float):
+    assert to_frame(time_s, 60.0) == 2
 
 
 def test_the_places_by_symbol_are_those_of_the_table():

@@ -1,15 +1,18 @@
 """Levels for a budget, against what is known of white noise; and what cannot be calibrated."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from league_flights import RATE_HZ, white, white_signal
 from scipy.stats import chi2
 
+import rig
 from rig.errors import BadInput
 from rig.league.calibration import calibrate, require_time
 from rig.league.entrants import BIASED, LASTING, OURS, Entrant, entrants, fails_nobody, levels
 from rig.league.flown import isolations, transients
-from rig.league.healthy import measured
+from rig.league.healthy import measured, read
 
 
 @pytest.mark.long
@@ -126,3 +129,12 @@ def test_variants_are_told_and_calibrated_like_their_rival():
 def test_managers_that_cannot_take_part_are_refused(given: str, said: str):
     with pytest.raises(BadInput, match=said):
         entrants(given)
+
+
+def test_healthy_flights_of_a_rounded_rate_are_of_that_rate_and_of_another_rate_refused(tmp_path: Path):
+    sets = ["faults=[]", "rate_hz=33.3333", "simulation_rate_hz=100", "duration_s=3"]
+    rig.fly(overrides=sets, out=tmp_path)
+    signal = white_signal()._replace(rate_hz=100.0 / 3.0)
+    assert read(tmp_path, "f16", [signal]).hours == pytest.approx(3.0 / 3600.0)
+    with pytest.raises(BadInput, match=r"33\.3333 frames a second, the campaign has 50"):
+        read(tmp_path, "f16", [signal._replace(rate_hz=50.0)])

@@ -1,9 +1,14 @@
 import hashlib
+from pathlib import Path
 
 import numpy as np
 import pytest
+from digests import ways
+from hypothesis import given
+from hypothesis import strategies as st
 
-from rig.frame import FLIGHT_INDEX, INDEX, End, State, new_block
+from rig import scenario
+from rig.frame import FLIGHT_INDEX, INDEX, End, LaneBlock, LaneParts, State, lane_rows, new_block
 from rig.record.flight_summary import Verdict
 
 ALPHA, N_Z, PSI, Q = (INDEX[n] for n in ("angle_of_attack", "normal_load_factor", "heading", "pitch_rate"))
@@ -24,6 +29,54 @@ def test_the_digest_is_that_of_all_rows_however_they_come():
         parts.add(block[first : first + 70], [])
     assert parts.digest == hashlib.sha256(block.tobytes()).hexdigest()
     assert parts.frames == 200
+
+
+PARTS: list[LaneParts] = [("actuator",), ("computer",), ("actuator", "computer")]
+
+
+def beside(parts: LaneParts) -> LaneBlock:
+    rng, lanes = np.random.default_rng(1), lane_rows(200, parts)
+    for part in parts:
+        for name in lanes[part].dtype.names or ():
+            lanes[part][name] = rng.integers(0, 100, lanes[part][name].shape)
+    return lanes
+
+
+@pytest.mark.parametrize("parts", PARTS)
+@given(cuts=st.sets(st.integers(1, 199)))
+def test_the_digest_of_rows_and_lanes_is_that_of_both_however_they_come(parts: LaneParts, cuts: set[int]):
+    block, lanes, verdict = flown(), beside(parts), Verdict()
+    for first, last in zip([0, *sorted(cuts)], [*sorted(cuts), 200], strict=True):
+        verdict.add(block[first:last], [], lanes[first:last])
+    both = hashlib.sha256(block.tobytes()).digest() + hashlib.sha256(lanes.tobytes()).digest()
+    assert verdict.digest == hashlib.sha256(both).hexdigest()
+
+
+@pytest.mark.parametrize(("part", "field"), [("actuator", "ram"), ("computer", "leads")])
+def test_another_number_of_a_lane_is_another_digest(part: str, field: str):
+    lanes, digests = beside(("actuator", "computer")), set[str]()
+    for changed in (0, 1):
+        lanes[part][field][-1, -1] += changed
+        verdict = Verdict()
+        verdict.add(flown(), [], lanes)
+        digests.add(verdict.digest)
+    assert len(digests) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "sets"),
+    [
+        (None, ['actuators.model="lag"', "computers.count=1"]),
+        (None, ['actuators.model="servo"', "computers.count=1"]),
+        ("f16_computer_stop", ['actuators.model="lag"', "computers.count=4"]),
+        ("f16_wrong_command", []),
+    ],
+)
+def test_a_flight_has_one_digest_paced_or_not_logged_or_not_in_blocks_of_any_length(
+    name: str | None, sets: list[str], tmp_path: Path
+):
+    digests = dict(ways(scenario.load(name, [*sets, "duration_s=1.5"]), tmp_path))
+    assert len(digests) > 10 and len(set(digests.values())) == 1, digests
 
 
 def test_the_peaks_are_those_of_numpy():

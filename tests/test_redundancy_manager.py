@@ -91,7 +91,7 @@ def test_monitors_that_contradict_the_pairing_are_not_believed(flags):
     assert (out.resolver[8:10] == Resolver.TREND).all()
 
 
-@pytest.mark.requirement("redundancy", "unresolved: hold, move with the ranks, fail nobody")
+@pytest.mark.requirement("redundancy", "unresolved: hold, fail nobody")
 def test_a_split_that_nobody_settles_holds_and_fails_nobody():
     samples = constant(0, 0.1, 5, 5.1)
     samples[::2] += 0.01  # neither rising nor still: the trend bytes are mixed

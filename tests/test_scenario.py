@@ -81,6 +81,21 @@ def test_seeds_of_the_stages_differ_and_belong_to_the_scenarios_seed():
     assert list(one) == list(scenario.STREAMS)
 
 
+@pytest.mark.parametrize(
+    ("sets", "frames", "steps"),
+    [
+        (["rate_hz=60", "duration_s=0.5166667"], 31, 1),
+        (["rate_hz=60", "duration_s=10.01667"], 601, 1),
+        (["rate_hz=33.3333", "simulation_rate_hz=100", "duration_s=3"], 100, 3),
+        (["rate_hz=16.6667", "duration_s=30"], 500, 1),
+        (["rate_hz=100", "duration_s=0.01"], 1, 1),
+    ],
+)
+def test_durations_and_rates_may_be_rounded_decimals(sets: list[str], frames: int, steps: int):
+    given = load(None, sets)
+    assert (given.frames, given.steps_per_frame) == (frames, steps)
+
+
 BAD_SETS = [
     ("duratoin_s=5", "duratoin_s: unknown key"),
     ("duration_s=long", "duration_s"),
@@ -88,6 +103,9 @@ BAD_SETS = [
     ("duration_s=nan", "duration_s: input should be a finite number"),
     ("duration_s=inf", "duration_s: input should be a finite number"),
     ("duration_s=0.005", "whole number of frames"),
+    ("duration_s=1.001", "whole number of frames"),
+    ("duration_s=0.001", "whole number of frames"),
+    ("rate_hz=33.33", "whole number of frames"),
     ("simulation_rate_hz=250", "whole multiple"),
     ("seed=1.5", "seed"),
     ("aircraft=concorde", "unknown aircraft 'concorde', allowed: b707, b737, b747, f16"),

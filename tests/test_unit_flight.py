@@ -286,6 +286,20 @@ def test_paced_misses_are_held_and_told_apart(tmp_path: Path):
     assert scored.times["lateness"] and scored.times["replies"]
 
 
+OVERTAKEN = [["late-reply", 30, 31], ["late-request", 60, 60], ["lost-reply", 90, 91], ["late-reply", 198, 198]]
+
+
+def test_answers_that_later_ones_overtake_are_late_and_not_lost(tmp_path: Path):
+    """The last of them comes behind the answer to the last frame.  A loaded machine makes others late, too."""
+    flight = fly(tmp_path, udp(tmp_path, OVERTAKEN), "rate_hz=50", "duration_s=4", realtime_factor=1.0)
+    found, rows = flight.unit, flight.rows
+    assert found is not None and flight.frames == 200
+    assert (rows["unit"][[30, 31, 60, 90, 91, 198]] == UnitStatus.HELD).all()
+    assert (found["requests_lost"], found["replies_lost"], found["discarded"]) == (0, 2, 0)
+    assert found["late"] == found["missed"] - 2 >= 4
+    assert (rows["unit_age"][rows["unit"] == UnitStatus.ANSWERED] == 0).all(), "no late answer was flown"
+
+
 def test_an_answer_that_the_rig_itself_reads_too_late_is_not_flown(tmp_path: Path, monkeypatch):
     """It came after 10 ms of 16, but the machine gave the rig no time until the frame was over."""
     wait, due = SocketLink.receive, []

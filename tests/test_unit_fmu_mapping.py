@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from functools import cache
+from math import floor, log10
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +64,8 @@ def unit_of(folder: Path, path: Path, inputs: dict[str, str], outputs: dict[str,
     return read_unit(folder / "unit.toml")
 
 
-def fly(folder: Path, path: Path, version: str) -> rig.Flight:
-    return rig.fly(overrides=OVERRIDES, out=folder, unit=unit_of(folder, path, *tables(version)))
+def fly(folder: Path, path: Path, version: str, *overrides: str) -> rig.Flight:
+    return rig.fly(overrides=[*OVERRIDES, *overrides], out=folder, unit=unit_of(folder, path, *tables(version)))
 
 
 @needs_fmpy
@@ -324,6 +325,53 @@ def test_an_fmu_of_another_kind_is_refused_in_one_line(tmp_path: Path, case: str
 def test_an_fmu_that_makes_several_steps_a_frame_flies(tmp_path: Path):
     several = changed(made("3"), tmp_path, f'{STEP}="true"', f'{STEP}="true" fixedInternalStepSize="1e-3"')
     assert fly(tmp_path, several, "3").survived
+
+
+ROUNDED = {  # at so many frames a second: version of FMI, the only step or the one inside, whether it makes a frame
+    "as tools print it": (60, "2", "only", "0.0166667", True),
+    "to five digits": (60, "3", "inside", "1.6667e-2", True),
+    "half a frame": (60, "3", "inside", "0.008333", True),
+    "of a rounded rate": (66.6667, "2", "only", "0.015", True),
+    "another step": (60, "2", "only", "0.017", False),
+    "another step inside": (60, "3", "inside", "0.017", False),
+    "one digit off": (60, "3", "inside", "0.0166668", False),
+    "of digits that are zero": (60, "3", "inside", "0.016700", False),
+}
+
+
+@needs_fmpy
+@pytest.mark.parametrize("case", ROUNDED)
+def test_a_step_that_is_a_rounded_decimal_makes_a_frame_of_a_rate_that_has_none(tmp_path: Path, case: str):
+    rate_hz, version, place, step, flies = ROUNDED[case]
+    pattern, text = f'{STEP}="true"', f'{STEP}="true" fixedInternalStepSize="{step}"'
+    if place == "only":
+        pattern = f'{STEP}="true"(.*?)<LogCat'
+        text = rf'{STEP}="false"\1<DefaultExperiment stepSize="{step}"/><LogCat'
+    path = changed(made(version), tmp_path, pattern, text)
+    of_rate = f"rate_hz={rate_hz}", "duration_s=0.3"
+    if flies:
+        flight = fly(tmp_path, path, version, *of_rate)
+        assert (flight.rows["unit"] == UnitStatus.ANSWERED).all() and flight.frames == round(0.3 * rate_hz)
+        return
+    with pytest.raises(UnitRefused, match=f"steps of {float(step):g} s .*, a frame has 0.0166666667 s") as error:
+        fly(tmp_path, path, version, *of_rate)
+    assert "\n" not in str(error.value)
+
+
+@needs_fmpy
+@pytest.mark.parametrize("rate_hz", [30.0, 60.0, 70.0, 90.0, 120.0, 144.0])
+@pytest.mark.parametrize("steps", [1, 2, 5])
+def test_a_step_of_four_digits_or_more_makes_a_frame_and_one_a_unit_of_the_last_of_them_off_does_not(
+    rate_hz: float, steps: int
+):
+    from rig.unit.fmu_host import makes_a_frame
+
+    for digits in (4, 5, 6, 9):
+        step_s = f"{1.0 / rate_hz / steps:#.{digits}g}"
+        assert makes_a_frame(step_s, steps, rate_hz)
+        if digits < 6:  # within a millionth of a frame it is the same step
+            off = 1.5 * 10.0 ** (floor(log10(float(step_s))) + 1 - digits)
+            assert not makes_a_frame(f"{float(step_s) + off:#.{digits}g}", steps, rate_hz)
 
 
 def test_a_mapping_is_of_the_carrier_fmu_alone(tmp_path: Path):

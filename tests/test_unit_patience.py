@@ -32,6 +32,13 @@ def test_what_the_rig_starts_is_told_how_often_to_look(looks: int):
 
 
 @pytest.mark.parametrize(
+    ("start_s", "rate_hz", "frames"), [(0.0, 100.0, 0), (0.07, 100.0, 7), (0.0166667, 60.0, 1), (0.0168, 60.0, 2)]
+)
+def test_a_unit_may_be_starting_for_the_frames_of_start_s_and_none_more(start_s: float, rate_hz: float, frames: int):
+    assert new_port(Form.REDUNDANCY, 7, 0, np.zeros(4), rate_hz, start_s).back.start_frames == frames
+
+
+@pytest.mark.parametrize(
     ("until_ns", "status", "left"),
     [(compiled.FOREVER_NS, UnitStatus.ANSWERED, 0), (1, compiled.PENDING, OUTPUT.itemsize)],
 )

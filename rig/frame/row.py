@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from rig.frame.fields import BASES, DISCRETE, FIELD, FIELDS, PARTS, SIGNAL, Field, Part
 from rig.frame.signals import D, S
+from rig.util.decimals import slack_of_product
 
 Block = NDArray[Any]  # structured, dtype FLAT, shape (n,)
 Nested = NDArray[Any]  # the same bytes, dtype FRAME
@@ -135,5 +136,8 @@ def nested(block: Block) -> Nested:
 
 
 def to_frame(time_s: float, rate_hz: float) -> int:
-    """Return the first frame at or after ``time_s``; a time on a frame is that frame, rounding apart."""
-    return ceil(time_s * rate_hz - 1e-6)
+    """Return the first frame at or after ``time_s``; a time on a frame is that frame, rounding apart.
+
+    At 60 Hz 0.0166667 s is frame 1.
+    """
+    return ceil(time_s * rate_hz - max(1e-6, slack_of_product(time_s, rate_hz)))

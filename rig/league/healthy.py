@@ -18,7 +18,7 @@ from rig.log import read_log
 from rig.recordings.flown import recorded
 from rig.recordings.own_logs import of_log
 from rig.recordings.settings import VoteConfig
-from rig.thresholds.data import columns, recordings, without_faults
+from rig.thresholds.data import SAME_RATE, columns, recordings, without_faults
 from rig.units.angles import differences
 
 Floats = NDArray[np.float64]
@@ -50,7 +50,7 @@ def read(folder: Path, aircraft: str, signals: Sequence[OfSignal], option: str =
         flown = recorded(path)
         if flown.scenario.aircraft != aircraft:
             continue
-        if flown.scenario.rate_hz != rate_hz:
+        if abs(flown.scenario.rate_hz - rate_hz) > SAME_RATE * rate_hz:
             raise BadInput(
                 f"{option}: {path}: {flown.scenario.rate_hz:g} frames a second, the campaign has {rate_hz:g}"
             )

@@ -56,8 +56,9 @@ def widen(rows, start, peaks):
 class Verdict:
     """Digest, end, failed and suspect channels, peaks and events of the frames seen so far.
 
-    The digest is SHA-256 over every row as it stands in memory, those of servos and lanes too: the same flight, bit for
-    bit, has the same digest.  Wall-clock timing is no part of a row.
+    The digest is SHA-256 over every row as it stands in memory; of a flight with servos or several computers, SHA-256
+    over that of its rows and that of theirs.  The same flight, bit for bit, has the same digest, in blocks of whatever
+    length it comes.  Wall-clock timing is no part of a row.
     """
 
     frames: int = 0
@@ -66,7 +67,8 @@ class Verdict:
     _start: Block = field(default_factory=lambda: new_block(0))
     _last: Block = field(default_factory=lambda: new_block(1))
     _peaks: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf, -np.inf, np.inf, -np.inf, 0, 0, 0]))
-    _hash: hashlib._Hash = field(default_factory=hashlib.sha256)
+    _hash: hashlib._Hash = field(default_factory=hashlib.sha256)  # of the rows
+    _beside: hashlib._Hash | None = None  # of those of servos and lanes, once there are any
 
     def __post_init__(self) -> None:
         """Compile the kernel before the first frame."""
@@ -78,7 +80,8 @@ class Verdict:
             self._start = rows[:1].copy()
         self._hash.update(rows.view(np.uint8).data)
         if lanes is not None:
-            self._hash.update(lanes.view(np.uint8).data)
+            self._beside = self._beside or hashlib.sha256()
+            self._beside.update(lanes.view(np.uint8).data)
         self.frames += len(rows)
         self._last[:] = rows[-1:]
         widen(rows, self._start, self._peaks)
@@ -102,8 +105,10 @@ class Verdict:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all rows so far, in hexadecimal."""
-        return self._hash.hexdigest()
+        """SHA-256 of the flight so far, in hexadecimal."""
+        if self._beside is None:
+            return self._hash.hexdigest()
+        return hashlib.sha256(self._hash.digest() + self._beside.digest()).hexdigest()
 
     @property
     def survived(self) -> bool:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rig.errors import BadInput
 from rig.frame import CHANNELS, Ilm
 from rig.recordings.clock import TIME, Clock, Floats, Repair, clock, gaps
+from rig.recordings.rate import rows_a_second
 from rig.text import shorten
 
 Bytes = NDArray[np.uint8]
@@ -69,7 +70,7 @@ class Recording:
     @property
     def rate_hz(self) -> float:
         """Rows a second; 1 when there is but one row."""
-        return 1.0 / float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 1.0
+        return rows_a_second(self.time_s)
 
 
 def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats], repair: bool = False) -> Recording:

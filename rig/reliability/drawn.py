@@ -26,7 +26,7 @@ from rig.faults.effects import RANDOM, Act
 from rig.faults.record import Trigger
 from rig.faults.settings import in_thresholds
 from rig.faults.trigger import DutyCycle
-from rig.frame import CHANNELS
+from rig.frame import CHANNELS, to_frame
 from rig.reliability.one_signal import OneSignal, faults_of, one_signal, setting_key
 from rig.reliability.recorded import Recording
 from rig.reliability.tally import SECOND, TESTED
@@ -194,7 +194,7 @@ class _Patch(NamedTuple):
 
     def frames(self, seconds: Values) -> NDArray[np.int64]:
         """Whole frames, as ``to_frame``."""
-        return np.ceil(seconds * self.cell.scenario.rate_hz - 1e-6).astype(np.int64)
+        return np.vectorize(to_frame, otypes=[np.int64])(seconds, self.cell.scenario.rate_hz)
 
     def other(self, key: str) -> Values:
         """Another key of the fault: drawn as well, or as the scenario has it."""

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.durations import in_frames
 from rig.recordings.settings import RecordedSignal
 from rig.thresholds.distances import DUPLEX, exceeded_each, in_use, near_first, nearest
 from rig.thresholds.lasting import ALLOWANCES, OFF, Rule, alarms, bias_bound, residuals, stale_frames, unbiased
@@ -253,7 +254,7 @@ def with_sums(
 def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
     """Return ``singular_persistence``: as CONFIG says, else as the persistence."""
     if given.singular_persistence_s is not None:
-        return max(1, int(np.ceil(given.singular_persistence_s * rate_hz - 1e-9)))
+        return in_frames(1, given.singular_persistence_s, rate_hz)
     return given.singular_persistence if "singular_persistence" in given.model_fields_set else frames
 
 

@@ -137,20 +137,23 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
     }
 
 
-def _steps(description: ElementTree.Element, co_simulation: ElementTree.Element, named: str) -> dict[str, float]:
-    """Return the step that the FMU makes inside, and the only one that it can be asked for; 0 for any, s.  BadInput."""
+def _steps(description: ElementTree.Element, co_simulation: ElementTree.Element, named: str) -> dict[str, str]:
+    """Return the step that the FMU makes inside, and the only one that it can be asked for; 0 for any, s.  BadInput.
+
+    As they are written: their digits tell what was rounded.
+    """
     experiment = description.find("DefaultExperiment")
     usual = "0" if experiment is None else experiment.get("stepSize", "0")
     varies = co_simulation.get("canHandleVariableCommunicationStepSize") in ("true", "1")
     given = {"inner_step_s": co_simulation.get("fixedInternalStepSize", "0"), "only_step_s": "0" if varies else usual}
     try:
-        steps = {key: float(text) for key, text in given.items()}
+        steps = [float(text) for text in given.values()]
     except ValueError as error:
         raise BadInput(f"{named}: its step size is not a number: {error}") from None
-    for step_s in steps.values():
+    for step_s in steps:
         if not (step_s == 0.0 or _LEAST_STEP_S <= step_s < inf):
             raise BadInput(f"{named}: its step size is {step_s:g} s, must be {_LEAST_STEP_S:g} or more")
-    return steps
+    return given
 
 
 def _runs(version: Version, known: dict[str, Described], records: int, named: str) -> list[dict[str, Any]]:

@@ -24,10 +24,11 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, fmi2Terminated
 from fmpy.fmi3 import FMU3Slave
 
-if __name__ == "__main__":
-    sys.path.append(str(Path(__file__).parents[2]))  # python -I looks for the rig only where it is installed
+if __name__ == "__main__" and (_root := str(Path(__file__).parents[2])) not in sys.path:
+    sys.path.insert(0, _root)  # python -I looks for the rig only where it is installed, and that may be another
 from rig.unit.fmu_moves import TYPES, Call, Views, moving, views_of
 from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, serve
+from rig.util.decimals import slack
 
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
@@ -47,7 +48,7 @@ _TYPES_3: Final = {
     **{f"{sign}Int{n}": f"c_{sign.lower()}int{n}" for sign in ("", "U") for n in (8, 16, 32, 64)},
     **{"Float64": "c_double", "Float32": "c_float", "Boolean": "c_bool"},
 }  # by name in FMI the type in ctypes; Enumeration: Int64
-_SAME_STEP: Final = 1e-6  # of a step
+_SAME_STEP: Final = 1e-6  # of a frame
 
 
 class Fmu(ABC):
@@ -104,8 +105,9 @@ class Fmu(ABC):
         self.close()
         if self._fatal:
             raise Refused("the FMU has had a fatal error")
-        self._step_s = 1.0 / ctypes.c_double.from_address(config + self._plan["rate_hz"]).value
-        self._require_step()
+        rate_hz = ctypes.c_double.from_address(config + self._plan["rate_hz"]).value
+        self._step_s = 1.0 / rate_hz
+        self._require_step(rate_hz)
         try:
             self.fmu.instantiate(loggingOn=True)
         except Exception as error:  # noqa: BLE001 # FMPy's own
@@ -117,15 +119,14 @@ class Fmu(ABC):
         self._puts, self._gets = self._calls(INPUT, self._input, "Set"), self._calls(OUTPUT, self._output, "Get")
         self._runs = True
 
-    def _require_step(self) -> None:
+    def _require_step(self, rate_hz: float) -> None:
         """Refused: its steps do not make a frame."""
-        inner, only, frame = self._plan["inner_step_s"], self._plan["only_step_s"], f"a frame has {self._step_s:g} s"
-        if only > 0.0 and abs(only - self._step_s) > _SAME_STEP * only:
+        inner, only, frame = self._plan["inner_step_s"], self._plan["only_step_s"], f"a frame has {self._step_s:.9g} s"
+        if float(only) > 0.0 and not makes_a_frame(only, 1, rate_hz):
             why = "canHandleVariableCommunicationStepSize is false"
-            raise Refused(f"the FMU can only be asked for steps of {only:g} s ({why}), {frame}")
-        steps = round(self._step_s / inner) if inner > 0.0 else 1
-        if inner > 0.0 and abs(steps * inner - self._step_s) > _SAME_STEP * inner:
-            raise Refused(f"the FMU makes steps of {inner:g} s (fixedInternalStepSize), {frame}, no multiple of it")
+            raise Refused(f"the FMU can only be asked for steps of {float(only):.9g} s ({why}), {frame}")
+        if (inner_s := float(inner)) > 0.0 and not makes_a_frame(inner, max(1, round(self._step_s / inner_s)), rate_hz):
+            raise Refused(f"the FMU makes steps of {inner_s:.9g} s (fixedInternalStepSize), {frame}, no multiple of it")
 
     def _initialize(self, config: int) -> None:
         """Set the parameters of a new instance by CONFIG at ``config``, and bring it to its first step."""
@@ -290,6 +291,13 @@ class Fmi3(Fmu):
         self.fmu.fmi3DoStep(self.fmu.component, time_s, self._step_s, True, *map(ctypes.byref, where))
         if end.value:
             raise Refused("fmi3DoStep: the FMU asks for the end of the simulation")
+
+
+def makes_a_frame(step_s: str, count: int, rate_hz: float) -> bool:
+    """Return True if ``count`` steps are a frame, as far as the digits of step and rate tell: 0.0166667 is 1/60."""
+    steps = 1.0 / (rate_hz * float(step_s))
+    rounded = slack(step_s, steps / float(step_s)) + slack(rate_hz, steps / rate_hz)
+    return abs(count - steps) <= max(_SAME_STEP * steps, rounded)
 
 
 class FmuHost(Host):

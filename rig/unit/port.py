@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from enum import IntEnum
-from math import ceil
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from rig.computer.analytic.references import remember
 from rig.computer.redundancy.assumed import level_of, state_of
 from rig.computer.redundancy.discrete import vote_discretes
-from rig.frame import CHANNELS, FLAT, SURFACES, Law, S, State, UnitStatus
+from rig.frame import CHANNELS, FLAT, SURFACES, Law, S, State, UnitStatus, to_frame
 from rig.frame.fields import FIELD, FIELDS
 from rig.kernels import kernel
 from rig.unit.layout import (
@@ -110,7 +109,7 @@ def new_port(
     counts, changes, start_frames = (
         np.zeros(4, np.int64),
         np.zeros((MOST_CHANGES, 4), np.int64),
-        ceil(start_s * rate_hz),
+        to_frame(start_s, rate_hz),
     )
     whole = records.view(np.uint8).reshape(len(records), -1)
     return Port(

@@ -123,6 +123,14 @@ class Counts:
 
 
 @dataclass(slots=True)
+class _Lost:
+    """Counts of what seems lost of the missed frames between two answers."""
+
+    requests: int
+    replies: int
+
+
+@dataclass(slots=True)
 class ReplyCheck:
     """Tells the answers of one session from other messages, and counts both."""
 
@@ -135,7 +143,8 @@ class ReplyCheck:
     _tail: bytes = b""  # and ends
     _stepped: int = 0  # by the unit, as its last answer said
     restarted: bool = False  # it has said since its last answer that it is there, in no session
-    _open: set[int] = field(default_factory=set)  # missed frames whose answer may still come
+    _open: set[int] = field(default_factory=set)  # missed frames since the last answer
+    _overtaken: dict[int, _Lost] = field(default_factory=dict)  # missed ones before it, whose answers may still come
 
     def __post_init__(self) -> None:
         """Work out how an answer of this session begins."""
@@ -158,9 +167,8 @@ class ReplyCheck:
                 if of_frame == frame:
                     self._note_answer(message, frame)
                     return True
-                if of_frame in self._open:
-                    self._open.discard(of_frame)
-                    self.counts.late += 1
+                if of_frame in self._open or of_frame in self._overtaken:
+                    self._note_late(message, of_frame)
                     return False
             if (magic, version, layout, kind) == (FROM_UNIT, *self.seam[:2], Kind.READY):
                 self.restarted |= session == 0  # or it answers a HELLO once more: then it goes on to answer frames
@@ -174,13 +182,36 @@ class ReplyCheck:
     def _note_answer(self, message: memoryview, frame: int) -> None:
         """Count lost requests and replies before this answer, by the steps that the unit has counted, if it does."""
         stepped = _STEPPED.unpack_from(message, _STEPPED_AT)[0]
-        if self._open and stepped:
-            unanswered, requested = len(self._open), frame - self.last_frame
-            lost = min(unanswered, max(0, requested - (stepped - self._stepped)))
-            self.counts.requests_lost += lost
-            self.counts.replies_lost += unanswered - lost
+        if self._open:
+            unanswered, requested, lost = len(self._open), frame - self.last_frame, _Lost(0, 0)
+            if stepped:
+                lost.requests = min(unanswered, max(0, requested - (stepped - self._stepped)))
+                lost.replies = unanswered - lost.requests
+            self.counts.requests_lost += lost.requests
+            self.counts.replies_lost += lost.replies
+            self._overtaken |= dict.fromkeys(self._open, lost)
         self._open.clear()
         self._stepped, self.last_frame, self.restarted = stepped, frame, False
+
+    def _note_late(self, message: memoryview, frame: int) -> None:
+        """Count the answer to a missed frame; one that later answers have overtaken was not lost after all."""
+        self.counts.late += 1
+        self._open.discard(frame)
+        lost = self._overtaken.pop(frame, None)
+        if lost is None:
+            return
+        if lost.replies:
+            lost.replies -= 1
+            self.counts.replies_lost -= 1
+        elif lost.requests:  # it was the request that others had overtaken
+            lost.requests -= 1
+            self.counts.requests_lost -= 1
+        self._stepped = max(self._stepped, _STEPPED.unpack_from(message, _STEPPED_AT)[0])
+
+    @property
+    def awaits_late(self) -> bool:
+        """Return whether answers to missed frames may still come."""
+        return bool(self._open or self._overtaken)
 
     def catch_up(self, frame: int, stepped: int) -> None:
         """Note that compiled code had answers to all frames up to ``frame``."""
@@ -205,6 +236,7 @@ class ReplyCheck:
         """Begin with a unit that has been started again."""
         self.run, self.last_frame, self._stepped, self.restarted = 0, -1, 0, False
         self._open.clear()
+        self._overtaken.clear()
 
 
 def _whole(message: memoryview, seam: Seam) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import secrets
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, overload
@@ -39,6 +39,7 @@ from rig.unit.startup import open_session
 from rig.util.interrupt import Stop
 
 _MOST_RESTARTS: Final = 10
+_MOST_LATE: Final = 1000  # messages that are read after the last frame
 _ANSWERED, _HELD, _DEAD = UnitStatus.ANSWERED.value, UnitStatus.HELD.value, UnitStatus.DEAD.value  # used in every frame
 _FORMS: Final = {"redundancy": Form.REDUNDANCY, "flight-computer": Form.FLIGHT_COMPUTER}
 _AFTER_RESTART_S: Final = 0.2  # in which an answer still shows that it has not restarted: its READY was old
@@ -119,11 +120,20 @@ class UnitUnderTest:
     def end(self) -> None:
         """End the session.  RigError: a library in this process has changed how it calculates."""
         if not isinstance(self._link, LibraryLink):
+            self._count_late(self._link)
             end_session(self._link, self._session)
             return
         self._link.close()
         if self._link.environment.restored():
             raise RigError(f"{self.unit.source} changed the rounding of this process: its flight does not count")
+
+    def _count_late(self, link: SocketLink) -> None:
+        """Count the answers that have come after the last frame: late, not lost."""
+        with suppress(Disconnected):
+            for _ in range(_MOST_LATE if self.replies.awaits_late and not self.dead else 0):
+                if not (count := link.receive(self._into, clock())):
+                    return
+                self.replies.is_answer(self._into[:count], _NO_FRAME)
 
     def close(self) -> None:
         """End the unit; no process of it is left behind.  What went wrong in its end goes with what it printed."""

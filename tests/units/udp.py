@@ -1,7 +1,8 @@
 """A library behind a UDP socket that goes wrong by a plan: python udp.py LIBRARY RIG PLAN.
 
-PLAN is a list in JSON: [kind, first frame, last frame, ...].  Kinds: lost-request, lost-reply, delay (seconds last),
-double, stale, short, long, foreign, layout, magic, crc, die (once: last a file that is made then).
+PLAN is a list in JSON: [kind, first frame, last frame, ...].  Kinds: lost-request, lost-reply, late-request, late-reply
+(after those of the next frame that is not), delay (seconds last), double, stale, short, long, foreign, layout, magic,
+crc, die (once: last a file that is made then).
 """
 
 import ctypes
@@ -93,7 +94,7 @@ def main() -> None:
     talk = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     host, port = sys.argv[2].split(":")
     talk.connect((host, int(port)))
-    unit = Unit()
+    unit, asked, said = Unit(), list[bytes](), list[bytes]()  # the latter: requests and replies that are overtaken
     layout = SIZES["layout"]
     talk.send(unit.ready(HEAD.pack(0, SIZES["version"], 0, layout, 0, 0, 0.0), 5))
     while True:
@@ -110,12 +111,16 @@ def main() -> None:
         elif kind == 3:
             frame = HEAD.unpack_from(message)[5]
             what, more = planned(frame)
-            if what == "lost-request":
+            if what in ("lost-request", "late-request"):
+                asked += [message] if what == "late-request" else []
                 continue
             reply = unit.step(message)
-            for one in answers(what, more, reply, unit.last):
+            if what == "late-reply":
+                said.append(reply)
+                continue
+            for one in [*answers(what, more, reply, unit.last), *reversed(said), *map(unit.step, asked)]:
                 talk.send(one)
-            unit.last = reply
+            unit.last, asked, said = reply, [], []
 
 
 main()

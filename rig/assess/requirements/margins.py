@@ -27,10 +27,10 @@ from rig.assess.requirements.margin_kernels import (
 )
 from rig.errors import BadInput
 from rig.faults.grammar import Op
+from rig.frame import to_frame
 
 Floats = NDArray[np.float64]
 _REMEMBERED: Final = 8192  # frames of a condition, so that memory stays bounded
-_SLACK: Final = 1e-6  # of a frame: a time on a frame is that frame
 
 
 class Held(NamedTuple):
@@ -87,8 +87,8 @@ def _row(rows: slice | list[int], channel: int) -> slice:
 
 def frames_of(node: Node, rate_hz: float) -> tuple[int, int]:
     """Return the first and last frame of a window, counted from its instant; both ends are included."""
-    first = int(np.ceil(node.window[0] * rate_hz - _SLACK))
-    return first, int(np.floor(node.window[1] * rate_hz + _SLACK))
+    begin_s, end_s = node.window
+    return to_frame(begin_s, rate_hz), -to_frame(-end_s, rate_hz)
 
 
 def refuse_empty_windows(root: Node, rate_hz: float) -> None:

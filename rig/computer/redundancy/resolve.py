@@ -140,7 +140,7 @@ def hold(n, p, st):
     ranked = 0
     for i in range(n):
         ranked |= 1 << order[i]
-    if st["unresolved_frames"] == 0 or st["pattern_frames"] == 1 or st["hold_of"] != ranked:
+    if not st["unanswered"] or st["pattern_frames"] == 1 or st["hold_of"] != ranked:
         st["hold_of"] = ranked
         share_out(st["vote"], n, st)
     return vote.between(x[st["hold_low"]], x[st["hold_high"]], st["hold_share"])

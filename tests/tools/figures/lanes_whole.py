@@ -46,18 +46,21 @@ ROOT: Final = Path(__file__).parents[3]
 
 DIGESTS: Final = """
 import sys
+from hashlib import sha256
 from rig import scenario
 from rig.loop import Rig, fly
-from rig.record.flight_summary import Verdict
-class Digest(Verdict):
+class Digest:
+    def __init__(self):
+        self.hashes = sha256(), sha256()
     def record(self, rows, timing, *lanes):
-        self.add(rows, [], *lanes)
+        for block, seen in zip((rows, *lanes), self.hashes):
+            seen.update(block.view("u1").data)
 for name in scenario.names():
     given, digest = scenario.load(name, sys.argv[1:]), Digest()
     fly(Rig(given), [digest])
     count = given.computers.count if hasattr(given, "computers") else 1
-    print(name, count, given.actuators.model, digest.digest, flush=True)
-"""  # of the bundled scenarios of any commit
+    print(name, count, given.actuators.model, "".join(seen.hexdigest() for seen in digest.hashes), flush=True)
+"""  # of the bundled scenarios of any commit, whose own digests have been made in several ways
 
 
 # Computers came before two settings that are on by default now.

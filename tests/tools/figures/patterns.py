@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 
 FOLDER: Final = Path(__file__).parents[3] / "docs/patterns"
 STATES: Final = {State.OK: QUIET, State.SUSPECT: YELLOW, State.FAILED: RED}
-BOX: Final = {"pitch_rate": 0.2, "roll_rate": 0.2, "yaw_rate": 0.2, "normal_load_factor": 1.0, "heading": 0.0}
+BOX: Final = {  # five of the nine signals of the inertial box, and the healthy heading
+    **{"pitch_rate": 0.2, "roll_rate": 0.2, "yaw_rate": 0.2},
+    **{"normal_load_factor": 1.0, "lateral_load_factor": 1.0, "heading": 0.0},
+}
 SMALL: Final[Any] = {"svg.fonttype": "none", "svg.hashsalt": "rig", "font.size": 8.0, "font.family": "sans-serif"}
 
 
