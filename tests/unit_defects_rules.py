@@ -84,10 +84,10 @@ SPLITS = [
     ),
     Defect(
         "the shares found in every frame",
-        "(split->unresolved == 0) || (s->pattern",
-        "(split->unresolved >= 0) || (s->pattern",
+        "if (!split->held || (s->pattern",
+        "if (!split->held || split->held || (s->pattern",
     ),
-    Defect("the shares of a split before", "if ((split->unresolved == 0) || (s->pattern", "if ((s->pattern"),
+    Defect("the shares of a split before", "if (!split->held || (s->pattern", "if ((s->pattern"),
     Defect("the shares of another pattern", "|| (s->pattern_frames == 1) || (split", "|| (split"),
     Defect("the shares of other channels", " || (split->held_of != f->ranked)", ""),
     Defect(

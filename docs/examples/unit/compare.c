@@ -218,8 +218,8 @@ static bool come_together(const struct frame *f, params *p)
 {
     const double low = f->x[f->by[(f->n - 1) / 2]];
     if (f->n == 3) {
-        const double below = fabs(f->x[f->by[0]] - low);
-        const double above = fabs(f->x[f->by[2]] - low);
+        const double below = fabs(difference(f->x[f->by[0]], low, p));
+        const double above = fabs(difference(f->x[f->by[2]], low, p));
         return (below <= f->threshold) || (above <= f->threshold);
     }
     return fabs(difference(f->x[f->by[f->n / 2]], low, p)) <= f->threshold;

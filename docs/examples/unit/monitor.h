@@ -67,6 +67,7 @@ struct split {
     unsigned blames; /* the channels that it would fail, bits, */
     int64_t stood;   /* and for how many frames in a row */
     int64_t unresolved; /* frames in a row that no rule has answered */
+    bool held;          /* nobody answered the last frame */
     unsigned held_of;   /* channels compared when the shares below were found, bits */
     int held_low, held_high;
     double held_share;  /* of the second in the vote */

@@ -250,7 +250,7 @@ static double hold(const struct frame *f, struct signal *s)
     if (!s->started) {
         return mean(f->low, f->high, 0.5);
     }
-    if ((split->unresolved == 0) || (s->pattern_frames == 1) || (split->held_of != f->ranked)) {
+    if (!split->held || (s->pattern_frames == 1) || (split->held_of != f->ranked)) {
         split->held_of = f->ranked;
         share_out(f, s);
     }
