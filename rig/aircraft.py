@@ -71,6 +71,11 @@ def default_stale_frames() -> dict[str, int]:
     return {name: int(keys.get("stale_frames", 0)) for name, keys in signals.items()}
 
 
+def default_boxes() -> dict[str, list[str]]:
+    """Return the sets of signals that one unit of each channel measures, as all aircraft share them."""
+    return read_toml(bundled("aircraft") / "defaults.toml")["redundancy"]["boxes"]
+
+
 def own_tables(name: str) -> dict[str, Any]:
     """Return an aircraft's tables before anything is designed: the defaults and its own."""
     path = folder(name) / "aircraft.toml"

@@ -29,7 +29,7 @@ class References:
         if view.reference is None or len(view.use) < 2 or ":" in view.pattern:
             return
         if self.suspected:
-            self.rules.add("reference not judged by a suspected pair")
+            self.rules.add("reference not monitored by a suspected pair")
             return
         agrees = self.off_ranks(view, view.reference) <= self.s.reference_threshold
         self.against = self.against + 1 if agrees != self.trusted else 0

@@ -596,7 +596,7 @@ def test_a_last_channel_feeds_what_is_remembered_unless_it_is_disputed(level, pa
 
 
 def test_two_healthy_last_channels_that_are_references_of_each_other_stay_in_use():
-    """At 2 s each signal is left with channel 2 alone: the last yaw rate is disputed in the frame of the step.
+    """At 2 s each signal is left with channel 2 alone, and the reference of the last yaw rate is off for some frames.
 
     Were the reference's yaw rate read, sideslip and lateral load factor would be off, and each voted by the other's.
     """
@@ -605,6 +605,7 @@ def test_two_healthy_last_channels_that_are_references_of_each_other_stay_in_use
     faults = ", ".join(
         f"{{kind='dropout', signal='{name}', channels={which}, start_s={at}}}" for name in read for which, at in out
     )
+    faults += ", {kind='offset', signal='reference.yaw_rate', start_s=2.02, duration_s=0.05, offset=0.3}"
     given = scenario.load(None, ["duration_s=2.3", "turbulence='light'", f"faults=[{faults}]"])
     rows = np.concatenate([block.copy() for block, _ in frames(Rig(given), given)])
     assert Resolver.REFERENCE in rows["resolver"][200:, INDEX["yaw_rate"]]  # else nothing was tried

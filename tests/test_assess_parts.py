@@ -204,6 +204,7 @@ def test_a_resolver_that_spoke_but_did_not_stand_is_asked_and_has_not_answered()
     counts = {name: (r.asked, r.answered, r.right, r.wrong, r.open) for name, r in found.resolvers.items()}
     assert counts == {
         "ilm": (3, 0, 0, 0, 0),
+        "lane": (0, 0, 0, 0, 0),
         "trend": (2, 1, 0, 0, 1),
         "reference": (2, 0, 0, 0, 0),
         "extremes": (1, 1, 0, 1, 0),

@@ -29,7 +29,7 @@ THREE = ",".join(
     for channel, start_s in ((3, 0.5), (1, 1.2), (4, 2.0))
 )
 FLIGHTS: dict[str, list[str]] = {
-    "a box": [_faults("hardover", RATES, [3], 1.0, HIGH)],
+    "a box": [_faults("hardover", [*RATES, "lateral_load_factor"], [3], 1.0, HIGH)],
     "two boxes at zero": [_faults("scale", RATES, [2, 4], 1.0, ",factor=0.0")],
     "common hardovers": [_faults("hardover", RATES[:3], [1, 2, 3, 4], 1.0, HIGH), 'redundancy.common_mode="fail"'],
     "three faults": [f"faults=[{THREE}]"],

@@ -275,7 +275,7 @@ def test_names_of_patterns_and_resolvers_are_those_of_the_table():
     from rig.bench.write_votes import PATTERNS, RESOLVERS, STATES
 
     assert PATTERNS == ("normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost")
-    ours = ("box", "common", "slow")
+    ours = ("box", "common", "slow", "lane", "given_up")
     assert ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", *ours) == RESOLVERS
     assert [State[name.upper()] for name in STATES] == [0, 1, 2]
     assert len(PATTERNS) == len(Pattern) and len(RESOLVERS) == len(Resolver)

@@ -201,7 +201,7 @@ def test_a_row_number_a_time_and_a_reason_are_on_the_terminal(rig: Any):
     as_frame(recording()).write_csv("in.csv")
     code, said, _ = rig("in.csv", "--config", "c.toml", "--out", "o.csv")
     (line,) = [line for line in said.splitlines() if line.strip().startswith("x.2")]
-    assert code == 0 and line.split() == ["x.2", "failed", "13", "0.24", "s", "invalid", "35"]
+    assert code == 0 and line.split() == ["x.2", "failed", "7", "(17.5", "%)", "13", "0.24", "s", "invalid", "35"]
     assert "not voted, as CONFIG does not name them: gyro.left" in said
 
 

@@ -22,7 +22,7 @@ from rig.computer.redundancy.config import (
     parameters,
     refuse_short_wait,
 )
-from rig.computer.redundancy.manager import STATE
+from rig.computer.redundancy.state import STATE
 from rig.frame import SIGNALS, Ilm, Resolver, State, new_block
 
 LOW, HIGH, NONE = opinions.LOW_SIDE, opinions.HIGH_SIDE, opinions.NO_ANSWER

@@ -152,7 +152,7 @@ RULES = (
 )
 OF_LASTING = ("slow", "bias learned", "ranked by the bias", "stale", "stale in a split")
 OF_PAIRS = (
-    *("the pair of extremes cut", "reference not judged by a suspected pair", "both of a pair wrong by trend"),
+    *("the pair of extremes cut", "reference not monitored by a suspected pair", "both of a pair wrong by trend"),
     "common mode: lost",
 )
 OF_FILTERS = ("split closed behind the filter", "counted down: the rest of a burst")

@@ -177,7 +177,7 @@ def test_a_pair_left_by_two_failures_is_not_under_suspicion():
 
 
 def test_the_suspicion_ends_when_a_channel_comes_back():
-    """The fourth is readmitted in row 41: the reference is judged from that row on, and set aside in the 48th."""
+    """The fourth is readmitted in row 41: the reference is monitored from that row on, and set aside in the 48th."""
     samples = constant(*LEFT, frames=60)
     samples[12:, 3] = 0.75
     references = np.full(60, NAN)

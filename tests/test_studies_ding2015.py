@@ -99,6 +99,74 @@ def test_the_honest_experiment_is_the_aircraft_the_sensor_and_the_observer():
     assert run.pitch[-1] == pytest.approx(second[3], abs=1e-4)
 
 
+def of_the_page() -> str:
+    return " ".join((Path(__file__).parent.parent / "docs" / "ding2015.md").read_text().split())
+
+
+def moved(gains: tuple[np.ndarray, np.ndarray], known: float, end_s: float) -> np.ndarray:
+    """Return the elevator beyond its equilibrium, (n,) from the switch to ``end_s``, written out and integrated.
+
+    gains : (2, 8) before and after the switch; known : 1 for a law that is given the true observation error, else 0
+    """
+    x_r, u_r = ding2015.reference()
+
+    def beyond(z: np.ndarray, gain: np.ndarray) -> np.ndarray:
+        return -gain @ np.concatenate([z[4:] - x_r, known * (z[:4] - z[4:])])
+
+    def rates(gain: np.ndarray, f: float):
+        def of(t: float, z: np.ndarray) -> np.ndarray:
+            u = u_r + beyond(z, gain)
+            return np.concatenate([A @ z[:4] + B @ u, A @ z[4:] + B @ u + (H * (f * C @ z[:4] - C @ z[4:])).ravel()])
+
+        return of
+
+    kept = {"method": "Radau", "rtol": 1e-8, "atol": 1e-9}
+    start = solve_ivp(rates(gains[0], 1.0), (0.0, 5.0), np.zeros(8), **kept).y[:, -1]
+    after = solve_ivp(rates(gains[1], 0.5), (5.0, end_s), start, t_eval=np.arange(5.0, end_s, 0.01), **kept)
+    return np.array([beyond(z, gains[1])[1] for z in after.y.T])
+
+
+def test_the_only_equilibrium_at_a_pitch_angle_is_the_one_of_the_page():
+    """By the null space of [A, B]: it has two dimensions, of which one is the speed alone."""
+    scale = np.diag([1, 1, 1, 1, 1e-6, 1])  # of the throttle, whose column is not divided by mass or inertia
+    values, basis = np.linalg.svd(np.hstack([A, B]) @ scale)[1:]
+    rank = int((values > 1e-9).sum())
+    null = scale @ basis[rank:].T  # (6, n) of (v, alpha, q, theta, throttle, elevator)
+    assert null.shape == (6, 2)
+    speed_alone = null @ np.array([-null[3, 1], null[3, 0]])  # theta = 0
+    assert np.abs(speed_alone[1:]).max() < 1e-9 * abs(speed_alone[0])
+    at_one = null @ np.linalg.pinv(null[3:4])[:, 0]
+    assert at_one[[2, 3]] == pytest.approx([0.0, 1.0], abs=1e-9)
+    assert [f"{value:+.3f}" for value in at_one[[1, 5]]] == ["-0.533", "+13.003"]
+    assert "has alpha = -0.533 and elevator +13.0:" in of_the_page()
+    x_r, u_r = ding2015.reference()
+    assert (x_r[1], *u_r) == pytest.approx((at_one[1], *at_one[4:]), rel=1e-6)
+
+
+def test_the_elevator_that_the_step_takes_is_that_of_the_page():
+    k1 = np.hstack([ding2015.K1[:, :4], np.zeros((2, 4))])
+    by_estimate = np.abs(moved((k1, ding2015.K2), 0.0, 15.0)).max()
+    by_truth = np.abs(moved((k1, ding2015.K2), 1.0, 20.0)).max()
+    text = of_the_page()
+    assert f"up to {by_estimate:.2f} times the step after the switch (the printed law by {by_truth:.1f}," in text
+    assert f"asks for up to {by_estimate + ding2015.reference()[1][1]:.1f} deg" in text
+    of_error = ding2015.error_system(DESIGN)
+    late = of_error.time_s >= ding2015.FAULT_S
+    assert f"the error system by {np.abs(of_error.elevator[late]).max():.2f})" in text
+
+
+def test_the_printed_right_half_of_k1_does_not_matter_while_there_is_no_observation_error():
+    """The error system by an integrator, with K1 as printed and with zeros there."""
+    ends = []
+    for right in (ding2015.K1[:, 4:], np.zeros((2, 4))):
+        closed = ding2015.stacked(1.0) - BBAR @ np.hstack([ding2015.K1[:, :4], right])
+        start = np.array([0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0])
+        steps = solve_ivp(lambda t, z, closed=closed: closed @ z, (0.0, 5.0), start, method="Radau", rtol=1e-8)
+        assert np.abs(steps.y[4:]).max() < 1e-9
+        ends.append(steps.y[:, -1])
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9) and "the same to 1e-9" in of_the_page()
+
+
 def test_the_command_writes_page_and_picture_and_one_object(tmp_path: Path):
     result = CliRunner().invoke(app, ["study", "ding2015", "--out", str(tmp_path / "new"), "--json"])
     found = json.loads(result.stdout)

@@ -22,7 +22,7 @@ from rig.frame import SIGNALS, UnitStatus
 from rig.kernels import cache_root
 from rig.unit import header
 from rig.unit.fmu_mapping import OF_ITS_SIGNAL
-from rig.unit.layout import SIGNAL_CONFIG
+from rig.unit.layout import LASTING_CONFIG, RULES_CONFIG, SIGNAL_CONFIG
 from rig.unit.settings import read_unit
 
 TOOLS = {"2": "pythonfmu", "3": "pythonfmu3"}
@@ -114,17 +114,21 @@ def test_config_and_constants_reach_an_fmu_of_fmi_2(tmp_path: Path):
 def test_config_and_constants_reach_an_array_of_fmi_3(tmp_path: Path):
     inputs, outputs = tables("3")
     parameters = {"signal.pitch_rate.threshold": "bias[1]", "trim_surface.elevator_rad": "bias[3]"}
+    parameters |= {"lasting.pitch_rate.stale_frames": "bias[5]", "rules.heading.unresolved_frames": "bias[6]"}
     given = {"parameters": parameters, "constants": {"bias[14]": 0.02}}
     flight = rig.fly(overrides=SHORT, out=tmp_path, unit=unit_of(tmp_path, made("3"), inputs, outputs, **given))
     added = flight.rows["voted"][0] - np.median(flight.rows["channels"][0], axis=1)
     assert added[0] == pytest.approx(of_config(flight, "pitch_rate", "threshold"))
     assert added[13] == pytest.approx(0.02) and 0.0 < abs(added[2]) < 0.5
-    assert np.flatnonzero(added).tolist() == [0, 2, 13]
+    assert added[4] == pytest.approx(of_config(flight, "pitch_rate", "stale_frames"))
+    assert added[5] == pytest.approx(100.0), "frames: 1 s of redundancy.unresolved_s"
+    assert np.flatnonzero(added).tolist() == [0, 2, 4, 5, 13]
 
 
 def test_units_of_config_are_those_of_the_page():
     page = {name for name, text in header._MEANINGS.items() if text.startswith("unit of the signal")}
-    assert page & set(SIGNAL_CONFIG.names or ()) == set(OF_ITS_SIGNAL)
+    of_signals = (SIGNAL_CONFIG, LASTING_CONFIG, RULES_CONFIG)
+    assert page & {name for dtype in of_signals for name in dtype.names or ()} == set(OF_ITS_SIGNAL)
 
 
 BAD_PARAMETERS = {

@@ -13,7 +13,7 @@ from rig import scenario
 from rig.frame import INDEX, Block, Ilm, Law, Pattern, Resolver, State
 from rig.loop import fly_rows, redundancy
 from rig.unit.layout import Form, Said, members
-from rig.unit.session import settings_of
+from rig.unit.session import box_rule, settings_of
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
 
@@ -52,8 +52,8 @@ def random_flight(seed: Sequence[int], hostile: bool = False) -> tuple[np.ndarra
     if hostile:
         params["low"][::5], params["high"][::5] = -HUGE, HUGE
     rows = random_rows(draw, params, FLIGHT_FRAMES, hostile)
-    box = int(draw.integers(0, 13)), int(draw.integers(1, 5))
-    manager = vote(rows, params, discretes, *box)
+    signals = draw.choice([None, None, 0, *range(1, 13)])
+    manager = vote(rows, params, discretes, signals, int(draw.integers(1, 5)))
     return config(params, discretes, manager.boxes), rows
 
 
@@ -82,21 +82,31 @@ def test_the_random_rows_reach_every_pattern_resolver_state_and_readmission():
         for name, found in (("level", "readmitted"), ("discrete_level", "discrete readmitted")):
             seen[found] += int((np.diff(rows[name].astype(int), axis=0) > 0).sum())
     expected = [("pattern", one) for one in Pattern] + [("resolver", one) for one in members(Resolver)]
+    expected.remove(("resolver", Resolver.LANE))  # a unit has no lanes to ask
     expected += [(name, one) for name in ("state", "discrete_state") for one in State]
     counts = {one: seen[one] for one in (*expected, "common mode", "readmitted", "discrete readmitted")}
     assert min(counts.values()) >= 10, counts
 
 
-@pytest.mark.parametrize("name", ["bias_bound", "slow_limit", "stale_frames"])
-def test_each_part_of_what_lasts_decides_in_the_random_rows(name: str):
+# Each switch that versions 2 and 3 of the records brought, and what it is when it is off.
+SWITCHES = {
+    **dict.fromkeys(("bias_bound", "slow_limit", "stale_frames", "count_down", "unresolved_frames"), 0),
+    **dict.fromkeys(("trend_tumbles", "trend_beside_reference", "referred", "sources", "box", "weighted"), 0),
+    "trend_small": -1.0,
+}
+
+
+@pytest.mark.parametrize("name", SWITCHES)
+def test_each_switch_decides_in_the_random_rows(name: str):
     differ = 0
     for flight in range(RANDOM_FLIGHTS):
         record, rows = random_flight((0, flight))
         params, discretes = settings_of(record)
-        params[name], again = 0, rows.copy()
-        vote(again, params, discretes, int(record["box_signals"][0]), int(record["box_persistence"][0]))
-        differ += int((rows["state"] != again["state"]).any(axis=(0, 2)).sum())
-    assert differ > 20  # of sixteen signals a flight
+        params[name], again = SWITCHES[name], rows.copy()
+        vote(again, params, discretes, **box_rule(record))
+        other = (rows["state"] != again["state"]).any(axis=2) | (rows["voted"] != again["voted"])
+        differ += int(other.any(axis=0).sum())
+    assert differ > 5  # of sixteen signals a flight
 
 
 def quiet(frames: int) -> tuple[np.ndarray, Block]:

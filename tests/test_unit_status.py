@@ -1,36 +1,25 @@
-"""What a unit says of itself, and units of version 1 of the records, which say nothing."""
+"""What a unit says of itself: status, fault word, outputs, and its power-up."""
 
 from __future__ import annotations
 
 import os
-import re
-import shutil
 import signal
-import socket
-import subprocess
-import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from test_unit_fmu import FOLDERS, needs_fmpy
 from test_unit_manners import Network
-from unit_files import HERE, SOURCES, build, compiled, library, needs_a_compiler, written
+from unit_files import build, library, listening, needs_a_compiler, written
 
 import rig
-from rig.bench.unit_check import check
-from rig.bench.unit_long import LASTING, TITLES
-from rig.errors import RigError, UnitRefused
+from rig.errors import RigError
 from rig.frame import SIGNALS, Law, State, UnitStatus
 from rig.kernels import cache_root
 from rig.unit.crc import crc32
-from rig.unit.fmu_description import OLD_TOKEN, TOKEN, description
-from rig.unit.layout import INPUT, LAYOUT, OLD_SEAM, OUTPUT, SEAM, SINCE_2, Kind, described, place
+from rig.unit.layout import LAYOUT, Kind
 from rig.unit.links import SocketLink
 from rig.unit.settings import Unit
 from rig.unit.unit import UnitUnderTest
@@ -130,96 +119,6 @@ def test_the_checksum_of_compiled_code_is_that_of_zlib():
         assert crc32(data, size) == zlib.crc32(data.tobytes())
 
 
-# Version 1 ---------------------------------------------------------------------------------------------------
-
-
-def test_version_1_is_the_beginning_of_version_2():
-    assert OLD_SEAM.layout == 0xBAEC0C917FEBB05E, "of the header in tests/units: units that were built with it"
-    header = (HERE / "rig_unit_1.h").read_text()
-    for record, dtype in (("input", INPUT), ("output", OUTPUT)):
-        offsets = re.findall(rf"offsetof\(struct rig_{record}, (\w+)\) == (\d+)", header)
-        fields = {name: int(at) for name, at in offsets if name not in ("length", "crc") and not name.startswith("pad")}
-        assert all(place(dtype, name)[1] == at for name, at in fields.items())
-        own = {name for name in dtype.names or () if not name.startswith("pad") and name not in ("length", "crc")}
-        assert own - set(fields) <= set(SINCE_2)
-    assert described(1) != described(2) and (OLD_SEAM.input_bytes, OLD_SEAM.output_bytes) == (1112, 416)
-
-
-def old_sources(*names: str) -> list[Path]:
-    """Examples beside the header of version 1."""
-    folder = FOLDER / "old"
-    folder.mkdir(parents=True, exist_ok=True)
-    shutil.copy(HERE / "rig_unit_1.h", folder / "rig_unit.h")
-    for name in ("fmu.h", "monitor.h", *names):
-        shutil.copy(HERE / name if name == "lasting_off.c" else SOURCES / name, folder)
-    return [folder / name for name in names]
-
-
-MONITOR = ("monitor.c", "compare.c", "lasting_off.c", "resolvers.c", "discretes.c")
-
-
-@cache
-def old_library() -> Path:
-    return compiled(old_sources(*MONITOR), FOLDER / "libold.so", f"-I{FOLDER}/old")
-
-
-@cache
-def old_process() -> Path:
-    return compiled(old_sources("udp_main.c", *MONITOR), FOLDER / "old_udp", f"-I{FOLDER}/old", "-fPIE", "-pie")
-
-
-@cache
-def old_fmu(version: Any) -> Path:
-    """As `rig unit header --fmu` of version 1 described it."""
-    made = compiled(old_sources(f"fmi{version}.c", "fmu.c", *MONITOR), FOLDER / f"old{version}.so", f"-DFMI={version}")
-    text = description(version).replace(TOKEN, OLD_TOKEN)
-    text = "\n".join(line for line in text.splitlines() if not re.search(rf'name="({"|".join(SINCE_2)})', line))
-    path = FOLDER / f"old{version}.fmu"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", text)
-        archive.write(made, f"binaries/{FOLDERS[version]}/rig_unit.so")
-    return path
-
-
-def old_units(folder: Path) -> dict[str, dict[str, Any]]:
-    return {
-        "library": {"path": str(old_library())},
-        "in process": {"path": str(old_library()), "isolate": False},
-        "udp": {"carrier": "udp", "command": [str(old_process()), "--rig", "{address}"]},
-    }
-
-
-@pytest.mark.parametrize("name", ["library", "in process", "udp"])
-def test_a_unit_of_version_1_flies_the_bits_of_our_own_manager(tmp_path: Path, name: str):
-    digests = set()
-    for keys in ({"path": str(library("monitor"))}, old_units(tmp_path)[name]):
-        flight = rig.fly(overrides=SHORT, out=tmp_path, unit=written(tmp_path, {"name": "u", **keys}))
-        assert flight.unit is not None and flight.unit["status"] == "ready" and flight.unit["discarded"] == 0
-        digests.add(flight.digest)
-    assert len(digests) == 1
-
-
-@contextmanager
-def listening(program: Path) -> Iterator[str]:
-    """The address of a running unit."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{free.getsockname()[1]}"
-    process = subprocess.Popen([program, "--listen", address])
-    try:
-        yield address
-    finally:
-        process.kill()
-        process.wait()
-
-
-def test_a_box_of_version_1_at_an_address_is_greeted_in_its_own(tmp_path: Path):
-    with listening(old_process()) as address:
-        tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": address})
-        for _ in range(2):
-            assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).survived
-
-
 class Ear(Network):
     """Loses nothing and keeps all frames."""
 
@@ -244,40 +143,3 @@ def test_every_request_of_a_flight_has_its_checksum(tmp_path: Path):
             network.stop()
     sums = [int.from_bytes(message[-4:], "little") for message in Ear.frames]
     assert len(sums) == 200 and sums == [zlib.crc32(message[:-8]) for message in Ear.frames]
-
-
-@needs_fmpy
-@pytest.mark.parametrize("version", ["2", "3"])
-def test_an_fmu_of_version_1_flies(tmp_path: Path, version: str):
-    tested = written(tmp_path, {"name": "u", "carrier": "fmu", "path": str(old_fmu(version))})
-    assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).failed == {SIGNALS[0].name: [3]}
-
-
-def test_a_unit_of_version_1_meets_the_conformance_test(tmp_path: Path):
-    written(tmp_path, {"name": "u", **old_units(tmp_path)["udp"]})
-    assert [one for one in check(tmp_path / "unit.toml", seam_only=True).requirements if not one.passed] == []
-
-
-@pytest.mark.parametrize("name", ["library", "in process", "udp"])
-@pytest.mark.parametrize("key", ["bias_bound=0.001", "slow_limit=1.0", "stale_frames=20"])
-def test_version_1_cannot_be_told_what_lasts(tmp_path: Path, name: str, key: str):
-    tested = written(tmp_path, {"name": "u", **old_units(tmp_path)[name]})
-    more = ["slow_allowance=0.01"] if key.startswith("slow") else []
-    keys = [f"redundancy.signals.yaw_rate.{one}" for one in (key, *more)]
-    with pytest.raises(UnitRefused) as refused:
-        rig.fly(overrides=[*SHORT, *keys], out=tmp_path, unit=tested)
-    said, named = str(refused.value), key.split("=")[0]
-    assert f"built for version 1 of the records, which has no redundancy.signals.yaw_rate.{named}: " in said
-    assert "\n" not in said
-
-
-def test_nor_is_it_asked_for_it_by_the_conformance_test(tmp_path: Path):
-    written(tmp_path, {"name": "u", **old_units(tmp_path)["library"]})
-    found = check(tmp_path / "unit.toml")
-    assert found.passed and found.grade == "bits"
-    assert TITLES[0] in {one.name for one in found.requirements}
-    assert TITLES[LASTING] not in {one.name for one in found.requirements}
-
-
-def test_seams_differ_in_layout():
-    assert SEAM.layout == LAYOUT != OLD_SEAM.layout

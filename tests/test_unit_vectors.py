@@ -13,6 +13,7 @@ import unit_vectors
 from numpy.typing import NDArray
 from one_stage import step_stage
 from unit_defects import DEFECTS, Defect
+from unit_defects_rules import OLD_RULES
 from unit_files import SOURCES as EXAMPLES
 from unit_files import compiled, needs_a_compiler
 
@@ -20,10 +21,13 @@ from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.managers import Manager
 from rig.frame import FLAT, Pattern, Resolver, State, new_block
 from rig.unit.layout import CONFIG, INPUT, OUTPUT, members
-from rig.unit.session import settings_of
+from rig.unit.session import box_rule, settings_of
 from rig.unit.vectors import Case, differences, load
 
-SOURCES = ("monitor.c", "compare.c", "lasting.c", "resolvers.c", "discretes.c")
+SOURCES = (
+    *("monitor.c", "compare.c", "trend.c", "lasting.c", "resolvers.c", "references.c", "persistence.c", "boxes.c"),
+    *("rules.c", "discretes.c"),
+)
 FILES = [*(EXAMPLES / name for name in SOURCES), EXAMPLES / "monitor.h"]
 OWN = f"-I{EXAMPLES}"
 CASES = load()
@@ -36,12 +40,11 @@ def found(case: Case, said: NDArray[Any]) -> list[str]:
 
 def by_our_manager(case: Case) -> NDArray[Any]:
     """What our own manager says, in OUTPUT records."""
-    rows, config = new_block(len(case.inputs)), case.config
+    rows = new_block(len(case.inputs))
     for name in set(INPUT.names or ()) & set(FLAT.names or ()):
         rows[name] = case.inputs[name]
-    signals, frames = int(config["box_signals"][0]), int(config["box_persistence"][0])
-    records, discretes = settings_of(config)
-    manager = Manager("cross-channel", records, box_signals=signals, box_persistence=frames)
+    records, discretes = settings_of(case.config)
+    manager = Manager("cross-channel", records, **box_rule(case.config))
     voter = DiscreteVoter(discretes)
     with np.errstate(invalid="ignore"):  # of an infinite angle, when the kernels are not compiled
         for k in range(len(rows)):
@@ -102,13 +105,18 @@ def test_the_vectors_are_those_of_the_independent_reading():
             assert getattr(ours, name).tobytes() == getattr(kept, name).tobytes(), (kept.requirement, name)
 
 
+def expected_of(enum: Any) -> list[Any]:
+    """All members; a unit has no lanes to ask."""
+    return [one for one in members(enum) if one is not Resolver.LANE]
+
+
 def test_the_vectors_reach_every_pattern_resolver_and_state():
     expected = {name: np.concatenate([case.expected[name].ravel() for case in CASES]) for name in REACHED}
     for name, enum in REACHED.items():
         seen = {
             enum(value): int(count) for value, count in zip(*np.unique(expected[name], return_counts=True), strict=True)
         }
-        assert {one: seen.get(one, 0) for one in members(enum) if seen.get(one, 0) < 20} == {}, name
+        assert {one: seen.get(one, 0) for one in expected_of(enum) if seen.get(one, 0) < 20} == {}, name
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.requirement for case in CASES])
@@ -122,8 +130,19 @@ def test_so_does_the_monitor_in_c(objects: dict[str, Path], tmp_path: Path):
     assert [line for case in CASES for line in found(case, monitor.said(case))] == []
 
 
+def is_found(defect: Defect, objects: dict[str, Path], folder: Path) -> bool:
+    monitor = with_defect(defect, objects, folder)
+    return any(found(case, monitor.said(case)) for case in CASES)
+
+
 @needs_a_compiler
-@pytest.mark.parametrize("defect", DEFECTS, ids=[defect.name for defect in DEFECTS])
+@pytest.mark.parametrize("defect", DEFECTS, ids=lambda defect: defect.name)
 def test_the_vectors_find_a_monitor_with_a_defect(defect: Defect, objects: dict[str, Path], tmp_path: Path):
-    monitor = with_defect(defect, objects, tmp_path)
-    assert any(found(case, monitor.said(case)) for case in CASES)
+    assert is_found(defect, objects, tmp_path)
+
+
+@pytest.mark.long
+@needs_a_compiler
+@pytest.mark.parametrize("defect", OLD_RULES, ids=lambda defect: defect.name)
+def test_and_one_with_a_rule_of_before(defect: Defect, objects: dict[str, Path], tmp_path: Path):
+    assert is_found(defect, objects, tmp_path)

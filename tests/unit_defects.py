@@ -36,7 +36,7 @@ SAMPLES = [
     ),
 ]
 VOTES = [
-    Defect("the median of an even number is the lower one", "trend_weight(f, s) : 0.5", "trend_weight(f, s) : 0.0"),
+    Defect("the median of an even number is the lower one", "s->rise_vote) : 0.5", "s->rise_vote) : 0.0"),
     Defect(
         "the median of three is the smallest",
         "if ((f->n % 2) == 1) {\n        return f->high;",
@@ -50,16 +50,11 @@ VOTES = [
     ),
     Defect(
         "the newest trend bit at the wrong end",
-        "s->trend_high = ((s->trend_high << 1) | ((f->rise_high > 0.0) ? 1U : 0U)) & mask;",
-        "s->trend_high = (s->trend_high >> 1) | ((f->rise_high > 0.0) ? ((mask + 1U) / 2U) : 0U);",
+        "t->high = ((t->high << 1) | ((f->rise_high > 0.0) ? 1U : 0U)) & mask;",
+        "t->high = (t->high >> 1) | ((f->rise_high > 0.0) ? ((mask + 1U) / 2U) : 0U);",
     ),
     Defect("a trend at rest counts as rising", "(f->rise_low > 0.0)", "(f->rise_low >= 0.0)"),
     Defect("the trend of another number of samples kept", "(f->n == s->last_n) && (f->n > 0)", "(f->n > 0)"),
-    Defect(
-        "the first frame of a pattern moves the vote",
-        "(s->pattern_frames == 1) ? s->vote",
-        "(s->pattern_frames == 0) ? s->vote",
-    ),
 ]
 RESOLVERS = [
     Defect(
@@ -87,8 +82,8 @@ RESOLVERS = [
     ),
     Defect(
         "neither rank rising blames the smaller half",
-        "(s->trend_high == 0U) ? HIGH_SIDE",
-        "(s->trend_high == 0U) ? LOW_SIDE",
+        "(says == TREND_SMALLER_TRUE) ? HIGH_SIDE",
+        "(says == TREND_SMALLER_TRUE) ? LOW_SIDE",
     ),
     Defect(
         "the reference blames the half that it is near to",
@@ -130,7 +125,11 @@ RESOLVERS = [
     ),
 ]
 LATCHES = [
-    Defect("failed a frame late", "(s->latches.count[c] >= p->persistence)", "(s->latches.count[c] > p->persistence)"),
+    Defect(
+        "failed a frame late",
+        "(s->latches.count[c] >= (double)p->persistence)",
+        "(s->latches.count[c] > (double)p->persistence)",
+    ),
     Defect(
         "a pattern settled a frame late",
         "s->pattern_frames >= p->singular_persistence",
@@ -138,8 +137,8 @@ LATCHES = [
     ),
     Defect(
         "an agreeing frame does not end the count",
-        "(!ranked || f->alone[c]) ? (count[c] + 1) : 0",
-        "(!ranked || f->alone[c]) ? (count[c] + 1) : count[c]",
+        ": counted_down(count[c], &s->rules);",
+        ": (count[c] + (0.0 * counted_down(count[c], &s->rules)));",
     ),
     Defect(
         "counts go on in a pattern without a majority",
@@ -178,10 +177,10 @@ LATCHES = [
         "agrees ? (s->latches.agreed[c] + 1) : 0",
         "agrees ? (s->latches.agreed[c] + 1) : s->latches.agreed[c]",
     ),
+    Defect("the reset of one channel resets all", "wanted = has(commanded, c);", "wanted = commanded != 0U;"),
     Defect(
-        "the reset of one channel resets all", "wanted = ((commanded >> c) & 1U) != 0U;", "wanted = commanded != 0U;"
+        "a channel that is counted is not suspect", "|| (s->latches.count[c] > 0.0)", "|| (s->latches.count[c] < 0.0)"
     ),
-    Defect("a channel that is counted is not suspect", "|| (s->latches.count[c] != 0)", "|| (s->latches.count[c] < 0)"),
     Defect(
         "a channel that is not fitted is ok",
         "if (c >= p->fitted) {\n        return RIG_STATE_ABSENT;",
@@ -190,12 +189,12 @@ LATCHES = [
     Defect("the last session remembered", "memset(signals, 0, sizeof signals);", "memset(signals, 0, 1);"),
 ]
 BOXES = [
-    Defect("a box for two signals fewer", "(against >= config.box_signals) ?", "(against >= config.box_signals - 2) ?"),
+    Defect("a box for two signals fewer", "(against >= needed[b]) ?", "(against >= needed[b] - 2) ?"),
     Defect(
-        "a box failed a frame late", "box_count[c] >= config.box_persistence", "box_count[c] > config.box_persistence"
+        "a box failed a frame late", "count[b][c] >= config->box_persistence", "count[b][c] > config->box_persistence"
     ),
-    Defect("half of the boxes not failed", "(2 * candidates) <= boxes", "(2 * candidates) < boxes"),
-    Defect("a majority of boxes failed", "(2 * candidates) <= boxes", "candidates <= boxes"),
+    Defect("half of the boxes not failed", "(2 * candidates) <= units", "(2 * candidates) < units"),
+    Defect("a majority of boxes failed", "(2 * candidates) <= units", "candidates <= units"),
     Defect(
         "the trend accuses a box",
         "(f->resolver == RIG_RESOLVER_ILM) || (f",
@@ -211,13 +210,13 @@ DISCRETES = [
     ),
     Defect(
         "a discrete channel failed a frame late",
-        "l->count[c] >= config[d].persistence",
-        "l->count[c] > config[d].persistence",
+        "l->count[c] >= (double)config[d].persistence",
+        "l->count[c] > (double)config[d].persistence",
     ),
     Defect(
         "an agreeing frame of a discrete does not end the count",
-        "agrees ? 0 : (l->count[c] + 1)",
-        "agrees ? l->count[c] : (l->count[c] + 1)",
+        "agrees ? 0.0 : (l->count[c] + 1.0)",
+        "agrees ? l->count[c] : (l->count[c] + 1.0)",
     ),
     Defect(
         "an absent monitor of a discrete read as bad",
@@ -261,8 +260,8 @@ LEVELS_AND_FILTER = [
     ),
     Defect(
         "the filtered value voted by the reference",
-        "const double low = f->x[f->by[(f->n - 1) / 2]];",
-        "const double low = f->y[f->by[(f->n - 1) / 2]];",
+        "const double high = f->x[f->by[f->n / 2]];",
+        "const double high = f->y[f->by[f->n / 2]];",
     ),
     Defect("the filtered value voted", "f->vote = f->x[good];", "f->vote = f->y[good];"),
     Defect("readmission by the sample itself", "samples = filtered ? s->smooth : f->samples", "samples = f->samples"),

@@ -6,8 +6,11 @@ import ctypes
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,10 +19,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.config import without_lanes
 from rig.frame import FLAT, Block
 from rig.kernels import cache_root
 from rig.unit.header import header
-from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, SETTINGS, VERSION, Said
+from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, RESOLVERS, SETTINGS, VERSION, Said
 from rig.unit.settings import Unit, read_unit
 
 SOURCES = Path(__file__).parents[1] / "docs" / "examples" / "unit"
@@ -41,7 +45,8 @@ def config(params: NDArray[Any], discretes: NDArray[Any], boxes: NDArray[Any]) -
     record = np.zeros(1, CONFIG)
     for part, fields in SETTINGS.items():
         for name in fields:
-            record[part][0][name] = (discretes if part == "discrete" else params)[name]
+            value = (discretes if part == "discrete" else params)[name]
+            record[part][0][name] = without_lanes(value)[:, :RESOLVERS] if name == "resolvers" else value
     record["box_signals"], record["box_persistence"] = boxes["signals"], boxes["persistence"]
     record["layout"] = LAYOUT
     return record
@@ -140,6 +145,20 @@ def written(folder: Path, keys: dict[str, Any]) -> Unit:
     path = folder / "unit.toml"
     path.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items()))
     return read_unit(path)
+
+
+@contextmanager
+def listening(program: Path) -> Iterator[str]:
+    """The address of a running unit."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    process = subprocess.Popen([program, "--listen", address])
+    try:
+        yield address
+    finally:
+        process.kill()
+        process.wait()
 
 
 def udp(folder: Path, plan: list[Any], name: str | Path = "first_valid", **keys: Any) -> Unit:

@@ -5,6 +5,7 @@ Everything comes in episodes of some frames, as a fault does: independent number
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,12 @@ OFFSETS = np.array([0.0] * 12 + [3.0] * 5 + [-3.0, 6.0, -9.0, 0.8, 1e4])
 FLAGS = np.array([Ilm.GOOD, Ilm.GOOD, Ilm.BAD, Ilm.BAD, Ilm.ABSENT, Ilm.ABSENT, 3, 255])
 MAGNITUDES = np.array([np.nan, np.inf, -np.inf, 1e300, -1e300, 1.7e308, -1.7e308, 5e-324, -0.0])
 HUGE = 1.7e308
+NARROW = -4.0  # thresholds below the middle, of a range that ends one above
+BOXES: list[Callable[[Generator], NDArray[Any]]] = [
+    lambda draw: np.ones(S, int),
+    lambda draw: draw.integers(1, 4, S),
+    lambda draw: draw.integers(0, 17, S),
+]
 
 
 def random_params(draw: Generator) -> NDArray[Any]:
@@ -49,7 +56,10 @@ def random_params(draw: Generator) -> NDArray[Any]:
     for name, level in (("outlier_threshold", "threshold"), ("outlier_threshold_triplex", "threshold_triplex")):
         params[name] = params[level] * draw.choice([0.0, 0.0, 0.2, 0.5, 1.0], S)
     params["filter_gain"] = draw.choice([0.0, 0.0, 0.1, 0.5, 0.95], S)
+    narrow = ~angle & (draw.random(S) < 0.25)  # samples and references meet the stops
+    params["low"][narrow], params["high"][narrow] = NARROW * params["threshold"][narrow], params["threshold"][narrow]
     _give_lasting(draw, params)
+    _give_rules(draw, params)
     for row in params:
         chosen = draw.permutation(5)[: draw.integers(0, 6)] + 1
         row["resolvers"][: len(chosen)] = chosen
@@ -66,6 +76,19 @@ def _give_lasting(draw: Generator, params: NDArray[Any]) -> None:
     params["slow_allowance"] = params["threshold"] * draw.choice([0.05, 0.2, 0.5], S)
     params["slow_limit"] = params["threshold"] * draw.choice([0.0, 0.0, 0.5, 2.0], S)
     params["stale_frames"] = draw.choice([0, 0, 2, 9], S)
+
+
+def _give_rules(draw: Generator, params: NDArray[Any]) -> None:
+    """What version 3 of a unit's records tells: splits, counts, references that read each other, boxes."""
+    params["count_down"] = draw.choice([0.0, 0.0, 0.0, 0.3, 1.0], S)
+    params["unresolved_frames"] = draw.choice([0, 0, 9, 14], S)
+    params["trend_small"] = np.where(draw.random(S) < 0.5, params["threshold"] * draw.choice([0.1, 0.5, 2.0], S), -1.0)
+    for name, share in (("trend_tumbles", 0.3), ("trend_beside_reference", 0.3), ("referred", 0.4)):
+        params[name] = draw.random(S) < share
+    telling = 1 << np.arange(6)
+    params["tells"][:6] = np.where(draw.random(6) < 0.6, telling, 0)
+    params["sources"] = draw.choice([0, *telling, *[0b111111] * 6], S)
+    params["box"] = draw.choice(BOXES)(draw)
 
 
 def random_discretes(draw: Generator) -> NDArray[Any]:
@@ -103,7 +126,10 @@ def random_rows(draw: Generator, params: NDArray[Any], frames: int, hostile: boo
     sick = episodes(draw, frames, channels.shape[1:], np.arange(60), 8.0)
     channels[dead | (sick == 0)] = np.nan
     grid = np.where(draw.random(S) < 0.4, threshold / 2.0, 0.0)  # so that distances are exactly a threshold
-    rows["channels"] = _on_the_circle(_rounded(channels, grid[:, None]), params)
+    channels = _at_stops(_on_the_circle(_rounded(channels, grid[:, None]), params), params, sick)
+    stuck = episodes(draw, frames, channels.shape[1:], np.arange(20) == 0, 12.0)
+    since = np.maximum.accumulate(np.where(stuck, 0, np.arange(frames)[:, None, None]), axis=0)
+    rows["channels"] = np.take_along_axis(channels, since, axis=0)
     if hostile:
         wild = sick == 1
         rows["channels"][wild] = draw.choice(MAGNITUDES, wild.sum())
@@ -134,6 +160,13 @@ def _on_the_circle(values: NDArray[np.float64], params: NDArray[Any]) -> NDArray
         return np.where(params["wraps"].reshape(shape) != 0, (values - low) % TWO_PI + low, values)
 
 
+def _at_stops(channels: NDArray[Any], params: NDArray[Any], sick: NDArray[Any]) -> NDArray[np.float64]:
+    """The same of sensors with a narrow range saturated, but where they are out of it by a fault."""
+    low, high = params["low"][:, None], params["high"][:, None]
+    narrow = (params["wraps"] == 0) & (params["low"] == NARROW * params["threshold"])
+    return np.where(narrow[:, None] & (sick != 3), np.clip(channels, low, high), channels)
+
+
 def random_discrete_rows(draw: Generator, rows: Block) -> None:
     """The discretes of ``rows``."""
     frames = len(rows)
@@ -146,7 +179,9 @@ def random_discrete_rows(draw: Generator, rows: Block) -> None:
     rows["discrete_reset"] = np.where(draw.random((frames, D)) < 0.1, draw.integers(0, 256, (frames, D)), 0)
 
 
-def vote(rows: Block, params: NDArray[Any], discretes: NDArray[Any], box_signals: int, box_persistence: int) -> Manager:
+def vote(
+    rows: Block, params: NDArray[Any], discretes: NDArray[Any], box_signals: int | None, box_persistence: int
+) -> Manager:
     """Vote every row with the kernels; the manager that did."""
     manager = Manager("cross-channel", params, box_signals=box_signals, box_persistence=box_persistence)
     voter = DiscreteVoter(discretes)

@@ -16,8 +16,21 @@ from oracle import Frame
 from oracle_answers import Settings
 from oracle_boxes import ResettableOracle
 from oracle_discrete import DiscreteOracle, DiscreteSettings
-from oracle_flights import SLOPES, Flight, build, by_level, filtered, with_outliers
+from oracle_flights import (
+    SLOPES,
+    Flight,
+    Pick,
+    at_the_stop,
+    build,
+    by_level,
+    by_rules,
+    filtered,
+    left_by_extremes,
+    with_outliers,
+)
 from oracle_flights import lasting as with_lasting
+
+from rig.frame import DISCRETES
 
 FRAMES = 30  # of a case
 RANGE = 250.0  # thresholds, either way, of a signal that is no angle
@@ -52,10 +65,13 @@ class Flown:
     resets: tuple[Reset, ...] = (NO_RESET,) * FRAMES
     readmit_frames: int = NEVER
     airspeed_m_s: float = 0.0  # error of a reference that is a dynamic pressure; 0 of any other
+    kind: type[ResettableOracle] = ResettableOracle
 
     @property
     def settings(self) -> Settings:
-        return replace(self.flight.settings, low=self.low, high=self.high)
+        """Those of the flight, within the sensor's range and without lanes, of which a unit is not told."""
+        s = self.flight.settings
+        return replace(s, low=self.low, high=self.high, resolvers=tuple(name for name in s.resolvers if name != "lane"))
 
     @cached_property
     def answers(self) -> list[Frame]:
@@ -67,7 +83,7 @@ class Flown:
         return self._answers()[1]
 
     def _answers(self) -> tuple[list[Frame], set[str]]:
-        oracle, rules, answers = ResettableOracle(self.settings, readmit_frames=self.readmit_frames), set[str](), []
+        oracle, rules, answers = self.kind(self.settings, readmit_frames=self.readmit_frames), set[str](), []
         flight = self.flight
         given = zip(flight.samples, flight.ilm, flight.references, flight.seconds, strict=True)
         for (samples, ilm, reference, second), reset in zip(given, self.resets, strict=True):
@@ -85,7 +101,7 @@ class Flown:
         """Those of a frame; of a dynamic pressure by the error of its airspeed if that is the less (references.md)."""
         if not self.airspeed_m_s or reference is None:
             return self.settings
-        error = sqrt(2 * DENSITY * reference) * self.airspeed_m_s
+        error = sqrt(2 * DENSITY * (self.settings.limited(reference) or 0.0)) * self.airspeed_m_s
         return replace(self.settings, reference_threshold=min(self.settings.reference_threshold, error))
 
     def with_settings(self, **changes: Any) -> Flown:
@@ -94,6 +110,10 @@ class Flown:
     def hangs_on(self, **changes: Any) -> bool:
         """Whether other settings give other answers."""
         return self.with_settings(**changes).answers != self.answers
+
+    def by(self, kind: type[ResettableOracle]) -> Flown:
+        """The same, answered by another rule."""
+        return replace(self, kind=kind)
 
     @property
     def hangs_on_rounding(self) -> bool:
@@ -112,8 +132,8 @@ class Flown:
 
 def lasting(flight: Flight, frames: int = FRAMES) -> Flight:
     """The first frames of a flight; of a shorter one the last frame goes on."""
-    fields = ("samples", "ilm", "references", "seconds")
-    rows = {name: getattr(flight, name) for name in fields}
+    fields = ("samples", "ilm", "references", "seconds", "lanes")
+    rows = {name: getattr(flight, name) or [()] for name in fields}
     return replace(flight, **{name: (row + row[-1:] * frames)[:frames] for name, row in rows.items()})
 
 
@@ -124,13 +144,18 @@ def scaled(flight: Flight, factor: float) -> Flight:
         return [None if x is None else factor * x for x in row]
 
     s = flight.settings
-    thresholds = {name: factor * limit for name, limit in vars(s).items() if "threshold" in name and limit is not None}
+    scale = ("low", "high", "trend_small")
+    thresholds = {
+        name: factor * limit
+        for name, limit in vars(s).items()
+        if limit is not None and ("threshold" in name or (name in scale and limit >= 0.0))
+    }
     samples, references, seconds = (
         [times(row) for row in flight.samples],
         times(flight.references),
         times(flight.seconds),
     )
-    return Flight(replace(s, **thresholds), samples, flight.ilm, references, seconds)
+    return Flight(replace(s, **thresholds), samples, flight.ilm, references, seconds, flight.lanes)
 
 
 def plain(seed: int) -> Flown:
@@ -158,10 +183,94 @@ def smoothed(seed: int) -> Flown:
     return Flown(filtered(lasting(build(draw.choice)), draw.choice))
 
 
+def bursting(seed: int) -> Flown:
+    """A random signal behind a filter, with bursts on one to three channels, alike or not, shorter than they may be."""
+    draw = random.Random(f"bursts {seed}")
+    flight = lasting(filtered(build(draw.choice), draw.choice))
+    if draw.random() < 0.5:
+        flight = with_outliers(flight, draw.choice)
+    value, samples = draw.choice([0.0, 3.0]), list[list[float | None]]()
+    while len(samples) < FRAMES:
+        hit, alike = draw.sample(range(4), draw.choice([0, 1, 2, 2, 3])), draw.choice([True, True, False])
+        size = draw.choice([3.0, 6.0, -9.0, 400.0])
+        off = [size * (1 if alike else i + 1) if c in hit else 0.0 for i, c in enumerate(range(4))]
+        off = [x + draw.choice([0.0, 0.0, 0.375]) for x in off]
+        for _ in range(draw.choice([1, 2, 3, 5])):
+            samples.append([value + off[c] if c < flight.settings.channels else None for c in range(4)])
+    references = [None if x is None else value + 1 / 2048 for x in flight.references]
+    return Flown(replace(flight, samples=samples[:FRAMES], references=references), low=-2e3, high=2e3)
+
+
 def biased(seed: int) -> Flown:
     """A random signal whose channels differ by what lasts."""
     draw = random.Random(f"lasting {seed}")
     return Flown(lasting(with_lasting(build(draw.choice), draw.choice)))
+
+
+def ruled(seed: int) -> Flown:
+    """A random signal with settings of rules that are off by default."""
+    draw = random.Random(f"rules {seed}")
+    return Flown(lasting(by_rules(build(draw.choice), draw.choice)))
+
+
+def paired(seed: int) -> Flown:
+    """A random signal of which extremes leave two channels, often with other rules on."""
+    draw = random.Random(f"extremes {seed}")
+    flight = left_by_extremes(build(draw.choice), draw.choice)
+    if draw.random() < 0.5:
+        flight = replace(flight, seconds=[x if draw.random() < 0.9 else None for x in flight.references])
+    flight = lasting(by_rules(flight, draw.choice) if draw.random() < 0.5 else flight)
+    resets = [Reset(draw.sample(range(4), draw.choice([0, 0, 1, 2, 4]))) for _ in range(FRAMES)]
+    return Flown(flight, resets=tuple(resets), readmit_frames=draw.choice([1, 2, 3, NEVER, NEVER]))
+
+
+def stopped(seed: int) -> Flown:
+    """A random signal within a narrow range: samples stay at its ends, where their references go on."""
+    draw = random.Random(f"stops {seed}")
+    flight = at_the_stop(lasting(build(draw.choice)), draw.choice)
+    return Flown(with_repeats(flight, draw.choice), flight.settings.low, flight.settings.high)
+
+
+def repeating(seed: int) -> Flown:
+    """A random signal of whose channels one or two stick, with gaps, and none may repeat for ever."""
+    draw = random.Random(f"repeats {seed}")
+    return Flown(with_repeats(lasting(build(draw.choice)), draw.choice))
+
+
+def beyond_with_resets(seed: int) -> Flown:
+    """Channels that stay at the end of the range, one of which goes off, comes back and is missing now and then."""
+    draw, value = random.Random(f"beyond {seed}"), RANGE if seed % 2 else -RANGE
+    s = Settings(persistence=draw.randint(1, 3), channels=draw.choice([4, 3]))
+    flight, one, resets = Flight(s), draw.randrange(3), list[Reset]()
+    while len(flight.samples) < FRAMES:
+        away = draw.choice([-3.0 * value / RANGE, None, None, 0.0, 0.0])
+        for _ in range(draw.randint(1, 4)):
+            row = [value if c != one or away == 0.0 else None if away is None else value + away for c in range(4)]
+            flight.samples.append([x if c < s.channels else None for c, x in enumerate(row)])
+            resets.append(Reset(draw.sample(range(4), draw.choice([0, 1, 4]))))
+    flight.ilm, flight.references = [("absent",) * 4] * FRAMES, [None] * FRAMES
+    flight.seconds = [None] * FRAMES
+    return Flown(lasting(flight), resets=tuple(resets[:FRAMES]), readmit_frames=draw.randint(2, 4))
+
+
+def smoothed_and_repeating(seed: int) -> Flown:
+    """The same behind a filter."""
+    draw = random.Random(f"filtered repeats {seed}")
+    return Flown(with_repeats(lasting(filtered(build(draw.choice), draw.choice)), draw.choice))
+
+
+def with_repeats(flight: Flight, pick: Pick) -> Flight:
+    """The same with a count of repeats, channels that stick for a while and, in some frames, nobody or one missing."""
+    samples = [list(row) for row in flight.samples]
+    for _ in range(pick([1, 2, 3])):
+        first, stuck = pick(range(FRAMES)), {pick(range(4)), pick(range(4))}
+        for k in range(first, min(first + pick([5, 9, 20]), FRAMES)):
+            samples[k] = [samples[first][c] if c in stuck else x for c, x in enumerate(samples[k])]
+    for _ in range(pick([0, 2, 4])):
+        k, gone = pick(range(FRAMES)), pick([range(4), range(1), range(1, 4)])
+        samples[k] = [None if c in gone else x for c, x in enumerate(samples[k])]
+    s = replace(flight.settings, stale_frames=pick([2, 3, 5]))
+    return replace(flight, settings=s, samples=samples)
 
 
 def smoothed_with_resets(seed: int) -> Flown:
@@ -290,6 +399,11 @@ def discrete(seed: str, resets: bool = True) -> FlownDiscrete:
             samples.append(tuple(how))
             commands.append(Reset(draw.sample(range(4), draw.choice([0, 0, 1, 4])) if resets else ()))
     return FlownDiscrete(s, tuple(samples[:FRAMES]), tuple(commands[:FRAMES]))
+
+
+def quiet_discretes() -> list[FlownDiscrete]:
+    """All discretes of a case that is of signals alone."""
+    return [quiet_discrete(one.fail_safe) for one in DISCRETES]
 
 
 def quiet_signal() -> Flown:

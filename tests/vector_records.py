@@ -13,7 +13,7 @@ from oracle import Frame
 from vector_flights import FRAMES, Flown, FlownDiscrete
 
 from rig.computer.redundancy.box import BOXES
-from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.config import PARAMS, SINCE_3
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.frame import CHANNELS, SURFACES, D, Ilm, Pattern, Resolver, S, State
 from rig.unit.layout import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Form, Kind, Said, blank
@@ -24,6 +24,12 @@ RATE_HZ = 100.0
 MISSING = ("nan", "infinity", "-infinity", "above", "below", "flag")  # how a sample cannot be compared
 ILM = {"bad": Ilm.BAD, "good": Ilm.GOOD, "absent": Ilm.ABSENT}
 PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
+# Fields of PARAMS that the oracle's settings have by the same name.
+SAME = (
+    *("threshold", "reference_threshold", "second_threshold", "common_persistence", "common_fails", "persistence"),
+    *("singular_persistence", "trend_frames", "bias_bound", "stale_frames", "slow_allowance", "slow_limit", "weighted"),
+    *SINCE_3,
+)
 SAID = Said.VOTED | Said.STATE | Said.PATTERN | Said.TREND | Said.DISCRETES
 
 
@@ -110,22 +116,18 @@ def missing(kind: str, flown: Flown, usual: float) -> tuple[float, int]:
 
 
 def configure(row: Any, flown: Flown) -> None:
-    """Write the settings of a signal into its PARAMS record: no fade, plain mean."""
+    """Write the settings of a signal into its PARAMS record: no fade."""
     s = flown.settings
-    for name in ("threshold", "reference_threshold", "second_threshold", "common_persistence", "common_fails"):
-        row[name] = getattr(s, name)
-    for name in ("persistence", "singular_persistence", "trend_frames"):
+    for name in SAME:
         row[name] = getattr(s, name)
     row["threshold_triplex"], row["threshold_duplex"], row["filter_gain"] = s.within(3), s.within(2), s.filter_share
     row["outlier_threshold"], row["outlier_threshold_triplex"] = s.outlier or 0.0, s.outlier_triplex or 0.0
-    row["bias_bound"], row["bias_gain"], row["stale_frames"] = s.bias_bound, s.bias_share, s.stale_frames
-    row["slow_allowance"], row["slow_limit"] = s.slow_allowance, s.slow_limit
+    row["bias_gain"] = s.bias_share
     row["reference_airspeed_m_s"] = flown.airspeed_m_s
     row["low"], row["high"], row["readmit_frames"] = flown.low, flown.high, flown.readmit_frames
     row["deviation"], row["deviation_frames"] = 2.5 * s.threshold, 5.0 * s.threshold * RATE_HZ
     row["fitted"], row["wraps"] = s.channels, s.turn > 0
-    asked = [name for name in s.resolvers if name != "lane"]  # a unit knows of no other computers
-    row["resolvers"][: len(asked)] = [Resolver[name.upper()] for name in asked]
+    row["resolvers"][: len(s.resolvers)] = [Resolver[name.upper()] for name in s.resolvers]
 
 
 def expect(expected: NDArray[Any], i: int, flown: Flown, answers: Sequence[Frame]) -> None:

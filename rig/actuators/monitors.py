@@ -22,7 +22,8 @@ from rig.actuators.config import Config
 from rig.actuators.servo import asked_current
 from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.durations import in_frames
-from rig.computer.redundancy.manager import manage_signal, new_state
+from rig.computer.redundancy.manager import manage_signal
+from rig.computer.redundancy.state import new_state
 from rig.frame import CHANNELS, MOVED, ActuatorMonitor, Ilm
 from rig.kernels import kernel, long_kernel
 

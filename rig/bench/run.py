@@ -22,7 +22,7 @@ from rig.computer.analytic.references import ReferenceData, remember
 from rig.computer.control.source import source_of
 from rig.computer.redundancy import vote_signals
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
-from rig.computer.redundancy.manager import ManagerData
+from rig.computer.redundancy.state import ManagerData
 from rig.faults import FaultData, actuate, corrupt
 from rig.frame import Nested
 from rig.kernels import kernel, long_kernel

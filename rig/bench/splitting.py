@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rig.bench.run import step as bench_step
 from rig.computer.redundancy.compare import is_singular
-from rig.computer.redundancy.manager import ManagerData
+from rig.computer.redundancy.state import ManagerData
 from rig.frame import CHANNELS, Pattern
 from rig.kernels import kernel
 from rig.sensors import SensorData

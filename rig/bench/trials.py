@@ -21,7 +21,7 @@ from rig.assess.outcome import (
     mark_wrong,
 )
 from rig.bench.run import step
-from rig.computer.redundancy.manager import ManagerData
+from rig.computer.redundancy.state import ManagerData
 from rig.faults import FaultData
 from rig.faults.record import FOREVER, Trigger
 from rig.frame import CHANNELS

@@ -25,13 +25,13 @@ from rig.computer.redundancy.own import load_manager
 from rig.errors import ManagerFailed
 from rig.frame import nested, new_block
 from rig.frame.fields import FIELDS
-from rig.unit.layout import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, SEAM, Form, Kind, Said, blank
-from rig.unit.messages import asked_since_2
+from rig.unit.layout import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Form, Kind, Said, blank
 from rig.unit.port import RECEIVED, is_allowed
-from rig.unit.session import settings_of
+from rig.unit.session import box_rule, settings_of
 from rig.unit.settings import Unit, read_unit
 from rig.unit.unit import UnitUnderTest, running
 from rig.unit.vectors import Case, answers, ask, differences, load
+from rig.unit.versions import asked_since
 from rig.util.trust import Trust
 
 PAUSE_S: Final = 1.0
@@ -128,7 +128,7 @@ def _seam(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
         yield _line("a pause between two frames changes nothing", "seam", _same(first, paused))
         yield _line("a frame of another session is not stepped", "seam", _foreign(tested, config, inputs))
         yield _times(tested, config, inputs)
-        if tested.seam == SEAM:  # version 1 left it open
+        if tested.seam.version > 1:  # which left it open
             for name, wrong in unit_second_rig.check(tested, config, inputs):
                 yield _line(name, "seam", wrong)
     yield _line("ends without failing", "seam", tested.end_wrong)
@@ -242,7 +242,7 @@ def _told(tested: UnitUnderTest, cases: list[Case]) -> list[Case]:
     """Return the cases with settings that its version of the records has fields for."""
     tested.begin(cases[0].config.copy())  # from here on it is known
     tested.end()
-    return [case for case in cases if tested.seam == SEAM or not asked_since_2(case.config)]
+    return [case for case in cases if not asked_since(tested.seam, case.config)]
 
 
 def _counted(answered: Iterable[tuple[Case, NDArray[Any]]]) -> list[Requirement]:
@@ -303,7 +303,7 @@ def our_answers(
     config_record: NDArray[Any], inputs: NDArray[Any], manager: str | None = None, trust: Trust | None = None
 ) -> NDArray[Any]:
     """Return the answers to INPUT (n,) with CONFIG (1,): (n,) rows of the frame, of our manager or of a class."""
-    config, rows = config_record[0], new_block(len(inputs))
+    rows = new_block(len(inputs))
     for name in (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")):
         rows[name] = inputs[name]
     params, discretes = settings_of(config_record)
@@ -312,7 +312,6 @@ def our_answers(
         own = load_manager(manager, params, trust)
         run(nested(rows), Stages(discretes=voter.data), decide=by_class(own, rows, nested(rows)))
         return rows
-    signals, frames = int(config["box_signals"]), int(config["box_persistence"])
-    ours = Manager(DEFAULT, params, box_signals=signals, box_persistence=frames)
+    ours = Manager(DEFAULT, params, **box_rule(config_record))
     run(nested(rows), Stages(manager=ours.data, discretes=voter.data))
     return rows

@@ -14,7 +14,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from rig.frame import CHANNELS, SURFACES, D, Ilm, Resolver, S
-from rig.unit.layout import CONFIG, INPUT, TO_UNIT, Form, Kind, blank
+from rig.unit.layout import CONFIG, INPUT, MORE_THAN_HALF, TO_UNIT, Form, Kind, blank
 from rig.units.constants import TWO_PI
 
 RATE_HZ: Final = 100.0
@@ -25,11 +25,17 @@ TITLES: Final = (
     "long session, counts beyond eight bits",
     "long session, boxes and angles",
     "long session, what lasts",
+    "long session, splits and disputes",
 )
-LASTING: Final = 3  # of them: the session with learned biases, sums and stale samples
+LASTING, SPLITS = 3, 4  # of them: with learned biases, sums and stale samples; with patterns without a majority
 _HERE: Final = np.array([0.0] * 14 + [0.25, -0.25])  # offsets in thresholds: of a healthy channel,
 _GONE: Final = np.array([3.0, -3.0, 6.0, -6.0, 9.5, np.nan])  # and of one with a fault
 _OFF: Final = np.array([0.0] * 6 + [0.5, 3.0, -3.0, np.nan, np.nan])  # of a reference
+# Offsets of all four channels in thresholds: together, also where a held vote may be; two against two, and apart.
+_TOGETHER: Final = np.outer([0] * 40 + [-4, -2, 2, 2, 4, 4, 8], np.ones(CHANNELS))
+_APART: Final = np.array([[0, 0, 4, 4], [4, 0, 0, 4], [4, 0, 4, 0], [0, 4, 8, -4], [8, 0, -4, 4], [0, -8, 4, -4]])
+_SPLIT: Final = np.concatenate([_TOGETHER, _APART])
+_STOPS: Final = (-3.0, 2.5)  # thresholds, of a signal whose samples and references meet the ends of the range
 _SLOPES: Final = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.125, -0.125, 0.375])  # thresholds a frame, there and back
 _WORD: Final = 1 << 16
 _BUMP: Final = 24  # frames there, and as many back: at rest a signal that is lost finds its held vote again
@@ -39,14 +45,14 @@ def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[
     """Return CONFIG (1,) and INPUT (frames,) of a long session; number : of TITLES."""
     draw = np.random.default_rng((number, 2))
     config, inputs = _config(draw, number), blank(INPUT, TO_UNIT, Kind.FRAME).repeat(frames)
-    inputs["frame"], rare = np.arange(frames), (70, 24, 90, 90)[number]
+    inputs["frame"], rare = np.arange(frames), (70, 24, 90, 90, 60)[number]
     inputs["time_s"] = inputs["frame"] / RATE_HZ
     for i, row in enumerate(config["signal"][0]):
-        _give_signal(draw, inputs, i, row, rare)
+        _give_signal(draw, inputs, i, row, rare, splits=number == SPLITS)
         if number == LASTING:
             _give_lasting(draw, inputs, i, row, config["lasting"][0, i])
     _give_discretes(draw, inputs)
-    _give_patience(inputs, config["signal"][0, -1], (_WORD, 1000, 256, 256)[number])
+    _give_patience(inputs, config["signal"][0, -1], (_WORD, 1000, 256, 256, 256)[number])
     return config, inputs
 
 
@@ -54,14 +60,17 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     """Return settings, none at its default; counts beyond eight bits but in the first session."""
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
     config["rate_hz"], config["form"] = RATE_HZ, Form.REDUNDANCY
-    config["box_signals"], config["box_persistence"] = ((0, 1), (3, 12), (6, 20), (0, 1))[number]
+    boxes = ((0, 1), (3, 12), (MORE_THAN_HALF, 20), (0, 1), (MORE_THAN_HALF, 9))
+    config["box_signals"], config["box_persistence"] = boxes[number]
     config["surface_low"], config["surface_high"] = -0.5, [*[0.5] * (len(SURFACES) - 1), 1.0]
-    signal, counts = config["signal"][0], (1, 40, 7, 3)[number]
+    signal, counts = config["signal"][0], (1, 40, 7, 3, 1)[number]
     beside = 1.0 / 1024  # no distance is exactly a threshold, where rounding would decide
     for name, low, high in (("persistence", 3, 9), ("singular_persistence", 4, 12), ("fade_frames", 3, 9)):
         signal[name] = draw.integers(low, high, S) * counts
     signal["common_persistence"] = draw.integers(4, 9, S) * counts
-    signal["readmit_frames"] = draw.integers(60, 90, S) * draw.choice(([1], [4, 4, 15], [2], [1])[number], S)
+    signal["readmit_frames"] = draw.integers(60, 90, S) * draw.choice(([1], [4, 4, 15], [2], [1], [1])[number], S)
+    if number == SPLITS:
+        signal["readmit_frames"] //= 8
     signal["trend_frames"], signal["weighted"] = draw.integers(1, 9, S), draw.random(S) < 0.7
     signal["common_fails"], signal["fitted"] = draw.random(S) < 0.5, draw.choice([4, 4, 4, 3], S)
     signal["threshold"] = 1.0 + beside
@@ -70,6 +79,8 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     for name in ("outlier_threshold", "outlier_threshold_triplex"):
         signal[name] = draw.choice([0.0, 0.625], S) * signal["threshold"]
     signal["low"], signal["high"] = -1e4, 1e4
+    if number >= LASTING:
+        signal["low"][::3], signal["high"][::3] = (stop * signal["threshold"][::3] for stop in _STOPS)
     signal["deviation"], signal["deviation_frames"] = 2.5, 500.0
     if number == 2:
         _turn(signal)
@@ -77,10 +88,14 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
         signal["filter_gain"][1::4] = draw.choice([0.1, 0.5])
     if number == LASTING:
         _last(config["lasting"][0], signal, draw)
+    if number > 0:  # the first is of what every version of the records knows
+        _rule(config["rules"][0], signal, draw, one_box=number == 1)
+    else:
+        config["rules"]["box"], config["rules"]["trend_small"] = 1, -1.0
     signal["readmit_frames"][-1] = 200  # of _give_patience
     for row in signal:
         order = draw.permutation([Resolver.ILM, Resolver.REFERENCE, Resolver.TREND])
-        row["resolvers"] = [*order, Resolver.EXTREMES, Resolver.MIDDLE]
+        row["resolvers"] = [*order, *([Resolver.EXTREMES, Resolver.MIDDLE] if draw.random() < 0.7 else [0, 0])]
     discrete = config["discrete"][0]
     discrete["fitted"], discrete["fail_safe"] = draw.integers(3, 5, D), [1, 0, 1]
     discrete["persistence"], discrete["readmit_frames"] = 5 * counts, 60 * counts
@@ -106,6 +121,19 @@ def _last(lasting: NDArray[Any], signal: NDArray[Any], draw: Generator) -> None:
     lasting["stale_frames"][-1] = 0
 
 
+def _rule(rules: NDArray[Any], signal: NDArray[Any], draw: Generator, one_box: bool) -> None:
+    """Turn on what signals have in common, and other rules of splits and counts, each on many signals."""
+    rules["box"] = 1 if one_box else draw.integers(0, 4, S)
+    telling = 1 << np.arange(S // 2)
+    rules["tells"][: S // 2] = np.where(draw.random(S // 2) < 0.7, telling, 0)
+    rules["sources"] = draw.choice([0, *telling], S) | draw.choice([0, *telling], S)
+    rules["count_down"] = draw.choice([0.0, 0.0, 0.5, 1.0, 2.5], S)
+    rules["unresolved_frames"] = draw.choice([0, 1, 2], S) * signal["singular_persistence"]
+    rules["trend_small"] = np.where(draw.random(S) < 0.4, 0.2507 * signal["threshold"], -1.0)
+    for name in ("trend_tumbles", "trend_beside_reference", "referred"):
+        rules[name] = draw.random(S) < 0.4
+
+
 def _episodes(
     draw: Generator, frames: int, shape: tuple[int, ...], choices: NDArray[Any], length: float
 ) -> NDArray[Any]:
@@ -117,8 +145,11 @@ def _episodes(
     return np.take_along_axis(fresh, since, axis=0)
 
 
-def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any], rare: int) -> None:
-    """Write the samples, monitors, references and resets of one signal; one channel of ``rare`` is wrong."""
+def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any], rare: int, *, splits: bool) -> None:
+    """Write the samples, monitors, references and resets of one signal; one channel of ``rare`` is wrong.
+
+    splits : all channels are apart, or two against two, for some of the time
+    """
     frames, threshold = len(inputs), float(row["threshold"])
     length = 1.2 * float(row["persistence"]) + 8.0
     bumps = np.repeat(draw.choice(_SLOPES, frames // (2 * _BUMP) + 1), 2 * _BUMP)[:frames]
@@ -128,6 +159,9 @@ def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any
     all_off = _episodes(draw, frames, (), np.array([0.0] * (rare // 2) + [5.0]), length)
     here = _episodes(draw, frames, (CHANNELS,), _HERE, 25.0)
     gone = _episodes(draw, frames, (CHANNELS,), _GONE, length)
+    if splits:
+        length += float(row["singular_persistence"])
+        here += _SPLIT[_episodes(draw, frames, (), np.arange(len(_SPLIT)), length)]
     channels = truth[:, None] + threshold * (np.where(wrong, gone, here) + all_off[:, None])
     inputs["channels"][:, i] = _in_range(channels, row)
     inputs["valid"][:, i] = _episodes(draw, frames, (CHANNELS,), np.arange(3 * rare) != 0, 4.0)
@@ -135,7 +169,7 @@ def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any
     inputs["ilm"][:, i] = _episodes(draw, frames, (CHANNELS,), says, length)
     for name, beside in (("reference", 1 / 512), ("second_reference", 1 / 256)):
         off = _episodes(draw, frames, (), _OFF, 2.0 * length) + beside
-        inputs[name][:, i] = _in_range(truth + threshold * off, row)
+        inputs[name][:, i] = _on_circle(truth + threshold * off, row)
     commanded = draw.random(frames) < 4.0 / float(row["readmit_frames"])
     inputs["reset"][:, i] = np.where(commanded, draw.integers(1, 16, frames), 0)
 
@@ -148,10 +182,10 @@ def _give_lasting(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[An
     drifts = _episodes(draw, frames, each, np.array([0.0] * 12 + [0.5, -0.5]), 150.0)
     dither = draw.integers(-8, 9, channels.shape) / 1024.0
     channels = channels + float(row["threshold"]) * (biases + drifts + dither)
-    stuck = _episodes(draw, frames, each, np.arange(60) == 0, 1.5 * float(lasting["stale_frames"]) + 20.0)
+    stuck = _episodes(draw, frames, each, np.arange(25) == 0, 1.5 * float(lasting["stale_frames"]) + 20.0)
     since = np.maximum.accumulate(np.where(stuck, 0, numbers), axis=0)
     inputs["channels"][:, i] = _in_range(np.take_along_axis(channels, since, axis=0), row)
-    inputs["valid"][:, i] = 1
+    inputs["valid"][:, i] = _episodes(draw, frames, each, np.arange(60) != 0, 2.0)  # gaps, which end no count
 
 
 def _give_patience(inputs: NDArray[Any], row: NDArray[Any], frames: int) -> None:
@@ -162,10 +196,15 @@ def _give_patience(inputs: NDArray[Any], row: NDArray[Any], frames: int) -> None
     inputs["reset"][back + frames + int(row["readmit_frames"]) // 2 :, last] = 1
 
 
-def _in_range(values: NDArray[np.float64], row: NDArray[Any]) -> NDArray[np.float64]:
+def _on_circle(values: NDArray[np.float64], row: NDArray[Any]) -> NDArray[np.float64]:
     """Return the same, angles on their circle."""
     low = float(row["low"])
     return (values - low) % TWO_PI + low if row["wraps"] else values
+
+
+def _in_range(values: NDArray[np.float64], row: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the same, of a sensor that stays at its stops; angles on their circle."""
+    return _on_circle(values, row) if row["wraps"] else np.clip(values, row["low"], row["high"])
 
 
 def _give_discretes(draw: Generator, inputs: NDArray[Any]) -> None:

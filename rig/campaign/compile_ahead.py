@@ -21,8 +21,8 @@ from rig import loop
 from rig.assess.of_log import FlightConclusion
 from rig.assess.outcome_rows import add_rows
 from rig.computer.redundancy.baselines import select_unit
-from rig.computer.redundancy.manager import ManagerData
 from rig.computer.redundancy.managers import KINDS
+from rig.computer.redundancy.state import ManagerData
 from rig.kernel_cache import folder, reached
 from rig.kernel_locks import give_back, take
 from rig.kernels import cache_root, compile_inner

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.durations import in_frames
-from rig.computer.redundancy.manager import manage_signal, new_state
+from rig.computer.redundancy.manager import manage_signal
+from rig.computer.redundancy.state import new_state
 from rig.faults.parts import LinkPart
 from rig.frame import COMPUTERS, INTEGRATED, SURFACES, Ilm, LinkState, Resolver, S
 from rig.kernels import kernel

@@ -24,7 +24,7 @@ from rig.computer.analytic.references import ReferenceData
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.discrete import DiscreteData
-from rig.computer.redundancy.manager import ManagerData
+from rig.computer.redundancy.state import ManagerData
 from rig.faults import FaultData, break_computers, corrupt_commands
 from rig.faults.parts import ComputerPart
 from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, Health, S, lane_rows

@@ -21,7 +21,7 @@ from rig.campaign.plan import Plan, Run
 from rig.campaign.requirements import run_columns
 from rig.campaign.rows import TABLES, Rows
 from rig.campaign.worker import Orders, check_rig
-from rig.computer.redundancy.manager import ManagerData
+from rig.computer.redundancy.state import ManagerData
 from rig.errors import BadInput
 from rig.faults import FaultData
 from rig.faults.effects import RANDOM

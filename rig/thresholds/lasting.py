@@ -26,7 +26,7 @@ from rig.computer.redundancy.lasting import (
     take_bias_off,
     watch_sums,
 )
-from rig.computer.redundancy.manager import new_state
+from rig.computer.redundancy.state import new_state
 from rig.frame import CHANNELS, Pattern
 from rig.kernels import kernel, long_kernel
 from rig.recordings.settings import RecordedSignal

@@ -21,10 +21,10 @@ from xml.etree import ElementTree
 from rig.errors import BadInput
 from rig.text import quoted
 from rig.unit import links
-from rig.unit.fmu_description import IDENTIFIER, OLD_TOKEN, TOKEN, Place, Version, variables
+from rig.unit.fmu_description import IDENTIFIER, TOKEN, TOKENS, Place, Version, variables
 from rig.unit.fmu_mapping import UNSAID, mapped
 from rig.unit.fmu_variables import Described, described
-from rig.unit.layout import CONFIG, INPUT, OUTPUT, SINCE_2, place
+from rig.unit.layout import CONFIG, INPUT, OUTPUT, SINCE, place
 from rig.unit.links import SocketLink
 from rig.unit.settings import Unit
 
@@ -111,7 +111,7 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
     co_simulation = description.find("CoSimulation")
     if co_simulation is None:
         raise BadInput(f"{named} has no co-simulation")
-    if unit.fmu is None and token not in (TOKEN, OLD_TOKEN):
+    if unit.fmu is None and token not in TOKENS:
         raise BadInput(
             f"{named} was built for layout {token!r}, this rig has {TOKEN!r}: write its modelDescription.xml again"
             f" ('rig unit header --fmu {version}') and rebuild, or map its variables in [fmu.inputs] and [fmu.outputs]"
@@ -130,7 +130,7 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
         "bytes": {Place.CONFIG: CONFIG.itemsize, Place.INPUT: INPUT.itemsize, Place.OUTPUT: OUTPUT.itemsize},
         **_steps(description, co_simulation, named),
         **(
-            {"runs": _runs(version, known, token == OLD_TOKEN, named)}
+            {"runs": _runs(version, known, TOKENS[token].version, named)}
             if unit.fmu is None
             else mapped(unit, known, named)
         ),
@@ -156,11 +156,14 @@ def _steps(description: ElementTree.Element, co_simulation: ElementTree.Element,
     return given
 
 
-def _runs(version: Version, known: dict[str, Described], old: bool, named: str) -> list[dict[str, Any]]:
-    """Return runs of variables of one type that lie side by side in a record: each is one call of FMI."""
+def _runs(version: Version, known: dict[str, Described], records: int, named: str) -> list[dict[str, Any]]:
+    """Return runs of variables of one type that lie side by side in a record: each is one call of FMI.
+
+    records : the version of them that the FMU was made for
+    """
     runs: list[dict[str, Any]] = []
     for variable in variables(version):
-        if old and re.split(r"\[", variable.name)[0] in SINCE_2:
+        if SINCE.get(re.split(r"\[", variable.name)[0], 1) > records:
             continue
         found = known.get(variable.name)
         if found is None or found.type != variable.type(version):

@@ -19,12 +19,13 @@ import numpy as np
 
 from rig.frame import DISCRETES, SIGNALS, SURFACES, D, S
 from rig.frame.fields import FIELD
-from rig.unit.layout import CONFIG, HELLO, INPUT, LAYOUT, OLD_SEAM, OUTPUT, RECORDS, place, walk
+from rig.unit.layout import CONFIG, HELLO, INPUT, OUTPUT, RECORDS, SEAMS, Seam, place, walk
 
 Version = Literal["2", "3"]  # of FMI
 IDENTIFIER: Final = "rig_unit"  # how the library in an FMU is called
-TOKEN: Final = f"rig-unit-{LAYOUT:016x}"  # guid or instantiationToken: other records, another one
-OLD_TOKEN: Final = f"rig-unit-{OLD_SEAM.layout:016x}"
+# By guid or instantiationToken: other records, another one.
+TOKENS: Final[dict[str, Seam]] = {f"rig-unit-{seam.layout:016x}": seam for seam in SEAMS.values()}
+TOKEN: Final = next(iter(TOKENS))
 
 
 class Place(IntEnum):

@@ -41,10 +41,11 @@ _OF_SURFACES: Final = ("trim_surface", "surface_low", "surface_high")
 OF_ITS_SIGNAL: Final = (  # fields of a signal's CONFIG that have its unit
     *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
     *("reference_threshold", "second_threshold", "low", "high", "deviation", "deviation_frames"),
+    *("bias_bound", "slow_allowance", "slow_limit", "trend_small"),
 )
 _NEEDED: Final = {"redundancy": Said.VOTED, "flight-computer": Said.SURFACE}
 UNSAID: Final = "unsaid"  # key of a plan: fields without a variable in a group that is filled
-_OF_CONFIG: Final = re.compile(r"(signal|discrete)\[\d+\]\.(\w+)(?:\[(\d+)\])?")
+_OF_CONFIG: Final = re.compile(r"(signal|lasting|rules|discrete)\[\d+\]\.(\w+)(?:\[(\d+)\])?")
 
 
 class Element(NamedTuple):
@@ -177,7 +178,7 @@ def _named(name: str, variable: str, about: str) -> tuple[str, str, str]:
     """Return field, address and SI unit of an element ``name`` of a ``variable``."""
     of = _OF_CONFIG.fullmatch(name)
     if of is not None:  # of a signal or discrete in CONFIG
-        unit = SIGNALS[INDEX[about]].unit if of[1] == "signal" and of[2] in OF_ITS_SIGNAL else unit_of_name(of[2])
+        unit = SIGNALS[INDEX[about]].unit if of[1] != "discrete" and of[2] in OF_ITS_SIGNAL else unit_of_name(of[2])
         return of[2], ".".join([of[1], about, *filter(None, of.groups()[1:])]), unit or "1"
     items = about.split(", channel ") if about else []
     return variable, ".".join([variable, *items]), _unit(variable, items)

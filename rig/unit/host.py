@@ -216,8 +216,9 @@ def serve(arguments: list[str], load: Callable[[str, Sequence[int]], Library], h
         channel.reply(REFUSED, channel.blank, str(reason))
         channel.socket.recv(1)  # wait until it has been read
         return
-    if blanks[library.layout] is not channel.blank:
-        channel.blank, channel.sizes["input"] = blanks[library.layout], named["old_input"]
+    channel.blank = blanks[library.layout]
+    _, version, *_ = HEAD.unpack_from(channel.blank)
+    named["input"] = named[f"input_{version}"]
     channel.reply(READY, channel.blank, library.kind)
     host(channel, library).serve()
 

@@ -3,7 +3,8 @@
 Little-endian, IEEE 754, naturally aligned, every gap a field of its own (``pad_...``), sizes a multiple of eight bytes.
 All carriers move the same bytes; docs/unit-records.md has the tables.
 
-Version 2 begins with the fields of version 1 where they were: a unit that was built for that is still flown (SEAMS).
+Each version begins with the fields of the one before where they were: units that were built for an older one are still
+flown (SEAMS).
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
 from rig.frame.fields import BASES, FIELD, FIELDS
 
-VERSION: Final = 2  # of the seam; a change of a field changes LAYOUT alone
+VERSION: Final = 3  # of the seam; a change of a field changes LAYOUT alone
 TO_UNIT, FROM_UNIT = 0x49474952, 0x4F474952  # "RIGI", "RIGO" as little-endian words
 PART_BYTES: Final = 1024  # of CONFIG in one message that must fit into an Ethernet frame
 NAME_BYTES, TEXT_BYTES = 64, 192
+MORE_THAN_HALF: Final = -1  # as box_signals of CONFIG: of the signals of the box
 
 
 class Kind(IntEnum):
@@ -153,12 +155,14 @@ def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
 SETTINGS: Final[dict[str, tuple[str, ...]]] = {
     "signal": tuple(name for name in PARAMS.names or () if name not in LASTING + SINCE_3),
     "lasting": LASTING,
+    "rules": SINCE_3,
     "discrete": DISCRETE_PARAMS.names or (),
 }
 RESOLVERS: Final = 5  # that a unit may ask: it knows of no other computers
 _TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "resolvers" else (n, "i8", (RESOLVERS,)) for n in PARAMS.names or ()])
 SIGNAL_CONFIG: Final = _little(_TOLD, SETTINGS["signal"])
 LASTING_CONFIG: Final = _little(PARAMS, SETTINGS["lasting"])
+RULES_CONFIG: Final = _little(PARAMS, SETTINGS["rules"])
 DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS, SETTINGS["discrete"])
 HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too
 READY: Final = _packed([*_HEAD, ("text", f"S{TEXT_BYTES}", ()), *_TAIL])  # REFUSED too
@@ -176,7 +180,8 @@ _CONFIGURED: Final[list[_Entry]] = [
     ("aircraft", f"S{NAME_BYTES}", ()),
     ("flight_point", f"S{NAME_BYTES}", ()),
 ]
-CONFIG: Final = _packed([*_CONFIGURED, ("lasting", LASTING_CONFIG, (S,)), *_TAIL])
+_LASTING: Final[_Entry] = ("lasting", LASTING_CONFIG, (S,))
+CONFIG: Final = _packed([*_CONFIGURED, _LASTING, ("rules", RULES_CONFIG, (S,)), *_TAIL])
 PART: Final = _packed(
     [*_HEAD, ("part", "<u4", ()), ("parts", "<u4", ()), ("bytes", "u1", (PART_BYTES,)), *_TAIL]
 )  # of CONFIG
@@ -185,13 +190,15 @@ _ANSWERED: Final = [*_HEAD, ("stepped", "<u8", ()), *_of_frame([*ANSWERS]), ("sa
 _OF_ITSELF: Final = [("fault_word", "<u4", ()), ("status", "<u2", ()), ("output_discretes", "u1", (8,))]
 INPUT: Final = _packed([*_ASKED, ("age_us", "<u2", (S, CHANNELS)), *_TAIL])
 OUTPUT: Final = _packed([*_ANSWERED, *_OF_ITSELF, *_TAIL])
-SINCE_2: Final = ("age_us", *(name for name, _, _ in _OF_ITSELF), "lasting")
+# The version in which a field of CONFIG, INPUT or OUTPUT came; 1 where none is given.
+SINCE: Final = {"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "lasting": 2, "rules": 3}
 RECORDS: Final[dict[str, np.dtype[Any]]] = {
     "hello": HELLO,
     "ready": READY,
     "signal_config": SIGNAL_CONFIG,
     "discrete_config": DISCRETE_CONFIG,
     "lasting_config": LASTING_CONFIG,
+    "rules_config": RULES_CONFIG,
     "config": CONFIG,
     "config_part": PART,
     "input": INPUT,
@@ -221,11 +228,10 @@ def walk(dtype: np.dtype[Any]) -> Iterator[Entry]:
 def described(version: int = VERSION) -> str:
     """Return every name, type, shape and offset that both sides must agree on: LAYOUT is the hash of this text."""
     lines = [f"version {version}", *(signal.name for signal in (*SIGNALS, *DISCRETES))]
-    records = RECORDS
-    if version == 1:
-        older = {"config": _CONFIG_1, "input": _INPUT_1, "output": _OUTPUT_1}
-        records = {name: dtype for name, dtype in (RECORDS | older).items() if name != "lasting_config"}
+    records = RECORDS | _OLDER.get(version, {})
     for record, dtype in records.items():
+        if SINCE.get(record.removesuffix("_config"), 1) > version:
+            continue
         lines.append(f"{record} {dtype.itemsize}")
         lines += [f"  {e.offset} {e.name} {e.record or e.base.str} {e.shape}" for e in walk(dtype)]
     enums = (enum for enum in ENUMS if version > 1 or enum is not Status)
@@ -249,12 +255,23 @@ class Seam(NamedTuple):
 
 
 _CONFIG_1, _INPUT_1, _OUTPUT_1 = (_packed([*entries, *_TAIL]) for entries in (_CONFIGURED, _ASKED, _ANSWERED))
-LAYOUT: Final = _layout(VERSION)
-SEAM: Final = Seam(VERSION, LAYOUT, CONFIG.itemsize, INPUT.itemsize, OUTPUT.itemsize, OUTPUT.itemsize)
-OLD_SEAM: Final = Seam(
-    1, _layout(1), _CONFIG_1.itemsize, _INPUT_1.itemsize, _OUTPUT_1.itemsize, place(OUTPUT, SINCE_2[1])[1]
-)
-SEAMS: Final = {(seam.version, seam.layout): seam for seam in (SEAM, OLD_SEAM)}
+_OLDER: Final[dict[int, dict[str, np.dtype[Any]]]] = {
+    1: {"config": _CONFIG_1, "input": _INPUT_1, "output": _OUTPUT_1},
+    2: {"config": _packed([*_CONFIGURED, _LASTING, *_TAIL])},
+}
+
+
+def _seam(version: int) -> Seam:
+    records = RECORDS | _OLDER.get(version, {})
+    config, asked, answer = (records[name].itemsize for name in ("config", "input", "output"))
+    unknown = [place(OUTPUT, name)[1] for name in OUTPUT.names or () if SINCE.get(name, 1) > version]
+    return Seam(version, _layout(version), config, asked, answer, min(unknown, default=answer))
+
+
+SEAM: Final = _seam(VERSION)
+LAYOUT: Final = SEAM.layout
+OLD_SEAMS: Final = tuple(_seam(version) for version in range(VERSION - 1, 0, -1))  # the newest first
+SEAMS: Final = {(seam.version, seam.layout): seam for seam in (SEAM, *OLD_SEAMS)}
 
 
 def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0, seam: Seam = SEAM) -> np.ndarray[Any, Any]:

@@ -20,21 +20,20 @@ from rig.unit.layout import (
     CONFIG,
     FROM_UNIT,
     INPUT,
-    OLD_SEAM,
     OUTPUT,
     PART,
     PART_BYTES,
     READY,
-    SEAM,
     SEAMS,
     TEXT_BYTES,
     Kind,
     Seam,
     blank,
 )
-from rig.unit.messages import UnitStopped, config_for, read_ready
+from rig.unit.messages import UnitStopped, read_ready
 from rig.unit.processes import UnitProcess
 from rig.unit.settings import Unit
+from rig.unit.versions import config_for
 from rig.util.files import is_file
 
 LOOK_S: Final = 0.1  # how long a wait without a deadline lasts before the unit's process and Ctrl-C are looked at
@@ -130,12 +129,12 @@ def hosted(kind: str, path: Path, folder: Path, looks: int) -> tuple[socket.sock
         "config": CONFIG.itemsize,
         "part": PART_BYTES,
         "text": TEXT_BYTES,
-        "input": INPUT.itemsize,
-        "old_input": OLD_SEAM.input_bytes,
+        **{f"input_{seam.version}": seam.input_bytes for seam in SEAMS.values()},
         "message": MOST_BYTES,
     }
     arguments = [f"{name}={size}" for name, size in sizes.items()]
-    templates = (blank(OUTPUT, FROM_UNIT, Kind.REPLY, 0, s).tobytes()[: s.output_bytes].hex() for s in (SEAM, OLD_SEAM))
+    blanks = ((blank(OUTPUT, FROM_UNIT, Kind.REPLY, 0, seam), seam.output_bytes) for seam in SEAMS.values())
+    templates = (record.tobytes()[:size].hex() for record, size in blanks)
     with theirs:
         fd = theirs.fileno()
         process = UnitProcess(kind, [str(fd), str(path), ",".join(templates), *arguments], (fd,), folder, looks)

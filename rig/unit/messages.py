@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rig.aircraft import default_stale_frames
-from rig.frame import SIGNALS
 from rig.unit.host import HEAD
 from rig.unit.layout import FROM_UNIT, LAYOUT, READY, SEAM, SEAMS, TO_UNIT, VERSION, Kind, Seam, place
 
 REBUILD: Final = "write the header again ('rig unit header') and rebuild"
-_SWITCHES: Final = ("bias_bound", "slow_limit", "stale_frames")  # of what lasts: each is off at 0
 _TEXT_AT: Final = place(READY, "text")[1]
 _BODY: Final = place(READY, "length")[1]
 
@@ -77,34 +71,6 @@ def _wrong_size(message: bytes, name: str) -> str:
         return f"{name} with length {length} before its checksum, it has {_BODY}"
     if crc not in (0, zlib.crc32(message[:_BODY])):
         return f"{name} with checksum {crc:08x}, its bytes have {zlib.crc32(message[:_BODY]):08x}"
-    return ""
-
-
-def config_for(seam: Seam, config: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return the bytes of CONFIG (1,) as a unit of a version of the records reads them.
-
-    UnitStopped: a setting is on that the version has no field for.  A unit of version 1 flies without the count of
-    stale samples that all aircraft share: its scenarios did not ask for it.
-    """
-    config["version"], config["layout"] = seam.version, seam.layout
-    if seam == SEAM:
-        return config.view(np.uint8)
-    if key := asked_since_2(config, default_stale_frames()):
-        raise UnitStopped(f"was built for version {seam.version} of the records, which has no {key}: {REBUILD}")
-    whole = config.view(np.uint8)[: seam.config_bytes].copy()
-    whole[-8:] = np.frombuffer((seam.config_bytes - 8).to_bytes(8, "little"), np.uint8)  # length, no checksum
-    return whole
-
-
-def asked_since_2(config: NDArray[Any], unasked: Mapping[str, int] = MappingProxyType({})) -> str:
-    """Return the first setting of CONFIG (1,) that is on and not in version 1 of the records; empty for none.
-
-    unasked : the count of stale samples of a signal that nobody asked for
-    """
-    for signal, settings in zip(SIGNALS, config[0]["lasting"], strict=True):
-        for name in _SWITCHES:
-            if settings[name] > 0 and (name != "stale_frames" or settings[name] != unasked.get(signal.name)):
-                return f"redundancy.signals.{signal.name}.{name}"
     return ""
 
 

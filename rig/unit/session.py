@@ -19,6 +19,7 @@ from rig.unit.layout import (
     CONFIG,
     FROM_UNIT,
     HELLO,
+    MORE_THAN_HALF,
     OUTPUT,
     RESOLVERS,
     SEAM,
@@ -77,8 +78,16 @@ def settings_of(config: NDArray[Any]) -> tuple[NDArray[np.void], NDArray[np.void
             records[key][:, :RESOLVERS] = config[0][part][key]
         else:
             records[key] = config[0][part][key]
-    params["box"] = 1
     return params, discretes
+
+
+def box_rule(config: NDArray[Any]) -> dict[str, int | None]:
+    """Return the keywords of our own manager that say when a (1,) CONFIG has a channel failed as a box."""
+    signals = int(config["box_signals"][0])
+    return {
+        "box_signals": None if signals == MORE_THAN_HALF else signals,
+        "box_persistence": int(config["box_persistence"][0]),
+    }
 
 
 def _settings(params: NDArray[np.void], discretes: NDArray[np.void]) -> Iterator[tuple[str, str, NDArray[np.void]]]:

@@ -12,9 +12,10 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from rig.unit.layout import HELLO, OLD_SEAM, PART, PART_BYTES, SEAM, TO_UNIT, Kind, Seam, blank
+from rig.unit.layout import HELLO, PART, PART_BYTES, SEAMS, TO_UNIT, Kind, Seam, blank
 from rig.unit.links import MOST_BYTES, Disconnected, SocketLink, clock
-from rig.unit.messages import Ready, UnitStopped, config_for, read_ready, sealed
+from rig.unit.messages import Ready, UnitStopped, read_ready, sealed
+from rig.unit.versions import config_for
 
 _AGAIN_S: Final = 0.2  # after which an unanswered HELLO or CONFIG is repeated: a box may have lost it
 _BUSY: Final = "busy"  # how REFUSED begins while another session is open: it ends with END, or after a silence
@@ -26,7 +27,7 @@ def open_session(link: SocketLink, config: NDArray[Any], start_s: float, stopped
     config : (1,) CONFIG with its session; start_s : for each of both.  link.seam is then the unit's
     """
     session = int(config["session"][0])
-    hellos = {seam: sealed(blank(HELLO, TO_UNIT, Kind.HELLO, session, seam)) for seam in (SEAM, OLD_SEAM)}
+    hellos = {seam: sealed(blank(HELLO, TO_UNIT, Kind.HELLO, session, seam)) for seam in SEAMS.values()}
     asked = hellos if link.seam is None else {link.seam: hellos[link.seam]}  # who has said nothing may be an old one
     start = _Start(link, session, start_s, stopped)
     here = start.send_until_ready([[hello] for hello in asked.values()], (0, session), "while it was loaded")

@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 
 from rig.errors import ManagerFailed, RigError
 from rig.frame import DISCRETES, SIGNALS, UnitStatus
-from rig.unit.layout import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, SINCE_2, Said
+from rig.unit.layout import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, SINCE, Said
 from rig.unit.port import RECEIVED, complete
 from rig.unit.unit import UnitUnderTest
 
 FILE: Final = Path(__file__).with_name("vectors.npz")
-BODY: Final = tuple(
+BODY: Final = tuple(  # that all versions have
     name
     for name in INPUT.names or ()
-    if name not in (*(HELLO.names or ()), *SINCE_2) and not name.startswith("pad_")  # version 1 has another tail there
+    if name not in (HELLO.names or ()) and SINCE.get(name, 1) == 1 and not name.startswith("pad_")
 )
 VOTES_WITHIN: Final = 1e-6  # of a signal's range
 

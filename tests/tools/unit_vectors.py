@@ -3,41 +3,46 @@
     python tests/tools/unit_vectors.py [FILE]      rig/unit/vectors.npz when not given
 
 Each case is named by what it tests and holds sixteen independent signals that reach it, drawn with fixed seeds; the
-answers are those of tests/oracle.py and oracle_boxes.py.  What no oracle knows is switched off: the
-fade after a change of level and the trend-weighted mean.
+answers are those of tests/oracle.py and oracle_boxes.py.  What no oracle knows is switched off: the fade after a change
+of level.
 """
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from itertools import islice, pairwise
 from pathlib import Path
-from random import Random
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from oracle import Frame, Oracle
-from oracle_answers import PAIRS, Settings, View
-from oracle_boxes import BoxFlight, BoxOracle, Row, row, seeded_boxes, some_settings
-from oracle_flights import Flight
+import vector_boxes
+import vector_rules
+from oracle_answers import PAIRS
+from oracle_boxes import ResettableOracle
 from vector_flights import (
-    FRAMES,
     NEVER,
     Flown,
     angle,
     at_airspeed,
     at_the_limits,
+    beyond_with_resets,
     biased,
+    bursting,
     discrete,
-    lasting,
     levelled,
+    paired,
     plain,
-    quiet_discrete,
+    quiet_discretes,
     quiet_signal,
+    repeating,
+    ruled,
     smoothed,
+    smoothed_and_repeating,
     smoothed_with_resets,
     spoken,
+    stopped,
     to_the_ends,
     with_absent_monitors,
     with_limits,
@@ -45,20 +50,30 @@ from vector_flights import (
 )
 from vector_records import MISSING, Session
 
-from rig.frame import DISCRETES, D, S
+from rig.frame import D, S
 from rig.unit.vectors import FILE, Case, save
 
 Wanted = Callable[[Flown], bool]
 POOL = 1200  # random signals that the cases choose from
 INVALID = ("flag",)
 BEYOND = ("above", "below")
-RARE = 4  # signals that fulfil a wish, at least
+RARE = 3  # signals that fulfil a wish, at least
 NO_NUMBER = ("nan", "infinity", "-infinity")
 
 
 def reached(*rules: str) -> list[Wanted]:
     """Signals for each of these rules of the oracle."""
     return [lambda flown, rule=rule: rule in flown.rules for rule in rules]
+
+
+def otherwise(*kinds: type[ResettableOracle]) -> list[Wanted]:
+    """Signals of which each of these other rules gives other answers."""
+    return [lambda flown, kind=kind: flown.by(kind).answers != flown.answers for kind in kinds]
+
+
+def without(**off: Any) -> list[Wanted]:
+    """Signals that are answered otherwise when each of these settings is off."""
+    return [lambda flown, one={name: value}: flown.hangs_on(**one) for name, value in off.items()]
 
 
 def patterns(flown: Flown) -> set[str]:
@@ -221,10 +236,15 @@ PLAIN: list[tuple[str, list[Wanted], Sequence[str]]] = [
     ("1:1:1:1 settled by extremes", settled("1:1:1:1", "extremes"), ()),
     ("1:1:1 settled by in-line monitors and the reference", settled("1:1:1", "ilm", "reference"), ()),
     ("1:1:1 settled by the middle", settled("1:1:1", "middle"), ()),
-    ("nobody answers: the last vote, moved as the ranks move", reached(*NOBODY), ()),
+    ("nobody answers: a fixed mean of the two channels beside the last vote", reached(*NOBODY), ()),
     (
-        "the change of a pattern's first frame does not move the vote",
-        reached("unresolved: change of the first frame left out"),
+        "the shares of that mean are found once, and stay with their channels",
+        otherwise(vector_rules.Moved, vector_rules.SharedAgain, vector_rules.SharedByRank),
+        (),
+    ),
+    (
+        "a split is settled by an answer that has stood, a trend for the frames that it covers",
+        otherwise(vector_rules.AtOnce, vector_rules.YoungTrend),
         (),
     ),
     (
@@ -247,13 +267,70 @@ PLAIN: list[tuple[str, list[Wanted], Sequence[str]]] = [
         reached(FREEZE("not comparable"), FREEZE("last channel exempt")),
         (),
     ),
-    ("a reference off the vote is set aside, and trusted again after agreement", [trusted_again], ()),
+    ("a reference off the ranks is set aside, and trusted again after agreement", [trusted_again], ()),
+    ("a reference near one of the two voting ranks agrees", otherwise(vector_rules.AgainstTheVote), ()),
     ("two references against all channels are reported", reached("common mode: reported"), ()),
     ("two references against all channels lose the signal where configured", reached("common mode: lost"), ()),
     ("two references that contradict each other are no common mode", reached("common mode: references apart"), ()),
 ]
 
 
+# Requirement, of which signals, and what these must reach in turn.
+RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
+    ("a split that nobody answers is given up", ruled, reached("given up")),
+    (
+        "an agreeing frame takes off the count what is configured",
+        ruled,
+        [*without(count_down=0.0), lambda flown: flown.settings.count_down == 0.5 and flown.hangs_on(count_down=1.0)],
+    ),
+    ("a side that does not move has no trend", ruled, otherwise(vector_rules.FrozenFalls)),
+    ("small changes are a trend after one frame", ruled, without(trend_small=-1.0)),
+    ("trend bytes that tumble", ruled, without(trend_tumbles=False)),
+    (
+        "the trend is asked without a reference, or beside one where configured",
+        ruled,
+        without(referred=False, trend_beside_reference=False),
+    ),
+    (
+        "means weighted by the trend, of good pairs too",
+        ruled,
+        [*without(weighted=False), *otherwise(vector_rules.PlainPairs)],
+    ),
+    (
+        "the pair that extremes have left is under suspicion",
+        paired,
+        [
+            *reached("the pair of extremes cut", "both of a pair wrong by trend"),
+            *otherwise(vector_rules.NeverCut, vector_rules.Unsuspected),
+        ],
+    ),
+    (
+        "until a channel is readmitted; a pair that is cut agrees no more",
+        paired,
+        otherwise(vector_rules.StaysSuspected, vector_rules.CutAgrees, vector_rules.AgreesAtOnce),
+    ),
+    ("a reference is limited to the sensor's range", stopped, otherwise(vector_rules.BeyondTheStops)),
+    ("a sensor at its stop does not repeat", stopped, otherwise(vector_rules.AtTheStops)),
+    ("a sample that repeats for too long is not compared", repeating, [by_repeats, *reached("stale in a split")]),
+    (
+        "repeats count beside others that move, and gaps do not end them",
+        repeating,
+        otherwise(vector_rules.OfAllAtRest, vector_rules.EndedByGaps),
+    ),
+    ("beside the only channel its reference moves", repeating, otherwise(vector_rules.WithoutReference)),
+    ("a step of the filter is limited", smoothed, otherwise(vector_rules.LimitedSample)),
+    (
+        "what a filter still shows of a burst is taken off the count",
+        bursting,
+        otherwise(vector_rules.CountsBursts, vector_rules.EndsBursts, vector_rules.OffByThreshold),
+    ),
+    (
+        "a split that only a filter still shows does not go on",
+        bursting,
+        otherwise(vector_rules.NeverClosed, vector_rules.OnlySettles),
+    ),
+    ("a filter begins again after a stale sample", smoothed_and_repeating, otherwise(vector_rules.FollowsStale)),
+]
 LIMITS = [
     (True, "reference_threshold"),
     (True, "second_threshold"),
@@ -273,14 +350,15 @@ def chosen(make: Callable[[int], Flown | None], wanted: list[Wanted]) -> list[Fl
     for turn, wish in enumerate(wanted):
         places = len(range(turn, S, len(wanted)))
         seen = (flown for seed in range(POOL) if (flown := drawn(make, seed)) is not None and wish(flown))
-        found.append(list(islice(seen, places)))
+        found.append(list(islice((flown for flown in seen if without_ties(flown)), places)))
         if len(found[-1]) < min(places, RARE):
             raise LookupError(f"wish {turn}: {len(found[-1])} signals")
     return [found[i % len(wanted)][(i // len(wanted)) % len(found[i % len(wanted)])] for i in range(S)]
 
 
-def quiet_discretes() -> list:
-    return [quiet_discrete(one.fail_safe) for one in DISCRETES]
+def without_ties(flown: Flown) -> bool:
+    """Whether nothing hangs on the order of equal samples."""
+    return flown.by(vector_rules.OtherTies).answers == flown.answers
 
 
 def of_signals(
@@ -295,119 +373,11 @@ def of_discretes(title: str, seed: str, resets: bool) -> Session:
     return Session(title, [quiet_signal()] * S, [discrete(f"{seed} {d}", resets) for d in range(D)])
 
 
-class TrendAccuses(Oracle):
-    """Another rule, for a choice of flights: whoever is blamed without a majority is accused by trend and rank too."""
-
-    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
-        return super().evidence(view, "ilm" if resolver in ("trend", "extremes", "middle") else resolver, wrong)
-
-
-class NobodyAccuses(Oracle):
-    """And another one: nobody who is blamed without a majority is accused."""
-
-    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
-        return super().evidence(view, "trend", wrong)
-
-
-@dataclass
-class Dying:
-    """A flight of boxes, and the answers of each frame."""
-
-    flight: BoxFlight
-    oracle: BoxOracle
-    answers: list[list[Frame]]
-    everywhere: bool  # nearly every signal accused somebody in the frame in which a box was failed
-
-    def hangs_on(self, other: type[Oracle]) -> bool:
-        """Whether another rule of who is accused gives other answers."""
-        return fly_boxes(self.flight, other).answers != self.answers
-
-
-def fly_boxes(flight: BoxFlight, kind: type[Oracle] = Oracle) -> Dying:
-    oracle = BoxOracle(flight)
-    oracle.signals = [kind(s) for s in flight.settings]
-    answers, everywhere = [], False
-    for rows in flight.frames:
-        answers.append(oracle.step(rows))
-        failed = any(frame.resolver == "box" for frame in answers[-1])
-        accusing = sum(bool(one.accused) for one in oracle.signals)
-        everywhere = everywhere or (failed and accusing > S - flight.box_signals)
-    return Dying(flight, oracle, answers, everywhere)
-
-
-def boxes(title: str, wish: Callable[[Dying], bool], first: int) -> Session:
-    """A case of channels that die as a whole on some of the sixteen signals, looked for from the seed ``first``."""
-    for seed in range(first, first + POOL):
-        found = fly_boxes(all_signals(seeded_boxes(seed), Random(f"boxes {seed}")))
-        if wish(found):
-            flown = [one_signal(found.flight, i) for i in range(S)]
-            answers = [list(frames) for frames in zip(*found.answers, strict=True)]
-            needed, persistence = found.flight.box_signals, found.flight.box_persistence
-            return Session(title, flown, quiet_discretes(), answers, needed, persistence)
-    raise LookupError(title)
-
-
-def switched_off(title: str) -> Session:
-    """A case in which boxes would be failed, but are not to be."""
-    found = boxes(title, BOXES[0][1], 0)
-    return Session(title, found.signals, found.discretes)
-
-
-def all_signals(flight: BoxFlight, draw: Random) -> BoxFlight:
-    """The same flight with more signals, all healthy or all hit like those that are there, FRAMES long."""
-    more = S - len(flight.settings)
-    settings = [*flight.settings, *(some_settings(draw) for _ in range(more))]
-    healthy = draw.random() < 0.5
-    frames = (flight.frames + flight.frames[-1:] * FRAMES)[:FRAMES]
-    return replace(
-        flight, settings=settings, frames=[[*rows, *others(rows, settings[-more:], healthy)] for rows in frames]
-    )
-
-
-def others(rows: Sequence[Row], settings: Sequence[Settings], healthy: bool) -> list[Row]:
-    """One frame of signals beside those of ``rows``."""
-    if healthy:
-        return [row(s.channels, (), None, ("absent",) * 4, None) for s in settings]
-    like = [rows[i % len(rows)] for i in range(len(settings))]
-    return [
-        ([x if c < s.channels else None for c, x in enumerate(samples)], ilm, reference)
-        for s, (samples, ilm, reference) in zip(settings, like, strict=True)
-    ]
-
-
-def one_signal(flight: BoxFlight, i: int) -> Flown:
-    samples, ilm, references = (list(column) for column in zip(*(rows[i] for rows in flight.frames), strict=True))
-    return Flown(lasting(Flight(flight.settings[i], samples, ilm, references, [None] * FRAMES)))
-
-
 def mixed(number: int) -> Session:
     """Whatever comes: every kind of signal, discretes with resets."""
     makes = [plain, plain, plain, with_resets, with_absent_monitors]
     signals = [makes[i % len(makes)](POOL + 1 + number * S + i) for i in range(S)]
     return Session(f"mixed, {number}", signals, [discrete(f"mixed {number} {d}") for d in range(D)])
-
-
-# Title, what its flights must reach, and the seeds from which these are looked for.
-BOXES: list[tuple[str, Callable[[Dying], bool], tuple[int, ...]]] = [
-    (
-        "a box that dies is failed on all its signals",
-        lambda dying: {"1 failed as boxes", "failed where nothing spoke against it"} <= dying.oracle.rules,
-        (0, 6, 18),
-    ),
-    (
-        "two boxes that die together are failed",
-        lambda dying: {"2 failed as boxes", "failed where it was silent"} <= dying.oracle.rules,
-        (11, 38),
-    ),
-    (
-        "an accused majority of boxes is not failed",
-        lambda dying: "an accused majority" in dying.oracle.rules,
-        (24, 48, 57),
-    ),
-    ("a box that dies on nearly every signal", lambda dying: dying.everywhere, (170, 196)),
-    ("trend and rank accuse no box", lambda dying: dying.hangs_on(TrendAccuses), (116, 137)),
-    ("monitors and references accuse a box without a majority", lambda dying: dying.hangs_on(NobodyAccuses), (19, 31)),
-]
 
 
 def sessions() -> Iterator[Session]:
@@ -425,6 +395,8 @@ def sessions() -> Iterator[Session]:
     yield of_signals(
         "a reset readmits only after agreement", with_resets, [readmitted, refused_early, readmitted_exactly]
     )
+    title = "a failed channel without a sample in range does not agree"
+    yield of_signals(title, beyond_with_resets, [readmitted, refused_early], BEYOND)
     yield of_signals("thresholds of their own for three and for two samples", levelled, [by_three, by_two])
     wanted = [by_outlier, by_outlier_of_three, *reached("outlier: no two are close")]
     yield of_signals("an outlier of channels that agree", with_limits, wanted)
@@ -433,7 +405,7 @@ def sessions() -> Iterator[Session]:
     for number in range(2):
         title = f"small deviations are summed until they fail a channel, {number + 1}"
         yield of_signals(title, lambda seed, n=number: biased(2000 * n + seed), reached("slow"))
-    yield of_signals("a sample that repeats for too long miscompares", biased, [by_repeats])
+    yield of_signals("a sample that repeats for too long, beside what else lasts", biased, [by_repeats])
     yield of_signals(
         "a reset behind a filter", smoothed_with_resets, [lambda flown: readmitted(flown) and behind_filter(flown)]
     )
@@ -441,9 +413,9 @@ def sessions() -> Iterator[Session]:
         yield of_signals(
             f"angles on the circle, {number + 1}", lambda seed, n=number: angle(1000 * n + seed), [anything]
         )
-    for title, wish, seeds in BOXES:
-        yield from (boxes(f"{title}, {number + 1}", wish, seed) for number, seed in enumerate(seeds))
-    yield switched_off("no box is failed where that is switched off")
+    for title, make, wanted in RULED:
+        yield of_signals(title, make, wanted)
+    yield from vector_boxes.sessions()
     for number in range(3):
         title = f"majority of discretes, the fail-safe value without one, {number + 1}"
         yield of_discretes(title, f"majority {number}", resets=False)

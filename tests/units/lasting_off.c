@@ -16,11 +16,12 @@ void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
     (void)s;
 }
 
-void lasting_count(const double *samples, params *p, struct lasting *l)
+void lasting_count(const struct frame *f, double reference, params *p, struct signal *s)
 {
-    (void)samples;
+    (void)f;
+    (void)reference;
     (void)p;
-    (void)l;
+    (void)s;
 }
 
 bool lasting_is_stale(int c, const struct lasting *l)

@@ -3,13 +3,11 @@
 
 #include "monitor.h"
 
-#define LARGEST_STEP 3.0         /* thresholds: what one sample may tell the low-pass */
 #define SEA_LEVEL_DENSITY 1.225 /* kg/m3; International Standard Atmosphere */
 
 /* ---- Which samples are compared, and their ranks: sections 2 and 3 ---- */
 
-/* A sample is compared and voted when it is flagged valid, a number and within the sensor's range. */
-static bool comparable(const struct frame *f, int c, params *p)
+bool compare_is_comparable(const struct frame *f, int c, params *p)
 {
     return (f->valid[c] != 0) && (p->low <= f->samples[c]) && (f->samples[c] <= p->high);
 }
@@ -21,7 +19,7 @@ static double anchor(const struct frame *f, params *p, const struct signal *s)
         return s->vote;
     }
     for (int c = 0; c < p->fitted; c++) {
-        if (comparable(f, c, p)) {
+        if (compare_is_comparable(f, c, p)) {
             return f->samples[c];
         }
     }
@@ -34,10 +32,14 @@ static double near_base(double x, const struct frame *f, params *p)
     return (p->wraps != 0) ? (f->base + difference(x, f->base, p)) : x;
 }
 
-/* A reference near the frame's base; NaN when it is not finite. */
+/* A reference as the sensors could read it, an angle near the frame's base: sensors at their stop do not contradict what
+ * is beyond it.  NaN when it is not finite. */
 static double seen(double reference, const struct frame *f, params *p)
 {
-    return isfinite(reference) ? near_base(reference, f, p) : (double)NAN;
+    if (!isfinite(reference)) {
+        return (double)NAN;
+    }
+    return (p->wraps != 0) ? near_base(reference, f, p) : clamp(reference, p->low, p->high);
 }
 
 /* Swap places i < j of the order when they are out of order. */
@@ -71,11 +73,12 @@ static void sort(const double *x, int *order, int n)
     }
 }
 
-/* Section 2: gather the comparable samples of channels in use, rank them, find the two voting ranks. */
+/* Section 2: gather the comparable samples of channels in use that do not repeat for too long, rank them, find the two
+ * voting ranks. */
 static void rank(struct frame *f, params *p, const struct signal *s)
 {
     for (int c = 0; c < p->fitted; c++) {
-        if (!s->latches.failed[c] && comparable(f, c, p)) {
+        if (!s->latches.failed[c] && !lasting_is_stale(c, &s->lasting) && compare_is_comparable(f, c, p)) {
             f->x[c] = near_base(f->samples[c], f, p);
             f->order[f->n] = c;
             f->n++;
@@ -94,12 +97,12 @@ double compare_follow(double last, double x, const struct frame *f, params *p)
     if (isnan(last)) {
         return x;
     }
-    const double limit = LARGEST_STEP * p->threshold;
-    double step = difference(x, last, p);
+    const double limit = p->threshold / ((double)p->persistence - 0.5);
+    double step = p->filter_gain * difference(x, last, p);
     if (isfinite(step) && fabs(step) > limit) {
         step = copysign(limit, step);
     }
-    const double y = near_base(last + (p->filter_gain * step), f, p);
+    const double y = near_base(last + step, f, p);
     return isfinite(y) ? y : x;
 }
 
@@ -111,7 +114,7 @@ static void look(struct frame *f, params *p, struct signal *s)
     f->seen_reference = f->reference;
     if (p->filter_gain > 0.0) {
         for (int c = 0; c < p->fitted; c++) {
-            const bool there = comparable(f, c, p);
+            const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);
             s->smooth[c] = there ? compare_follow(s->smooth[c], near_base(f->samples[c], f, p), f, p) : (double)NAN;
         }
         s->smooth_reference = compare_follow(s->smooth_reference, f->reference, f, p);
@@ -161,11 +164,11 @@ struct frame compare_samples(const struct rig_input *input, int signal, params *
 {
     struct frame f = {.samples = input->channels[signal], .valid = input->valid[signal], .ilm = input->ilm[signal]};
     f.base = anchor(&f, p, s);
+    lasting_count(&f, input->reference[signal], p, s);
     f.reference = seen(input->reference[signal], &f, p);
     f.second = seen(input->second_reference[signal], &f, p);
     f.reference_threshold = reference_threshold(f.reference, p);
     rank(&f, p, s);
-    lasting_count(f.samples, p, &s->lasting);
     look(&f, p, s);
     f.threshold = threshold(f.n, p);
     f.outlier_threshold = lasting_is_learned(&f, &s->lasting) ? outlier_threshold(f.n, p) : 0.0;
@@ -210,9 +213,21 @@ static uint8_t classify(struct frame *f, double within)
     return pattern_of(f->n, count, apart[2]);
 }
 
+/* Whether a split that the filter still shows has closed: its samples in the middle agree again. */
+static bool come_together(const struct frame *f, params *p)
+{
+    const double low = f->x[f->by[(f->n - 1) / 2]];
+    if (f->n == 3) {
+        const double below = fabs(difference(f->x[f->by[0]], low, p));
+        const double above = fabs(difference(f->x[f->by[2]], low, p));
+        return (below <= f->threshold) || (above <= f->threshold);
+    }
+    return fabs(difference(f->x[f->by[f->n / 2]], low, p)) <= f->threshold;
+}
+
 /* Those who all agree are compared once more by the outlier threshold; without a majority at that scale nobody is
  * blamed (redundancy.md 'Outliers'). */
-void compare_pattern(struct frame *f, struct signal *s)
+void compare_pattern(struct frame *f, params *p, struct signal *s)
 {
     uint8_t pattern = classify(f, f->threshold);
     if ((pattern == RIG_PATTERN_NORMAL) && (f->outlier_threshold > 0.0)) {
@@ -222,48 +237,18 @@ void compare_pattern(struct frame *f, struct signal *s)
             pattern = RIG_PATTERN_NORMAL;
         }
     }
-    for (int i = 0; i < f->n; i++) {
-        f->alone[f->order[i]] = f->alone[f->order[i]] || lasting_is_stale(f->order[i], &s->lasting);
+    f->together = is_singular(pattern) && (p->filter_gain > 0.0) && come_together(f, p);
+    if (pattern != s->pattern) {
+        s->pattern_frames = 1;
+    } else if (!f->together) {
+        s->pattern_frames++;
+    } else {
+        /* it does not go on */
     }
-    s->pattern_frames = (pattern == s->pattern) ? (s->pattern_frames + 1) : 1;
     s->pattern = pattern;
 }
 
-/* ---- Trend: section 6 and table 1 ---- */
-
-/* The bytes begin again when the number of samples has changed. */
-void compare_trend(struct frame *f, params *p, struct signal *s)
-{
-    if ((f->n == s->last_n) && (f->n > 0)) {
-        const unsigned mask = (1U << p->trend_frames) - 1U;
-        f->rise_high = difference(f->high, s->last_high, p);
-        f->rise_low = difference(f->low, s->last_low, p);
-        s->trend_high = ((s->trend_high << 1) | ((f->rise_high > 0.0) ? 1U : 0U)) & mask;
-        s->trend_low = ((s->trend_low << 1) | ((f->rise_low > 0.0) ? 1U : 0U)) & mask;
-        s->trend_seen++;
-    } else {
-        s->trend_high = 0U;
-        s->trend_low = 0U;
-        s->trend_seen = 0;
-    }
-    s->last_high = f->high;
-    s->last_low = f->low;
-    s->last_n = f->n;
-}
-
 /* ---- The vote with a majority: sections 4 and 5 ---- */
-
-/* Section 4, trend-weighted mean: the value whose change is nearer to the vote's last change weighs more. */
-static double trend_weight(const struct frame *f, const struct signal *s)
-{
-    if (!((f->rise_high * f->rise_low) > 0.0)) {
-        return 0.5;
-    }
-    const double off_high = fabs(f->rise_high - s->rise_vote);
-    const double off_low = fabs(f->rise_low - s->rise_vote);
-    const double total = off_high + off_low;
-    return (total <= 0.0) ? 0.5 : (off_low / total);
-}
 
 /* Section 5: the middle value, the mean of two, and never a suspect where the other rank is none. */
 double compare_median(const struct frame *f, params *p, const struct signal *s)
@@ -277,5 +262,5 @@ double compare_median(const struct frame *f, params *p, const struct signal *s)
     if (f->alone[f->order[(f->n / 2) - 1]]) {
         return f->high;
     }
-    return mean(f->low, f->high, (p->weighted != 0) ? trend_weight(f, s) : 0.5);
+    return mean(f->low, f->high, (p->weighted != 0) ? trend_weight(f->rise_high, f->rise_low, s->rise_vote) : 0.5);
 }

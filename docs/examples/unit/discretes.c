@@ -43,8 +43,8 @@ static uint8_t isolate(const struct rig_input *input, int d, int c, uint8_t vote
     const bool same = (input->discrete_channels[d][c] != 0) == (voted != 0);
     const bool agrees = same && comparable(input, d, c);
     l->agreed[c] = (agrees && l->failed[c]) ? (l->agreed[c] + 1) : 0;
-    l->count[c] = agrees ? 0 : (l->count[c] + 1);
-    if (l->count[c] >= config[d].persistence) {
+    l->count[c] = agrees ? 0.0 : (l->count[c] + 1.0);
+    if (l->count[c] >= (double)config[d].persistence) {
         l->failed[c] = true;
     }
     if (l->failed[c]) {
@@ -56,7 +56,7 @@ static uint8_t isolate(const struct rig_input *input, int d, int c, uint8_t vote
 void discretes_step(const struct rig_input *input, struct rig_output *output)
 {
     for (int d = 0; d < RIG_DISCRETES; d++) {
-        monitor_readmit(&latches[d], input->discrete_reset[d], config[d].fitted, config[d].readmit_frames); /* rule 1 */
+        persistence_readmit(&latches[d], input->discrete_reset[d], config[d].fitted, config[d].readmit_frames); /* rule 1 */
         const uint8_t voted = majority(input, d);
         uint8_t level = 0;
         for (int c = 0; c < RIG_CHANNELS; c++) {

@@ -14,6 +14,7 @@ void lasting_open(const struct rig_config *config, int signal, struct lasting *l
 {
     memset(l, 0, sizeof *l);
     l->set = &config->lasting[signal];
+    l->last_reference = (double)NAN;
     for (int c = 0; c < RIG_CHANNELS; c++) {
         l->last_sample[c] = (double)NAN;
     }
@@ -31,19 +32,52 @@ void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
 
 /* ---- Stale samples ---- */
 
-void lasting_count(const double *samples, params *p, struct lasting *l)
+/* Whether a channel in use has another sample than its last one; beside the only one its reference counts, too. */
+static bool others_move(const struct frame *f, double reference, params *p, const struct signal *s)
 {
-    if (l->set->stale_frames > 0) {
-        for (int c = 0; c < p->fitted; c++) {
-            l->repeats[c] = (samples[c] == l->last_sample[c]) ? (l->repeats[c] + 1) : 0;
-            l->last_sample[c] = samples[c];
+    const struct lasting *const l = &s->lasting;
+    bool moved = false;
+    int others = 0;
+    for (int c = 0; c < p->fitted; c++) {
+        if (!s->latches.failed[c] && compare_is_comparable(f, c, p)) {
+            others++;
+            moved = moved || (f->samples[c] != l->last_sample[c]);
+        }
+    }
+    return moved || ((others == 1) && isfinite(reference) && (reference != l->last_reference));
+}
+
+/* Nothing is told by a sample at the end of the range, nor where all repeat alike: sensors at their stop, or at rest
+ * with a coarse quantum, are in order. */
+void lasting_count(const struct frame *f, double reference, params *p, struct signal *s)
+{
+    struct lasting *const l = &s->lasting;
+    if (l->set->stale_frames == 0) {
+        return;
+    }
+    const bool moved = others_move(f, reference, p, s);
+    l->last_reference = reference;
+    l->stale = 0U;
+    for (int c = 0; c < p->fitted; c++) {
+        const double x = f->samples[c];
+        if (compare_is_comparable(f, c, p)) {
+            const bool at_end = (p->wraps == 0) && ((x <= p->low) || (x >= p->high));
+            if ((x != l->last_sample[c]) || at_end) {
+                l->repeats[c] = 0;
+            } else if (moved) {
+                l->repeats[c]++;
+            } else {
+                /* neither way */
+            }
+            l->last_sample[c] = x;
+            l->stale |= (l->repeats[c] >= l->set->stale_frames) ? (1U << c) : 0U;
         }
     }
 }
 
 bool lasting_is_stale(int c, const struct lasting *l)
 {
-    return (l->set->stale_frames > 0) && (l->repeats[c] >= l->set->stale_frames);
+    return has(l->stale, c);
 }
 
 /* ---- Learned bias ---- */
@@ -76,7 +110,7 @@ void lasting_learn(const struct frame *f, struct signal *s)
     const double m = middle(f, s);
     for (int i = 0; i < f->n; i++) {
         const int c = f->order[i];
-        if (!f->alone[c] && !f->blamed[c] && (s->latches.count[c] == 0)) {
+        if (!f->alone[c] && !f->blamed[c] && (s->latches.count[c] <= 0.0)) {
             const double seen = (double)l->learned[c];
             const double first = 1.0 / (seen + 1.0);
             const bool begins = ((seen * l->set->bias_gain) < 1.0) && (first > l->set->bias_gain);

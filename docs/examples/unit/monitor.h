@@ -1,10 +1,15 @@
 /* The cross-channel monitor: what its files share.
  *
- * monitor.c    the interface, and one signal's frame from the samples to the answer
- * compare.c    which samples are compared, their ranks, pattern, trend and median
- * lasting.c    learned biases, sums of small deviations, samples that repeat
- * resolvers.c  patterns without a majority
- * discretes.c  the voter of the discretes
+ * monitor.c      the interface, and one signal's frame from the samples to the answer
+ * compare.c      which samples are compared, their ranks, pattern and median
+ * trend.c        the trend bytes of the two voting ranks, and what they say
+ * lasting.c      learned biases, sums of small deviations, samples that repeat
+ * resolvers.c    patterns without a majority
+ * references.c   the references' own monitor, the last channel, two references against all channels
+ * persistence.c  counts, answers that last, latched failures, readmission
+ * boxes.c        boxes that die
+ * rules.c        what version 3 of the records tells of a signal, and what becomes of a split that nobody answers
+ * discretes.c    the voter of the discretes
  *
  * Zhang (2023), whose sections the comments name, and docs/redundancy.md for what the paper leaves open (its headings
  * in quotes).  No dynamic memory, no recursion, every loop bounded by a constant or by a number of channels.
@@ -20,13 +25,14 @@
 
 #define PI 3.141592653589793
 #define TURN 6.283185307179586
+#define REFERENCE_MARGIN 1.5 /* reference thresholds that it takes to dispute channels that nobody else disputes */
 
 typedef const struct rig_signal_config params;
 
 /* What persists of the channels of one signal or discrete. */
 struct latches {
     bool failed[RIG_CHANNELS];    /* latched: only a reset command clears it */
-    int64_t count[RIG_CHANNELS];  /* miscomparing frames in a row */
+    double count[RIG_CHANNELS];   /* miscomparing frames in a row, less what agreeing ones took off */
     int64_t agreed[RIG_CHANNELS]; /* frames in a row that a failed channel agreed with the vote */
 };
 
@@ -37,8 +43,46 @@ struct lasting {
     int64_t learned[RIG_CHANNELS]; /* frames that the bias is of */
     double above[RIG_CHANNELS];    /* sums of residuals, unit times frames */
     double below[RIG_CHANNELS];
-    double last_sample[RIG_CHANNELS];
-    int64_t repeats[RIG_CHANNELS]; /* frames in a row in which it was the last one again */
+    double last_sample[RIG_CHANNELS]; /* comparable */
+    double last_reference;
+    int64_t repeats[RIG_CHANNELS]; /* frames in which it was the last one again while others moved */
+    unsigned stale;                /* channels that have repeated for too long, bits */
+};
+
+/* What the trend bytes say. */
+enum verdict { TREND_UNKNOWN, TREND_SMALLER_TRUE, TREND_LARGER_TRUE, TREND_BOTH_FALSE };
+
+/* The two voting ranks over the last frames. */
+struct trend {
+    double last_low, last_high;
+    unsigned low, high; /* bytes: the newest bit is the last one */
+    int64_t seen;       /* changes */
+    int64_t still_low, still_high; /* frames in a row without a change */
+    enum verdict says;  /* the last whole window, where they tumble */
+};
+
+/* A pattern without a majority: the answer to it, and the vote while there is none. */
+struct split {
+    uint8_t rule;    /* that answers, */
+    unsigned blames; /* the channels that it would fail, bits, */
+    int64_t stood;   /* and for how many frames in a row */
+    int64_t unresolved; /* frames in a row that no rule has answered */
+    bool held;          /* nobody answered the last frame */
+    unsigned held_of;   /* channels compared when the shares below were found, bits */
+    int held_low, held_high;
+    double held_share;  /* of the second in the vote */
+};
+
+/* Rules that version 3 of the records tells of a signal: rules.c. */
+struct rules {
+    double count_down;         /* frames that an agreeing one takes off a count; 0: all */
+    int64_t unresolved_frames; /* until a split is given up; 0: never */
+    double trend_small;        /* changes that are trend enough after one frame; -1: none */
+    bool trend_tumbles;
+    bool asks_trend;
+    int64_t tells;   /* its bit, where references of others read it */
+    int64_t sources; /* bits of signals that its references read */
+    int64_t box;     /* from 1; 0: none */
 };
 
 /* One signal in one frame. */
@@ -62,7 +106,8 @@ struct frame {
     unsigned ranked;            /* their channels, bits */
     double low, high;           /* the two voting ranks, */
     double rise_low, rise_high; /* and their changes since the last frame */
-    bool alone[RIG_CHANNELS];   /* agrees with no other channel, or repeats its sample */
+    bool alone[RIG_CHANNELS];   /* agrees with no other channel */
+    bool together;              /* behind a filter: the samples of a split agree again */
     bool blamed[RIG_CHANNELS];  /* would be failed by the answer to a pattern without a majority */
     uint8_t resolver;           /* who decided */
     double vote;                /* before the fade */
@@ -70,30 +115,36 @@ struct frame {
 
 /* One signal, from frame to frame. */
 struct signal {
+    struct rules rules;
     struct latches latches;
     struct lasting lasting;
+    struct trend trend;
+    struct split split;
     double smooth[RIG_CHANNELS]; /* behind the filter; NaN: begins with the next value */
     double smooth_reference;
     double smooth_vote;
+    double before[RIG_CHANNELS]; /* comparable samples of the last frame; NaN: none */
+    int last_n;                  /* how many there were */
     double vote;       /* the last one, before the fade */
     double rise_vote;  /* its last change */
     double output;     /* the last one, after the fade */
     double fade;       /* output less vote when the level last changed */
     int64_t fade_left; /* frames */
-    double last_low, last_high;
-    int last_n;
-    unsigned trend_low, trend_high;
-    int64_t trend_seen;
     uint8_t pattern;
     int64_t pattern_frames; /* that it has lasted */
     int64_t singular_run;   /* frames in a row of any pattern without a majority */
     int64_t freeze;         /* frames for which the counts stand still after it */
+    bool after_extremes;    /* the two channels left are those that extremes have kept */
+    int64_t cut_frames;     /* frames in a row in which the reference is off both */
     bool reference_usable;
     int64_t reference_run; /* frames in a row against the reference's present standing */
+    int64_t second_run;    /* frames in a row in which the second reference is off the vote */
+    bool in_dispute;       /* a signal that its references read */
     int64_t common_run;    /* frames in a row in which two references contradicted all channels */
     bool common_mode;
-    int64_t level; /* channels not failed */
-    bool started;  /* there is a last vote */
+    int64_t level;    /* channels not failed */
+    unsigned accused; /* channels that the frame's evidence speaks against, bits */
+    bool started;     /* there is a last vote */
 };
 
 /* ---- Numbers ---- */
@@ -124,10 +175,22 @@ static inline double mean(double low, double high, double weight_high)
     return clamp(low + (weight_high * (high - low)), low, high);
 }
 
+/* The larger of two limits. */
+static inline double larger(double a, double b)
+{
+    return (b > a) ? b : a;
+}
+
 /* Whether a pattern has no majority: sections 2 and 3. */
 static inline bool is_singular(uint8_t pattern)
 {
     return (pattern >= RIG_PATTERN_P2_2) && (pattern <= RIG_PATTERN_P1_1);
+}
+
+/* Whether a channel is in a set of bits. */
+static inline bool has(unsigned channels, int c)
+{
+    return ((channels >> c) & 1U) != 0U;
 }
 
 /* ---- compare.c ---- */
@@ -135,17 +198,29 @@ static inline bool is_singular(uint8_t pattern)
 /* What a frame shows of one signal: its comparable samples, ranked, and its references. */
 struct frame compare_samples(const struct rig_input *input, int signal, params *p, struct signal *s);
 
+/* Whether a sample is flagged valid, a number and within the sensor's range. */
+bool compare_is_comparable(const struct frame *f, int c, params *p);
+
 /* redundancy.md 'A filter before the comparison': the next value after `last`, which is NaN at the beginning. */
 double compare_follow(double last, double x, const struct frame *f, params *p);
 
-/* Name the pattern, mark who agrees with nobody or is stale, and count for how many frames the pattern has lasted. */
-void compare_pattern(struct frame *f, struct signal *s);
-
-/* Section 6 and table 1: shift this frame's bits into the trend bytes. */
-void compare_trend(struct frame *f, params *p, struct signal *s);
+/* Name the pattern, mark who agrees with nobody, and count for how many frames the pattern has lasted; behind a filter
+ * not those in which the samples themselves have come together again. */
+void compare_pattern(struct frame *f, params *p, struct signal *s);
 
 /* Sections 4 and 5: the vote with a majority. */
 double compare_median(const struct frame *f, params *p, const struct signal *s);
+
+/* ---- trend.c ---- */
+
+/* Section 6 and table 1: shift this frame's bits into the trend bytes. */
+void trend_update(struct frame *f, params *p, struct signal *s);
+
+/* What the bytes say now. */
+enum verdict trend_says(const struct frame *f, params *p, const struct signal *s);
+
+/* Section 4: the share of the larger of two values in their mean, by which change is nearer to the vote's. */
+double trend_weight(double rise_high, double rise_low, double rise_vote);
 
 /* ---- lasting.c ---- */
 
@@ -155,10 +230,10 @@ void lasting_open(const struct rig_config *config, int signal, struct lasting *l
 /* Forget the bias of the channels that were `failed` and are no longer. */
 void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
 
-/* Count the frames in a row in which each channel's sample was the last one again. */
-void lasting_count(const double *samples, params *p, struct lasting *l);
+/* Count the frames in which each channel's sample was the last one again while another's moved. */
+void lasting_count(const struct frame *f, double reference, params *p, struct signal *s);
 
-/* Whether a channel's sample has repeated for long enough to miscompare. */
+/* Whether a channel's sample has repeated for too long to be compared. */
 bool lasting_is_stale(int c, const struct lasting *l);
 
 /* Whether the bias of each channel with a sample is a mean over the time constant, or none is learned. */
@@ -176,12 +251,67 @@ void lasting_begin_sums(struct lasting *l);
 /* ---- resolvers.c ---- */
 
 /* redundancy.md 'Patterns without a majority': this frame's vote, who decided it, and whom that would fail. */
-void resolvers_settle(struct frame *f, params *p, const struct signal *s);
+void resolvers_settle(struct frame *f, params *p, struct signal *s);
 
-/* ---- monitor.c ---- */
+/* ---- references.c ---- */
+
+/* Bits of the signals that others are told by, and that one of their own references disputes. */
+int64_t references_in_dispute(const struct rig_config *config, const struct signal signals[RIG_SIGNALS]);
+
+/* redundancy.md 'The last channel': its monitor or its reference disputes it; reference or last vote instead. */
+void references_check_last(struct frame *f, params *p, const struct signal *s);
+
+/* Fail the pair that extremes have left, if a usable reference is off both for long enough. */
+void references_cut_pair(struct frame *f, params *p, struct signal *s);
+
+/* End the suspicion against that pair: the level has changed. */
+void references_trust_pair(struct signal *s);
+
+/* The same, where a channel that was `failed` is so no longer. */
+void references_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
+
+/* A reference that left both voting ranks for `persistence` frames is unusable until it agreed as long. */
+void references_monitor(const struct frame *f, params *p, struct signal *s);
+
+/* Two references against all channels for `common_persistence` frames: report it and, by choice, fail every channel. */
+void references_watch_common(struct frame *f, params *p, struct signal *s);
+
+/* ---- persistence.c ---- */
 
 /* Clear the failures of the commanded channels, bits, that have agreed with the vote for readmit_frames. */
-void monitor_readmit(struct latches *latches, unsigned commanded, int64_t fitted, int64_t readmit_frames);
+void persistence_readmit(struct latches *latches, unsigned commanded, int64_t fitted, int64_t readmit_frames);
+
+/* Count how long each failed channel has agreed with the vote again, for a readmission by command. */
+void persistence_watch_failed(const struct frame *f, params *p, struct signal *s);
+
+/* Section 2: frames in a row that each channel miscompared; a sample that is not comparable counts always.  Behind a
+ * filter a miscompare counts while the sample itself is off the vote, and else takes one off. */
+void persistence_count(const struct frame *f, params *p, struct signal *s);
+
+/* Fail what has persisted: single miscompares, and whom an answer blames that has stood for long enough. */
+void persistence_settle(struct frame *f, params *p, struct signal *s);
+
+/* ---- boxes.c ---- */
+
+/* Begin with the boxes of the signals, whose rules are known. */
+void boxes_open(const struct rig_config *config, const struct signal signals[RIG_SIGNALS]);
+
+/* Whom this frame's evidence of one signal accuses, bits; trend, extremes and middle are none. */
+unsigned boxes_accuse(const struct frame *f, params *p, const struct signal *s);
+
+/* Fail, box by box, on all its signals the channels accused long enough on enough of them. */
+void boxes_watch(const struct rig_config *config, struct signal signals[RIG_SIGNALS], struct rig_output *output);
+
+/* ---- rules.c ---- */
+
+/* Whether every box has a number that there is. */
+bool rules_usable(const struct rig_config *config);
+
+/* Read the rules of a signal. */
+void rules_open(const struct rig_config *config, int signal, struct rules *r);
+
+/* Fail all channels of a split that no rule has answered for long enough. */
+void rules_give_up(struct frame *f, params *p, struct signal *s);
 
 /* ---- discretes.c ---- */
 

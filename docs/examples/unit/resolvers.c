@@ -53,17 +53,17 @@ static int by_reference(const struct frame *f)
     return high + low;
 }
 
-/* Section 6: both ranks rose in every frame of full bytes: the larger is good.  Neither rose in any: the smaller is. */
-static int by_trend(params *p, const struct signal *s)
+/* Section 6: what the trend blames; both halves only of the pair that extremes have left (section 8). */
+static int by_trend(const struct frame *f, params *p, const struct signal *s)
 {
-    const unsigned rising = (1U << p->trend_frames) - 1U;
-    if ((s->trend_seen < p->trend_frames) || (s->trend_high != s->trend_low)) {
-        return NO_ANSWER;
+    const enum verdict says = s->rules.asks_trend ? trend_says(f, p, s) : TREND_UNKNOWN;
+    if (says == TREND_BOTH_FALSE) {
+        return s->after_extremes ? (LOW_SIDE + HIGH_SIDE) : NO_ANSWER;
     }
-    if (s->trend_high == rising) {
+    if (says == TREND_LARGER_TRUE) {
         return LOW_SIDE;
     }
-    return (s->trend_high == 0U) ? HIGH_SIDE : NO_ANSWER;
+    return (says == TREND_SMALLER_TRUE) ? HIGH_SIDE : NO_ANSWER;
 }
 
 /* What one resolver says of two halves: the sides to be failed, or NO_ANSWER. */
@@ -73,7 +73,7 @@ static int ask_sides(int64_t resolver, const struct frame *f, params *p, const s
         return by_ilm(f);
     }
     if (resolver == RIG_RESOLVER_TREND) {
-        return by_trend(p, s);
+        return by_trend(f, p, s);
     }
     if ((resolver == RIG_RESOLVER_REFERENCE) && s->reference_usable) {
         return by_reference(f);
@@ -114,17 +114,45 @@ static double triplex(const struct frame *f)
     return (low > high) ? clamp(f->reference, high, low) : clamp(f->reference, low, high);
 }
 
+/* a + share (b - a), never outside of the two. */
+static double between(double a, double b, double share)
+{
+    return (a > b) ? mean(b, a, 1.0 - share) : mean(a, b, share);
+}
+
+/* The vote when `sides` are blamed: the good half's mean, by its changes where weighted (section 4).  Of two samples of
+ * which the trend tells the good one, the weighted vote is near that whose change fits. */
+static double vote_of_sides(int64_t name, int sides, const struct frame *f, params *p, const struct signal *s)
+{
+    const int half = f->n / 2;
+    const bool trend = name == RIG_RESOLVER_TREND;
+    if (trend && (sides == (LOW_SIDE + HIGH_SIDE))) {
+        return halfway(f->x[f->by[half - 1]], f->x[f->by[half]]);
+    }
+    if ((p->weighted != 0) && trend && (f->n == 2)) {
+        const double share = trend_weight(f->rise_high, f->rise_low, s->rise_vote);
+        return mean(f->low, f->high, share); /* the ranks whose changes these are */
+    }
+    const int good = (sides == LOW_SIDE) ? half : 0;
+    const int a = f->by[good];
+    const int b = f->by[good + half - 1];
+    double share = 0.5;
+    if ((p->weighted != 0) && (half == 2)) {
+        const double rise_a = difference(f->x[a], s->before[a], p);
+        const double rise_b = difference(f->x[b], s->before[b], p);
+        share = trend_weight(rise_b, rise_a, s->rise_vote);
+    }
+    return between(f->x[a], f->x[b], share);
+}
+
 /* 2:2 and 1:1, sections 2, 6 and 7: which half is right; whether a resolver could tell. */
 static bool settle_halves(struct frame *f, params *p, const struct signal *s)
 {
-    const int half = f->n / 2;
     for (int place = 0; place < RESOLVERS; place++) {
         const int64_t name = p->resolvers[place];
         const int sides = ask_sides(name, f, p, s);
         if (sides != NO_ANSWER) {
-            const int good = (sides == LOW_SIDE) ? half : 0;
-            f->vote = (name == RIG_RESOLVER_REFERENCE) ? triplex(f)
-                                                       : halfway(f->x[f->by[good]], f->x[f->by[good + half - 1]]);
+            f->vote = (name == RIG_RESOLVER_REFERENCE) ? triplex(f) : vote_of_sides(name, sides, f, p, s);
             f->resolver = (uint8_t)name;
             blame_sides(sides, f);
             return true;
@@ -199,17 +227,38 @@ static bool settle_by_rank(struct frame *f, params *p, const struct signal *s)
     return false;
 }
 
-/* redundancy.md 'Nobody answers': the last vote, moved by the ranks' mean change but in a pattern's first frame. */
-static double hold(const struct frame *f, const struct signal *s)
+/* Find the neighbours in rank between which the last vote lies, and the upper one's share in it. */
+static void share_out(const struct frame *f, struct signal *s)
 {
+    struct split *const split = &s->split;
+    int place = 0;
+    while ((place < (f->n - 2)) && (f->x[f->order[place + 1]] < s->vote)) {
+        place++;
+    }
+    split->held_low = f->order[place];
+    split->held_high = f->order[place + 1];
+    const double low = f->x[split->held_low];
+    const double gap = f->x[split->held_high] - low;
+    split->held_share = clamp((gap > 0.0) ? ((s->vote - low) / gap) : 0.5, 0.0, 1.0);
+}
+
+/* redundancy.md 'Nobody answers': a fixed mean of the two channels between which the last vote was.  One that jumps away
+ * has no share in it, and two that drift apart have half each. */
+static double hold(const struct frame *f, struct signal *s)
+{
+    struct split *const split = &s->split;
     if (!s->started) {
         return mean(f->low, f->high, 0.5);
     }
-    return (s->pattern_frames == 1) ? s->vote : (s->vote + (0.5 * (f->rise_high + f->rise_low)));
+    if (!split->held || (s->pattern_frames == 1) || (split->held_of != f->ranked)) {
+        split->held_of = f->ranked;
+        share_out(f, s);
+    }
+    return between(f->x[split->held_low], f->x[split->held_high], split->held_share);
 }
 
 /* Ask the resolvers in their order, then the rules of rank; hold when nobody answers. */
-void resolvers_settle(struct frame *f, params *p, const struct signal *s)
+void resolvers_settle(struct frame *f, params *p, struct signal *s)
 {
     bool answered;
     if ((s->pattern == RIG_PATTERN_P2_2) || (s->pattern == RIG_PATTERN_P1_1)) {

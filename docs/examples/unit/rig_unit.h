@@ -25,8 +25,8 @@ extern "C" {
 #define RIG_ASSERT(condition) _Static_assert(condition, #condition)
 #endif
 
-#define RIG_UNIT_VERSION 2
-#define RIG_UNIT_LAYOUT UINT64_C(0x4d75e2cca0f8866c)
+#define RIG_UNIT_VERSION 3
+#define RIG_UNIT_LAYOUT UINT64_C(0x0a5a1850e6b4b34b)
 #define RIG_MAGIC_INPUT UINT32_C(0x49474952)
 #define RIG_MAGIC_OUTPUT UINT32_C(0x4f474952)
 #define RIG_CHANNELS 4
@@ -91,6 +91,8 @@ enum rig_resolver {
     RIG_RESOLVER_BOX = 7,
     RIG_RESOLVER_COMMON = 8,
     RIG_RESOLVER_SLOW = 9,
+    RIG_RESOLVER_LANE = 10,
+    RIG_RESOLVER_GIVEN_UP = 11,
 };
 
 enum rig_law {
@@ -296,6 +298,32 @@ RIG_ASSERT(offsetof(struct rig_lasting_config, slow_allowance) == 16);
 RIG_ASSERT(offsetof(struct rig_lasting_config, slow_limit) == 24);
 RIG_ASSERT(offsetof(struct rig_lasting_config, stale_frames) == 32);
 
+/* rules of splits and counts, and what a signal has to do with others */
+struct rig_rules_config {
+    double count_down;
+    int64_t unresolved_frames;
+    double trend_small;
+    int64_t tells;
+    int64_t sources;
+    int64_t box;
+    uint8_t trend_tumbles;
+    uint8_t trend_beside_reference;
+    uint8_t referred;
+    uint8_t pad_1[5];
+};
+
+RIG_ASSERT(sizeof(struct rig_rules_config) == 56);
+RIG_ASSERT(offsetof(struct rig_rules_config, count_down) == 0);
+RIG_ASSERT(offsetof(struct rig_rules_config, unresolved_frames) == 8);
+RIG_ASSERT(offsetof(struct rig_rules_config, trend_small) == 16);
+RIG_ASSERT(offsetof(struct rig_rules_config, tells) == 24);
+RIG_ASSERT(offsetof(struct rig_rules_config, sources) == 32);
+RIG_ASSERT(offsetof(struct rig_rules_config, box) == 40);
+RIG_ASSERT(offsetof(struct rig_rules_config, trend_tumbles) == 48);
+RIG_ASSERT(offsetof(struct rig_rules_config, trend_beside_reference) == 49);
+RIG_ASSERT(offsetof(struct rig_rules_config, referred) == 50);
+RIG_ASSERT(offsetof(struct rig_rules_config, pad_1) == 51);
+
 /* what a flight is flown with */
 struct rig_config {
     uint32_t magic;
@@ -317,11 +345,12 @@ struct rig_config {
     char aircraft[64];
     char flight_point[64];
     struct rig_lasting_config lasting[16];
+    struct rig_rules_config rules[16];
     uint32_t length;
     uint32_t crc;
 };
 
-RIG_ASSERT(sizeof(struct rig_config) == 4368);
+RIG_ASSERT(sizeof(struct rig_config) == 5264);
 RIG_ASSERT(offsetof(struct rig_config, magic) == 0);
 RIG_ASSERT(offsetof(struct rig_config, version) == 4);
 RIG_ASSERT(offsetof(struct rig_config, kind) == 6);
@@ -341,8 +370,9 @@ RIG_ASSERT(offsetof(struct rig_config, discrete) == 3496);
 RIG_ASSERT(offsetof(struct rig_config, aircraft) == 3592);
 RIG_ASSERT(offsetof(struct rig_config, flight_point) == 3656);
 RIG_ASSERT(offsetof(struct rig_config, lasting) == 3720);
-RIG_ASSERT(offsetof(struct rig_config, length) == 4360);
-RIG_ASSERT(offsetof(struct rig_config, crc) == 4364);
+RIG_ASSERT(offsetof(struct rig_config, rules) == 4360);
+RIG_ASSERT(offsetof(struct rig_config, length) == 5256);
+RIG_ASSERT(offsetof(struct rig_config, crc) == 5260);
 
 /* a part of config where one message must fit into an Ethernet frame */
 struct rig_config_part {

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.analytic import inertial_unit, kinematics, pitch_filter, strapdown
+from rig.computer.analytic.apart import APART, LEARNING, RECENT_S, USUAL_S, stand_still
 from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
 from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.analytic.sources import PARTNERS, Config, second, source
@@ -28,9 +29,6 @@ from rig.kernels import kernel
 from rig.settings import record
 from rig.units.angles import difference
 from rig.units.atmosphere import air_density
-
-LEARNING: Final = (sig.P_S, sig.PSI)  # signals whose own references remember their votes (sources.REMEMBERED)
-_RECENT_S, _USUAL_S, _FORGETTING = 0.5, 10.0, 1000.0  # of the means of how far the channels are from the vote
 
 PARAM: Final = np.dtype(
     [
@@ -71,11 +69,7 @@ STATE: Final = np.dtype(
         ("trusted", "u1", (S,)),  # a bit for each channel in order, of the last vote
         ("resettled", "i8"),  # a bit for each signal of whose vote that has changed
         ("started", "u1"),
-        # Of each signal that a reference learns: how far the channels are from its vote, lately and usually.
-        ("recent", "f8", (len(LEARNING), CHANNELS)),
-        ("usual", "f8", (len(LEARNING), CHANNELS)),
-        ("told_level", "i8", (len(LEARNING),)),  # channels in use of which that is
-        ("told_frames", "i8", (len(LEARNING),)),
+        *APART,
     ],
     align=True,
 )
@@ -90,7 +84,6 @@ _OF_UNIT: Final = {
     **{s: (_ANGLE, i) for i, s in enumerate((sig.PHI, sig.THETA, sig.PSI))},
     **{sig.ALPHA: (_FLOW, 0), sig.BETA: (_FLOW, 1)},
 }
-_WRAPS: Final = np.array([1 if signal.wraps else 0 for signal in SIGNALS])
 _KIND, _AXIS = (np.array([_OF_UNIT.get(s, (_AIR, 0))[part] for s in range(S)]) for part in (0, 1))
 
 
@@ -149,8 +142,8 @@ def _parameters(config: Config, designed: Designed, rate_hz: float, monitored: b
         pitch_filter=pitch_filter.parameters(pitch_filter.Noise(), rate_hz)[0],
         strapdown=any(_INERTIAL in (codes[s], second_codes[s]) for s in of_attitude),
         monitored=monitored,
-        recent_frames=_RECENT_S * rate_hz,
-        usual_frames=_USUAL_S * rate_hz,
+        recent_frames=RECENT_S * rate_hz,
+        usual_frames=USUAL_S * rate_hz,
         still=np.inf,
     )
 
@@ -160,14 +153,6 @@ def _coded(signal: str, chosen: str) -> tuple[int, int]:
     if chosen == "none":
         return _NO_SOURCE, 0
     return _SOURCES.get(chosen, _PARTNERS), sum(1 << INDEX[name] for name in PARTNERS[signal, chosen])
-
-
-def still_within(thresholds: NDArray[np.float64], noise_std: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (S,) what the half-second means of healthy channels stay within, from each one's usual [unit].
-
-    The noise of one sample; a sixtieth of the threshold for sensors with less, whose biases move by more than that.
-    """
-    return np.maximum(noise_std, thresholds / 60.0)
 
 
 @kernel
@@ -232,40 +217,6 @@ def look_back(fcc, st):
         kept[s] = voted[s]
     st["lost"], st["singular"], st["agreed"], st["resettled"] = lost, singular, agreed, resettled
     st["gyros"] = 8 * level[sig.Q] + level[sig.R]
-
-
-@kernel
-def stand_still(i, s, bus, fcc, p, st):
-    """Let signal s not count as agreed while its channels move apart: a slow fault would be learned (ours).
-
-    The distance of each channel to the vote, its mean over ``_RECENT_S``, is compared with its own mean of up to
-    ``_USUAL_S``, which hardly moves on while any is off by more than ``still``.  Both begin again with another number
-    of channels in use.  Of one channel there is nothing to compare.
-    """
-    recent, usual = st["recent"][i], st["usual"][i]
-    if fcc["level"][s] != st["told_level"][i]:
-        st["told_level"][i], st["told_frames"][i] = fcc["level"][s], 0
-    if fcc["level"][s] < 2:
-        return
-    seen, apart = st["told_frames"][i], 0.0
-    for c in range(CHANNELS):
-        sample = bus["channels"][s, c]
-        if fcc["state"][s, c] >= State.FAILED or bus["valid"][s, c] == 0 or not math.isfinite(sample):
-            continue
-        off = difference(sample, fcc["voted"][s], _WRAPS[s])
-        if seen == 0:
-            recent[c] = usual[c] = 0.0
-        recent[c] += (off - recent[c]) / min(seen + 1.0, p["recent_frames"])
-        if seen < p["recent_frames"]:
-            usual[c] = recent[c]
-        apart = max(apart, abs(recent[c] - usual[c]))
-    moved = apart > p["still"][i]
-    frames = _FORGETTING * p["usual_frames"] if moved else min(seen + 1.0, p["usual_frames"])
-    for c in range(CHANNELS):
-        usual[c] += (recent[c] - usual[c]) / frames
-    st["told_frames"][i] = seen + 1
-    if moved:
-        st["agreed"] &= ~(1 << s)
 
 
 @kernel

@@ -49,7 +49,7 @@ class SignalConfig(Settings):
     # The last two close the order.
     resolvers: list[ResolverName] = ["ilm", "lane", "reference", "trend", "extremes", "middle"]
     trend_frames: int = Field(default=8, ge=1, le=8)
-    trend_window: Literal["sliding", "tumbling"] = "sliding"  # or begun anew every trend_frames
+    trend_window: Literal["sliding", "tumbling"] = "sliding"  # or begun again every trend_frames
     trend_small: float | None = Field(default=None, ge=0)  # changes a frame up to which one frame is trend enough
     trend_beside_reference: bool = False  # ask the trend of a signal with a reference that cannot be used, too
     reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given

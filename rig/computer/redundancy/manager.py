@@ -7,10 +7,7 @@ Source: Zhang 2023, whose sections are named at each rule; rules beyond it are m
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.computer.redundancy import vote
 from rig.computer.redundancy.box import accused, begin_counts, fail_boxes
@@ -27,7 +24,7 @@ from rig.computer.redundancy.lasting import (
     watch_sums,
 )
 from rig.computer.redundancy.lowpass import follow, smooth_channels
-from rig.computer.redundancy.opinions import NO_ANSWER, update_trend
+from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
 from rig.computer.redundancy.quiet import is_quiet, last_quiet
 from rig.computer.redundancy.reference_monitor import (
@@ -42,104 +39,6 @@ from rig.computer.redundancy.resolve import Compared, resolve
 from rig.frame import CHANNELS, Pattern, Resolver, State
 from rig.kernels import kernel
 from rig.units.angles import difference, limit
-
-STATE: Final = np.dtype(
-    [
-        ("vote", "f8"),  # last vote before the fade
-        ("rise_vote", "f8"),  # its last change
-        ("output", "f8"),  # last vote after the fade
-        ("fade", "f8"),  # output minus vote when the level last changed
-        ("last_high", "f8"),
-        ("last_low", "f8"),
-        ("rise_high", "f8"),
-        ("rise_low", "f8"),
-        ("threshold", "f8"),  # of this frame, as the next
-        ("reference_threshold", "f8"),
-        ("x", "f8", (CHANNELS,)),
-        ("order", "i8", (CHANNELS,)),
-        # With a filter before the comparison alone; NaN where it begins with the next value.
-        ("smooth", "f8", (CHANNELS,)),
-        ("smooth_order", "i8", (CHANNELS,)),
-        ("smooth_reference", "f8"),
-        ("smooth_vote", "f8"),
-        # What lasts (lasting.py), each where it is on.
-        ("bias", "f8", (CHANNELS,)),
-        ("learned", "i8", (CHANNELS,)),  # frames that the bias is of
-        ("compared", "f8", (CHANNELS,)),
-        ("compared_order", "i8", (CHANNELS,)),
-        ("above", "f8", (CHANNELS,)),  # sums of residuals, unit times frames
-        ("below", "f8", (CHANNELS,)),
-        ("last_sample", "f8", (CHANNELS,)),
-        ("last_reference", "f8"),
-        ("repeats", "i8", (CHANNELS,)),
-        ("stale", "i8"),  # a bit for each channel whose sample has repeated for too long
-        ("before", "f8", (CHANNELS,)),  # comparable samples of the last frame, NaN where none; for weighted means
-        ("count", "f8", (CHANNELS,)),  # miscomparing frames in a row; with ``count_down`` less what it took off
-        ("excess", "f8", (CHANNELS,)),  # integrated deviation, for the manager "selection"
-        ("agreed", "i8", (CHANNELS,)),  # frames in a row that a failed channel agreed with the vote
-        ("trend_high", "i8"),
-        ("trend_low", "i8"),
-        ("trend_seen", "i8"),
-        ("trend_says", "i8"),  # the last whole window of those that tumble
-        ("still_high", "i8"),  # frames in a row in which the rank did not change
-        ("still_low", "i8"),
-        ("last_n", "i8"),
-        ("pattern", "i8"),
-        ("pattern_frames", "i8"),  # frames that the present pattern has lasted
-        ("singular_run", "i8"),  # frames in a row of any pattern without a majority
-        ("answer", "i8"),  # the rule that answers the pattern,
-        ("answer_blames", "i8"),  # a bit for each channel that it would fail,
-        ("answer_frames", "i8"),  # and for how many frames in a row
-        ("unresolved_frames", "i8"),  # in a row that no rule has answered
-        ("hold_of", "i8"),  # a bit for each channel compared when the shares below were found
-        ("hold_low", "i8"),  # channels, and the share of the second in a vote that nobody decides
-        ("hold_high", "i8"),
-        ("hold_share", "f8"),
-        ("unanswered", "u1"),  # no rule decided the last frame
-        ("after_extremes", "u1"),  # the two channels left are those that extremes have kept
-        ("cut_frames", "i8"),  # frames in a row in which the reference is off both
-        ("lanes", "i8"),  # a bit for each channel whose computer is failed
-        ("in_dispute", "u1"),  # one of the signals that its references read
-        ("together", "u1"),  # behind a filter: the samples of a split agree again
-        ("accused", "i8"),  # a bit for each channel that this frame's evidence speaks against
-        ("freeze", "i8"),  # frames for which the counts stand still after it
-        ("reference_run", "i8"),  # frames in a row that speak against the reference's present standing
-        ("fade_left", "i8"),
-        ("level", "i8"),
-        ("selected", "i8"),  # channel, for the manager "selection"
-        ("reference_usable", "u1"),
-        ("second_run", "i8"),  # frames in a row in which the second reference is off the vote
-        ("common_run", "i8"),  # frames in a row in which two references contradicted all channels
-        ("common_mode", "u1"),
-        ("started", "u1"),
-        ("failed", "u1", (CHANNELS,)),
-        ("miscomparing", "u1", (CHANNELS,)),
-        ("blamed", "u1", (CHANNELS,)),  # by the provisional answer
-    ],
-    align=True,
-)
-
-
-class ManagerData(NamedTuple):
-    """Data of a manager besides the row: one record a signal unless said otherwise."""
-
-    choice: int  # place in managers.KINDS
-    params: NDArray[Any]  # (S,) config.PARAMS
-    state: NDArray[Any]  # (S,) STATE, in place
-    boxes: NDArray[Any]  # (1,) box.BOXES, in place
-    lanes: NDArray[Any]  # (4,) 1 where the computer of a channel is failed
-    rival: Any = None  # managers.Chosen; None: no rival
-
-
-def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
-    """State records at the first frame: every fitted channel in use, every reference trusted."""
-    state = np.zeros(len(params), STATE)
-    state["reference_usable"] = 1
-    state["level"] = params["fitted"]
-    state["trend_says"] = NO_ANSWER
-    for name in ("smooth", "smooth_reference", "smooth_vote", "last_sample", "last_reference", "before"):
-        state[name] = np.nan
-    return state
 
 
 @kernel

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit
 from rig.computer.redundancy.box import boxes
-from rig.computer.redundancy.manager import ManagerData, manage, new_state
+from rig.computer.redundancy.manager import manage
 from rig.computer.redundancy.rivals import settings as of_rivals
 from rig.computer.redundancy.rivals.bayes import BAYES_STATE, bayes
 from rig.computer.redundancy.rivals.glr import GLR_STATE, glr
@@ -22,6 +22,7 @@ from rig.computer.redundancy.rivals.parity import parity
 from rig.computer.redundancy.rivals.step import NOBODY, RIVAL_STATE
 from rig.computer.redundancy.rivals.sums import CUSUM_STATE, cusum, innovation
 from rig.computer.redundancy.rivals.weighted import weighted
+from rig.computer.redundancy.state import ManagerData, new_state
 from rig.frame import CHANNELS
 from rig.kernels import inlined, kernel
 

@@ -137,7 +137,7 @@ def update_trend(track, high, low, n, p):
 
     A variation data byte (VDB) shifts left each frame; D0 is 1 when this frame's value of the rank is larger than the
     last frame's.  Only this frame's and the last frame's values are stored.  Of windows that tumble the bytes begin
-    anew every ``trend_frames`` changes, and what a whole one says stands until the next is.
+    again every ``trend_frames`` changes, and what a whole one says stands until the next is.
 
     track : one manager.STATE record; high, low : values of the two voting ranks; n : number of valid samples
     Writes rise_high, rise_low, trend_high, trend_low, trend_seen, still_high, still_low, last_high, last_low, last_n.

@@ -42,7 +42,7 @@ def monitor_reference(reference, n, p, st):
 
     The paper compares it with max- and min+.  While one of two channels drifts, or two of four alike, their mean moves
     by half of that, and the reference that will be asked is near the good rank.  The pair that extremes have left is
-    itself under suspicion, and judges no reference.
+    itself under suspicion: no reference is compared with it.
     """
     if n < 2 or is_singular(st["pattern"]) or np.isnan(reference) or st["after_extremes"]:
         return

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 import polars as pl
-from evidence import AIRCRAFT, SIGNAL_NAMES, Table, flight, manoeuvre, offset, toml
+from evidence_rows import AIRCRAFT, SIGNAL_NAMES, Table, flight, manoeuvre, offset, toml
 
 from figures import table
 from rig import scenario

@@ -1,0 +1,161 @@
+/* Persistence: miscompare counters, answers that last, latched failures, readmission by command.
+ *
+ * Sections 1 and 2; redundancy.md 'After a pattern without a majority' and 'Nobody answers'.
+ */
+#include "monitor.h"
+
+/* ---- Readmission ---- */
+
+void persistence_watch_failed(const struct frame *f, params *p, struct signal *s)
+{
+    const bool filtered = p->filter_gain > 0.0;
+    const double *const samples = filtered ? s->smooth : f->samples;
+    double vote = f->vote;
+    if (filtered) {
+        s->smooth_vote = compare_follow(s->smooth_vote, isfinite(vote) ? vote : s->vote, f, p);
+        vote = s->smooth_vote;
+    }
+    if (s->level == p->fitted) {
+        return;
+    }
+    for (int c = 0; c < p->fitted; c++) {
+        const double off = difference(samples[c], vote, p) - s->lasting.bias[c];
+        const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting) && !has(f->ranked, c);
+        const bool agrees = s->latches.failed[c] && there && (fabs(off) <= p->threshold);
+        s->latches.agreed[c] = agrees ? (s->latches.agreed[c] + 1) : 0;
+    }
+}
+
+void persistence_readmit(struct latches *latches, unsigned commanded, int64_t fitted, int64_t readmit_frames)
+{
+    for (int c = 0; c < fitted; c++) {
+        const bool wanted = has(commanded, c);
+        if (wanted && latches->failed[c] && (latches->agreed[c] >= readmit_frames)) {
+            latches->failed[c] = false;
+            latches->count[c] = 0.0;
+            latches->agreed[c] = 0;
+        }
+    }
+}
+
+/* ---- Counts ---- */
+
+/* Whether the counts of comparable samples wait in this frame. */
+static bool counts_stand_still(const struct frame *f, params *p, struct signal *s)
+{
+    if (is_singular(s->pattern)) {
+        s->singular_run++;
+        return true;
+    }
+    if (s->singular_run > 0) {
+        const bool long_run = s->singular_run > p->singular_persistence;
+        const int64_t wait = long_run ? p->singular_persistence : s->singular_run;
+        s->freeze = (wait > s->freeze) ? wait : s->freeze;
+        s->singular_run = 0;
+    }
+    if (s->freeze == 0) {
+        return false;
+    }
+    s->freeze--;
+    return f->n != 1; /* what disputes a last channel needs no majority */
+}
+
+/* A count after an agreeing frame. */
+static double counted_down(double count, const struct rules *r)
+{
+    const double left = count - r->count_down;
+    return ((r->count_down > 0.0) && (left > 0.0)) ? left : 0.0;
+}
+
+/* Whether a sample itself is off the vote by more than it may be; asked behind a filter alone. */
+static bool is_off(int c, const struct frame *f, params *p, const struct signal *s)
+{
+    const double limit = (f->outlier_threshold > 0.0) ? f->outlier_threshold : f->threshold;
+    const double off = difference(f->x[c], f->vote, p) - s->lasting.bias[c];
+    return (p->filter_gain <= 0.0) || (f->n <= 1) || (fabs(off) > limit);
+}
+
+void persistence_count(const struct frame *f, params *p, struct signal *s)
+{
+    const bool still = counts_stand_still(f, p, s);
+    double *const count = s->latches.count;
+    for (int c = 0; c < p->fitted; c++) {
+        const bool ranked = has(f->ranked, c);
+        if (s->latches.failed[c] || (ranked && still)) {
+            continue;
+        }
+        if (!ranked || (f->alone[c] && is_off(c, f, p, s))) {
+            count[c] += 1.0;
+        } else {
+            count[c] = f->alone[c] ? larger(0.0, count[c] - 1.0) : counted_down(count[c], &s->rules);
+        }
+    }
+}
+
+/* ---- Latches ---- */
+
+/* How long a new answer to a pattern has stood: the byte of a trend speaks for all frames that it covers and in which
+ * no other rule answered. */
+static int64_t begun(const struct frame *f, params *p, const struct signal *s)
+{
+    int64_t covered = p->trend_frames - 1;
+    if (f->resolver != RIG_RESOLVER_TREND) {
+        return 1;
+    }
+    covered = ((s->pattern_frames - 1) < covered) ? (s->pattern_frames - 1) : covered;
+    covered = (s->split.unresolved < covered) ? s->split.unresolved : covered;
+    return 1 + covered;
+}
+
+/* Whether an answer may be acted on: the pattern has lasted for singular_persistence frames, and the same rule has
+ * blamed the same channels for half of that. */
+static bool has_stood(const struct frame *f, params *p, struct signal *s)
+{
+    struct split *const split = &s->split;
+    if (!is_singular(s->pattern)) {
+        split->stood = 0;
+        split->unresolved = 0;
+        return false;
+    }
+    if (f->together) {
+        return false;
+    }
+    unsigned blames = 0U;
+    for (int c = 0; c < p->fitted; c++) {
+        blames |= f->blamed[c] ? (1U << c) : 0U;
+    }
+    const bool same = (f->resolver == split->rule) && (blames == split->blames) && (s->pattern_frames > 1);
+    split->stood = same ? (split->stood + 1) : begun(f, p, s);
+    split->rule = f->resolver;
+    split->blames = blames;
+    split->unresolved = (f->resolver == RIG_RESOLVER_UNRESOLVED) ? (split->unresolved + 1) : 0;
+    return (s->pattern_frames >= p->singular_persistence) && ((2 * split->stood) >= p->singular_persistence);
+}
+
+/* Fail what has persisted. */
+static void latch(bool settled, const struct frame *f, params *p, struct signal *s)
+{
+    int64_t level = 0;
+    for (int c = 0; c < p->fitted; c++) {
+        if ((s->latches.count[c] >= (double)p->persistence) || (settled && f->blamed[c])) {
+            s->latches.failed[c] = true;
+        }
+        level += s->latches.failed[c] ? 0 : 1;
+    }
+    if (level != s->level) {
+        s->fade_left = p->fade_frames + 1;
+        s->level = level;
+    }
+}
+
+/* Where extremes have settled 1:1:1:1, the two that are left stay under suspicion: section 8, item 1. */
+void persistence_settle(struct frame *f, params *p, struct signal *s)
+{
+    const int64_t level = s->level;
+    const bool settled = has_stood(f, p, s);
+    rules_give_up(f, p, s);
+    latch(settled, f, p, s);
+    if (s->level != level) {
+        s->after_extremes = settled && (f->resolver == RIG_RESOLVER_EXTREMES) && (s->level == 2);
+    }
+}

@@ -1,0 +1,245 @@
+"""Monitors in C with an older rule, or one misread, of those that version 3 of the records came with."""
+
+from __future__ import annotations
+
+from unit_defects import Defect
+
+REFERENCES = [
+    Defect(
+        "a reference compared with the vote",
+        "agrees = off_ranks(f, p) <= f->reference_threshold;",
+        "agrees = fabs(difference(f->vote, f->reference, p)) <= f->reference_threshold;",
+    ),
+    Defect(
+        "a reference compared with the upper rank",
+        "return (off_low < off_high) ? off_low : off_high;",
+        "return off_high + (0.0 * off_low);",
+    ),
+    Defect(
+        "a reference judged by a suspected pair",
+        "|| isnan(f->reference) || s->after_extremes)",
+        "|| isnan(f->reference))",
+    ),
+    Defect("a suspected pair never cut", "if (!s->after_extremes) {", "if (s->level >= 0) {"),
+    Defect(
+        "a suspected pair cut a frame late",
+        "if (s->cut_frames >= p->persistence) {",
+        "if (s->cut_frames > p->persistence) {",
+    ),
+    Defect(
+        "any pair suspected",
+        "settled && (f->resolver == RIG_RESOLVER_EXTREMES) && (s->level == 2)",
+        "settled && (s->level == 2)",
+    ),
+    Defect(
+        "a reference beyond the range",
+        "near_base(reference, f, p) : clamp(reference, p->low, p->high);",
+        "near_base(reference, f, p) : reference;",
+    ),
+    Defect("no disputes", "s->in_dispute && (s->common_run == 0)", "s->in_dispute && (s->common_run < 0)"),
+    Defect("a dispute ends a run", "s->in_dispute && (s->common_run == 0)", "s->in_dispute"),
+    Defect("a first reference disputes nothing", "if (!s->reference_usable || (s->second", "if ((s->second"),
+    Defect(
+        "a second reference disputes nothing",
+        "(s->second_run >= config->signal[i].persistence)",
+        "(s->second_run >= (1000 * config->signal[i].persistence))",
+    ),
+    Defect(
+        "a second reference disputes at once",
+        "(s->second_run >= config->signal[i].persistence)",
+        "((1000 * s->second_run) >= config->signal[i].persistence)",
+    ),
+    Defect(
+        "every dispute is everybody's",
+        "(in_dispute & signals[i].rules.sources) != 0",
+        "(in_dispute != 0) && (signals[i].rules.sources != 0)",
+    ),
+]
+SPLITS = [
+    Defect(
+        "settled by any answer",
+        "&& ((2 * split->stood) >= p->singular_persistence)",
+        "&& (split->stood >= 0)",
+    ),
+    Defect("settled by an answer of the whole time", "((2 * split->stood) >= p", "(split->stood >= p"),
+    Defect("a trend as young as any answer", "return 1 + covered;", "return 1 + (0 * covered);"),
+    Defect(
+        "a trend that speaks for answered frames",
+        "covered = (s->split.unresolved < covered) ? s->split.unresolved : covered;",
+        "",
+    ),
+    Defect("an answer is its rule alone", "&& (blames == split->blames) &&", "&&"),
+    Defect("an answer is whom it blames alone", "same = (f->resolver == split->rule) && (blames", "same = (blames"),
+    Defect("never given up", "(most > 0) && (s->split", "(most < 0) && (s->split"),
+    Defect("given up a frame late", "(s->split.unresolved >= most)", "(s->split.unresolved > most)"),
+    Defect(
+        "given up by the frames of one pattern",
+        "? (split->unresolved + 1) : 0;",
+        "? (((s->pattern_frames > 1) ? split->unresolved : 0) + 1) : 0;",
+    ),
+    Defect(
+        "the vote moves with the ranks",
+        "return between(f->x[split->held_low], f->x[split->held_high], split->held_share);",
+        "return (s->pattern_frames == 1) ? s->vote : (s->vote + (0.5 * (f->rise_high + f->rise_low)));",
+    ),
+    Defect(
+        "the shares found in every frame",
+        "if (!split->held || (s->pattern",
+        "if (!split->held || split->held || (s->pattern",
+    ),
+    Defect("the shares of a split before", "if (!split->held || (s->pattern", "if ((s->pattern"),
+    Defect("the shares of another pattern", "|| (s->pattern_frames == 1) || (split", "|| (split"),
+    Defect("the shares of other channels", " || (split->held_of != f->ranked)", ""),
+    Defect(
+        "the shares begin in the middle",
+        "while ((place < (f->n - 2)) && (f->x",
+        "place = f->n / 2 - 1;\n    while ((place < (f->n - 2)) && (f->x",
+    ),
+]
+TRENDS = [
+    Defect("a frozen side falls", "|| ((t->still_high >= frames) != (t->still_low >= frames))", ""),
+    Defect(
+        "two frozen sides have no trend",
+        "((t->still_high >= frames) != (t->still_low >= frames))",
+        "((t->still_high >= frames) || (t->still_low >= frames))",
+    ),
+    Defect("small changes as any others", "one ? 1 : p->trend_frames", "one ? p->trend_frames : p->trend_frames"),
+    Defect(
+        "one small change is enough",
+        "(fabs(f->rise_high) <= small) && (fabs(f->rise_low) <= small)",
+        "(fabs(f->rise_high) <= small) || (fabs(f->rise_low) <= small)",
+    ),
+    Defect(
+        "windows that slide",
+        "r->trend_tumbles = told->trend_tumbles != 0;",
+        "r->trend_tumbles = told->trend_tumbles > 1;",
+    ),
+    Defect(
+        "the verdict of a window that is not whole",
+        "    if (s->rules.trend_tumbles) {",
+        "    if (s->rules.trend_tumbles && (s->trend.seen < 0)) {",
+    ),
+    Defect("the trend always asked", "(told->referred == 0) ||", "(told->referred <= 1) ||"),
+    Defect("the trend never asked beside a reference", "|| (told->trend_beside_reference != 0)", ""),
+    Defect(
+        "both sides of any pair wrong",
+        "s->after_extremes ? (LOW_SIDE + HIGH_SIDE) : NO_ANSWER",
+        "(LOW_SIDE + HIGH_SIDE)",
+    ),
+    Defect("never both sides wrong", "s->after_extremes ? (LOW_SIDE + HIGH_SIDE) : NO_ANSWER", "NO_ANSWER"),
+    Defect("a good pair not weighted", "(p->weighted != 0) && (half == 2)", "(p->weighted > 1) && (half == 2)"),
+    Defect(
+        "a good pair weighted the other way",
+        "trend_weight(rise_b, rise_a, s->rise_vote)",
+        "trend_weight(rise_a, rise_b, s->rise_vote)",
+    ),
+    Defect(
+        "two samples not weighted",
+        "(p->weighted != 0) && trend && (f->n == 2)",
+        "(p->weighted > 1) && trend && (f->n == 2)",
+    ),
+]
+REPEATS = [
+    Defect("a stale sample compared", "&& !lasting_is_stale(c, &s->lasting) && compare", "&& compare"),
+    Defect("repeats of all at rest", "} else if (moved) {", "} else if (moved || (p->fitted > 0)) {"),
+    Defect(
+        "repeats beside failed channels",
+        "        if (!s->latches.failed[c] && compare_is_comparable(f, c, p)) {\n            others++;",
+        "        if (compare_is_comparable(f, c, p)) {\n            others++;",
+    ),
+    Defect(
+        "repeats of sensors at their stop",
+        "if ((x != l->last_sample[c]) || at_end) {",
+        "if ((x != l->last_sample[c]) || (at_end && (c < 0))) {",
+    ),
+    Defect(
+        "a gap ends a count",
+        "        const double x = f->samples[c];\n        if (compare",
+        "        const double x = f->samples[c];\n"
+        "        l->last_sample[c] = compare_is_comparable(f, c, p) ? l->last_sample[c] : (double)NAN;\n"
+        "        if (compare",
+    ),
+    Defect("nothing moves beside the only channel", "((others == 1) && isfinite", "((others < 0) && isfinite"),
+    Defect("a reference moves beside any channels", "((others == 1) && isfinite", "((others >= 1) && isfinite"),
+    Defect(
+        "the filter's sample limited",
+        "    const double limit = p->threshold / ((double)p->persistence - 0.5);",
+        "    const double limit = 3.0 * p->filter_gain * p->threshold;",
+    ),
+    Defect(
+        "an agreeing frame ends a count",
+        "((r->count_down > 0.0) && (left > 0.0)) ? left : 0.0",
+        "((r->count_down < 0.0) && (left > 0.0)) ? left : 0.0",
+    ),
+    Defect(
+        "an agreeing frame takes one off a count",
+        "left = count - r->count_down;",
+        "left = count - ((r->count_down > 0.0) ? 1.0 : 0.0);",
+    ),
+]
+BOXES = [
+    Defect("all signals in one box", "r->box = told->box;", "r->box = 1;"),
+    Defect("half of a box is enough", "return (size / 2) + 1;", "return size / 2;"),
+    Defect("a small box never dies", "return (asked < size) ? asked : size;", "return asked;"),
+    Defect("a box of one signal dies", "if (size < 2) {", "if (size < 1) {"),
+    Defect(
+        "a majority of the channels anywhere",
+        "        if (signals[i].rules.box == b) {\n            against",
+        "        in_use = in_use || ((c < config->signal[i].fitted) && !signals[i].latches.failed[c]);\n"
+        "        if (signals[i].rules.box == b) {\n            against",
+    ),
+    Defect("a box that is accused now and then", "? (count[b][c] + 1) : 0;", "? (count[b][c] + 1) : count[b][c];"),
+    Defect(
+        "a box fails those beside it",
+        "            if (signals[i].rules.box == b) {\n                fail_all",
+        "            if (signals[i].rules.box >= 0) {\n                fail_all",
+    ),
+]
+FILTER = [
+    Defect(
+        "a miscompare behind a filter counts always",
+        "(f->alone[c] && is_off(c, f, p, s))",
+        "(f->alone[c] && (is_off(c, f, p, s) || (f->n > 0)))",
+    ),
+    Defect(
+        "the rest of a burst takes the count to zero",
+        "f->alone[c] ? larger(0.0, count[c] - 1.0) :",
+        "f->alone[c] ? 0.0 :",
+    ),
+    Defect("the rest of a burst leaves the count", "larger(0.0, count[c] - 1.0)", "count[c]"),
+    Defect(
+        "off the vote by more than the threshold, not the outlier's",
+        "(f->outlier_threshold > 0.0) ? f->outlier_threshold : f->threshold",
+        "f->threshold",
+    ),
+    Defect(
+        "the filter's value off the vote",
+        "difference(f->x[c], f->vote, p) - s->lasting",
+        "difference(f->y[c], f->vote, p) - s->lasting",
+    ),
+    Defect("a split that has closed goes on", "} else if (!f->together) {", "} else if (f->n >= 0) {"),
+    Defect(
+        "a split that has closed settles",
+        "    if (f->together) {\n        return false;",
+        "    if (f->together && (f->n < 0)) {\n        return false;",
+    ),
+    Defect(
+        "a split of three never closes",
+        "(below <= f->threshold) || (above <= f->threshold)",
+        "(below < 0.0) || (above < 0.0)",
+    ),
+    Defect(
+        "a filter that goes on over stale samples",
+        "compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);\n            s->smooth",
+        "compare_is_comparable(f, c, p);\n            s->smooth",
+    ),
+    Defect("a common mode of a pair that was cut", " || s->latches.failed[f->order[0]]", ""),
+    Defect("the suspicion of a pair after a readmission", "    references_readmit(before.failed, s);\n", ""),
+    Defect(
+        "agreement of a channel out of range",
+        "there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting) && !has",
+        "there = (f->valid[c] != 0) && !lasting_is_stale(c, &s->lasting) && !has",
+    ),
+    Defect("agreement of a channel that the frame has failed", " && !has(f->ranked, c);", ";"),
+]
+OLD_RULES = [*FILTER, *REFERENCES, *SPLITS, *TRENDS, *REPEATS, *BOXES]

@@ -1,0 +1,327 @@
+"""Other rules than those of the requirement, for a choice of flights: each once one, or a likely misreading."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
+from typing import Any, ClassVar
+
+from oracle import Frame
+from oracle_answers import Settings, View
+from oracle_boxes import ResettableOracle
+from oracle_lasting import Lasting
+from oracle_split import Split
+from oracle_trend import Trend
+
+
+class OtherTies(ResettableOracle):
+    """Of equal samples the one of the larger channel is the smaller: nothing may hang on that."""
+
+    def view(self, samples: list[float | None], ilm: Sequence[str], *given: Any) -> View:
+        view = super().view(samples, ilm, *given)
+        view.by_seen = sorted(view.seen, key=lambda c: (view.seen[c], -c))
+        view.ascending = sorted(view.use, key=lambda c: (view.use[c], -c))
+        return view
+
+
+class AgainstTheVote(ResettableOracle):
+    """The reference is compared with the vote."""
+
+    found = 0.0
+
+    def decide(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
+        answer = super().decide(view, disputed_by)
+        self.found = answer[1]
+        return answer
+
+    def off_ranks(self, view: View) -> float:
+        return self.s.apart(self.found, view.reference or 0.0)
+
+
+class Other(ResettableOracle):
+    """One with another memory of splits, trends or what lasts."""
+
+    splits: ClassVar[type[Split]] = Split
+    trends: ClassVar[type[Trend]] = Trend
+    repeated: ClassVar[type[Lasting]] = Lasting
+
+    def __post_init__(self) -> None:
+        self.split, self.trend, self.lasting = self.splits(), self.trends(), self.repeated(self.s)
+
+
+class _AtOnce(Split):
+    def settled(self, s: Settings) -> bool:
+        return self.singular and self.lasted >= s.singular_persistence
+
+
+class AtOnce(Other):
+    """A pattern that has lasted is settled by whoever answers then."""
+
+    splits = _AtOnce
+
+
+class _Young(Split):
+    def hear(self, resolver: str, wrong: set[int], s: Settings) -> None:
+        super().hear(resolver, wrong, replace(s, trend_frames=1))
+
+
+class YoungTrend(Other):
+    """The answer of a trend is as old as any other's."""
+
+    splits = _Young
+
+
+class _Moved(Split):
+    def hold(self, view: View, vote: float | None) -> float:
+        if vote is None:
+            return super().hold(view, vote)
+        return vote + (0.0 if self.lasted == 1 else sum(view.trend.rises) / 2)
+
+
+class Moved(Other):
+    """While nobody answers the vote moves as the voting ranks do, but in a pattern's first frame."""
+
+    splits = _Moved
+
+
+class _Again(Split):
+    def hold(self, view: View, vote: float | None) -> float:
+        self.ranked = frozenset()
+        return super().hold(view, vote)
+
+
+class SharedAgain(Other):
+    """The shares of the vote are found in every frame."""
+
+    splits = _Again
+
+
+class _ByRank(Split):
+    place, share = 0, 0.5
+
+    def hold(self, view: View, vote: float | None) -> float:
+        before = self.shares, self.ranked
+        voted = super().hold(view, vote)
+        if vote is None:
+            return voted
+        if (self.shares, self.ranked) != before:
+            self.place, self.share = view.ascending.index(self.shares[0]), self.shares[2]
+        low, high = view.x[self.place], view.x[self.place + 1]
+        return low + self.share * (high - low)
+
+
+class SharedByRank(Other):
+    """The shares stay with the ranks, whoever has them."""
+
+    splits = _ByRank
+
+
+class _Falling(Trend):
+    def verdict(self, frames: int) -> str:
+        self.still = [0, 0]
+        return super().verdict(frames)
+
+
+class FrozenFalls(Other):
+    """A side that does not move does not rise: a trend."""
+
+    trends = _Falling
+
+
+class _Gaps(Lasting):
+    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None) -> set[int]:
+        for c in [c for c, x in enumerate(samples) if x is None and c in self.last]:
+            del self.last[c]
+        return super().stale(samples, in_use, reference)
+
+
+class EndedByGaps(Other):
+    """A frame without a sample ends a count of repeats."""
+
+    repeated = _Gaps
+
+
+class _Always(Lasting):
+    frame = 0.0
+
+    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None) -> set[int]:
+        """As beside another channel, which is never the same."""
+        self.frame, other = self.frame + 1.0, len(samples)
+        return super().stale([*samples, self.frame], {*in_use, other}, reference) - {other}
+
+
+class OfAllAtRest(Other):
+    """Repeats are counted where nobody moves, too."""
+
+    repeated = _Always
+
+
+class _NoReference(Lasting):
+    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None) -> set[int]:
+        return super().stale(samples, in_use, None)
+
+
+class WithoutReference(Other):
+    """Beside the only channel left nothing moves."""
+
+    repeated = _NoReference
+
+
+class AtTheStops(Other):
+    """A sensor at its stop repeats its sample as any other."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.lasting.s = replace(self.s, low=-inf, high=inf)
+
+
+class _AnyReference(Settings):
+    def limited(self, x: float | None) -> float | None:
+        return x
+
+
+class BeyondTheStops(ResettableOracle):
+    """A reference beyond the sensor's range is compared as it is."""
+
+    def step(self, samples: list[float | None], *given: Any) -> Frame:
+        self.s = _AnyReference(**vars(self.s))
+        return super().step(samples, *given)
+
+
+class NeverCut(ResettableOracle):
+    """A reference does not fail the pair that extremes have left."""
+
+    def cut_the_pair(self, view: View) -> str:
+        return ""
+
+
+class Unsuspected(ResettableOracle):
+    """The pair that extremes have left is as any other."""
+
+    def suspect_what_is_left(self, level: int, resolver: str) -> None:
+        pass
+
+
+class LimitedSample(ResettableOracle):
+    """A sample tells the filter three thresholds at most."""
+
+    def smooth(self, key: str | int, x: float | None) -> float | None:
+        last, s = self.memory.get(key), self.s
+        if x is None or last is None or not s.filter_share:
+            return super().smooth(key, x)
+        step = min(max(s.change(x, last), -3.0 * s.threshold), 3.0 * s.threshold)
+        self.memory[key] = s.near(last + s.filter_share * step, self.base)
+        return self.memory[key]
+
+
+class CutAgrees(ResettableOracle):
+    """The pair of a frame that has cut it still agrees, against two references."""
+
+    before: frozenset[int] = frozenset()
+
+    def cut_the_pair(self, view: View) -> str:
+        self.before = frozenset(self.failed)
+        return super().cut_the_pair(view)
+
+    def contradict(self, view: View, vote: float, second: float | None) -> bool:
+        now, self.failed = self.failed, set(self.before)
+        found = super().contradict(view, vote, second)
+        self.failed = now
+        return found
+
+
+class AgreesAtOnce(ResettableOracle):
+    """A channel that is failed by the frame may agree with its vote."""
+
+    def step(self, samples: list[float | None], *given: Any) -> Frame:
+        agreed, out = list(self.agreed), set(self.failed)
+        frame = super().step(samples, *given)
+        voted = self.memory.get("vote", frame.voted)
+        for c in self.failed - out:
+            x = self.memory.get(c)
+            near = x is not None and self.s.apart(x - self.lasting.bias[c], voted) <= self.s.threshold
+            self.agreed[c] = agreed[c] + 1 if near else 0
+        return frame
+
+
+class StaysSuspected(ResettableOracle):
+    """A readmission does not end the suspicion of a pair."""
+
+    def command(self, channels: set[int]) -> None:
+        kept = self.suspected, self.pair_off
+        super().command(channels)
+        self.suspected, self.pair_off = kept
+
+
+class CountsBursts(ResettableOracle):
+    """A miscompare behind a filter counts, whatever the sample itself is."""
+
+    def off(self, c: int, view: View, vote: float) -> bool:
+        return True
+
+
+class EndsBursts(ResettableOracle):
+    """What the filter still shows of a burst ends the count."""
+
+    def count(self, view: View, vote: float) -> None:
+        before = list(self.counts)
+        super().count(view, vote)
+        self.counts = [
+            0.0 if now < was and c in view.lonely else now
+            for c, (was, now) in enumerate(zip(before, self.counts, strict=True))
+        ]
+
+
+class OffByThreshold(ResettableOracle):
+    """A sample is off the vote by the threshold, whatever the outliers' is."""
+
+    def off(self, c: int, view: View, vote: float) -> bool:
+        return abs(self.s.change(view.use[c], vote) - self.lasting.bias[c]) > self.s.within(len(view.use))
+
+
+class _NeverClosed(Split):
+    def name(self, pattern: str, closed: bool = False) -> None:
+        super().name(pattern, False)
+
+
+class NeverClosed(Other):
+    """A split behind a filter goes on where its samples are together again."""
+
+    splits = _NeverClosed
+
+
+class _OnlySettles(Split):
+    def name(self, pattern: str, closed: bool = False) -> None:
+        super().name(pattern, False)
+        self.closed = closed
+
+
+class OnlySettles(Other):
+    """A split behind a filter lasts on where its samples are together again, and is not settled."""
+
+    splits = _OnlySettles
+
+
+class FollowsStale(ResettableOracle):
+    """The filter goes on over samples that repeat for too long."""
+
+    shown: list[float | None] = []  # of the frame, replaced in each
+
+    def without_stale(self, samples: list[float | None], reference: float | None) -> list[float | None]:
+        self.shown = samples
+        return super().without_stale(samples, reference)
+
+    def smooth(self, key: str | int, x: float | None) -> float | None:
+        if isinstance(key, str) or x is not None or self.shown[key] is None:
+            return super().smooth(key, x)
+        super().smooth(key, self.s.near(self.shown[key] or 0.0, self.base))
+        return None
+
+
+class PlainPairs(ResettableOracle):
+    """Only the mean of a signal with a majority is weighted."""
+
+    def resolve(self, view: View) -> tuple[str, float, set[int]]:
+        view.s = replace(self.s, weighted=False)
+        return super().resolve(view)
