@@ -20,6 +20,7 @@ from rig.computer.redundancy.config import (
     command,
     fill,
     parameters,
+    refuse_short_wait,
 )
 from rig.computer.redundancy.state import STATE
 from rig.frame import SIGNALS, Ilm, Resolver, State, new_block
@@ -407,3 +408,14 @@ def test_a_persistence_in_seconds_lasts_at_least_as_long_at_every_rate(rate_hz, 
 def test_a_persistence_is_in_frames_or_in_seconds(name):
     with pytest.raises(ValidationError, match=f"{name} and {name}_s are the same setting"):
         SignalConfig.model_validate({"threshold": 1.0, name: 8, f"{name}_s": 0.08})
+
+
+@pytest.mark.parametrize(("wait_s", "refused"), [(0.0, False), (0.01, True), (0.09, True), (0.1, False), (1.0, False)])
+def test_a_split_cannot_be_given_up_before_it_can_be_settled(wait_s: float, refused: bool):
+    """Ten frames at 100 Hz; 0 never gives up."""
+    config = Config.model_validate({"unresolved_s": wait_s, "signals": {s.name: {"threshold": 1.0} for s in SIGNALS}})
+    if refused:
+        with pytest.raises(ValueError, match="fewer than the 10 of singular_persistence of pitch_rate; 0: never"):
+            refuse_short_wait(config, 100.0)
+    else:
+        refuse_short_wait(config, 100.0)
