@@ -43,7 +43,7 @@ def test_after_a_flight_by_a_unit_which_is_named_in_the_place_of_the_manager(rig
     code, out, _ = rig_command("fly", *SHORT, "--unit", "unit/first_valid.toml")
     assert code == 0 and ", unit first_valid, " in out.splitlines()[0] and "cross-channel" not in out
     references = [line for line in out.splitlines() if " reference " in line]
-    assert len(references) == 1 and "reference unusable: 13 signals, pitch_rate, " in references[0]
+    assert not references  # it answers nothing of them: none is usable from the first frame on
     score, _, replay = run_all(rig_command, out)
     assert ", unit first_valid " in score.splitlines()[0] and "identical" in replay
     log = next_of(out)[0][1]

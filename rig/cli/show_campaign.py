@@ -132,7 +132,7 @@ def report(summary: dict[str, Any], target: Path) -> None:
     for column in ("failed_with_box", "failed_by_rule"):
         if head.get(column):
             field(column.replace("_", " "), f"{head[column]}: healthy channels, for a fault elsewhere", width=_WIDTH)
-    if head["suspect_channels"]:
+    if head.get("suspect_channels"):
         text = f"{head['suspect_channels']} channels in {head['suspect_runs']} runs: in many frames, never failed"
         field("suspect", text, width=_WIDTH, style="yellow")
     table(summary["resolvers"], _RESOLVERS)
