@@ -34,7 +34,7 @@ class Settings:
     resolvers: tuple[str, ...] = ("ilm", "lane", "reference", "trend", "extremes", "middle")
     trend_frames: int = 8
     trend_small: float = -1.0  # changes up to which one frame is trend enough; below zero: none
-    trend_tumbles: bool = False  # bytes begun anew every trend_frames
+    trend_tumbles: bool = False  # bytes begun again every trend_frames
     trend_beside_reference: bool = False
     referred: bool = False  # a reference is configured
     weighted: bool = False  # means by the trend

@@ -208,7 +208,7 @@ def test_an_accused_majority_in_one_box_does_not_save_another():
     assert [failed_by_box(block, c) for c in (0, 1, 3)] == [[], [], []]
 
 
-def test_the_count_of_a_box_begins_anew_where_too_few_accuse_whatever_others_do():
+def test_the_count_of_a_box_begins_again_where_too_few_accuse_whatever_others_do():
     samples = np.tile(off_on(0, 1, 2, 4, 5, 6, 7), (FRAMES, 1, 1))
     samples[1, 0] = 0.0  # two of four in the second frame
     block = fly_boxes(samples)

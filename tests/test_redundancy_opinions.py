@@ -93,7 +93,7 @@ def test_the_newest_frame_may_contradict_those_before():
 
 
 @pytest.mark.requirement("redundancy", "tumbling windows of the trend")
-def test_a_tumbling_window_is_begun_anew_and_its_verdict_stands_until_the_next():
+def test_a_tumbling_window_is_begun_again_and_its_verdict_stands_until_the_next():
     """Windows of four changes end in rows 5, 9, 13; in the third a side falls once, in row 11."""
     samples = moving(0.125, 0.125, 0.125, 0.125)
     samples[10:, 2:] -= 0.25

@@ -90,7 +90,7 @@ def test_a_short_byte_covers_few_frames(frames: int, asked: int, at: int):
     assert out.failed_at() == [None, None, at, at]
 
 
-def test_an_answer_that_blames_others_begins_anew():
+def test_an_answer_that_blames_others_begins_again():
     """The reference is near the first for eight frames, then near the second."""
     reference = np.where(FRAMES <= 8, 0.0, 5.0)
     out = vote_samples(constant(*APART), reference=reference, resolvers=["reference"])
@@ -140,7 +140,7 @@ def test_the_wait_goes_on_from_one_pattern_without_a_majority_to_another():
     ("between", "ilm"),
     [(SPLIT, (GOOD, GOOD, BAD, BAD)), ((0, 0, 0, 0), (ABSENT,) * 4), ((0, 0, 0, 9), (ABSENT,) * 4)],
 )
-def test_an_answer_and_a_majority_begin_it_anew(between: tuple[float, ...], ilm: tuple[int, ...]):
+def test_an_answer_and_a_majority_begin_it_again(between: tuple[float, ...], ilm: tuple[int, ...]):
     flags = rows((10, (ABSENT,) * 4), (1, ilm), (29, (ABSENT,) * 4)).astype(int)
     out = given_up(rows((10, SPLIT), (1, between), (29, SPLIT)), resolvers=["ilm"], ilm=flags)
     assert out.failed_at() == [31] * 4

@@ -149,7 +149,7 @@ def test_one_and_a_half_reference_thresholds_are_the_limit_where_they_are_more()
 
 
 @pytest.mark.parametrize("between", [0.0, NAN])
-def test_every_other_frame_begins_the_count_anew(between: float):
+def test_every_other_frame_begins_the_count_again(between: float):
     references = np.full(30, 9.0)
     references[4] = between  # row 15
     assert left(references).failed_at() == [23, 23, 10, 10]

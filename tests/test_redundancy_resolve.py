@@ -242,7 +242,7 @@ def test_the_unresolved_vote_keeps_its_share_of_two_neighbours(
     assert out.voted[3:] == pytest.approx(held)
 
 
-def test_an_answer_between_begins_the_shares_anew():
+def test_an_answer_between_begins_the_shares_again():
     ilm = rows((5, (ABSENT,) * 4), (1, (BAD, GOOD, ABSENT, ABSENT)), (24, (ABSENT,) * 4)).astype(int)
     samples = np.where(np.arange(4) < 2, constant(0, 5, 0, 0), NAN)
     samples[0, :2] = 0.0, 0.8

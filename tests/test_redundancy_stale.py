@@ -91,7 +91,7 @@ def test_a_failed_channel_that_moves_is_no_witness():
 
 
 @pytest.mark.requirement("redundancy", "a frame without a sample counts no repeat and ends none")
-def test_a_gap_neither_counts_nor_begins_anew():
+def test_a_gap_neither_counts_nor_begins_again():
     samples = frozen(3, since=5)
     samples[[6, 7], 2] = NAN  # repeats in frames 6, 9 and 10
     out = vote_samples(samples, **WIDE)
