@@ -179,7 +179,7 @@ class ResettableOracle(Oracle):
                 self.counts[c] = self.agreed[c] = 0
                 self.lasting.forget(c)
 
-    def step(self, samples: list[float | None], *given: Any) -> Frame:
+    def step(self, samples: list[float | None], *given: Any) -> Frame:  # pyright: ignore[reportIncompatibleMethodOverride]  # hands all on
         out = set(self.failed)
         frame = super().step(samples, *given)
         self.readmitted = False

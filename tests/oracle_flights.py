@@ -212,10 +212,9 @@ def lasting(flight: Flight, pick: Pick) -> Flight:
     beside = {name: getattr(s, name) + 1 / 1024 for name in ("threshold", "reference_threshold", "second_threshold")}
     longer = [k for k in range(len(flight.samples)) for _ in range(pick([1, 1, 4, 9]))]
     biases = [pick([0.0, 0.0, 0.203125, 0.453125, -0.453125]) for _ in range(4)]
-    samples, ilm, references, seconds, lanes = (
-        [column[k] for k in longer]
-        for column in (flight.samples, flight.ilm, flight.references, flight.seconds, flight.lanes)
-    )
+    samples, ilm = [flight.samples[k] for k in longer], [flight.ilm[k] for k in longer]
+    references, seconds = [flight.references[k] for k in longer], [flight.seconds[k] for k in longer]
+    lanes = [flight.lanes[k] for k in longer]
     if pick([False, True]):  # all move in every frame
         samples = [[None if x is None else x + k % 2 / 64 for x in row] for k, row in enumerate(samples)]
     for _ in range(pick([0, 1, 2, 3])):

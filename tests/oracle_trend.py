@@ -47,7 +47,7 @@ class Trend:
         if self.seen < frames or frozen[0] != frozen[1]:
             return ""
         larger, smaller = (set(byte[-frames:]) for byte in self.bits)
-        verdicts = {(1, 1): "larger", (0, 0): "smaller", (0, 1): "both wrong"}
+        verdicts: dict[tuple[int, ...], str] = {(1, 1): "larger", (0, 0): "smaller", (0, 1): "both wrong"}
         return verdicts.get((*larger, *smaller), "") if len(larger) == len(smaller) == 1 else ""
 
     def says(self, s: Settings) -> str:

@@ -33,7 +33,8 @@ def test_a_rate_that_is_no_whole_number_is_that_of_the_median_interval(rate_hz: 
 
 def test_a_clock_that_drifts_or_jitters_has_its_median_interval():
     rng = np.random.default_rng(0)
-    for time_s in (np.arange(2000) * 0.01 * (1 + 1e-4), np.cumsum(rng.uniform(0.008, 0.012, 2000))):
+    drifts, jitters = np.arange(2000) * 0.01 * (1 + 1e-4), np.cumsum(rng.uniform(0.008, 0.012, 2000)).astype(np.float64)
+    for time_s in (drifts.astype(np.float64), jitters):
         assert rows_a_second(time_s) == 1.0 / np.median(np.diff(time_s))
 
 
@@ -48,8 +49,9 @@ def test_a_persistence_in_seconds_has_the_same_rows_whatever_the_decimals_of_the
     """0.1 s are 30 rows of 300 a second; of milliseconds the median interval says 333 a second, and 34."""
     rows = np.arange(900)
     columns = {f"gyro.{channel}": np.zeros(900) for channel in (1, 2, 3, 4)}
-    path, settings = tmp_path / "in.csv", {"threshold": 1.0, "persistence_s": 0.1, "singular_persistence_s": 0.1}
+    path = tmp_path / "in.csv"
+    settings = RecordedSignal(threshold=1.0, persistence_s=0.1, singular_persistence_s=0.1)
     pl.DataFrame({"time_s": np.round(rows / 300.0, decimals), **columns}).write_csv(path)
     recording = read(path, VoteConfig())
-    (params,) = params_of(recording, {"gyro": RecordedSignal(**settings)})
+    (params,) = params_of(recording, {"gyro": settings})
     assert (params["persistence"], params["singular_persistence"]) == (30, 30)

@@ -20,7 +20,7 @@ ALONE: dict[str, Any] = {"resolvers": ["trend"]}
 
 def moving(*slopes: float, frames: int = 30, start: tuple[float, ...] = SPLIT) -> NDArray[np.float64]:
     """Four samples that start at ``start`` and move by ``slopes`` a frame."""
-    return np.array(start) + np.arange(frames)[:, None] * np.array(slopes)
+    return np.array(start, float) + np.arange(frames)[:, None] * np.array(slopes, float)
 
 
 def asked_at(out: Any) -> list[int]:

@@ -65,8 +65,8 @@ class _Asked(NamedTuple):
     flown: Recorded | None = None
 
     @property
-    def box_signals(self) -> int:
-        """Faulty signals that fail a box."""
+    def box_signals(self) -> int | None:
+        """Faulty signals that fail a box; None: more than half of it."""
         return self.config.box_signals if self.flown is None else self.flown.scenario.redundancy.box_signals
 
 
