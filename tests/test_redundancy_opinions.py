@@ -20,7 +20,8 @@ ALONE: dict[str, Any] = {"resolvers": ["trend"]}
 
 def moving(*slopes: float, frames: int = 30, start: tuple[float, ...] = SPLIT) -> NDArray[np.float64]:
     """Four samples that start at ``start`` and move by ``slopes`` a frame."""
-    return np.array(start, float) + np.arange(frames)[:, None] * np.array(slopes, float)
+    moved = np.arange(frames, dtype=np.float64)[:, None] * np.array(slopes, dtype=np.float64)
+    return np.array(start, dtype=np.float64) + moved
 
 
 def asked_at(out: Any) -> list[int]:

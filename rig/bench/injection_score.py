@@ -64,7 +64,7 @@ def score(
     recording: Recording,
     voted: Result,
     corrections: Corrections | None = None,
-    box_signals: int = 0,
+    box_signals: int | None = 0,
 ) -> list[Scored]:
     """Return the outcome of each fault on each of its channels; ``recording`` as voted upon, perhaps aligned."""
     outcome = added_up(injection, recording, voted, corrections or {}, box_signals)
@@ -110,7 +110,7 @@ def _later(name: str, channel: int, recording: Recording, corrections: Correctio
 
 
 def added_up(
-    injection: Injection, recording: Recording, voted: Result, corrections: Corrections, box_signals: int
+    injection: Injection, recording: Recording, voted: Result, corrections: Corrections, box_signals: int | None
 ) -> Outcome:
     """Return the outcome of all rows that were voted upon."""
     signals = {name: of.settings for name, of in voted.signals.items()}
