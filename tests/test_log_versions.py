@@ -2,7 +2,8 @@
 
 tests/logs/flight_schema_2.mcap: the default scenario, seed 3, 0.6 s, the hardover at 0.2 s, flown by version 0.1.0;
 vote_schema_2.mcap: its pitch rate through ``rig vote`` of that version, threshold 0.05.
-flight_schema_4.mcap: the same flight for 0.4 s, by the last version that wrote a chunk frame by frame.
+flight_schema_4.mcap: the same flight for 0.4 s, by the last version that wrote a chunk frame by frame;
+flight_schema_5.mcap: the default scenario, seed 3, 0.4 s, by the last version without the resolvers lane and given_up.
 """
 
 import json
@@ -102,7 +103,7 @@ def test_the_commands_work_on_it(run: Any, tmp_path: Path):
     assert code in (0, 1) and "8 different" in out  # references that version did not have
     code, out, _ = run("score", log)
     assert code == 0 and "detected" in out
-    assert run("report", log)[0] == 0 and "schema 2 (this rig writes 5)" in log.with_suffix(".html").read_text()
+    assert run("report", log)[0] == 0 and "schema 2 (this rig writes 6)" in log.with_suffix(".html").read_text()
     assert run("export", log, "--to", "npz")[0] == 0
     assert run("view", log, "--save", tmp_path / "a.rrd")[0] == 0 and (tmp_path / "a.rrd").stat().st_size > 10_000
     assert run("replay", log, "--set", "redundancy.signals.pitch_rate.persistence=4")[0] in (0, 1)
@@ -123,10 +124,18 @@ def test_a_log_frame_by_frame_is_read_replayed_and_counted(run: Any, tmp_path: P
     with log.open("rb") as file:
         decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages("/signal/pitch_rate")
         assert [message.voted for _, _, _, message in decoded] == rows["voted"][:, INDEX["pitch_rate"]].tolist()
-    assert run("replay", log)[0] == 0
+    code, out, _ = run("replay", log)
+    assert code == 1 and "no decision and no vote moved" in out  # references take the jump of a vote by now
     code, out, _ = run("info", log, "--json")
     topics = json.loads(out)["topics"]
     assert code == 0 and topics["/flight"] == topics["/pose"] == 40
+
+
+def test_a_log_topic_by_topic_of_the_last_version_is_read_and_replayed(run: Any, tmp_path: Path):
+    log = Path(shutil.copy(LOGS / "flight_schema_5.mcap", tmp_path))
+    rows = read_log(log).rows
+    assert rows["frame"].tolist() == list(range(40)) and np.isfinite(rows["voted"]).all()
+    assert run("replay", log)[0] == 0 and run("score", log)[0] == 0
 
 
 def test_a_cut_log_frame_by_frame_is_mended(tmp_path: Path):

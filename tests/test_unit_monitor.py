@@ -52,8 +52,8 @@ def random_flight(seed: Sequence[int], hostile: bool = False) -> tuple[np.ndarra
     if hostile:
         params["low"][::5], params["high"][::5] = -HUGE, HUGE
     rows = random_rows(draw, params, FLIGHT_FRAMES, hostile)
-    signals = draw.choice([None, None, 0, *range(1, 13)])
-    manager = vote(rows, params, discretes, signals, int(draw.integers(1, 5)))
+    signals = int(draw.integers(-2, 13))  # of a box; below zero: more than half
+    manager = vote(rows, params, discretes, None if signals < 0 else signals, int(draw.integers(1, 5)))
     return config(params, discretes, manager.boxes), rows
 
 

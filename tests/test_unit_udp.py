@@ -68,7 +68,7 @@ class Peer:
         self.send(self.head(np.zeros(1, HELLO), Kind.HELLO, session=session))
         return self.receive(READY)
 
-    def configure(self, record: np.ndarray, order: tuple[int, ...] = (2, 0, 3, 0, 4, 1)) -> Any:
+    def configure(self, record: np.ndarray, order: tuple[int, ...] = (2, 0, 5, 3, 0, 4, 1)) -> Any:
         """Send CONFIG out of order and one part of it twice."""
         data = self.head(record, Kind.CONFIG).tobytes()
         parts = -(-CONFIG.itemsize // PART_BYTES)

@@ -10,8 +10,10 @@ from oracle import Frame, Oracle
 from oracle_answers import Settings, View
 from oracle_boxes import BoxFlight, BoxOracle, Row, row, seeded_boxes, seeded_sources, some_settings
 from oracle_flights import Flight
+from oracle_references import References
 from vector_flights import FRAMES, Flown, lasting, quiet_discretes
 from vector_records import Session
+from vector_rules import EndsRuns, FirstDisputes, SecondDisputes
 
 from rig.frame import S
 
@@ -49,30 +51,6 @@ class NeverSmall(BoxOracle):
         return super().dead(box, signals) if len(signals) >= self.flight.box_signals else set()
 
 
-class EndsRuns(Oracle):
-    """A run of contradicting frames ends in a dispute, too."""
-
-    def compare_references(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
-        self.contradicted = 0 if in_dispute else self.contradicted
-        return super().compare_references(view, vote, second, resolver, in_dispute)
-
-
-class FirstDisputes(Oracle):
-    """A second reference disputes nothing."""
-
-    @property
-    def in_dispute(self) -> bool:
-        return self.s.tells != 0 and not self.trusted
-
-
-class SecondDisputes(Oracle):
-    """A first reference disputes nothing."""
-
-    @property
-    def in_dispute(self) -> bool:
-        return self.s.tells != 0 and self.second_off >= self.s.persistence
-
-
 @dataclass
 class Common:
     """A flight of sixteen signals, and the answers of each frame."""
@@ -82,9 +60,14 @@ class Common:
     answers: list[list[Frame]]
     everywhere: bool  # nearly every signal accused somebody in the frame in which a box was failed
 
-    def hangs_on(self, one: type[Oracle] = Oracle, all_signals: type[BoxOracle] = BoxOracle) -> bool:
+    def hangs_on(
+        self,
+        one: type[Oracle] = Oracle,
+        all_signals: type[BoxOracle] = BoxOracle,
+        references: type[References] = References,
+    ) -> bool:
         """Whether other rules give other answers."""
-        return fly(self.flight, one, all_signals).answers != self.answers
+        return fly(self.flight, one, all_signals, references).answers != self.answers
 
     def hangs_on_settings(self, **changes: int) -> bool:
         """Whether other settings of every signal give other answers."""
@@ -96,9 +79,17 @@ class Common:
         return fly(replace(self.flight, box_signals=box_signals)).answers != self.answers
 
 
-def fly(flight: BoxFlight, one: type[Oracle] = Oracle, all_signals: type[BoxOracle] = BoxOracle) -> Common:
+def fly(
+    flight: BoxFlight,
+    one: type[Oracle] = Oracle,
+    all_signals: type[BoxOracle] = BoxOracle,
+    references: type[References] = References,
+) -> Common:
+    """Answer a flight; by other rules where they are given."""
     oracle = all_signals(flight)
     oracle.signals = [one(s) for s in flight.settings]
+    for signal in oracle.signals:
+        signal.references = references(signal.s)
     answers, everywhere = [], False
     for rows in flight.frames:
         answers.append(oracle.step(rows))
@@ -144,8 +135,8 @@ def others(rows: Sequence[Row], settings: Sequence[Settings], healthy: bool) -> 
         return [row(s.channels, (), None, ("absent",) * 4, None) for s in settings]
     like = [rows[i % len(rows)] for i in range(len(settings))]
     return [
-        ([x if c < s.channels else None for c, x in enumerate(samples)], *rest)
-        for s, (samples, *rest) in zip(settings, like, strict=True)
+        ([x if c < s.channels else None for c, x in enumerate(samples)], ilm, first, second)
+        for s, (samples, ilm, first, second) in zip(settings, like, strict=True)
     ]
 
 
@@ -203,13 +194,17 @@ SOURCES: list[tuple[str, Callable[[Common], bool], tuple[int, ...]]] = [
         lambda common: "common mode: in dispute" in common.oracle.rules and common.hangs_on_settings(sources=0),
         (0, 50),
     ),
-    ("but go on to contradict what they did before", lambda common: common.hangs_on(EndsRuns), (0, 100)),
+    ("but go on to contradict what they did before", lambda common: common.hangs_on(references=EndsRuns), (0, 100)),
     (
         "a first reference that is set aside disputes its signal",
-        lambda common: common.hangs_on(SecondDisputes),
+        lambda common: common.hangs_on(references=SecondDisputes),
         (0, 50),
     ),
-    ("so does a second that is off its vote for long", lambda common: common.hangs_on(FirstDisputes), (0, 50)),
+    (
+        "so does a second that is off its vote for long",
+        lambda common: common.hangs_on(references=FirstDisputes),
+        (0, 50),
+    ),
 ]
 
 

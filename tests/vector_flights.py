@@ -88,7 +88,7 @@ class Flown:
         given = zip(flight.samples, flight.ilm, flight.references, flight.seconds, strict=True)
         for (samples, ilm, reference, second), reset in zip(given, self.resets, strict=True):
             oracle.command(set(reset))
-            oracle.s = self.settings_of(reference)
+            oracle.s = oracle.references.s = self.settings_of(reference)
             frame = oracle.step(samples, ilm, reference, second)
             if self.settings.turn:
                 oracle.vote = self.low + (frame.voted - self.low) % TURN

@@ -11,32 +11,9 @@ from oracle import Frame
 from oracle_answers import Settings, View
 from oracle_boxes import ResettableOracle
 from oracle_lasting import Lasting
+from oracle_references import References
 from oracle_split import Split
 from oracle_trend import Trend
-
-
-class OtherTies(ResettableOracle):
-    """Of equal samples the one of the larger channel is the smaller: nothing may hang on that."""
-
-    def view(self, samples: list[float | None], ilm: Sequence[str], *given: Any) -> View:
-        view = super().view(samples, ilm, *given)
-        view.by_seen = sorted(view.seen, key=lambda c: (view.seen[c], -c))
-        view.ascending = sorted(view.use, key=lambda c: (view.use[c], -c))
-        return view
-
-
-class AgainstTheVote(ResettableOracle):
-    """The reference is compared with the vote."""
-
-    found = 0.0
-
-    def decide(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
-        answer = super().decide(view, disputed_by)
-        self.found = answer[1]
-        return answer
-
-    def off_ranks(self, view: View) -> float:
-        return self.s.apart(self.found, view.reference or 0.0)
 
 
 class Other(ResettableOracle):
@@ -45,9 +22,117 @@ class Other(ResettableOracle):
     splits: ClassVar[type[Split]] = Split
     trends: ClassVar[type[Trend]] = Trend
     repeated: ClassVar[type[Lasting]] = Lasting
+    told: ClassVar[type[References]] = References
 
     def __post_init__(self) -> None:
         self.split, self.trend, self.lasting = self.splits(), self.trends(), self.repeated(self.s)
+        self.references = self.told(self.s)
+
+
+class OtherTies(ResettableOracle):
+    """Of equal samples the one of the larger channel is the smaller: nothing may hang on that."""
+
+    def view(
+        self, samples: list[float | None], ilm: Sequence[str], reference: float | None, lanes: Sequence[int]
+    ) -> View:
+        view = super().view(samples, ilm, reference, lanes)
+        view.by_seen = sorted(view.seen, key=lambda c: (view.seen[c], -c))
+        view.ascending = sorted(view.use, key=lambda c: (view.use[c], -c))
+        return view
+
+
+# References --------------------------------------------------------------------------------------------------
+
+
+class _OfVote(References):
+    voted = 0.0
+
+    def off_ranks(self, view: View, reference: float) -> float:
+        return self.s.apart(self.voted, reference)
+
+
+class AgainstTheVote(Other):
+    """The reference is compared with the vote."""
+
+    told = _OfVote
+
+    def decide(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
+        answer = super().decide(view, disputed_by)
+        if isinstance(self.references, _OfVote):
+            self.references.voted = answer[1]
+        return answer
+
+
+class _NoCut(References):
+    def cuts(self, view: View) -> bool:
+        return False
+
+
+class NeverCut(Other):
+    """A reference does not fail the pair that extremes have left."""
+
+    told = _NoCut
+
+
+class _NoSuspicion(References):
+    def level_changed(self, left_by_extremes: bool = False) -> None:
+        super().level_changed(False)
+
+
+class Unsuspected(Other):
+    """The pair that extremes have left is as any other."""
+
+    told = _NoSuspicion
+
+
+class StaysSuspected(ResettableOracle):
+    """A readmission does not end the suspicion of a pair."""
+
+    def command(self, channels: set[int]) -> None:
+        kept = self.references.suspected, self.references.pair_off
+        super().command(channels)
+        self.references.suspected, self.references.pair_off = kept
+
+
+class CutAgrees(ResettableOracle):
+    """The pair of a frame that has cut it still agrees, against two references."""
+
+    def refer(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
+        out = set(self.failed)
+        if not self.references.cuts(view):
+            self.references.pair_off -= self.references.pair_off > 0  # it is asked again
+            return super().refer(view, vote, second, resolver, in_dispute)
+        all_in_use = len(view.use) > 1 and set(view.use) == self.in_use and not self.readmitted
+        lost = self.references.lost(view, vote, second, all_in_use, in_dispute)
+        self.failed = set(range(self.s.channels)) if lost else out | set(view.use)
+        return "common" if lost else "reference"
+
+
+class EndsRuns(References):
+    """A run of contradicting frames ends in a dispute, too."""
+
+    def lost(self, view: View, vote: float, second: float | None, all_in_use: bool, in_dispute: bool) -> bool:
+        self.contradicted = 0 if in_dispute else self.contradicted
+        return super().lost(view, vote, second, all_in_use, in_dispute)
+
+
+class FirstDisputes(References):
+    """A second reference disputes nothing."""
+
+    @property
+    def in_dispute(self) -> bool:
+        return self.s.tells != 0 and not self.trusted
+
+
+class SecondDisputes(References):
+    """A first reference disputes nothing."""
+
+    @property
+    def in_dispute(self) -> bool:
+        return self.s.tells != 0 and self.second_off >= self.s.persistence
+
+
+# Splits, trends, repeats, filter -----------------------------------------------------------------------------
 
 
 class _AtOnce(Split):
@@ -189,20 +274,6 @@ class BeyondTheStops(ResettableOracle):
         return super().step(samples, *given)
 
 
-class NeverCut(ResettableOracle):
-    """A reference does not fail the pair that extremes have left."""
-
-    def cut_the_pair(self, view: View) -> str:
-        return ""
-
-
-class Unsuspected(ResettableOracle):
-    """The pair that extremes have left is as any other."""
-
-    def suspect_what_is_left(self, level: int, resolver: str) -> None:
-        pass
-
-
 class LimitedSample(ResettableOracle):
     """A sample tells the filter three thresholds at most."""
 
@@ -213,22 +284,6 @@ class LimitedSample(ResettableOracle):
         step = min(max(s.change(x, last), -3.0 * s.threshold), 3.0 * s.threshold)
         self.memory[key] = s.near(last + s.filter_share * step, self.base)
         return self.memory[key]
-
-
-class CutAgrees(ResettableOracle):
-    """The pair of a frame that has cut it still agrees, against two references."""
-
-    before: frozenset[int] = frozenset()
-
-    def cut_the_pair(self, view: View) -> str:
-        self.before = frozenset(self.failed)
-        return super().cut_the_pair(view)
-
-    def contradict(self, view: View, vote: float, second: float | None) -> bool:
-        now, self.failed = self.failed, set(self.before)
-        found = super().contradict(view, vote, second)
-        self.failed = now
-        return found
 
 
 class AgreesAtOnce(ResettableOracle):
@@ -243,15 +298,6 @@ class AgreesAtOnce(ResettableOracle):
             near = x is not None and self.s.apart(x - self.lasting.bias[c], voted) <= self.s.threshold
             self.agreed[c] = agreed[c] + 1 if near else 0
         return frame
-
-
-class StaysSuspected(ResettableOracle):
-    """A readmission does not end the suspicion of a pair."""
-
-    def command(self, channels: set[int]) -> None:
-        kept = self.suspected, self.pair_off
-        super().command(channels)
-        self.suspected, self.pair_off = kept
 
 
 class CountsBursts(ResettableOracle):
@@ -324,4 +370,12 @@ class PlainPairs(ResettableOracle):
 
     def resolve(self, view: View) -> tuple[str, float, set[int]]:
         view.s = replace(self.s, weighted=False)
+        return super().resolve(view)
+
+
+class PlainGoodPairs(ResettableOracle):
+    """The mean of the good pair of a 2:2 is not weighted."""
+
+    def resolve(self, view: View) -> tuple[str, float, set[int]]:
+        view.before = {}
         return super().resolve(view)

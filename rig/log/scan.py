@@ -27,6 +27,7 @@ from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
 from rig.log.layout import Layout, layout_of
 from rig.log.schema import (
     ALL_TOPICS,
+    BY_TOPIC,
     LANE_MESSAGES,
     LANE_TOPICS,
     MESSAGES,
@@ -219,15 +220,16 @@ class _Descriptions:
         if self._layout is None:
             if not about.metadata:
                 raise BadLog(f"{self._path}: not a log of this rig (no metadata record {RIG!r})")
-            newest = int(about.metadata["schema_version"]) == SCHEMA_VERSION
+            version = int(about.metadata["schema_version"])
+            newest, by_topic = version == SCHEMA_VERSION, version >= BY_TOPIC
             fields_by_message: dict[str, tuple[Field, ...]] = {}
-            named = {channel.topic for channel in self._channels.values()} if newest else set[str]()
+            named = {channel.topic for channel in self._channels.values()} if by_topic else set[str]()
             about.lanes = tuple(part for part, topics in LANE_TOPICS.items() if topics[0].name in named)
             for ours in channels(about.lanes):
                 name = ALL_TOPICS[ours.id - 1].message
                 fields = self._fields(self._schema(ours), name, newest)
                 fields_by_message.setdefault(name, fields)
-            self._layout = layout_of(about.lanes) if newest else Layout(fields_by_message, rowwise=True)
+            self._layout = layout_of(about.lanes) if by_topic else Layout(fields_by_message, rowwise=True)
         return self._layout
 
     def _schema(self, ours: Channel) -> Schema:

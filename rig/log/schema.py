@@ -46,7 +46,8 @@ from rig.frame.fields import Field as LaneField
 from rig.log.container import Opening
 from rig.record.event import Severity
 
-SCHEMA_VERSION: Final = 5  # history in docs/log.md
+BY_TOPIC: Final = 5  # the first version whose chunks stand topic by topic
+SCHEMA_VERSION: Final = 6  # history in docs/log.md
 MESSAGES_SINCE: Final = 4  # whose messages are the present ones
 OLDEST: Final = 2  # that is still read
 

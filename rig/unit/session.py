@@ -6,7 +6,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,13 +81,18 @@ def settings_of(config: NDArray[Any]) -> tuple[NDArray[np.void], NDArray[np.void
     return params, discretes
 
 
-def box_rule(config: NDArray[Any]) -> dict[str, int | None]:
-    """Return the keywords of our own manager that say when a (1,) CONFIG has a channel failed as a box."""
+class BoxRule(TypedDict):
+    """Keywords of our own manager: when a channel is failed as a box."""
+
+    box_signals: int | None
+    box_persistence: int
+
+
+def box_rule(config: NDArray[Any]) -> BoxRule:
+    """Return the rule of boxes in a (1,) CONFIG."""
     signals = int(config["box_signals"][0])
-    return {
-        "box_signals": None if signals == MORE_THAN_HALF else signals,
-        "box_persistence": int(config["box_persistence"][0]),
-    }
+    needed = None if signals == MORE_THAN_HALF else signals
+    return BoxRule(box_signals=needed, box_persistence=int(config["box_persistence"][0]))
 
 
 def _settings(params: NDArray[np.void], discretes: NDArray[np.void]) -> Iterator[tuple[str, str, NDArray[np.void]]]:

@@ -294,7 +294,7 @@ RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
     (
         "means weighted by the trend, of good pairs too",
         ruled,
-        [*without(weighted=False), *otherwise(vector_rules.PlainPairs)],
+        [*without(weighted=False), *otherwise(vector_rules.PlainPairs, vector_rules.PlainGoodPairs)],
     ),
     (
         "the pair that extremes have left is under suspicion",
