@@ -188,13 +188,13 @@ def descriptors(name: str) -> FileDescriptorSet:
     return FileDescriptorSet(file=list(files.values()))
 
 
-def older(described: FileDescriptorSet) -> tuple[Field, ...] | None:
+def older(described: FileDescriptorSet, known: Iterable[Field]) -> tuple[Field, ...] | None:
     """Return the fields of a message of an earlier version, by their numbers; None unless all of them are still ours.
 
-    An enum of then may have fewer members, but none of another number.
+    An enum of then may have fewer members, but none of another number.  known : the fields of the message today
     """
     (message,) = described.file[0].message_type
-    ours = {field.name: field for field in MESSAGES[f"{described.file[0].package}.{message.name}"].fields}
+    ours = {field.name: field for field in known}
     enums = {e.name: {(v.name, v.number) for v in e.enum_type[0].value} for e in message.nested_type}
     fields: list[Field] = []
     for number, theirs in enumerate(message.field, 1):
