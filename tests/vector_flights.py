@@ -26,6 +26,7 @@ from oracle_flights import (
     by_rules,
     filtered,
     left_by_extremes,
+    one_side,
     with_outliers,
 )
 from oracle_flights import lasting as with_lasting
@@ -211,6 +212,29 @@ def ruled(seed: int) -> Flown:
     """A random signal with settings of rules that are off by default."""
     draw = random.Random(f"rules {seed}")
     return Flown(lasting(by_rules(build(draw.choice), draw.choice)))
+
+
+def split_in_trends(seed: int) -> Flown:
+    """Two against two, or one against one, that rise or fall, each by steps of its own; monitors tell who is good."""
+    draw = random.Random(f"trends {seed}")
+    s = Settings(
+        threshold_duplex=2.0,
+        trend_frames=draw.choice([1, 2, 3]),
+        singular_persistence=draw.choice([4, 9, 30]),
+        resolvers=tuple(draw.sample(["ilm", "trend"], 2)),
+        weighted=True,
+        channels=draw.choice([4, 4, 2]),
+    )
+    flight, side, upper = Flight(s), draw.choice([1.0, -1.0]), draw.random() < 0.5
+    at = draw.sample([0.0, 0.25, 3.0, 3.25] if s.channels == 4 else [0.0, 3.0], s.channels)
+    flags = one_side([*at, 9.0, 9.0][:4], upper) if s.channels == 4 else ("absent",) * 4
+    steps = [draw.sample([0.0625, 0.125, 0.1875, 0.25], 4) for _ in range(2)]
+    for k in range(FRAMES):
+        at = [x + side * steps[k % 2][c] if k else x for c, x in enumerate(at)]
+        flight.samples.append([*at, None, None][:4])
+        flight.ilm.append(flags)
+    flight.references, flight.seconds = [None] * FRAMES, [None] * FRAMES
+    return Flown(lasting(flight))
 
 
 def paired(seed: int) -> Flown:

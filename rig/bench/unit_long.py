@@ -114,7 +114,7 @@ def _last(lasting: NDArray[Any], signal: NDArray[Any], draw: Generator) -> None:
     """Turn on what lasts, each part on most signals; the last signal is at rest, and may repeat its samples."""
     threshold = signal["threshold"]
     lasting["bias_bound"] = threshold * draw.choice([0.0, 0.2007, 0.3007], S)
-    lasting["bias_gain"] = 1.0 / draw.choice([60.5, 300.5, 800.5], S)
+    lasting["bias_gain"] = 1.0 / draw.choice([60.25, 300.25, 800.25], S)
     lasting["slow_allowance"] = 0.1003 * threshold
     lasting["slow_limit"] = threshold * draw.choice([0.0, 10.007, 30.007], S)
     lasting["stale_frames"] = draw.choice([0, 20, 300], S)

@@ -41,6 +41,7 @@ from vector_flights import (
     smoothed,
     smoothed_and_repeating,
     smoothed_with_resets,
+    split_in_trends,
     spoken,
     stopped,
     to_the_ends,
@@ -292,9 +293,14 @@ RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
         without(referred=False, trend_beside_reference=False),
     ),
     (
-        "means weighted by the trend, of good pairs too",
+        "means weighted by the trend",
         ruled,
-        [*without(weighted=False), *otherwise(vector_rules.PlainPairs, vector_rules.PlainGoodPairs)],
+        without(weighted=False),
+    ),
+    (
+        "means of a good pair, and of two that the trend settles, weighted by it too",
+        split_in_trends,
+        otherwise(vector_rules.PlainPairs, vector_rules.PlainGoodPairs),
     ),
     (
         "the pair that extremes have left is under suspicion",

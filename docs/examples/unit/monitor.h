@@ -40,13 +40,13 @@ struct latches {
 struct lasting {
     const struct rig_lasting_config *set;
     double bias[RIG_CHANNELS];
-    int64_t learned[RIG_CHANNELS]; /* frames that the bias is of */
-    double above[RIG_CHANNELS];    /* sums of residuals, unit times frames */
+    int64_t learned[RIG_CHANNELS];    /* frames that the bias is of */
+    double above[RIG_CHANNELS];       /* sums of residuals, unit times frames */
     double below[RIG_CHANNELS];
-    double last_sample[RIG_CHANNELS]; /* comparable */
-    double last_reference;
-    int64_t repeats[RIG_CHANNELS]; /* frames in which it was the last one again while others moved */
-    unsigned stale;                /* channels that have repeated for too long, bits */
+    double last_sample[RIG_CHANNELS]; /* comparable; NaN: none yet */
+    double last_reference;            /* as given */
+    int64_t repeats[RIG_CHANNELS];    /* frames in which it was the last one again while others moved */
+    unsigned stale;                   /* channels that have repeated for too long, bits */
 };
 
 /* What the trend bytes say. */
@@ -55,22 +55,22 @@ enum verdict { TREND_UNKNOWN, TREND_SMALLER_TRUE, TREND_LARGER_TRUE, TREND_BOTH_
 /* The two voting ranks over the last frames. */
 struct trend {
     double last_low, last_high;
-    unsigned low, high; /* bytes: the newest bit is the last one */
-    int64_t seen;       /* changes */
+    unsigned low, high;            /* bytes: the newest bit is the last one */
+    int64_t seen;                  /* changes */
     int64_t still_low, still_high; /* frames in a row without a change */
-    enum verdict says;  /* the last whole window, where they tumble */
+    enum verdict says;             /* the last whole window, where they tumble */
 };
 
 /* A pattern without a majority: the answer to it, and the vote while there is none. */
 struct split {
-    uint8_t rule;    /* that answers, */
-    unsigned blames; /* the channels that it would fail, bits, */
-    int64_t stood;   /* and for how many frames in a row */
-    int64_t unresolved; /* frames in a row that no rule has answered */
-    bool held;          /* nobody answered the last frame */
-    unsigned held_of;   /* channels compared when the shares below were found, bits */
-    int held_low, held_high;
-    double held_share;  /* of the second in the vote */
+    uint8_t rule;            /* that answers, */
+    unsigned blames;         /* the channels that it would fail, bits, */
+    int64_t stood;           /* and for how many frames in a row */
+    int64_t unresolved;      /* frames in a row that no rule has answered */
+    bool held;               /* nobody answered the last frame */
+    unsigned held_of;        /* channels compared when the shares below were found, bits */
+    int held_low, held_high; /* channels that the vote is between, */
+    double held_share;       /* and the share of the second */
 };
 
 /* Rules that version 3 of the records tells of a signal: rules.c. */
@@ -123,28 +123,28 @@ struct signal {
     double smooth[RIG_CHANNELS]; /* behind the filter; NaN: begins with the next value */
     double smooth_reference;
     double smooth_vote;
-    double before[RIG_CHANNELS]; /* comparable samples of the last frame; NaN: none */
+    double before[RIG_CHANNELS]; /* samples that were ranked in the last frame; NaN: none */
     int last_n;                  /* how many there were */
-    double vote;       /* the last one, before the fade */
-    double rise_vote;  /* its last change */
-    double output;     /* the last one, after the fade */
-    double fade;       /* output less vote when the level last changed */
-    int64_t fade_left; /* frames */
+    double vote;                 /* the last one, before the fade */
+    double rise_vote;            /* its last change */
+    double output;               /* the last one, after the fade */
+    double fade;                 /* output less vote when the level last changed */
+    int64_t fade_left;           /* frames */
     uint8_t pattern;
-    int64_t pattern_frames; /* that it has lasted */
-    int64_t singular_run;   /* frames in a row of any pattern without a majority */
-    int64_t freeze;         /* frames for which the counts stand still after it */
-    bool after_extremes;    /* the two channels left are those that extremes have kept */
-    int64_t cut_frames;     /* frames in a row in which the reference is off both */
+    int64_t pattern_frames;      /* that it has lasted */
+    int64_t singular_run;        /* frames in a row of any pattern without a majority */
+    int64_t freeze;              /* frames for which the counts stand still after it */
+    bool after_extremes;         /* the two channels left are those that extremes have kept */
+    int64_t cut_frames;          /* frames in a row in which the reference is off both */
     bool reference_usable;
-    int64_t reference_run; /* frames in a row against the reference's present standing */
-    int64_t second_run;    /* frames in a row in which the second reference is off the vote */
-    bool in_dispute;       /* a signal that its references read */
-    int64_t common_run;    /* frames in a row in which two references contradicted all channels */
+    int64_t reference_run;       /* frames in a row against the reference's present standing */
+    int64_t second_run;          /* frames in a row in which the second reference is off the vote */
+    bool in_dispute;             /* a signal that its references read */
+    int64_t common_run;          /* frames in a row in which two references contradicted all channels */
     bool common_mode;
-    int64_t level;    /* channels not failed */
-    unsigned accused; /* channels that the frame's evidence speaks against, bits */
-    bool started;     /* there is a last vote */
+    int64_t level;               /* channels not failed */
+    unsigned accused;            /* channels that the frame's evidence speaks against, bits */
+    bool started;                /* there is a last vote */
 };
 
 /* ---- Numbers ---- */
