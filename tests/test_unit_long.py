@@ -187,7 +187,7 @@ SLOW = [
         "    return off_vote(f->reference,",
         "    static unsigned calls;\n    return (calls++ < 6400U) && off_vote(f->reference,",
     ),
-    Defect("the fade of eight bits", "int64_t fade_left; /*", "int8_t fade_left; /*"),
+    Defect("the fade of eight bits", "int64_t fade_left;", "int8_t fade_left;"),
     Defect("a common mode of eight bits", "int64_t common_run;", "int8_t common_run;"),
     Defect(
         "a reference set aside is never trusted again after a while",
@@ -217,7 +217,7 @@ SLOW = [
         "lasting_is_learned(&f, &s->lasting) ? outlier_threshold(f.n, p) : 0.0",
         "outlier_threshold(f.n, p)",
     ),
-    Defect("learned frames of eight bits", "int64_t learned[RIG_CHANNELS]; /*", "uint8_t learned[RIG_CHANNELS]; /*"),
+    Defect("learned frames of eight bits", "int64_t learned[RIG_CHANNELS];", "uint8_t learned[RIG_CHANNELS];"),
     Defect(
         "sums that go on when the level changes",
         "{\n    memset(l->above, 0, sizeof l->above);\n    memset(l->below, 0, sizeof l->below);\n}",
@@ -226,7 +226,7 @@ SLOW = [
     Defect("the step of a sum not limited", "step = (most < excess) ? most : excess;", "step = excess + (0.0 * most);"),
     Defect("a sum that fails a channel among others", "((2 * calm) > f->n) ? worst", "(calm >= 0) ? worst"),
     Defect("the count of repeats forgotten", "l->repeats[c]++;", "l->repeats[c] = 1;"),
-    Defect("repeats of eight bits", "int64_t repeats[RIG_CHANNELS]; /*", "uint8_t repeats[RIG_CHANNELS]; /*"),
+    Defect("repeats of eight bits", "int64_t repeats[RIG_CHANNELS];", "uint8_t repeats[RIG_CHANNELS];"),
     Defect(
         "a stale sample that counts as agreement",
         " && !lasting_is_stale(c, &s->lasting) && !has",
