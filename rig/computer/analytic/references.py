@@ -24,7 +24,7 @@ from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
 from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.analytic.sources import PARTNERS, Config, second, source
 from rig.computer.gain_schedule import look_up
-from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S, sig
+from rig.frame import CHANNELS, INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S, State, sig
 from rig.kernels import kernel
 from rig.settings import record
 from rig.units.angles import difference
@@ -66,6 +66,8 @@ STATE: Final = np.dtype(
         ("roll_angle", "f8"),  # by the voted gyros
         ("rolling", "u1"),  # whether that has begun
         ("smoothing", "i8"),  # a bit for each signal whose filter has begun
+        ("trusted", "u1", (S,)),  # a bit for each channel in order, of the last vote
+        ("resettled", "i8"),  # a bit for each signal of whose vote that has changed
         ("started", "u1"),
         *APART,
     ],
@@ -191,8 +193,15 @@ def look_back(fcc, st):
     signals that are references of each other would close a loop through their substitutes (ours).
     """
     voted, level, pattern, resolver, kept = fcc["voted"], fcc["level"], fcc["pattern"], fcc["resolver"], st["voted"]
-    lost, singular, agreed = 0, 0, 0
+    state = fcc["state"]
+    lost, singular, agreed, resettled = 0, 0, 0, 0
     for s in range(S):
+        trusted = 0
+        for c in range(CHANNELS):
+            trusted |= (state[s, c] == State.OK) << c
+        if trusted != st["trusted"][s]:
+            st["trusted"][s] = trusted
+            resettled |= 1 << s
         if level[s] == 0 or not math.isfinite(voted[s]):
             lost |= 1 << s
             continue
@@ -206,7 +215,7 @@ def look_back(fcc, st):
         elif pattern[s] == Pattern.NORMAL and resolver[s] == Resolver.NONE:
             agreed |= 1 << s
         kept[s] = voted[s]
-    st["lost"], st["singular"], st["agreed"] = lost, singular, agreed
+    st["lost"], st["singular"], st["agreed"], st["resettled"] = lost, singular, agreed, resettled
     st["gyros"] = 8 * level[sig.Q] + level[sig.R]
 
 
@@ -310,7 +319,8 @@ def follow_all(p, st):
 def follow(st, s, share, rate_hz, wraps):
     """Filter the vote of signal s to first order, and find its slope; begin again after a loss.
 
-    y += share (x - y);  slope = change of y a second.
+    y += share (x - y);  slope = change of y a second.  Where the vote is of other channels than before, by which it
+    jumps as they differ, y takes the jump and goes on by its slope (ours).
     """
     bit = 1 << s
     x, y = st["voted"][s], st["smooth"][s]
@@ -319,6 +329,9 @@ def follow(st, s, share, rate_hz, wraps):
     elif (st["smoothing"] & bit) == 0:
         st["smoothing"] |= bit
         st["smooth"][s], st["slope"][s] = x, 0.0
+    elif (st["resettled"] & bit) != 0:
+        move = st["slope"][s] / rate_hz
+        st["smooth"][s] = x - (1.0 / share - 1.0) * move
     else:
         move = share * difference(x, y, wraps)
         st["smooth"][s], st["slope"][s] = y + move, move * rate_hz
