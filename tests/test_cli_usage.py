@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import jsbsim
 import pytest
 from typer.main import get_command
 
@@ -97,3 +98,15 @@ def test_a_full_standard_output_is_one_line_and_exit_code_1(arguments):
             [sys.executable, "-m", "rig", *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )
     assert (ran.returncode, ran.stderr) == (1, "failed: standard output: cannot be written: No space left on device\n")
+
+
+def test_jsbsim_without_its_files_is_one_line_that_says_so(monkeypatch, capsys):
+    def nowhere(_: Any) -> Any:
+        raise OSError("Can't find the default root directory")
+
+    monkeypatch.setattr(jsbsim, "FGFDMExec", nowhere)
+    monkeypatch.setattr(sys, "argv", ["rig", "bench"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    said = "JSBSim: Can't find the default root directory: its package is not installed as a whole"
+    assert ended.value.code == 1 and capsys.readouterr().err.splitlines()[-1] == f"failed: {said}"

@@ -114,7 +114,7 @@ def _standard_output() -> Iterator[None]:
         if out is not None:
             out.flush()
     except OSError as error:
-        if out is None or error.filename is not None:  # of a file, which its writer should have reported
+        if out is None or error.filename is not None or error.errno is None:  # not of the output
             raise
         with suppress(OSError):
             out.close()  # or Python would write the rest when it ends, and fail again

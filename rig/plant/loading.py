@@ -69,7 +69,10 @@ class NoTrim(BadInput):
 def _executive() -> jsbsim.FGFDMExec:
     # The logger belongs to the thread, so every executive sets it again.
     jsbsim.set_logger(_logger())
-    fdm = jsbsim.FGFDMExec(None)
+    try:
+        fdm = jsbsim.FGFDMExec(None)
+    except OSError as error:
+        raise RigError(f"JSBSim: {error}: its package is not installed as a whole") from None
     fdm.set_debug_level(0)
     return fdm
 
