@@ -306,6 +306,16 @@ def test_a_sample_without_one_before_it_weighs_half():
     assert out.voted[2] == pytest.approx((0.25 + 0.625) / 2)
 
 
+def test_a_channel_readmitted_as_the_split_begins_weighs_by_its_own_change():
+    """Its last sample counts, though it was failed then: changes of 0.1 and 0.3 as above, and the upper weighs 1/4."""
+    samples = constant(0, 0.5, 0.25, 0.25, frames=161)
+    samples[:20, 1] = 50.0
+    samples[160] = 0.1, 0.8, 5, 5.1
+    out = vote_samples(samples, resolvers=["ilm"], ilm=flags(*LOW_GOOD, frames=161), resets=[(160, 2)], **WEIGHTED)
+    assert out.level[159] == 3 and out.pattern[160] == Pattern.P2_2
+    assert out.voted[160] == pytest.approx(0.1 + 0.7 / 4)
+
+
 @pytest.mark.requirement("redundancy", "trend-weighted means of a good pair and of two")
 def test_of_two_that_the_trend_settles_the_vote_is_near_the_one_whose_change_fits():
     """Two changes of 0.2 and 0.6 make a trend of one frame each; nobody answers the first, whose vote is 2."""

@@ -84,11 +84,12 @@ static void report(const struct frame *f, int i, double reference, struct rig_ou
 /* ---- One signal, one frame ---- */
 
 /* Keep what the next frame compares its samples with. */
-static void remember(const struct frame *f, struct signal *s)
+static void remember(const struct frame *f, params *p, struct signal *s)
 {
     s->last_n = f->n;
-    for (int c = 0; c < RIG_CHANNELS; c++) {
-        s->before[c] = has(f->ranked, c) ? f->x[c] : (double)NAN;
+    for (int c = 0; c < p->fitted; c++) {
+        const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);
+        s->before[c] = there ? f->samples[c] : (double)NAN;
     }
 }
 
@@ -121,7 +122,7 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
         lasting_begin_sums(&s->lasting);
     }
     publish(&f, p, s);
-    remember(&f, s);
+    remember(&f, p, s);
     report(&f, i, input->reference[i], output);
 }
 

@@ -123,7 +123,7 @@ struct signal {
     double smooth[RIG_CHANNELS]; /* behind the filter; NaN: begins with the next value */
     double smooth_reference;
     double smooth_vote;
-    double before[RIG_CHANNELS]; /* samples that were ranked in the last frame; NaN: none */
+    double before[RIG_CHANNELS]; /* comparable samples of the last frame; NaN: none */
     int last_n;                  /* how many there were */
     double vote;                 /* the last one, before the fade */
     double rise_vote;            /* its last change */

@@ -155,23 +155,30 @@ def count_repeats(samples, valid, reference, p, st):
     frames, repeats, last, failed = p["stale_frames"], st["repeats"], st["last_sample"], st["failed"]
     if frames == 0:
         return
-    low, high, stale, others, moved = p["low"], p["high"], 0, 0, False
-    for c in range(p["fitted"]):
-        if not failed[c] and comparable(samples[c], valid[c], low, high):
-            others += 1
-            moved |= samples[c] != last[c]
-    if others == 1 and np.isfinite(reference):
-        moved |= reference != st["last_reference"]
-    st["last_reference"] = reference
+    low, high, others, moved, repeating = p["low"], p["high"], 0, False, 0
     for c in range(p["fitted"]):
         x = samples[c]
         if not comparable(x, valid[c], low, high):
             continue
-        if x != last[c] or (p["wraps"] == 0 and (x <= low or x >= high)):
+        if x != last[c]:
+            repeats[c], last[c] = 0, x
+            moved |= not failed[c]
+        else:
+            repeating |= 1 << c
+        others += not failed[c]
+    if others == 1 and np.isfinite(reference):
+        moved |= reference != st["last_reference"]
+    st["last_reference"], st["stale"] = reference, 0
+    if repeating == 0:
+        return
+    stale = 0
+    for c in range(p["fitted"]):
+        if (repeating >> c) & 1 == 0:
+            continue
+        if p["wraps"] == 0 and (samples[c] <= low or samples[c] >= high):
             repeats[c] = 0
         elif moved:
             repeats[c] += 1
-        last[c] = x
         stale |= np.int64(repeats[c] >= frames) << c
     st["stale"] = stale
 

@@ -16,6 +16,7 @@ from rig.computer.redundancy.lasting import (
     NOBODY,
     begin_sums,
     count_repeats,
+    is_stale,
     lasts,
     learn_bias,
     middle,
@@ -97,7 +98,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     base = anchor(samples, valid, p, st)
     count_repeats(samples, valid, reference, p, st)
     if p["weighted"]:
-        keep_before(p, st)
+        keep_before(samples, valid, p, st)
     n = rank(samples, valid, base, p, st)
     reference = beside(reference, base, p)
     second = beside(second, base, p)
@@ -238,12 +239,13 @@ def beside(reference, base, p):
 
 
 @kernel
-def keep_before(p, st):
-    """Keep the samples that were comparable in the last frame, whose changes weigh a mean."""
-    before, x, order = st["before"], st["x"], st["order"]
-    before[:] = np.nan
-    for i in range(st["last_n"]):
-        before[order[i]] = x[order[i]]
+def keep_before(samples, valid, p, st):
+    """Keep the comparable samples of the last frame and of this one, whose changes weigh a mean; NaN for others."""
+    before, now = st["before"], st["now"]
+    for c in range(p["fitted"]):
+        before[c] = now[c]
+        there = comparable(samples[c], valid[c], p["low"], p["high"]) and not is_stale(c, st)
+        now[c] = samples[c] if there else np.nan
 
 
 @kernel

@@ -41,6 +41,7 @@ STATE: Final = np.dtype(
         ("repeats", "i8", (CHANNELS,)),
         ("stale", "i8"),  # a bit for each channel whose sample has repeated for too long
         ("before", "f8", (CHANNELS,)),  # comparable samples of the last frame, NaN where none; for weighted means
+        ("now", "f8", (CHANNELS,)),  # and of this one
         ("count", "f8", (CHANNELS,)),  # miscomparing frames in a row; with ``count_down`` less what it took off
         ("excess", "f8", (CHANNELS,)),  # integrated deviation, for the manager "selection"
         ("agreed", "i8", (CHANNELS,)),  # frames in a row that a failed channel agreed with the vote
@@ -104,6 +105,6 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
     state["reference_usable"] = 1
     state["level"] = params["fitted"]
     state["trend_says"] = NO_ANSWER
-    for name in ("smooth", "smooth_reference", "smooth_vote", "last_sample", "last_reference", "before"):
+    for name in ("smooth", "smooth_reference", "smooth_vote", "last_sample", "last_reference", "before", "now"):
         state[name] = np.nan
     return state
