@@ -48,6 +48,7 @@ EVIDENCE: Final = {  # title: what the command is asked for
     "Slow faults: a third that drifts, two alike": " --rows slow,slow-weather",
     "References of healthy flights": " --rows references-healthy",
     "Whole boxes of one, two and three channels; bursts": " --rows whole-boxes,bursts",
+    "The trend without a reference, by its window": " --rows trend",
 }
 LAWS: Final = r"^ hold|^ pitch +(F 0\.2|offset \+|.* over).* (plain|fault-tolerant)  |^ altitude .* over .* fault-t"
 FIGURES: Final = {  # name: its module
