@@ -106,13 +106,22 @@ def test_a_step_of_the_vote_is_not_delayed():
 
 @pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_the_filter_begins_again_after_a_sample_that_cannot_be_compared():
+    """Where the vote has followed the others, which lag 50 behind their samples; so does this one, but for a step."""
     samples = constant(*ALIKE, frames=80)
     samples[20:23, 0] = np.nan
-    samples[20:] += 50.0  # the others follow it slowly; this one would come back with nothing left of the past
+    samples[20:] += 50.0
     out = vote_samples(samples, filter_s=1.0, threshold=1.0, persistence=80)
-    lag = 50.0 * exp(-4.0 / (RATE_HZ * 1.0))  # of the others when it is back
-    assert lag > 1.0 and out.state[23, 0] == State.SUSPECT and out.pattern[23] == Pattern.ISOLATED
-    assert out.state[19, 0] == State.OK
+    assert (out.pattern == Pattern.NORMAL).all() and (out.state[23:, 0] == State.OK).all()
+
+
+@pytest.mark.parametrize("at", [0, 40])
+def test_a_burst_that_a_filter_begins_with_fails_nobody(at: int):
+    """Two frames of 200 thresholds, at first or after a frame without a sample; a step is 1/7.5 of a threshold."""
+    samples = np.where(np.arange(4) < 2, constant(0, 0, 0, 0, frames=300), np.nan)
+    samples[at, 0] = np.nan
+    samples[at + (at > 0) : at + (at > 0) + 2, 0] = 200.0
+    out = vote_samples(samples, channels=2, filter_s=0.1, reference=0.0, persistence=8)
+    assert out.failed_at() == [None] * 4 and (out.state[at + 20 :, :2] == State.OK).all()
 
 
 @pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")

@@ -137,13 +137,21 @@ def test_the_wait_goes_on_from_one_pattern_without_a_majority_to_another():
 
 
 @pytest.mark.parametrize(
-    ("between", "ilm"),
-    [(SPLIT, (GOOD, GOOD, BAD, BAD)), ((0, 0, 0, 0), (ABSENT,) * 4), ((0, 0, 0, 9), (ABSENT,) * 4)],
+    ("frames", "between", "ilm", "at"),
+    [
+        (1, SPLIT, (GOOD, GOOD, BAD, BAD), 21),  # an answer that does not last
+        (4, SPLIT, (GOOD, GOOD, BAD, BAD), 24),
+        (1, (*SPLIT[:3], np.nan), (ABSENT,) * 4, 21),  # a sample is missing
+        (1, (0, 0, 0, 0), (ABSENT,) * 4, 31),  # a majority
+        (1, (0, 0, 0, 9), (ABSENT,) * 4, 31),
+    ],
 )
-def test_an_answer_and_a_majority_begin_it_again(between: tuple[float, ...], ilm: tuple[int, ...]):
-    flags = rows((10, (ABSENT,) * 4), (1, ilm), (29, (ABSENT,) * 4)).astype(int)
-    out = given_up(rows((10, SPLIT), (1, between), (29, SPLIT)), resolvers=["ilm"], ilm=flags)
-    assert out.failed_at() == [31] * 4
+def test_a_majority_of_all_begins_it_again_and_nothing_that_does_not_last(
+    frames: int, between: tuple[float, ...], ilm: tuple[int, ...], at: int
+):
+    flags = rows((10, (ABSENT,) * 4), (frames, ilm), (30 - frames, (ABSENT,) * 4)).astype(int)
+    samples = rows((10, SPLIT), (frames, between), (30 - frames, SPLIT))
+    assert given_up(samples, resolvers=["ilm"], ilm=flags).failed_at() == [at] * 4
 
 
 def test_with_no_frames_a_split_stays_open():

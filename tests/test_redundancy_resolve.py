@@ -220,7 +220,6 @@ def test_the_unresolved_vote_goes_on_with_the_channels_that_it_was_of():
     [
         ((0, 0.8), (0, 5), (0, 10), [0.4, 0.8]),  # 0.08 of the gap
         ((0, 0.8), (0, 5), (1, 11), [0.4, 1.8]),
-        ((0, 0.8), (0, 5), (10, 0), [0.4, 9.2]),  # of the same channels, whatever their order
         ((0, 0.8), (2, 5), (3, 9), [2.0, 3.0]),  # never outside of the two
         ((0, 0.8), (-5, -2), (-9, -3), [-2.0, -3.0]),
         ((0, 0, 0.8, 0.8), (0, 0, 5, 5.5), (0, 1, 9, 9), [0.4, 0.08 * 8 + 1]),  # of the second and the third
@@ -234,20 +233,22 @@ def test_the_unresolved_vote_goes_on_with_the_channels_that_it_was_of():
 def test_the_unresolved_vote_keeps_its_share_of_two_neighbours(
     before: tuple[float, ...], at: tuple[float, ...], then: tuple[float, ...], held: list[float]
 ):
+    """Nobody jumps: twenty frames lead from one to the other."""
     n = int(np.isfinite(at).sum())
-    samples = np.full((5, 4), NAN)
-    samples[:3, :n], samples[3, :n], samples[4, :n] = before[:n], at[:n], then[:n]
+    samples = np.full((24, 4), NAN)
+    samples[:3, :n], samples[3:, :n] = before[:n], np.linspace(at[:n], then[:n], 21)
     out = vote_samples(samples, channels=n, resolvers=[])
-    assert (out.resolver[3:] == Resolver.UNRESOLVED).all() and out.pattern[4] == out.pattern[3]
-    assert out.voted[3:] == pytest.approx(held)
+    assert (out.resolver[3:] == Resolver.UNRESOLVED).all() and (out.pattern[4:] == out.pattern[3]).all()
+    assert out.voted[[3, -1]] == pytest.approx(held)
 
 
-def test_an_answer_between_begins_the_shares_again():
+def test_the_shares_go_on_after_an_answer_that_did_not_last():
     ilm = rows((5, (ABSENT,) * 4), (1, (BAD, GOOD, ABSENT, ABSENT)), (24, (ABSENT,) * 4)).astype(int)
     samples = np.where(np.arange(4) < 2, constant(0, 5, 0, 0), NAN)
     samples[0, :2] = 0.0, 0.8
     out = vote_samples(samples, ilm=ilm, channels=2, resolvers=["ilm"], singular_persistence=30)
-    assert out.voted[1:5] == pytest.approx(np.full(4, 0.4)) and (out.voted[5:] == 5.0).all()
+    assert out.voted[1:5] == pytest.approx(np.full(4, 0.4)) and out.voted[5] == 5.0
+    assert out.voted[6:] == pytest.approx(np.full(24, 0.4))
 
 
 def test_of_equal_neighbours_each_has_half():
@@ -338,7 +339,7 @@ def test_the_ranks_whose_changes_weigh_are_those_of_the_samples_behind_a_filter_
     samples[11, :2] = -1.5, -2.25
     more: dict[str, Any] = {"channels": 2, "resolvers": ["trend"], "trend_frames": 1, "singular_persistence": 30}
     out = vote_samples(samples, filter_s=0.01, **more, **WEIGHTED)
-    assert (out.resolver[2:] == Resolver.TREND).all()
+    assert (out.resolver[3:] == Resolver.TREND).all()
     high, low = samples[11, 0] - samples[10, 1], samples[11, 1] - samples[10, 0]
     rise = out.voted[10] - out.voted[9]
     share = abs(low - rise) / (abs(low - rise) + abs(high - rise))

@@ -75,9 +75,11 @@ static void sort(const double *x, int *order, int n)
 
 /* Section 2: gather the comparable samples of channels in use that do not repeat for too long, rank them, find the two
  * voting ranks. */
-static void rank(struct frame *f, params *p, const struct signal *s)
+static void rank(struct frame *f, params *p, struct signal *s)
 {
+    int in_use = 0;
     for (int c = 0; c < p->fitted; c++) {
+        in_use += s->latches.failed[c] ? 0 : 1;
         if (!s->latches.failed[c] && !lasting_is_stale(c, &s->lasting) && compare_is_comparable(f, c, p)) {
             f->x[c] = near_base(f->samples[c], f, p);
             f->order[f->n] = c;
@@ -85,6 +87,7 @@ static void rank(struct frame *f, params *p, const struct signal *s)
             f->ranked |= 1U << c;
         }
     }
+    s->split.whole = f->n == in_use;
     sort(f->x, f->order, f->n);
     if (f->n > 0) {
         f->low = f->x[f->order[(f->n - 1) / 2]];
@@ -106,6 +109,15 @@ double compare_follow(double last, double x, const struct frame *f, params *p)
     return isfinite(y) ? y : x;
 }
 
+/* Where a low-pass begins: at the smoothed vote, at first between the two ranks; NaN where there is neither. */
+static double begins_at(const struct frame *f, const struct signal *s)
+{
+    if (isfinite(s->smooth_vote) || (f->n == 0)) {
+        return s->smooth_vote;
+    }
+    return mean(f->low, f->high, 0.5);
+}
+
 /* What is compared: samples and reference, or where there is a filter what it makes of them, less learned biases. */
 static void look(struct frame *f, params *p, struct signal *s)
 {
@@ -113,11 +125,14 @@ static void look(struct frame *f, params *p, struct signal *s)
     memcpy(f->by, f->order, sizeof f->by);
     f->seen_reference = f->reference;
     if (p->filter_gain > 0.0) {
+        const double start = begins_at(f, s);
         for (int c = 0; c < p->fitted; c++) {
             const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);
-            s->smooth[c] = there ? compare_follow(s->smooth[c], near_base(f->samples[c], f, p), f, p) : (double)NAN;
+            const double last = isnan(s->smooth[c]) ? start : s->smooth[c];
+            s->smooth[c] = there ? compare_follow(last, near_base(f->samples[c], f, p), f, p) : (double)NAN;
         }
-        s->smooth_reference = compare_follow(s->smooth_reference, f->reference, f, p);
+        const double last = isnan(s->smooth_reference) ? start : s->smooth_reference;
+        s->smooth_reference = compare_follow(last, f->reference, f, p);
         f->seen_reference = s->smooth_reference;
         memcpy(f->y, s->smooth, sizeof f->y);
         sort(f->y, f->by, f->n);
@@ -164,10 +179,10 @@ struct frame compare_samples(const struct rig_input *input, int signal, params *
 {
     struct frame f = {.samples = input->channels[signal], .valid = input->valid[signal], .ilm = input->ilm[signal]};
     f.base = anchor(&f, p, s);
-    lasting_count(&f, input->reference[signal], p, s);
     f.reference = seen(input->reference[signal], &f, p);
     f.second = seen(input->second_reference[signal], &f, p);
     f.reference_threshold = reference_threshold(f.reference, p);
+    lasting_count(&f, input->reference[signal], p, s);
     rank(&f, p, s);
     look(&f, p, s);
     f.threshold = threshold(f.n, p);

@@ -32,44 +32,59 @@ void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
 
 /* ---- Stale samples ---- */
 
-/* Whether a channel in use has another sample than its last one; beside the only one its reference counts, too. */
-static bool others_move(const struct frame *f, double reference, params *p, const struct signal *s)
+/* Channels in use with a comparable sample, and those of them whose sample is another than its last one. */
+struct movement {
+    int in_use;
+    int moving;
+    bool reference; /* beside the only one in use its reference moves */
+};
+
+static struct movement movement(const struct frame *f, double reference, params *p, const struct signal *s)
 {
     const struct lasting *const l = &s->lasting;
-    bool moved = false;
-    int others = 0;
+    struct movement m = {0, 0, false};
     for (int c = 0; c < p->fitted; c++) {
         if (!s->latches.failed[c] && compare_is_comparable(f, c, p)) {
-            others++;
-            moved = moved || (f->samples[c] != l->last_sample[c]);
+            m.in_use++;
+            m.moving += (f->samples[c] != l->last_sample[c]) ? 1 : 0;
         }
     }
-    return moved || ((others == 1) && isfinite(reference) && (reference != l->last_reference));
+    m.reference = (m.in_use == 1) && isfinite(reference) && (reference != l->last_reference);
+    return m;
 }
 
-/* Nothing is told by a sample at the end of the range, nor where all repeat alike: sensors at their stop, or at rest
- * with a coarse quantum, are in order. */
+/* Whether a repeat of channel c counts.  Nothing is told by a sample at the end of the range, nor where most repeat
+ * alike: sensors at their stop, or at rest with a coarse quantum, are in order, unless a reference contradicts them.
+ * `ends`: the count begins again instead. */
+static bool repeat_counts(const struct frame *f, int c, const struct movement *m, params *p, const struct signal *s,
+                          bool *ends)
+{
+    const double x = f->samples[c];
+    const double off = fabs(difference(x, f->reference, p));
+    const bool told = s->reference_usable && (off > (REFERENCE_MARGIN * f->reference_threshold));
+    const int others = m->in_use - (s->latches.failed[c] ? 0 : 1);
+    *ends = !told && (p->wraps == 0) && ((x <= p->low) || (x >= p->high));
+    return told || (!*ends && (m->reference || ((m->moving > 0) && ((2 * m->moving) >= others))));
+}
+
 void lasting_count(const struct frame *f, double reference, params *p, struct signal *s)
 {
     struct lasting *const l = &s->lasting;
     if (l->set->stale_frames == 0) {
         return;
     }
-    const bool moved = others_move(f, reference, p, s);
+    const struct movement m = movement(f, reference, p, s);
     l->last_reference = reference;
     l->stale = 0U;
+    l->standing = m.moving == 0;
     for (int c = 0; c < p->fitted; c++) {
-        const double x = f->samples[c];
         if (compare_is_comparable(f, c, p)) {
-            const bool at_end = (p->wraps == 0) && ((x <= p->low) || (x >= p->high));
-            if ((x != l->last_sample[c]) || at_end) {
-                l->repeats[c] = 0;
-            } else if (moved) {
+            bool ends = f->samples[c] != l->last_sample[c];
+            if (!ends && repeat_counts(f, c, &m, p, s, &ends)) {
                 l->repeats[c]++;
-            } else {
-                /* neither way */
             }
-            l->last_sample[c] = x;
+            l->repeats[c] = ends ? 0 : l->repeats[c];
+            l->last_sample[c] = f->samples[c];
             l->stale |= (l->repeats[c] >= l->set->stale_frames) ? (1U << c) : 0U;
         }
     }

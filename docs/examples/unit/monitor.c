@@ -106,7 +106,7 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     compare_pattern(&f, p, s);
     trend_update(&f, p, s);
     decide(&f, p, s);
-    s->split.held = f.resolver == RIG_RESOLVER_UNRESOLVED;
+    resolvers_keep_basis(&f, s);
     references_cut_pair(&f, p, s);
     references_monitor(&f, p, s);
     references_watch_common(&f, p, s);

@@ -47,6 +47,7 @@ struct lasting {
     double last_reference;            /* as given */
     int64_t repeats[RIG_CHANNELS];    /* frames in which it was the last one again while others moved */
     unsigned stale;                   /* channels that have repeated for too long, bits */
+    bool standing;                    /* the samples of all channels in use repeat */
 };
 
 /* What the trend bytes say. */
@@ -66,11 +67,14 @@ struct split {
     uint8_t rule;            /* that answers, */
     unsigned blames;         /* the channels that it would fail, bits, */
     int64_t stood;           /* and for how many frames in a row */
-    int64_t unresolved;      /* frames in a row that no rule has answered */
-    bool held;               /* nobody answered the last frame */
-    unsigned held_of;        /* channels compared when the shares below were found, bits */
+    int64_t silent;          /* frames in a row that no rule has answered, */
+    int64_t unresolved;      /* and all since an answer has stood or all had a majority */
+    bool whole;              /* all channels in use are compared */
+    bool basis;              /* the last vote is of all channels in use, or held */
+    unsigned held_of;        /* channels compared when the shares below were found, bits; 0: none are kept */
     int held_low, held_high; /* channels that the vote is between, */
-    double held_share;       /* and the share of the second */
+    double held_share;       /* the share of the second, */
+    double held_gap;         /* and how far it was above the first when last used */
 };
 
 /* Rules that version 3 of the records tells of a signal: rules.c. */
@@ -252,6 +256,7 @@ void lasting_begin_sums(struct lasting *l);
 
 /* redundancy.md 'Patterns without a majority': this frame's vote, who decided it, and whom that would fail. */
 void resolvers_settle(struct frame *f, params *p, struct signal *s);
+void resolvers_keep_basis(const struct frame *f, struct signal *s);
 
 /* ---- references.c ---- */
 

@@ -103,18 +103,20 @@ static int64_t begun(const struct frame *f, params *p, const struct signal *s)
         return 1;
     }
     covered = ((s->pattern_frames - 1) < covered) ? (s->pattern_frames - 1) : covered;
-    covered = (s->split.unresolved < covered) ? s->split.unresolved : covered;
+    covered = (s->split.silent < covered) ? s->split.silent : covered;
     return 1 + covered;
 }
 
 /* Whether an answer may be acted on: the pattern has lasted for singular_persistence frames, and the same rule has
- * blamed the same channels for half of that. */
+ * blamed the same channels for half of that.  Counts the frames without an answer, which one that does not stand, or a
+ * frame without all samples, leaves as they are. */
 static bool has_stood(const struct frame *f, params *p, struct signal *s)
 {
     struct split *const split = &s->split;
     if (!is_singular(s->pattern)) {
         split->stood = 0;
-        split->unresolved = 0;
+        split->silent = 0;
+        split->unresolved = split->whole ? 0 : split->unresolved;
         return false;
     }
     if (f->together) {
@@ -128,8 +130,15 @@ static bool has_stood(const struct frame *f, params *p, struct signal *s)
     split->stood = same ? (split->stood + 1) : begun(f, p, s);
     split->rule = f->resolver;
     split->blames = blames;
-    split->unresolved = (f->resolver == RIG_RESOLVER_UNRESOLVED) ? (split->unresolved + 1) : 0;
-    return (s->pattern_frames >= p->singular_persistence) && ((2 * split->stood) >= p->singular_persistence);
+    const bool stands = (2 * split->stood) >= p->singular_persistence;
+    if (f->resolver == RIG_RESOLVER_UNRESOLVED) {
+        split->silent++;
+        split->unresolved++;
+    } else {
+        split->silent = 0;
+        split->unresolved = stands ? 0 : split->unresolved;
+    }
+    return (s->pattern_frames >= p->singular_persistence) && stands;
 }
 
 /* Fail what has persisted. */

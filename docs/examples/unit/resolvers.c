@@ -243,18 +243,34 @@ static void share_out(const struct frame *f, struct signal *s)
 }
 
 /* redundancy.md 'Nobody answers': a fixed mean of the two channels between which the last vote was.  One that jumps away
- * has no share in it, and two that drift apart have half each. */
+ * has no share in it, and two that drift apart have half each, as have the two ranks where that vote was of one side. */
 static double hold(const struct frame *f, struct signal *s)
 {
     struct split *const split = &s->split;
     if (!s->started) {
         return mean(f->low, f->high, 0.5);
     }
-    if (!split->held || (s->pattern_frames == 1) || (split->held_of != f->ranked)) {
+    const double gap = f->x[split->held_high] - f->x[split->held_low];
+    if ((split->held_of != f->ranked) || (fabs(gap - split->held_gap) > f->threshold)) {
         split->held_of = f->ranked;
-        share_out(f, s);
+        split->held_low = f->order[(f->n - 1) / 2];
+        split->held_high = f->order[f->n / 2];
+        split->held_share = 0.5;
+        if (split->basis) {
+            share_out(f, s);
+        }
     }
+    split->held_gap = f->x[split->held_high] - f->x[split->held_low];
     return between(f->x[split->held_low], f->x[split->held_high], split->held_share);
+}
+
+/* Whether the next frame that nobody decides may begin with this frame's vote; shares that have ended are forgotten. */
+void resolvers_keep_basis(const struct frame *f, struct signal *s)
+{
+    struct split *const split = &s->split;
+    const bool majority = split->whole && !is_singular(s->pattern);
+    split->held_of = majority ? 0U : split->held_of;
+    split->basis = majority || (f->resolver == RIG_RESOLVER_UNRESOLVED);
 }
 
 /* Ask the resolvers in their order, then the rules of rank; hold when nobody answers. */

@@ -13,8 +13,10 @@ import numpy as np
 
 from rig.computer.redundancy import opinions, vote
 from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, sort
+from rig.computer.redundancy.reference_monitor import REFERENCE_MARGIN, reference_threshold
 from rig.frame import Pattern
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 NOBODY: Final = -1
 CALM: Final = 0.5  # of the limit: what a strict majority must be below, or the sums cannot tell who is right
@@ -144,43 +146,52 @@ def begin_sums(st):
 
 
 @kernel
-def count_repeats(samples, valid, reference, p, st):
-    """Count the frames in which each channel's sample was the last one again, bit for bit, while another's moved.
+def count_repeats(samples, valid, reference, seen, p, st):
+    """Count the frames in which each channel's sample was the last one again, bit for bit, while most others moved.
 
-    A frame without a sample counts neither way.  Nothing is told by a sample at the end of the range, nor where all
-    repeat alike: sensors at their stop, or at rest with a coarse quantum, are in order.  Beside the only channel in
-    use its reference is what moves.
-    Writes ``stale``, a bit for each channel that has repeated for ``stale_frames``.
+    A frame without a sample counts neither way.  Nothing is told by a sample at the end of the range, nor where most
+    repeat alike: sensors at their stop, or at rest with a coarse quantum, are in order, unless a usable reference
+    contradicts them.  Beside the only channel in use its reference is what moves.
+    reference, seen : as it is, and as the sensors could read it
+    Writes ``stale``, a bit for each channel that has repeated for ``stale_frames``, and ``standing``.
     """
     frames, repeats, last, failed = p["stale_frames"], st["repeats"], st["last_sample"], st["failed"]
     if frames == 0:
         return
-    low, high, others, moved, repeating = p["low"], p["high"], 0, False, 0
+    low, high, in_use, moving, repeating = p["low"], p["high"], 0, 0, 0
     for c in range(p["fitted"]):
         x = samples[c]
         if not comparable(x, valid[c], low, high):
             continue
         if x != last[c]:
             repeats[c], last[c] = 0, x
-            moved |= not failed[c]
+            moving += not failed[c]
         else:
             repeating |= 1 << c
-        others += not failed[c]
-    if others == 1 and np.isfinite(reference):
-        moved |= reference != st["last_reference"]
-    st["last_reference"], st["stale"] = reference, 0
+        in_use += not failed[c]
+    moved = in_use == 1 and np.isfinite(reference) and reference != st["last_reference"]
+    st["last_reference"], st["stale"], st["standing"] = reference, 0, moving == 0
     if repeating == 0:
         return
     stale = 0
     for c in range(p["fitted"]):
         if (repeating >> c) & 1 == 0:
             continue
-        if p["wraps"] == 0 and (samples[c] <= low or samples[c] >= high):
+        if contradicts(seen, samples[c], p, st):
+            repeats[c] += 1
+        elif p["wraps"] == 0 and (samples[c] <= low or samples[c] >= high):
             repeats[c] = 0
-        elif moved:
+        elif moved or (moving > 0 and 2 * moving >= in_use - (not failed[c])):
             repeats[c] += 1
         stale |= np.int64(repeats[c] >= frames) << c
     st["stale"] = stale
+
+
+@kernel
+def contradicts(seen, sample, p, st):
+    """Return True if a usable reference is off a sample that repeats; seen : NaN where there is none."""
+    off = abs(difference(sample, seen, p["wraps"]))
+    return st["reference_usable"] != 0 and off > REFERENCE_MARGIN * reference_threshold(seen, p)
 
 
 @kernel

@@ -24,7 +24,7 @@ from rig.computer.redundancy.lasting import (
     take_bias_off,
     watch_sums,
 )
-from rig.computer.redundancy.lowpass import follow, smooth_channels
+from rig.computer.redundancy.lowpass import begins_at, follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
 from rig.computer.redundancy.quiet import is_quiet, last_quiet
@@ -36,7 +36,7 @@ from rig.computer.redundancy.reference_monitor import (
     reference_threshold,
     watch_common,
 )
-from rig.computer.redundancy.resolve import Compared, resolve
+from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
 from rig.frame import CHANNELS, Pattern, Resolver, State
 from rig.kernels import kernel
 from rig.units.angles import difference, limit
@@ -96,14 +96,16 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     """Monitor and vote one signal in one frame; return the resolver that decided (Zhang 2023, sections 2 to 8)."""
     x, order = st["x"], st["order"]
     base = anchor(samples, valid, p, st)
-    count_repeats(samples, valid, reference, p, st)
+    seen = beside(reference, base, p)
+    count_repeats(samples, valid, reference, seen, p, st)
     if p["weighted"]:
         keep_before(samples, valid, p, st)
     n = rank(samples, valid, base, p, st)
-    reference = beside(reference, base, p)
+    reference = seen
     second = beside(second, base, p)
     if is_quiet(n, p, st):
         return vote_quiet(reference, second, n, p, st)
+    st["whole"] = all_ranked(n, p, st)
     compared = to_compare(samples, valid, reference, base, n, p, st)
     st["reference_threshold"] = reference_threshold(reference, p)
     st["threshold"] = threshold(n, p)
@@ -118,7 +120,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
     resolver, vote_before_fade = decide(ilm, reference, compared, n, p, st)
-    st["unanswered"] = resolver == Resolver.UNRESOLVED
+    keep_basis(resolver, st)
     resolver = cut_pair(resolver, n, reference, p, st)
     monitor_reference(reference, n, p, st)
     resolver = watch_common(resolver, n, vote_before_fade, reference, second, p, st)
@@ -142,12 +144,22 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
 
 
 @kernel
+def all_ranked(n, p, st):
+    """Return True if all channels in use are among the ``n`` that are compared."""
+    in_use = 0
+    for c in range(p["fitted"]):
+        in_use += not st["failed"][c]
+    return n == in_use
+
+
+@kernel
 def to_compare(samples, valid, reference, base, n, p, st):
     """Return what is compared of ``n`` ranked samples, as Compared: behind the low-pass, without bias, if on."""
     values, order = st["x"], st["order"]
     if p["filter_gain"] > 0.0:
-        smooth_channels(samples, valid, base, n, p, st)
-        st["smooth_reference"] = follow(st["smooth_reference"], reference, base, p)
+        start, last = begins_at(n, st), st["smooth_reference"]
+        smooth_channels(samples, valid, base, start, n, p, st)
+        st["smooth_reference"] = follow(start if np.isnan(last) else last, reference, base, p)
         values, order, reference = st["smooth"], st["smooth_order"], st["smooth_reference"]
     if p["bias_bound"] <= 0.0:
         return Compared(values, order, values, reference)

@@ -76,10 +76,13 @@ def has_stood(resolver, p, st):
     The pattern has lasted for ``singular_persistence`` frames, and the same rule has blamed the same channels in at
     least as many frames in a row as half of that: one row without a reference decides nothing.  The byte of a trend
     speaks for all frames that it covers and in which no other rule answered.
-    Writes answer, blamed_by and answer_frames.
+    Writes answer, answer_blames and answer_frames, and counts the frames without an answer, which one that does not
+    stand, or a frame without all samples, leaves as they are.
     """
     if not is_singular(st["pattern"]):
-        st["answer_frames"], st["unresolved_frames"] = 0, 0
+        st["answer_frames"] = st["silent_frames"] = 0
+        if st["whole"]:
+            st["unresolved_frames"] = 0
         return False
     if st["together"]:
         return False
@@ -90,12 +93,18 @@ def has_stood(resolver, p, st):
     if same:
         st["answer_frames"] += 1
     else:
-        unanswered = min(st["unresolved_frames"], st["pattern_frames"] - 1, p["trend_frames"] - 1)
+        unanswered = min(st["silent_frames"], st["pattern_frames"] - 1, p["trend_frames"] - 1)
         st["answer_frames"] = 1 + (unanswered if resolver == Resolver.TREND else 0)
     st["answer"], st["answer_blames"] = resolver, blamed
-    st["unresolved_frames"] = st["unresolved_frames"] + 1 if resolver == Resolver.UNRESOLVED else 0
-    needed = p["singular_persistence"]
-    return st["pattern_frames"] >= needed and 2 * st["answer_frames"] >= needed
+    stands = 2 * st["answer_frames"] >= p["singular_persistence"]
+    if resolver == Resolver.UNRESOLVED:
+        st["silent_frames"] += 1
+        st["unresolved_frames"] += 1
+    else:
+        st["silent_frames"] = 0
+        if stands:
+            st["unresolved_frames"] = 0
+    return st["pattern_frames"] >= p["singular_persistence"] and stands
 
 
 @kernel

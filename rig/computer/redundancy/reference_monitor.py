@@ -42,9 +42,9 @@ def monitor_reference(reference, n, p, st):
 
     The paper compares it with max- and min+.  While one of two channels drifts, or two of four alike, their mean moves
     by half of that, and the reference that will be asked is near the good rank.  The pair that extremes have left is
-    itself under suspicion: no reference is compared with it.
+    itself under suspicion, and so are channels that all stand still: no reference is compared with them.
     """
-    if n < 2 or is_singular(st["pattern"]) or np.isnan(reference) or st["after_extremes"]:
+    if n < 2 or is_singular(st["pattern"]) or np.isnan(reference) or st["after_extremes"] or st["standing"]:
         return
     off = off_ranks(reference, n, p, st)
     agrees = 1 if off <= st["reference_threshold"] else 0

@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rig.computer.redundancy import opinions, vote
+from rig.computer.redundancy.compare import is_singular
 from rig.frame import Pattern, Resolver
 from rig.kernels import kernel
 from rig.units.angles import difference
@@ -130,9 +131,9 @@ def hold(n, p, st):
     """Return the vote that nobody decides: a fixed mean of the two samples between which the last vote was (ours).
 
     A channel that jumps away has no share in it, wherever it goes on to; two that drift apart have half each.  So its
-    error is at most that of the plain mean of those in use, while one of the two is right.  The shares are those of
-    the first frame that nobody decides, and begin again with other channels.  In the first frame of all, when there is
-    no last vote, the mean of the two ranks.
+    error is at most that of the plain mean of those in use, while the last vote of all was right.  The shares are those
+    of the first frame that nobody decides.  They go on through gaps and answers that did not last, and begin again with
+    other channels and where one of the two jumps.  Where the last vote was of one side, half each of the two ranks.
     """
     x, order = st["x"], st["order"]
     if not st["started"]:
@@ -140,10 +141,26 @@ def hold(n, p, st):
     ranked = 0
     for i in range(n):
         ranked |= 1 << order[i]
-    if not st["unanswered"] or st["pattern_frames"] == 1 or st["hold_of"] != ranked:
+    gap = x[st["hold_high"]] - x[st["hold_low"]]
+    if st["hold_of"] != ranked or abs(gap - st["hold_gap"]) > st["threshold"]:
         st["hold_of"] = ranked
-        share_out(st["vote"], n, st)
+        st["hold_low"], st["hold_high"], st["hold_share"] = order[(n - 1) // 2], order[n // 2], 0.5
+        if st["basis"]:
+            share_out(st["vote"], n, st)
+    st["hold_gap"] = x[st["hold_high"]] - x[st["hold_low"]]
     return vote.between(x[st["hold_low"]], x[st["hold_high"]], st["hold_share"])
+
+
+@kernel
+def keep_basis(resolver, st):
+    """Note whether the next frame that nobody decides may begin with this frame's vote; forget shares that have ended.
+
+    It may if the vote is of all channels in use, among which is a majority, or was held itself.
+    """
+    majority = st["whole"] and not is_singular(st["pattern"])
+    if majority:
+        st["hold_of"] = 0
+    st["basis"] = majority or resolver == Resolver.UNRESOLVED
 
 
 @kernel

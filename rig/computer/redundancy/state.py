@@ -58,12 +58,16 @@ STATE: Final = np.dtype(
         ("answer", "i8"),  # the rule that answers the pattern,
         ("answer_blames", "i8"),  # a bit for each channel that it would fail,
         ("answer_frames", "i8"),  # and for how many frames in a row
-        ("unresolved_frames", "i8"),  # in a row that no rule has answered
-        ("hold_of", "i8"),  # a bit for each channel compared when the shares below were found
+        ("unresolved_frames", "i8"),  # that no rule has answered, since an answer has stood or all had a majority
+        ("silent_frames", "i8"),  # in a row without an answer
+        ("hold_of", "i8"),  # a bit for each channel compared when the shares below were found; 0: none are kept
         ("hold_low", "i8"),  # channels, and the share of the second in a vote that nobody decides
         ("hold_high", "i8"),
         ("hold_share", "f8"),
-        ("unanswered", "u1"),  # no rule decided the last frame
+        ("hold_gap", "f8"),  # between the two when last used
+        ("whole", "u1"),  # all channels in use are compared
+        ("standing", "u1"),  # the samples of all channels in use repeat
+        ("basis", "u1"),  # the last vote is of all channels in use, or held
         ("after_extremes", "u1"),  # the two channels left are those that extremes have kept
         ("cut_frames", "i8"),  # frames in a row in which the reference is off both
         ("lanes", "i8"),  # a bit for each channel whose computer is failed
