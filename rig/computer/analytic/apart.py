@@ -42,12 +42,16 @@ def stand_still(i, s, bus, fcc, p, st):
     """Let signal s not count as agreed while its channels move apart: a slow fault would be learned (ours).
 
     The distance of each channel to the vote, its mean over ``RECENT_S``, is compared with its own mean of up to
-    ``USUAL_S``, which hardly moves on while any is off by more than ``still``.  Both begin again with another number
-    of channels in use.  Of one channel there is nothing to compare.
+    ``USUAL_S``, which hardly moves on while any is off by more than ``still``.  Of fewer channels in use than before
+    both go on, from the middle of those; with more they begin again.  Of one there is nothing to compare.
     """
     recent, usual = st["recent"][i], st["usual"][i]
-    if fcc["level"][s] != st["told_level"][i]:
-        st["told_level"][i], st["told_frames"][i] = fcc["level"][s], 0
+    if fcc["level"][s] < st["told_level"][i]:
+        from_their_middle(recent, fcc["state"][s], fcc["level"][s])
+        from_their_middle(usual, fcc["state"][s], fcc["level"][s])
+    elif fcc["level"][s] > st["told_level"][i]:
+        st["told_frames"][i] = 0
+    st["told_level"][i] = fcc["level"][s]
     if fcc["level"][s] < 2:
         return
     seen, apart = st["told_frames"][i], 0.0
@@ -69,3 +73,15 @@ def stand_still(i, s, bus, fcc, p, st):
     st["told_frames"][i] = seen + 1
     if moved:
         st["agreed"] &= ~(1 << s)
+
+
+@kernel
+def from_their_middle(off, states, level):
+    """Take the middle of the channels in use off their distances (4,): two or three are left, and their vote is it."""
+    low, high, total = math.inf, -math.inf, 0.0
+    for c in range(CHANNELS):
+        if states[c] < State.FAILED:
+            low, high, total = min(low, off[c]), max(high, off[c]), total + off[c]
+    middle = total - low - high if level == 3 else total / level if level == 2 else 0.0
+    for c in range(CHANNELS):
+        off[c] -= middle
