@@ -86,7 +86,7 @@ class SignalRates(Settings):
     @classmethod
     def _all_kinds(cls, kinds: dict[str, float]) -> dict[str, float]:
         for kind, share in kinds.items():
-            if kind not in KINDS:
+            if kind.rpartition(" ")[2] not in KINDS:  # words before it: a kind of a campaign's own, as `slow drift`
                 raise ValueError(f"unknown kind {quoted(kind)}, {choices(kind, KINDS)}")
             if not 0.0 < share <= 1.0:
                 raise ValueError(f"{kind}: a share is above 0 and at most 1, got {share:g}")
