@@ -20,6 +20,7 @@ from typing import Any, Final
 import polars as pl
 
 from rig.assess.words import PUBLIC, vote_flags
+from rig.reliability.rates import kind_of_fault
 
 TESTED, SECOND = "tested", "second"  # ids of the fault that is counted, and of a near one after it
 DESIGNS: Final = ("single", "near", "alike")
@@ -63,7 +64,7 @@ def together(manager: str, parts: Sequence[Cells]) -> Cells:
 
 def of_kind(kind: str, case: str | None) -> str:
     """Return the kind of the cell of a fault, by the name of its case in the group `kind`."""
-    return case if case is not None and case.endswith(f" {kind}") else kind
+    return case if case is not None and kind_of_fault(case) == kind else kind
 
 
 def of_kinds(faults: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
