@@ -1,17 +1,22 @@
 """Cells of a campaign's tables: hand-built tables with known counts, and what is refused."""
 
 import random
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import pytest
 
+from rig.campaign.config import read
+from rig.campaign.plan import Plan
 from rig.errors import BadInput
+from rig.frame import SIGNALS
 from rig.reliability.cells import cells, of_tables
 from rig.reliability.tally import CELL, Cells
 
 Row = dict[str, Any]
+STICKS = {"stick_pitch", "stick_roll", "pedal"}
 RUN = {"outcome": "flown", "manager": "median", "survived": True, "condition": "level"}
 FAULT = {"signal": "pitch_rate", "kind": "offset", "channel": 1, "outcome": "detected", "good_before": 4}
 FAULT |= {"vote_kept": True, "lost_s": 0.0, "wrong_vote_first": False, "delay_from_onset_s": 0.08}
@@ -143,3 +148,34 @@ def test_a_folder_that_is_no_campaign_is_refused(tmp_path: Path):
 def test_what_was_planned_and_never_came_to_be_is_a_row_without_a_trial():
     one = row(of_tables(tables(*TRIALS), "T"), "single", 2)  # planned so; a healthy channel was failed before
     assert [one[key] for key in ("trials", "kept", "known_loss", "bad_vote", "announced")] == [0] * 5
+
+
+SLOW = {"kind": "slow drift"}
+
+
+@pytest.mark.parametrize(("case", "kind", "counted"), [("slow drift", "drift", "slow drift"), ("up", "drift", "drift")])
+def test_a_case_names_the_kind_of_its_cell_by_words_before_it(case: str, kind: str, counted: str):
+    fault = {"kind": kind}
+    earlier = {"id": "earlier", "channel": 2, "kind": "drift", "good_before": 4}
+    made = tables(("single 3", {"kind": case}, [{**fault, "good_before": 3}, earlier]))
+    assert row(of_tables(made, "T"), "single", 3)["kind"] == counted
+
+
+def test_what_was_planned_of_a_kind_of_its_own_and_never_came_to_be_has_its_row():
+    made = tables(("single 4", SLOW, [{"kind": "drift"}]), ("single 2", SLOW, [{"kind": "drift", "good_before": None}]))
+    assert [row(of_tables(made, "T"), "single", good)["trials"] for good in (4, 2)] == [1, 0]
+    assert set(of_tables(made, "T").counts["kind"]) == {"slow drift"}
+
+
+def test_the_bundled_campaigns_give_cells_of_drifts_and_of_slow_drifts():
+    """Seven designs, both signs, four conditions of every signal; three thresholds and 15 s within a flight."""
+    plan = Plan(read("reliability-slow"), "reliability-slow.toml")
+    assert Counter(choice["kind"] for choice in plan.choices) == {"slow drift": 728}
+    assert {choice["signal"] for choice in plan.choices} == {signal.name for signal in SIGNALS} - STICKS
+    rates = [abs(choice["faults.0.rate_thresholds_per_s"]) for choice in plan.choices]
+    assert 0.05 <= min(rates) < 0.06 and 1.9 < max(rates) <= 2.0
+    for run in (plan[k] for k in range(0, len(plan), 8)):
+        scenario = run.scenario()
+        tested = next(fault for fault in scenario.faults if fault.label == "tested")
+        assert tested.magnitude is not None and tested.magnitude.thresholds and tested.start_s is not None
+        assert tested.start_s + 3.0 / abs(tested.magnitude.value) + 15.0 <= scenario.duration_s

@@ -11,7 +11,7 @@ from rig.reliability.chain import transitions
 from rig.reliability.model import Given, after_flights, one_flight, perfect, rates
 from rig.reliability.outcomes import OUTCOMES, outcomes
 from rig.reliability.rates import Layer, SignalRates
-from rig.reliability.result import Estimate, against, cases, in_series, results, settle_s
+from rig.reliability.result import Estimate, against, cases, in_series, results
 from rig.reliability.tally import Cells
 
 LAMBDA, TAU_H = 1e-3, 0.1 / 3600.0
@@ -276,12 +276,6 @@ def test_a_layer_is_lost_by_a_fault_that_is_not_covered_or_by_all():
     [alone], [with_it] = run(table(bad=1)), run(table(bad=1), layers=(layer,))
     more = with_it.estimates["bad_vote"].median - alone.estimates["bad_vote"].median
     assert more == pytest.approx(expected, rel=1e-2) and with_it.layers == ("computers",)
-
-
-def test_the_settling_time_is_the_mean_of_the_trials():
-    counts = table().with_columns(settle_s_mean=pl.when(pl.col("kind") == "drift").then(0.4).otherwise(None))
-    assert settle_s(counts) == pytest.approx(0.4)
-    assert settle_s(counts.with_columns(settle_s_mean=pl.lit(None, pl.Float64))) == 0.1
 
 
 def test_the_outcomes_of_a_cell_are_five():

@@ -80,6 +80,17 @@ def test_a_missing_kind_is_named(rig_command, counted, rates: Path):
     assert code == 2 and "no trial of drift with" in err
 
 
+def test_a_kind_of_a_campaigns_own_is_named_by_the_rates_and_asked_of_the_folders(rig_command, counted, rates: Path):
+    rates.write_text(RATES.replace("drift", '"slow drift"'))
+    counted["a"] = Cells("cross-channel", table(), NO_ALARMS)
+    counted["b"] = Cells("cross-channel", table(bad=100, kinds=("slow drift",)), NO_ALARMS)
+    code, _, err = rig_command("reliability", "run", "a", "--rates", str(rates))
+    assert code == 2 and "no trial of slow drift with 1 good channels" in err
+    code, out, err = rig_command("reliability", "run", "a", "b", "--rates", str(rates))
+    assert code == 0, err
+    assert "hardover 50 %, slow drift 50 %" in out
+
+
 def test_common_mode_needs_its_cell(counted, rates: Path):
     rates.write_text(RATES + "beta = [0.01]\n")
     counted["a"] = Cells("cross-channel", table(), NO_ALARMS)
@@ -106,6 +117,14 @@ def test_the_bundled_rates_say_what_is_assumed():
     assert all("assumed" in one.kinds_source and "Zhang 2023" in one.source for one in found.signals.values())
 
 
+def test_the_bundled_rates_of_slow_drifts_take_half_of_the_drifts_for_slow():
+    slow, whole = read_rates(BUNDLED.with_name("slow_drift.toml")), read_rates(BUNDLED)
+    for name, given in whole.signals.items():
+        half = {"drift": given.kinds["drift"] / 2, "slow drift": given.kinds["drift"] / 2}
+        expected = given.model_copy(update={"kinds": {**given.kinds, **half}, "per_hour": given.per_hour[:1]})
+        assert slow.signals[name] == expected
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -113,6 +132,8 @@ def test_the_bundled_rates_say_what_is_assumed():
         ("[1e-3]", "[-1e-3]", "pitch_rate: per_hour: rates per hour are above 0 and at most 1, got [-0.001]"),
         ("drift = 0.5", "drift = 0.6", "pitch_rate: kinds: the shares of the kinds must add up to 1, got 1.1"),
         ("drift", "drfit", "pitch_rate: kinds: unknown kind 'drfit'"),
+        ("drift", "'slow drfit'", "pitch_rate: kinds: unknown kind 'slow drfit'"),
+        ("drift", "'drift, slow'", "pitch_rate: kinds: unknown kind 'drift, slow'"),
         ("[pitch_rate]", "[pitch_rat]", "signals: unknown signal 'pitch_rat'"),
         ("[1e-3]", "[]", "pitch_rate: per_hour: list should have at least 1 item"),
     ],

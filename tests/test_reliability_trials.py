@@ -290,3 +290,23 @@ def test_combinations_of_the_same_settings_share_no_memory_and_other_settings_ha
         == setting_key({"seed": 2, "title": "t"})
         != setting_key({"rate_hz": 1.0})
     )
+
+
+SLOW = {"kind": "slow drift", "form": "up", "condition": "severe turbulence", "signal": "pitch_rate"}
+
+
+def test_slow_drifts_are_tried_until_they_are_found_in_cells_of_their_own():
+    made = Plan(read("reliability-slow"), "reliability-slow.toml")
+    numbers = {
+        str(choice["design"])[:8].strip(" ,"): n
+        for n, choice in enumerate(made.choices)
+        if SLOW.items() <= choice.items() and planned(made, n) in SHARES
+    }
+    for number in (numbers["single 4"], numbers["near 4"], numbers["alike 4"]):
+        found = trial_vs_flight(made[number].scenario())
+        np.testing.assert_array_equal(found.trial >= 0, found.flight >= 0)
+        assert (found.trial >= 0).any() and found.trial_kept and found.flight_kept
+    unit = Batch(numbers["single 4"], 0, 40, 3)
+    [row] = added_up([TrialRunner(made)(unit)], "cross-channel").counts.to_dicts()
+    assert (row["kind"], row["trials"], row["announced"]) == ("slow drift", 40, 40)
+    assert row["settle_s_mean"] > 1.0  # a hardover takes 0.07

@@ -128,6 +128,15 @@ def test_a_line_has_the_counts_of_its_flights(gathered):
     assert first.worst_flight == "rig campaign fly C --run 3"
 
 
+def test_a_kind_of_a_campaigns_own_has_its_line_and_its_rate(monkeypatch: pytest.MonkeyPatch, rates: Path):
+    rates.write_text(RATES.replace("stuck = 0.25", '"slow drift" = 0.25'))
+    made = folder(Path("C"), {"kind": "drift"}, {"kind": "drift"}, {"kind": "stuck"})
+    made.tables["runs"] = made.tables["runs"].with_columns(kind=pl.Series(["slow drift", "up", "stuck"]))
+    monkeypatch.setattr(fmea, "open_folder", lambda path: made)
+    found = {line.mode: line.rate for line in lines([Path("C")], read_rates(rates), str(rates)) if line.flights == "1"}
+    assert found == {"slow drift": "0.001 x 0.25 = 0.00025/h", "drift": "not given", "stuck": "not given"}
+
+
 @pytest.mark.parametrize(
     ("given", "severity"),
     [

@@ -19,7 +19,7 @@ from rig.campaign.folder import open_folder
 from rig.campaign.rows import by_level
 from rig.errors import BadInput
 from rig.frame import CHANNELS
-from rig.reliability.tally import CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, SECOND, TESTED, Cells, counted
+from rig.reliability.tally import CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, SECOND, TESTED, Cells, counted, of_kinds
 from rig.util.files import is_file
 from rig.util.outputs import TRIALS
 
@@ -35,7 +35,8 @@ def cells(folder: Path) -> Cells:
 def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
     """Count a campaign's tables; ``source`` names them in a refusal."""
     runs = tables["runs"].filter(pl.col("outcome") == "flown")
-    faults = tables["faults"].filter((pl.col("outcome") != "not executed") & pl.col("good_before").is_not_null())
+    planned = of_kinds(tables["faults"], runs)
+    faults = planned.filter((pl.col("outcome") != "not executed") & pl.col("good_before").is_not_null())
     lacking = [column for column in ("design", "condition") if column not in runs.columns]
     if lacking or runs.is_empty() or faults.filter(pl.col("id") == TESTED).is_empty():
         what = f"its runs have no {lacking[0]!r}" if lacking else "no run of it has a fault that is called 'tested'"
@@ -43,7 +44,7 @@ def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
     managers = runs["manager"].unique().sort().to_list()
     if len(managers) > 1:
         raise BadInput(f"{source}: runs of several managers ({', '.join(managers)}); a folder must have one")
-    counts = _with_planned(counted(_trials(runs, faults, source)), runs, tables["faults"])
+    counts = _with_planned(counted(_trials(runs, faults, source)), runs, planned)
     return Cells(managers[0], counts, _false_isolations(tables["signals"]))
 
 

@@ -36,7 +36,7 @@ from rig.sensors.params import calibrate
 RUN_IN: Final = 10  # frames of healthy sensors before the first fault
 SETTLING: Final = 30  # frames from an earlier fault that is found at once to the tested one
 ROWS: Final = 8192  # of the streams, at least: what the core's cache holds
-AFTER: Final = 800  # frames from the last onset on, at most
+AFTER: Final = 800  # frames from the last onset on, at most; a drift goes on to the end of the flight
 _SIZES: Final = tuple(dict.fromkeys(key for model in KINDS.values() if model.trials_draw for key in model.sizes))
 _CONSTANTS: Final = ("frequency_hz", "time_constant_s")
 Values = NDArray[np.float64]
@@ -116,7 +116,8 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
     begins = np.where(schedule["trigger"] == Trigger.TIME, schedule["first"], onset[:, None])
     first = np.maximum(begins.min(axis=1) - RUN_IN, 0)
     counted_from = onset if made.second is None else onset + schedule["delay"][:, made.second]
-    last = np.minimum(counted_from + AFTER, len(recording.truth))
+    drifts = made.scenario.faults[made.tested].effect.act == Act.DRIFT
+    last = np.minimum(counted_from + (len(recording.truth) if drifts else AFTER), len(recording.truth))
     rows = max(ROWS, int((last - first).max()))
     sensors = np.repeat(made.one.params, trials)
     sensor = getattr(made.scenario.sensors, made.scenario.faults[made.tested].signal)

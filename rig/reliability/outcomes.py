@@ -2,7 +2,8 @@
 
 Counts of a kind give a Dirichlet distribution; the kinds are weighted by their shares in the rates file.  The prior is
 Jeffreys': a half for all that is not kept, spread over all kinds of a cell together (a half for each kind would make an
-empty table look as many times worse as there are kinds), and a half for what is kept.
+empty table look as many times worse as there are kinds), and a half for what is kept.  Kinds without a share count
+nowhere.
 Source: docs/reliability.md, 'Intervals'; Jeffreys prior as in Brown, Cai and DasGupta (2001).
 """
 
@@ -23,6 +24,7 @@ from rig.reliability.tally import LATENT
 
 KEPT, KNOWN, KNOWN_LOST, BAD, BAD_LOST = range(5)  # outcomes; ..._LOST: with the aircraft
 OUTCOMES: Final = 5
+SETTLE_S: Final = 0.1  # where no fault was settled: the mean of hard faults (docs/reliability.md)
 CellKey = tuple[str, int]  # design, good channels before
 WHERE_FLOWN: Final = "lost_aircraft_known", "lost_aircraft_bad"
 
@@ -37,6 +39,7 @@ class Outcomes:
     announced: dict[CellKey, float]  # share of the kept ones whose faulty channel was failed
     unreached: list[CellKey]  # with a kind of which no trial came to be
     flown: bool  # whether any told what became of the aircraft
+    settle_s: float  # mean time from onset to settled, of single faults by the shares of their kinds
 
 
 def outcomes(
@@ -54,11 +57,15 @@ def outcomes(
     level : the chance that no manoeuvre lies between two faults of a flight, 1 where the rates file says nothing
     """
     flown = counts.select(pl.col(WHERE_FLOWN).is_null().all()).row(0) != (True, True)
-    result = Outcomes({}, {}, {}, {}, [], flown)
-    lost = _lost_share(counts, rng, draws)
+    settle = settling(counts, kinds)
+    mean_s = sum(share * settle[kind] for kind, share in kinds.items())
+    overtaken = {kind: share * settle[kind] / mean_s for kind, share in kinds.items()}
+    result = Outcomes({}, {}, {}, {}, [], flown, mean_s)
+    lost = _lost_share(counts.filter(pl.col("kind").is_in(list(kinds))), rng, draws)
     for (design, good), cell in sorted(counts.group_by("design", "good_before"), key=lambda item: item[0]):
         place = str(design), int(good)  # pyright: ignore[reportArgumentType]  # columns of text and whole numbers
-        shares = _shares(cell, kinds, place, source)
+        shares = _shares(cell, overtaken if design == "near" else kinds, place, source)
+        cell = cell.filter(pl.col("kind").is_in(list(shares)))  # kinds without a share count nowhere
         result.draws[place] = _conditions(cell, shares, lost, rng, draws, level ** (CHANNELS - place[1]))
         result.trials[place] = int(cell["trials"].sum())
         result.seen[place] = int((cell["trials"] - cell["kept"]).sum())
@@ -85,6 +92,22 @@ def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: CellKey, sour
     return {kind: share / total for kind, share in shares.items()}
 
 
+def settling(counts: pl.DataFrame, kinds: Mapping[str, float]) -> dict[str, float]:
+    """Return the mean time (s) from onset to settled of single faults of each kind, of all cells by their trials.
+
+    A kind of which none was settled has the mean of the others.
+    """
+    settled = counts.filter(pl.col("settle_s_mean").is_not_null() & (pl.col("design") == "single"))
+    means = {
+        kind: float(np.average(of_kind["settle_s_mean"].to_numpy(), weights=of_kind["trials"].to_numpy()))
+        for kind in kinds
+        if len(of_kind := settled.filter(pl.col("kind") == kind))
+    }
+    shares = {kind: kinds[kind] for kind in means}
+    others = sum(shares[kind] * means[kind] for kind in means) / sum(shares.values()) if means else SETTLE_S
+    return {kind: means.get(kind, others) for kind in kinds}
+
+
 def _conditions(
     cell: pl.DataFrame,
     shares: Mapping[str, float],
@@ -95,22 +118,29 @@ def _conditions(
 ) -> Floats:
     """Draw (draws, OUTCOMES) of one cell: with all faults in level flight by the chance of that, else otherwise.
 
-    First faults, and what was not flown in both, are taken together as they were flown.
+    First faults, and kinds that were not flown in both, are taken together as they were flown.
     """
     latent = pl.col("condition") == LATENT
     parts = cell.filter(latent), cell.filter(~latent)
-    both = all(set(shares) <= set(part["kind"]) for part in parts)
-    if not both or int(cell["good_before"][0]) == CHANNELS:
-        return _cell(cell, shares, lost, rng, draws)
-    in_level, otherwise = (_cell(part, shares, lost, rng, draws) for part in parts)
-    return level * in_level + (1.0 - level) * otherwise
+    first = int(cell["good_before"][0]) == CHANNELS
+    both = set() if first else set(shares) & set(parts[0]["kind"]) & set(parts[1]["kind"])
+    prior = 0.25 / len(shares)
+    together = _cell(cell, {kind: shares[kind] for kind in shares if kind not in both}, prior, lost, rng, draws)
+    in_level, otherwise = (
+        _cell(part, {kind: shares[kind] for kind in shares if kind in both}, prior, lost, rng, draws) for part in parts
+    )
+    return together + level * in_level + (1.0 - level) * otherwise
 
 
 def _cell(
-    cell: pl.DataFrame, shares: Mapping[str, float], lost: tuple[Floats, Floats], rng: Generator | None, draws: int
+    cell: pl.DataFrame,
+    shares: Mapping[str, float],
+    prior: float,
+    lost: tuple[Floats, Floats],
+    rng: Generator | None,
+    draws: int,
 ) -> Floats:
-    """Draw (draws, OUTCOMES) of one cell, its conditions taken together."""
-    prior = 0.25 / len(shares)
+    """Draw (draws, OUTCOMES) of the kinds in ``shares`` of one cell, conditions taken together; rows sum to shares."""
     outcomes = np.zeros((draws, OUTCOMES))
     for kind, share in shares.items():
         of_kind = cell.filter(pl.col("kind") == kind)

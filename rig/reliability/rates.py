@@ -5,7 +5,7 @@ per_hour = [1e-3, 2e-3]        # of one channel; several are swept
 source = "..."
 beta = [0.0, 0.01]             # common mode: this share of per_hour hits two channels alike
 beta_source = "assumed"
-kinds = { hardover = 0.5, drift = 0.5 }
+kinds = { hardover = 0.5, drift = 0.4, "slow drift" = 0.1 }   # as the folders of cells call them
 kinds_source = "assumed"
 false_isolations_per_channel_hour = 1e-9   # in place of what the campaign counted
 false_isolations_source = "..."
@@ -47,6 +47,11 @@ WITHIN: Final = 1e-6  # of one, the sum of the shares of kinds
 ASSUMED: Final = "assumed"
 
 
+def kind_of_fault(kind: str) -> str:
+    """Return the kind of fault of a cell's kind: `drift` of `slow drift`."""
+    return kind.rpartition(" ")[2]
+
+
 class SignalRates(Settings):
     """How the channels of one signal fail."""
 
@@ -86,7 +91,7 @@ class SignalRates(Settings):
     @classmethod
     def _all_kinds(cls, kinds: dict[str, float]) -> dict[str, float]:
         for kind, share in kinds.items():
-            if kind not in KINDS:
+            if kind_of_fault(kind) not in KINDS:
                 raise ValueError(f"unknown kind {quoted(kind)}, {choices(kind, KINDS)}")
             if not 0.0 < share <= 1.0:
                 raise ValueError(f"{kind}: a share is above 0 and at most 1, got {share:g}")

@@ -18,7 +18,6 @@ from rig.reliability.tally import Cells
 
 DRAWS: Final = 4000
 SEED: Final = 1
-SETTLE_S: Final = 0.1  # where no fault was settled: the mean of hard faults (docs/reliability.md)
 TARGETS: Final = {"military": 1e-7, "civil": 1e-9}  # per flight hour; Zhang 2023, introduction
 TARGETS_EXPLAINED: Final = (
     "military, civil: the function is lost at most 1e-7, 1e-9 times per flight hour, by a bad vote or a known loss; "
@@ -98,7 +97,7 @@ def results(
     phi = false_isolations(flown.false_isolations.filter(pl.col("signal") == signal), rng)
     if given.false_isolations_per_channel_hour is not None:
         phi = dict.fromkeys(phi, np.full(DRAWS, given.false_isolations_per_channel_hour))
-    base = Given(drawn.draws, drawn.announced, phi, settle_s(counts) / 3600.0, given.box_per_hour)
+    base = Given(drawn.draws, drawn.announced, phi, drawn.settle_s / 3600.0, given.box_per_hour)
     made: list[Result] = []
     for _, alike in groupby(cases, lambda case: case._replace(flights_between_checks=0)):
         same = list(alike)
@@ -122,14 +121,6 @@ def false_isolations(table: pl.DataFrame, rng: np.random.Generator) -> dict[int,
         events, hours = float(here["events"].sum()), float(here["channel_hours"].sum())
         draws[level] = rng.gamma(events + 0.5, 1.0 / hours, DRAWS) if hours > 0.0 else np.zeros(DRAWS)
     return draws
-
-
-def settle_s(counts: pl.DataFrame) -> float:
-    """Return the mean time from onset to settled, of all cells by their trials."""
-    settled = counts.filter(pl.col("settle_s_mean").is_not_null() & (pl.col("design") == "single"))
-    if settled.is_empty():
-        return SETTLE_S
-    return float(np.average(settled["settle_s_mean"].to_numpy(), weights=settled["trials"].to_numpy()))
 
 
 def _result(

@@ -6,6 +6,9 @@ condition.  Every trial of a cell is one of three, by what follows the onset of 
     known loss  the signal was declared lost, level 0 at any time, and its vote was kept until then
     bad vote    the vote was not kept (assess/scoring.py), before a loss was declared or without one
     kept        neither
+
+The kind is that of the tested fault, or the name that its campaign's group of cases `kind` gives it: words before the
+kind, as in `slow drift`.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from typing import Any, Final
 import polars as pl
 
 from rig.assess.words import PUBLIC, vote_flags
+from rig.reliability.rates import kind_of_fault
 
 TESTED, SECOND = "tested", "second"  # ids of the fault that is counted, and of a near one after it
 DESIGNS: Final = ("single", "near", "alike")
@@ -56,6 +60,20 @@ def together(manager: str, parts: Sequence[Cells]) -> Cells:
         for name in ("counts", "false_isolations")
     )
     return Cells(manager, counts, false_isolations)
+
+
+def of_kind(kind: str, case: str | None) -> str:
+    """Return the kind of the cell of a fault, by the name of its case in the group `kind`."""
+    return case if case is not None and kind_of_fault(case) == kind else kind
+
+
+def of_kinds(faults: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
+    """Return a campaign's ``faults`` by the kinds of their cells."""
+    if "kind" not in runs.columns:
+        return faults
+    cases = dict(runs.select("run", "kind").iter_rows())
+    kinds = [of_kind(kind, cases.get(run)) for run, kind in faults.select("run", "kind").iter_rows()]
+    return faults.with_columns(kind=pl.Series(kinds, dtype=pl.String))
 
 
 def counted(trials: pl.DataFrame) -> pl.DataFrame:

@@ -26,7 +26,7 @@ from rig.frame import CHANNELS, D, S
 from rig.reliability.drawn import Cell, cell, draw, refill
 from rig.reliability.one_signal import ROW, setting_key
 from rig.reliability.recorded import Recording, recording
-from rig.reliability.tally import AT_ONCE, CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, Cells
+from rig.reliability.tally import AT_ONCE, CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, Cells, of_kind
 
 CHUNK: Final = 500
 GOOD: Final = (4, 3)
@@ -94,7 +94,8 @@ def _cell(plan: Plan, number: int) -> tuple[Cell, tuple[str, int, str, str, str]
     choice, made = plan.choices[number], cell(plan, number)
     good, design = planned(plan, number)
     fault = made.scenario.faults[made.tested]
-    return made, (fault.signal, good, design, fault.kind, choice["condition"]), choice["condition"]
+    kind, condition = of_kind(fault.kind, choice.get("kind")), choice["condition"]
+    return made, (fault.signal, good, design, kind, condition), condition
 
 
 def planned(plan: Plan, number: int) -> tuple[int, str]:

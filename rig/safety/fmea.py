@@ -22,7 +22,8 @@ from rig.faults import KINDS
 from rig.faults.places import site
 from rig.faults.settings import in_thresholds
 from rig.frame import INDEX, SIGNALS
-from rig.reliability.rates import Rates
+from rig.reliability.rates import Rates, kind_of_fault
+from rig.reliability.tally import of_kinds
 from rig.safety.sequences import REFERENCE
 
 NOT_FLOWN: Final = "not flown"
@@ -128,7 +129,7 @@ class _Group:
 
 def _groups(folder: Folder) -> Iterator[_Group]:
     tables = folder.tables
-    faults = tables["faults"].filter(pl.col("outcome") != "not executed")
+    faults = of_kinds(tables["faults"], tables["runs"]).filter(pl.col("outcome") != "not executed")
     single = faults.group_by("run").agg(count=pl.col("fault").n_unique()).filter(pl.col("count") == 1)
     one = faults.join(single, on="run").sort("run", "channel").group_by("run", maintain_order=True).first()
     runs = tables["runs"].filter(pl.col("outcome") == "flown")
@@ -219,7 +220,8 @@ def _rate(item: str, kind: str, rates: Rates) -> tuple[str, str]:
 def _exposure(group: _Group, latent: int) -> str:
     if not latent:
         return "flight"
-    return "to the next manoeuvre" if group.kind in HIDDEN and group.phase != "manoeuvre" else "to the check"
+    hidden = kind_of_fault(group.kind) in HIDDEN and group.phase != "manoeuvre"
+    return "to the next manoeuvre" if hidden else "to the check"
 
 
 def _beyond(beyond: pl.Series) -> str:

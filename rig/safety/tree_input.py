@@ -12,7 +12,6 @@ from rig.errors import BadInput
 from rig.reliability.model import Given
 from rig.reliability.outcomes import KEPT, Outcomes, outcomes
 from rig.reliability.rates import Rates
-from rig.reliability.result import settle_s
 from rig.reliability.run import by_manager, require
 from rig.reliability.tally import Cells, together
 from rig.safety.open_psa import require_name
@@ -45,7 +44,7 @@ def read_model(
         per_hour=(1.0 - beta) * per_hour,
         pair_per_hour=beta * per_hour / comb(channels, 2) if channels > 1 else 0.0,
         box_per_hour=given.box_per_hour,
-        settle_h=settle_s(counts) / 3600.0,
+        settle_h=known.settle_s / 3600.0,
         **not_kept(known),
         layers=tuple(rates.layers),
     )

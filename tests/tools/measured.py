@@ -31,17 +31,12 @@ UNIT_FILES: Final = " ".join(f"{UNITS}/monitor{form}.toml" for form in ("", "_in
 UNITS_BUILT: Final = f"make -s -C {UNITS} all build/monitor.fmu RIG=../../../.venv/bin/rig"
 MANAGERS: Final = ("cross-channel", "cross-voter", "median", "mean", "selection")
 TRIALS: Final = {"cross-channel": 4_000_000, "cross-voter": 1_000_000, "median": 1_000_000}
-CELLS: Final = " ".join(f"{{folder}}/{name}" for name in (*MANAGERS, *(f"trials-{manager}" for manager in TRIALS)))
-COST_ROWS: Final = "|".join(
-    (
-        *(
-            r"^ manager +channels +per",
-            r"^ cross-channel +4 ",
-            r"^ cross-\S+ +3 +0\.001 +0",
-            r"^ cross-voter +4 +0\.001",
-        ),
-        *(r"^ \S+ +4 +0\.001 +0 %", r"^ \S+ +4 .*good [89]\d %", r"^\w+: prob"),
-    )
+CELLS: Final = (*MANAGERS, *(f"trials-{manager}" for manager in TRIALS))
+SLOW: Final = ("slow-f16", "slow-b747", "slow-b737")
+SLOW_CELLS: Final = ("cross-channel", "trials-cross-channel", "slow-f16", "trials-slow")
+COST_ROWS: Final = (
+    r"^ manager +channels +per|^ cross-channel +4 |^ cross-\S+ +3 +0\.001 +0|^ cross-voter +4 +0\.001"
+    r"|^ \S+ +4 +0\.001 +0 %|^ \S+ +4 .*good [89]\d %|^\w+: prob"
 )
 EVIDENCE: Final = {  # title: what the command is asked for
     "Counts": "",
@@ -72,6 +67,7 @@ FIGURES: Final = {  # name: its module
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
     **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures", "quad_rivals")},
+    "slow_drifts": "slow_drifts",
 }
 
 
@@ -90,17 +86,32 @@ class Page(NamedTuple):
     sections: Sequence[Section]
 
 
+def folders(names: Sequence[str]) -> str:
+    """Return the folders of these names."""
+    return " ".join(f"{{folder}}/{name}" for name in names)
+
+
+def per_hour(cells: Sequence[str], rates: str) -> list[str]:
+    """Return what cells come to by bundled rates, a command for each signal."""
+    command = f"rig reliability run {folders(cells)} --rates faults/rates/{rates}.toml --checks 1 --signal"
+    return [f"{command} {name}" for name in ("pitch_rate", "normal_load_factor", "static_pressure")]
+
+
 def reliability() -> list[Section]:
-    """Return the campaigns and trials, then what they come to for each signal."""
-    sets = "--set redundancy.manager="
-    flown = [f"rig campaign run reliability --out {{folder}}/{name} {sets}{name}" for name in MANAGERS]
-    drawn = [
-        f"rig reliability trials reliability --out {{folder}}/trials-{name} --runs {runs} {sets}{name}"
-        for name, runs in TRIALS.items()
+    """Return campaigns and trials, then what they come to for each signal; of slow drifts ours alone."""
+    sets, run = "--set redundancy.manager=", "rig campaign run reliability"
+    trials = "rig reliability trials reliability"
+    flown = [f"{run} --out {{folder}}/{name} {sets}{name}" for name in MANAGERS]
+    flown += [f"{trials} --out {{folder}}/trials-{name} --runs {n} {sets}{name}" for name, n in TRIALS.items()]
+    slow = [f"{run}-slow --out {{folder}}/{name} --set aircraft={name.removeprefix('slow-')}" for name in SLOW]
+    slow += [f"{trials}-slow --out {{folder}}/trials-slow --runs 100000"]
+    return [
+        Section("Flights and trials", flown, "^table|trials:"),
+        Section("Results", per_hour(CELLS, "zhang2023"), COST_ROWS),
+        Section("Slow drifts: flights and trials", slow, "^table|trials:"),
+        Section("Slow drifts: what became of them", [f"{SHOW} slow_drifts {folders(SLOW)}"]),
+        Section("Results with half of the drifts slow", per_hour(SLOW_CELLS, "slow_drift"), COST_ROWS),
     ]
-    command = f"rig reliability run {CELLS} --rates faults/rates/zhang2023.toml --checks 1 --signal"
-    signals = [f"{command} {name}" for name in ("pitch_rate", "normal_load_factor", "static_pressure")]
-    return [Section("Flights and trials", [*flown, *drawn], "^table|trials:"), Section("Results", signals, COST_ROWS)]
 
 
 PAGES: Final = {
