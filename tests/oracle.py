@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from statistics import median
 
 from oracle_answers import Settings, View, first_answer
 from oracle_lasting import Lasting
@@ -49,6 +50,7 @@ class Oracle:
     before: dict[int, float] = field(default_factory=dict)  # those of the last frame, an angle on its turn
     memory: dict[str | int, float] = field(default_factory=dict)  # of the filter: channels, the reference, the vote
     base: float = 0.0
+    start: float | None = None  # where a filter begins in this frame; None: with its own value
     accused: set[int] = field(default_factory=set)
     readmitted: bool = False  # in this frame: with which the count of a common mode begins again
     rules: set[str] = field(default_factory=set)
@@ -66,7 +68,7 @@ class Oracle:
         in_dispute: bool = False,
     ) -> Frame:
         """``lanes``: channels whose computers are failed; ``in_dispute``: what a reference of the signal reads."""
-        self.rules = self.references.rules = set()
+        self.rules = self.references.rules = self.split.rules = self.lasting.rules = set()
         self.comparable = self.without_stale(samples, reference)
         view = self.view(self.comparable, ilm, self.s.limited(reference), lanes)
         level = self.level
@@ -76,6 +78,7 @@ class Oracle:
         self.trend.remember(view.ranks if view.x else None, len(view.x), self.s)
         self.reached("frozen side", self.singular and self.trend.still.count(0) == 1)
         resolver, vote, wrong = self.decide(view, disputed_by)
+        self.split.whole = len(view.use) == level
         self.split.hear(resolver, wrong, self.s)
         resolver = self.refer(view, vote, self.s.limited(second), resolver, in_dispute)
         self.accused = self.evidence(view, resolver, wrong)
@@ -85,6 +88,7 @@ class Oracle:
             self.references.level_changed(resolver == "extremes" and self.split.settled(self.s) and self.level == 2)
         self.rise = 0.0 if self.vote is None else self.s.change(vote, self.vote)
         self.vote = vote
+        self.smooth("vote", vote)
         states = [self.state(c, view, wrong) for c in range(self.s.channels)]
         high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.trend.bits)
         usable, common = self.references.trusted and reference is not None, self.references.common
@@ -112,8 +116,9 @@ class Oracle:
         base = self.vote if self.vote is not None else next((x for x in samples if x is not None), 0.0)
         self.base, near = base, self.s.near
         here = {c: None if x is None else near(x, base) for c, x in enumerate(samples)}
-        smooth = {c: self.smooth(c, x) for c, x in here.items()}
         use = {c: x for c, x in here.items() if x is not None and c not in self.failed}
+        self.start = self.memory.get("vote", median(use.values()) if use else None)
+        smooth = {c: self.smooth(c, x) for c, x in here.items()}
         beside = {c: x for c, x in smooth.items() if x is not None and c in use}
         seen = {c: x - self.lasting.bias[c] for c, x in beside.items()}
         reference = None if reference is None else near(reference, base)
@@ -124,11 +129,14 @@ class Oracle:
         return view
 
     def smooth(self, key: str | int, x: float | None) -> float | None:
-        """The next value behind the filter: a share of the way to ``x``; it begins with ``x``, after a gap too."""
+        """The next value behind the filter, a share of the way to ``x``; it begins, after a gap too, at the vote's."""
         if x is None:
             self.memory.pop(key, None)
             return None
-        last, near = self.memory.get(key), self.s.near
+        last, near = self.memory.get(key, None if key == "vote" else self.start), self.s.near
+        if self.s.filter_share and key not in self.memory:
+            where = "beside the smoothed vote" if "vote" in self.memory else "at first"
+            self.reached(f"filter begun {where}", last is not None and x != last)
         if self.s.filter_share and last is not None:
             most = self.s.threshold / (self.s.persistence - 0.5)
             x = near(last + min(max(self.s.filter_share * self.s.change(x, last), -most), most), self.base)

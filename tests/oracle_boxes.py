@@ -183,8 +183,10 @@ class ResettableOracle(Oracle):
         out = set(self.failed)
         frame = super().step(samples, *given)
         self.readmitted = False
-        voted = self.smooth("vote", frame.voted) or 0.0
         for c, x in enumerate(self.comparable):
-            agrees = x is not None and self.s.apart(self.memory[c] - self.lasting.bias[c], voted) <= self.s.threshold
+            agrees = (
+                x is not None
+                and self.s.apart(self.memory[c] - self.lasting.bias[c], self.memory["vote"]) <= self.s.threshold
+            )
             self.agreed[c] = self.agreed[c] + 1 if c in out and agrees else 0
         return frame

@@ -170,8 +170,54 @@ def left_by_extremes(flight: Flight, pick: Pick) -> Flight:
     beside = pick([None, 0.0, 0.25])
     seconds = [None if x is None or beside is None else x + beside for x in references]
     settled = Flight(s, samples, [("absent",) * 4] * frames, references, seconds, [()] * frames)
+    return before_the(flight, settled)
+
+
+def before_the(flight: Flight, first: Flight) -> Flight:
+    """The flight after another one, whose settings hold."""
     names = ("samples", "ilm", "references", "seconds", "lanes")
-    return replace(settled, **{name: getattr(settled, name) + getattr(flight, name) for name in names})
+    return replace(first, **{name: getattr(first, name) + getattr(flight, name) for name in names})
+
+
+def held(flight: Flight, pick: Pick) -> Flight:
+    """A split that is answered in few frames, with samples missing in single ones and channels that jump; then the
+    flight."""
+    resolvers = pick([("ilm",), ("reference",), ("ilm", "reference")])
+    waits = {"singular_persistence": pick([4, 6, 10]), "unresolved_frames": pick([0, 6, 12, 20])}
+    s = replace(flight.settings, resolvers=resolvers, **waits)
+    calm, frames = pick([1, 3]), pick([8, 14, 24])
+    offsets = pick(pick([SPLIT, APART]) if s.channels == 4 else APART)
+    value, slope = pick([0.0, 3.0]), pick([0.0, 0.125])
+    samples: list[list[float | None]] = [
+        [value + k * slope + (offsets[c] if k >= calm else c / 16) if c < s.channels else None for c in range(4)]
+        for k in range(calm + frames)
+    ]
+    n = len(samples)
+    split = Flight(s, samples, [("absent",) * 4] * n, [None] * n, [None] * n, [()] * n)
+    for _ in range(pick([1, 2, 3, 5])):
+        disturb(split, pick(["gap", "jump", "answer"]), pick(range(calm - 1, n)), pick(range(s.channels)), pick)
+    return before_the(flight, split)
+
+
+def disturb(flight: Flight, what: str, k: int, c: int, pick: Pick) -> None:
+    """From frame ``k`` on, let channel ``c`` be missing for one frame, be elsewhere, or be said to be good."""
+    samples = flight.samples
+    if what == "gap":
+        samples[k][c] = None
+    elif what == "jump":
+        add(samples, c, k, pick([1, 3, 30]), pick([2.5, 40.0, -40.0]))
+    else:
+        for later in islice(range(k, len(samples)), pick([1, 1, 2, 6])):
+            good = flight.references[later] = samples[later][c]
+            sides = [good is not None and x is not None and abs(x - good) < 1.0 for x in samples[later]]
+            flight.ilm[later] = tuple("good" if side else "bad" for side in sides)
+
+
+def add(samples: list[list[float | None]], c: int, k: int, frames: int, offset: float) -> None:
+    """Let a channel be off for some frames, from frame ``k`` on."""
+    for row in samples[k : k + frames]:
+        x = row[c]
+        row[c] = None if x is None else x + offset
 
 
 def by_level(flight: Flight, pick: Pick) -> Flight:
@@ -194,6 +240,11 @@ def filtered(flight: Flight, pick: Pick) -> Flight:
     more = {name: getattr(s, name) + beside for name in ("threshold", "reference_threshold", "second_threshold")}
     levels = {name: pick([None, 0.5 + beside, 2.0 + beside]) for name in ("threshold_triplex", "threshold_duplex")}
     samples = [[None if x is None else x + c / 16384 for c, x in enumerate(row)] for row in flight.samples]
+    for _ in range(pick([0, 1, 2])):  # one missing, or the first of all, and a burst right after it
+        c, k = pick(range(4)), pick([0, *range(len(samples))])
+        add(samples, c, k, pick([1, 2, 4]), pick([6.5, 200.0, -200.0]))
+        if k:
+            samples[k - 1][c] = None
     references = [None if x is None else x + beside / 2 for x in flight.references]
     chosen = replace(s, filter_share=pick([0.15, 0.4, 0.9]), **more, **levels)
     return replace(flight, settings=chosen, samples=samples, references=references)
@@ -223,8 +274,10 @@ def lasting(flight: Flight, pick: Pick) -> Flight:
         k = pick(range(len(samples)))
         samples[k] = [None if pick([True, False, False]) else x for x in samples[k]]
     calm = pick([0, 12, 40])  # frames before all that
-    rest = [3.0 if c < s.channels else None for c in range(4)]
-    samples, ilm = [rest] * calm + samples, [("good",) * 4] * calm + ilm
+    flicker = [pick([0, 0, 0, 1, 2, 5]) for _ in range(4)]  # frames, of a coarse sensor at rest
+    rest = [[3.0 + k // max(n, 1) % 2 * min(n, 1) / 8 for n in flicker] for k in range(calm)]
+    rest = [[x if c < s.channels else None for c, x in enumerate(row)] for row in rest]
+    samples, ilm = rest + samples, [("good",) * 4] * calm + ilm
     references, seconds = [pick([None, 3.0])] * calm + references, [None] * calm + seconds
     samples = [[None if x is None else x + bias for x, bias in zip(row, biases, strict=True)] for row in samples]
     references = [None if x is None else x + 1 / 2048 for x in references]
@@ -239,7 +292,7 @@ def with_commands(flight: Flight, pick: Pick) -> Flight:
 
 def by_all(flight: Flight, pick: Pick) -> Flight:
     """The same with several of these at once."""
-    for change in (left_by_extremes, by_level, filtered, with_outliers, lasting, at_the_stop, with_commands):
+    for change in (held, left_by_extremes, by_level, filtered, with_outliers, lasting, at_the_stop, with_commands):
         if pick([True, False]) and not (flight.settings.turn and change in (left_by_extremes, at_the_stop)):
             flight = change(flight, pick)
     return flight

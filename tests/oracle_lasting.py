@@ -18,6 +18,7 @@ class Lasting:
     last: dict[int, float] = field(default_factory=dict)  # comparable samples
     last_reference: float | None = None  # of the last frame, as given
     repeats: dict[int, int] = field(default_factory=dict)
+    rules: set[str] = field(default_factory=set)  # that the frame reached
     out: int = 0  # channels that were failed when the sums last began, or since
 
     def level_changed(self, failed: set[int]) -> bool:
@@ -33,20 +34,22 @@ class Lasting:
         self.bias[c], self.learned[c] = 0.0, 0
 
     def stale(self, samples: list[float | None], in_use: set[int], reference: float | None) -> set[int]:
-        """Channels whose sample has been the same for too long, while another has moved."""
+        """Channels whose sample has been the same for too long, while half of the others have moved."""
         if not self.s.stale_frames:
             return set()
         there = {c: x for c, x in enumerate(samples) if x is not None}
-        witnesses = set(there) & in_use
-        moved = any(self.last.get(c) != there[c] for c in witnesses)
-        if len(witnesses) == 1 and reference is not None:
-            moved = moved or reference != self.last_reference
+        moved = {c for c in there if c in in_use and self.last.get(c) != there[c]}
+        reference_moved = reference is not None and reference != self.last_reference
         for c, x in there.items():
+            others = set(there) & in_use - {c}
+            witnessed = 2 * len(moved) >= len(others) if others else reference_moved
             at_the_stop = not self.s.turn and not self.s.low < x < self.s.high
             if self.last.get(c) != x or at_the_stop:
                 self.repeats[c] = 0
-            elif moved:
+            elif witnessed:
                 self.repeats[c] += 1
+            elif moved:
+                self.rules.add("a repeat of which too few tell")
             self.last[c] = x
         self.last_reference = reference
         return {c for c in there if self.repeats[c] >= self.s.stale_frames}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from oracle_answers import Settings, View
 
@@ -13,11 +13,15 @@ class Split:
     lasted: int = 0  # frames of the pattern
     answer: tuple[str, frozenset[int]] | None = None  # of the last frame: the rule, and whom it blames
     stood: int = 0  # frames for which that has been so
-    open: int = 0  # frames in a row that nobody has answered
-    held: bool = False  # whether the last frame was one
+    silent: int = 0  # frames in a row that nobody has answered
+    open: int = 0  # frames that nobody has answered since all agreed, or an answer stood
+    whole: bool = False  # whether all channels in use were compared in this frame
+    basis: bool = False  # whether the last vote may be the start of a hold
     closed: bool = False  # behind a filter: the samples of the split are together again
-    ranked: frozenset[int] = frozenset()  # the channels of which the shares are
+    ranked: frozenset[int] = frozenset()  # the channels of which the shares are; empty: none are kept
     shares: tuple[int, int, float] = (0, 0, 0.0)  # two channels, and the share of the second
+    gap: float = 0.0  # from the first to the second, when the shares were last used
+    rules: set[str] = field(default_factory=set)  # that the frame reached
 
     def name(self, pattern: str, closed: bool = False) -> None:
         if pattern != self.pattern:
@@ -33,17 +37,34 @@ class Split:
 
     def hear(self, resolver: str, wrong: set[int], s: Settings) -> None:
         """The frame's answer: it has stood for one frame more, or begins to."""
-        self.held = resolver == "unresolved"
+        held, over = resolver == "unresolved", self.whole and not self.singular
+        self.basis = held or over
+        if over:
+            self.open, self.ranked = 0, frozenset()
         if self.closed:
             return
         answer = (resolver, frozenset(wrong)) if self.singular else None
         if answer is not None and answer == self.answer:
             self.stood += 1
         else:
-            covered = min(self.open, self.lasted - 1, s.trend_frames - 1)
+            covered = min(self.silent, self.lasted - 1, s.trend_frames - 1)
             self.stood = 1 + (covered if resolver == "trend" else 0)
         self.answer = answer
-        self.open = self.open + 1 if resolver == "unresolved" else 0
+        self.silent = self.silent + 1 if held else 0
+        if held:
+            self.open += 1
+        elif self.open:
+            self.not_held(s)
+
+    def not_held(self, s: Settings) -> None:
+        """The count of frames without an answer ends with an answer that has stood, and else goes on later."""
+        if not self.singular:
+            self.rules.add("open: kept in a frame with a gap")
+        elif 2 * self.stood >= s.singular_persistence:
+            self.rules.add("open: an answer has stood")
+            self.open = 0
+        else:
+            self.rules.add("open: kept beside a young answer")
 
     def settled(self, s: Settings) -> bool:
         wait = s.singular_persistence
@@ -53,16 +74,31 @@ class Split:
         return 0 < s.unresolved_frames <= self.open
 
     def hold(self, view: View, vote: float | None) -> float:
-        """Where the last vote stood between two neighbours, it stays, as those two move."""
+        """A fixed mean of two channels, whose shares give the last vote, until one of the two jumps."""
         if vote is None:
             return sum(view.ranks) / 2
-        if not self.held or self.lasted == 1 or self.ranked != set(view.use):
-            order, place = view.ascending, 0
-            while place < len(order) - 2 and view.use[order[place + 1]] < vote:
-                place += 1
-            low, high = order[place], order[place + 1]
-            gap = view.use[high] - view.use[low]
-            share = (vote - view.use[low]) / gap if gap > 0 else 0.5
-            self.shares, self.ranked = (low, high, min(max(share, 0.0), 1.0)), frozenset(view.use)
+        use, kept = view.use, self.ranked == set(view.use)
         low, high, share = self.shares
-        return view.use[low] + share * (view.use[high] - view.use[low])
+        if not kept or abs(use[high] - use[low] - self.gap) > view.s.within(len(use)):
+            low, high, share = around(vote, view) if kept or self.basis else halves(view)
+            self.rules.add("hold: jumped" if kept else "hold: from the last vote" if self.basis else "hold: halves")
+        elif not self.basis:
+            self.rules.add("hold: goes on after a gap or an answer")
+        self.shares, self.ranked, self.gap = (low, high, share), frozenset(use), use[high] - use[low]
+        return use[low] + share * self.gap
+
+
+def around(vote: float, view: View) -> tuple[int, int, float]:
+    """The neighbours in rank between which ``vote`` lies, and the share of the second that gives it."""
+    order, place = view.ascending, 0
+    while place < len(order) - 2 and view.use[order[place + 1]] < vote:
+        place += 1
+    low, high = order[place], order[place + 1]
+    gap = view.use[high] - view.use[low]
+    return low, high, min(max((vote - view.use[low]) / gap, 0.0), 1.0) if gap > 0 else 0.5
+
+
+def halves(view: View) -> tuple[int, int, float]:
+    """Half each of the two voting ranks: of three the middle one."""
+    order = view.ascending
+    return order[(len(order) - 1) // 2], order[len(order) // 2], 0.5

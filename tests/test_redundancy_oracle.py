@@ -22,6 +22,7 @@ from oracle_flights import (
     by_level,
     filtered,
     flights,
+    held,
     lasting,
     left_by_extremes,
     seeded,
@@ -150,18 +151,34 @@ RULES = (
     *(f"common mode: {said}" for said in ("reported", "lost", "references apart")),
     *("an answer too young", "given up", "frozen side", "counted down"),
 )
-OF_LASTING = ("slow", "bias learned", "ranked by the bias", "stale", "stale in a split")
+OF_LASTING = (
+    "slow",
+    "bias learned",
+    "ranked by the bias",
+    "stale",
+    "stale in a split",
+    "a repeat of which too few tell",
+)
 OF_PAIRS = (
     *("the pair of extremes cut", "reference not monitored by a suspected pair", "both of a pair wrong by trend"),
     "common mode: lost",
 )
-OF_FILTERS = ("split closed behind the filter", "counted down: the rest of a burst")
+OF_FILTERS = (
+    *("split closed behind the filter", "counted down: the rest of a burst"),
+    *("filter begun at first", "filter begun beside the smoothed vote"),
+)
+OF_HOLDS = (
+    *(f"hold: {said}" for said in ("from the last vote", "halves", "jumped", "goes on after a gap or an answer")),
+    *(f"open: {said}" for said in ("an answer has stood", "kept beside a young answer", "kept in a frame with a gap")),
+    "given up",
+)
 FAMILIES: dict[str, tuple[Callable[[Flight, Pick], Flight], int, tuple[str, ...]]] = {
     "drawn evenly": (lambda flight, pick: flight, 1500, RULES),
     "thresholds by level": (by_level, 300, ()),
     "outliers": (with_outliers, 300, ("outlier", "outlier: no two are close")),
     "behind a filter": (filtered, 300, OF_FILTERS),
     "what lasts": (lasting, 400, OF_LASTING),
+    "held": (held, 400, OF_HOLDS),
     "left by extremes": (left_by_extremes, 300, OF_PAIRS),
     "at the stop": (at_the_stop, 300, ()),
     "readmitted": (with_commands, 300, ()),
