@@ -104,7 +104,8 @@ class Oracle:
 
     def without_stale(self, samples: list[float | None], reference: float | None) -> list[float | None]:
         """The samples that can be compared: those that repeat for too long cannot."""
-        stale = self.lasting.stale(samples, self.in_use, reference)
+        stale = self.lasting.stale(samples, self.in_use, reference, self.references.trusted)
+        self.references.standing = self.lasting.standing
         self.reached("stale", stale)
         self.reached("stale in a split", stale and self.singular)
         return [None if c in stale else x for c, x in enumerate(samples)]

@@ -98,7 +98,7 @@ class View:
     lonely: set[int] = field(default_factory=set)  # who miscompares
 
     def __post_init__(self) -> None:
-        self.by_seen = sorted(self.seen, key=lambda c: self.seen[c])
+        self.by_seen = sorted(self.seen, key=lambda c: (self.seen[c], self.use[c]))  # equals by their samples
         self.ascending = sorted(self.use, key=lambda c: self.use[c])
         self.x = [self.use[c] for c in self.ascending]
 

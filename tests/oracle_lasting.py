@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from oracle_answers import Settings, View
+from oracle_references import FAR
 
 
 @dataclass
@@ -18,6 +19,7 @@ class Lasting:
     last: dict[int, float] = field(default_factory=dict)  # comparable samples
     last_reference: float | None = None  # of the last frame, as given
     repeats: dict[int, int] = field(default_factory=dict)
+    standing: bool = False  # the samples of all channels in use repeat
     rules: set[str] = field(default_factory=set)  # that the frame reached
     out: int = 0  # channels that were failed when the sums last began, or since
 
@@ -33,18 +35,26 @@ class Lasting:
         """A channel is readmitted."""
         self.bias[c], self.learned[c] = 0.0, 0
 
-    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None) -> set[int]:
-        """Channels whose sample has been the same for too long, while half of the others have moved."""
+    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
+        """Channels whose sample has been the same for too long, while half of the others have moved.
+
+        A reference that is ``trusted`` and far off it tells the same, at the stop and of those that all stand still.
+        """
         if not self.s.stale_frames:
             return set()
         there = {c: x for c, x in enumerate(samples) if x is not None}
         moved = {c for c in there if c in in_use and self.last.get(c) != there[c]}
+        self.standing, against = not moved, self.s.limited(reference) if trusted else None
         reference_moved = reference is not None and reference != self.last_reference
         for c, x in there.items():
             others = set(there) & in_use - {c}
             witnessed = 2 * len(moved) >= len(others) if others else reference_moved
             at_the_stop = not self.s.turn and not self.s.low < x < self.s.high
-            if self.last.get(c) != x or at_the_stop:
+            far = against is not None and self.s.apart(x, against) > FAR * self.s.reference_threshold
+            if self.last.get(c) == x and far:
+                self.repeats[c] += 1
+                self.rules.add("a repeat that the reference tells")
+            elif self.last.get(c) != x or at_the_stop:
                 self.repeats[c] = 0
             elif witnessed:
                 self.repeats[c] += 1

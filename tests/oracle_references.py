@@ -20,6 +20,7 @@ class References:
     pair_off: int = 0  # frames for which a reference has spoken against both of it
     contradicted: int = 0
     second_off: int = 0  # frames for which the second reference has been off the vote
+    standing: bool = False  # the samples of all channels in use repeat
     rules: set[str] = field(default_factory=set)
 
     # Section 7.
@@ -28,8 +29,8 @@ class References:
         """Untrusted after ``persistence`` frames off both voting ranks, trusted after as many near one of them."""
         if view.reference is None or len(view.use) < 2 or ":" in view.pattern:
             return
-        if self.suspected:
-            self.rules.add("reference not monitored by a suspected pair")
+        if self.suspected or self.standing:
+            self.rules.add(f"reference not monitored by {'a suspected pair' if self.suspected else 'who stands still'}")
             return
         agrees = self.off_ranks(view, view.reference) <= self.s.reference_threshold
         self.against = self.against + 1 if agrees != self.trusted else 0

@@ -80,7 +80,7 @@ class Split:
         use, kept = view.use, self.ranked == set(view.use)
         low, high, share = self.shares
         if not kept or abs(use[high] - use[low] - self.gap) > view.s.within(len(use)):
-            low, high, share = around(vote, view) if kept or self.basis else halves(view)
+            low, high, share = around(vote, view) if self.basis else halves(view)
             self.rules.add("hold: jumped" if kept else "hold: from the last vote" if self.basis else "hold: halves")
         elif not self.basis:
             self.rules.add("hold: goes on after a gap or an answer")

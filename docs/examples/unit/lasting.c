@@ -36,7 +36,7 @@ void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
 struct movement {
     int in_use;
     int moving;
-    bool reference; /* beside the only one in use its reference moves */
+    bool reference; /* what moves beside the only one in use */
 };
 
 static struct movement movement(const struct frame *f, double reference, params *p, const struct signal *s)
@@ -49,7 +49,7 @@ static struct movement movement(const struct frame *f, double reference, params 
             m.moving += (f->samples[c] != l->last_sample[c]) ? 1 : 0;
         }
     }
-    m.reference = (m.in_use == 1) && isfinite(reference) && (reference != l->last_reference);
+    m.reference = isfinite(reference) && (reference != l->last_reference);
     return m;
 }
 
@@ -64,7 +64,8 @@ static bool repeat_counts(const struct frame *f, int c, const struct movement *m
     const bool told = s->reference_usable && (off > (REFERENCE_MARGIN * f->reference_threshold));
     const int others = m->in_use - (s->latches.failed[c] ? 0 : 1);
     *ends = !told && (p->wraps == 0) && ((x <= p->low) || (x >= p->high));
-    return told || (!*ends && (m->reference || ((m->moving > 0) && ((2 * m->moving) >= others))));
+    const bool most = (others == 0) ? m->reference : ((2 * m->moving) >= others);
+    return told || (!*ends && most);
 }
 
 void lasting_count(const struct frame *f, double reference, params *p, struct signal *s)

@@ -169,7 +169,7 @@ def count_repeats(samples, valid, reference, seen, p, st):
         else:
             repeating |= 1 << c
         in_use += not failed[c]
-    moved = in_use == 1 and np.isfinite(reference) and reference != st["last_reference"]
+    reference_moved = np.isfinite(reference) and reference != st["last_reference"]
     st["last_reference"], st["stale"], st["standing"] = reference, 0, moving == 0
     if repeating == 0:
         return
@@ -177,11 +177,12 @@ def count_repeats(samples, valid, reference, seen, p, st):
     for c in range(p["fitted"]):
         if (repeating >> c) & 1 == 0:
             continue
+        others = in_use - (not failed[c])
         if contradicts(seen, samples[c], p, st):
             repeats[c] += 1
         elif p["wraps"] == 0 and (samples[c] <= low or samples[c] >= high):
             repeats[c] = 0
-        elif moved or (moving > 0 and 2 * moving >= in_use - (not failed[c])):
+        elif reference_moved if others == 0 else 2 * moving >= others:
             repeats[c] += 1
         stale |= np.int64(repeats[c] >= frames) << c
     st["stale"] = stale
