@@ -59,6 +59,25 @@ def test_or_by_more_than_the_outlier_threshold(rest: float, at: int | None):
     assert out.failed_at()[3] == at
 
 
+@pytest.mark.requirement("redundancy", "a burst behind a filter fails nobody")
+@pytest.mark.parametrize("size", [200.0, -200.0, 900.0])
+@pytest.mark.parametrize("others", [(0,), (0, 0), (0, 0, 0)])
+@pytest.mark.parametrize(("before", "gap"), [(20, 1), (20, 3), (1, 1), (0, 2), (0, 0)])
+def test_a_burst_after_a_gap_or_in_the_first_rows_fails_nobody(
+    before: int, gap: int, others: tuple[float, ...], size: float
+):
+    """What is compared begins beside the others' and takes two steps of 2/15; from the first row on, where two begin
+    in the middle between them, they are 8/15 apart at most."""
+    rest = (NAN,) * (3 - len(others))
+    samples = rows(
+        *((before, (*others, 0, *rest)), (gap, (*others, NAN, *rest))),
+        *((2, (*others, size, *rest)), (100, (*others, 0, *rest))),
+    )
+    n = len(others) + 1
+    out = vote_samples(samples, channels=n, filter_s=0.1, persistence=8)
+    assert (out.pattern == Pattern.NORMAL).all() and (out.state[before + gap :, :n] == State.OK).all()
+
+
 # Patterns without a majority.
 
 SPLIT, APART, PAIR = (0, 0.1, 900, 900.1), (0, 300, 600, 900), (0, 900, NAN, NAN)

@@ -125,6 +125,18 @@ def test_a_burst_that_a_filter_begins_with_fails_nobody(at: int):
 
 
 @pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
+def test_a_reference_begins_at_the_filtered_vote_too():
+    """Both pairs begin at 1.5 and part by a step of 2/15, and then of the gain 0.0952.  The reference, which reads 3
+    as the upper pair does, comes in row 20: 1.633, 1.763 and 1.881 are off that pair's 2.796, 2.815 and 2.833 by
+    1.16, 1.05 and 0.95, and off the lower one's by more."""
+    samples = constant(0.0, 0.0, 3.0, 3.0, frames=25)
+    reference = np.where(np.arange(1, 26) < 20, np.nan, 3.0)
+    out = vote_samples(samples, reference=reference, filter_s=0.1, resolvers=["reference"], singular_persistence=30)
+    assert (out.resolver[19:] == Resolver.REFERENCE).all() and (out.state[19:, :2] == State.SUSPECT).all()
+    assert (out.state[19:21, 2:] == State.SUSPECT).all() and (out.state[21:, 2:] == State.OK).all()
+
+
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_an_angle_is_filtered_the_short_way_round():
     samples = np.tile(np.array([3.1, 3.1, -3.12, -3.12]), (60, 1))
     turning = (samples + 0.05 * np.arange(60)[:, None] + np.pi) % (2 * np.pi) - np.pi

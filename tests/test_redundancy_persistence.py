@@ -80,6 +80,13 @@ def test_a_trend_speaks_for_the_unanswered_frames_that_it_covers():
     assert out.failed_at() == [None, None, 15, 15]
 
 
+def test_and_for_none_before_a_row_that_another_rule_has_answered():
+    """The reference speaks in row 7, so that the byte covers the eighth: five of ten are the eighth to the 12th."""
+    out = vote_samples(RISING, reference=np.where(FRAMES == 7, RISING[:, 0], NAN), resolvers=["reference", "trend"])
+    assert out.resolver[6] == Resolver.REFERENCE and (out.resolver[8:12] == Resolver.TREND).all()
+    assert out.failed_at() == [12, 12, None, None]
+
+
 @pytest.mark.parametrize(("frames", "asked", "at"), [(1, 11, 15), (4, 14, 15), (8, 18, 18)])
 def test_a_short_byte_covers_few_frames(frames: int, asked: int, at: int):
     """The upper pair moves up in the ninth row and back in the tenth; from then on both ranks are still."""
@@ -152,6 +159,40 @@ def test_a_majority_of_all_begins_it_again_and_nothing_that_does_not_last(
     flags = rows((10, (ABSENT,) * 4), (frames, ilm), (30 - frames, (ABSENT,) * 4)).astype(int)
     samples = rows((10, SPLIT), (frames, between), (30 - frames, SPLIT))
     assert given_up(samples, resolvers=["ilm"], ilm=flags).failed_at() == [at] * 4
+
+
+@pytest.mark.requirement("redundancy", "a split that nobody answers is given up")
+@pytest.mark.parametrize(("without", "frames", "at"), [(4, 1, 21), (4, 5, 25), (1, 5, 25)])
+def test_a_gap_that_leaves_a_majority_neither_counts_nor_begins_it_again(without: int, frames: int, at: int):
+    gap = np.where(np.arange(1, 5) == without, NAN, SPLIT)
+    assert given_up(rows((10, SPLIT), (frames, gap), (29, SPLIT))).failed_at() == [at] * 4
+
+
+def test_a_gap_that_nobody_answers_counts():
+    assert given_up(rows((10, APART), (5, (0, 5, 10, NAN)), (29, APART))).failed_at() == [20] * 4
+
+
+@pytest.mark.requirement("redundancy", "a split that nobody answers is given up")
+@pytest.mark.parametrize(("answered", "at"), [(1, 21), (4, 24), (5, 15 + 20)])
+def test_an_answer_that_blames_nobody_begins_it_again_when_it_has_stood(answered: int, at: int):
+    """The reference lies between both halves, within its threshold of each."""
+    reference = rows((10, NAN), (answered, 2.5), (30, NAN))
+    samples = constant(*SPLIT, frames=40 + answered)
+    out = given_up(samples, reference=reference, resolvers=["reference"], reference_threshold=3.0)
+    assert (out.resolver[10 : 10 + answered] == Resolver.REFERENCE).all() and out.failed_at() == [at] * 4
+
+
+@pytest.mark.parametrize(("answered", "at"), [(1, 21), (4, 24), (5, 7 + 20)])
+def test_one_that_blames_a_side_and_is_too_early_to_settle_it_does_so_too(answered: int, at: int):
+    flags = rows((2, (ABSENT,) * 4), (answered, (GOOD, GOOD, BAD, BAD)), (30, (ABSENT,) * 4)).astype(int)
+    samples = constant(*SPLIT, frames=32 + answered)
+    assert given_up(samples, resolvers=["ilm"], ilm=flags).failed_at() == [at] * 4
+
+
+def test_an_answer_in_every_other_row_does_not_keep_a_split_open():
+    """Row 39 is the 20th without one."""
+    flags = rows(*[(1, (ABSENT,) * 4), (1, (GOOD, GOOD, BAD, BAD))] * 25).astype(int)
+    assert given_up(constant(*SPLIT, frames=50), resolvers=["ilm"], ilm=flags).failed_at() == [39] * 4
 
 
 def test_with_no_frames_a_split_stays_open():

@@ -101,6 +101,38 @@ def test_all_that_repeat_are_stale_where_a_usable_reference_contradicts_them(at:
     assert near.failed_at() == beyond.failed_at() == [None] * 4
 
 
+@pytest.mark.requirement("redundancy", "where all repeat nobody is stale")
+@pytest.mark.parametrize("c", [1, 2, 3, 4])
+def test_one_of_four_that_flickers_at_rest_tells_nothing_of_the_others(c: int):
+    samples = np.tile(OFFSETS, (30, 1))
+    samples[:, c - 1] += np.arange(30) % 2 / 8
+    assert (vote_samples(samples, **WIDE).state == State.OK).all()
+
+
+@pytest.mark.requirement("redundancy", "a stale sample cannot be compared")
+def test_two_of_four_that_freeze_are_both_stale_while_the_others_move():
+    """Of the three beside each of them two have moved."""
+    out = vote_samples(frozen(4, since=5, samples=frozen(3, since=5)), **WIDE)
+    assert stale(out, 3) == stale(out, 4) == list(range(8, 15)) and out.failed_at() == [None, None, 15, 15]
+
+
+@pytest.mark.parametrize(("three", "at"), [(NAN, [None, 11, 11, 8]), (3.0, [None] * 4)])
+def test_one_of_two_others_is_half_of_them_and_one_of_three_is_not(three: float, at: list[int | None]):
+    samples = np.tile((0.0, 1.0, 2.0, three), (30, 1))
+    samples[:, 0] += RAMP[:, 0]
+    assert vote_samples(samples, **WIDE).failed_at() == at
+
+
+@pytest.mark.parametrize(("move", "level"), [(1, 4), (2, 3)])
+def test_a_failed_channel_repeats_beside_half_of_all_in_use(move: int, level: int):
+    """One of three moves in each frame, or two; none of them repeats for more than two, and the fourth for ever."""
+    samples = rows((10, (0, 0, 0, 50)), (50, (0, 0, 0, 0)))
+    turn = np.arange(60)[:, None] % 3 == np.arange(3)
+    samples[:, :3] = np.cumsum(turn if move == 1 else ~turn, axis=0) % 2 / 8
+    more: dict[str, Any] = {"threshold": 10.0, "readmit_frames": 20, "resets": [(50, 4)]}
+    assert vote_samples(samples, **more, stale_frames=3).level[50] == level
+
+
 def test_a_failed_channel_that_moves_is_no_witness():
     samples = np.tile(OFFSETS, (30, 1))
     samples[:, 3] = 50.0 + np.arange(30)
