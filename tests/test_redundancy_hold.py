@@ -66,7 +66,7 @@ def test_a_missing_row_does_not_give_the_vote_to_one_side(flight: Any, c: int, a
     [
         ((1, 6), 1.4),
         ((0.5, 6.25), 0.5 + 0.08 * 5.75),
-        ((0, 9), 0.0),  # a distance of 4 more: from the vote in the row of the gap, which is the first sample
+        ((0, 9), 4.5),  # a distance of 4 more, and the last vote is of the first alone: half each
     ],
 )
 def test_after_a_gap_the_shares_go_on_unless_the_distance_has_jumped(then: tuple[float, ...], vote: float):

@@ -36,7 +36,7 @@ class OtherTies(ResettableOracle):
         self, samples: list[float | None], ilm: Sequence[str], reference: float | None, lanes: Sequence[int]
     ) -> View:
         view = super().view(samples, ilm, reference, lanes)
-        view.by_seen = sorted(view.seen, key=lambda c: (view.seen[c], -c))
+        view.by_seen = sorted(view.seen, key=lambda c: (view.seen[c], view.use[c], -c))
         view.ascending = sorted(view.use, key=lambda c: (view.use[c], -c))
         return view
 
@@ -215,10 +215,10 @@ class FrozenFalls(Other):
 
 
 class _Gaps(Lasting):
-    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None) -> set[int]:
+    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
         for c in [c for c, x in enumerate(samples) if x is None and c in self.last]:
             del self.last[c]
-        return super().stale(samples, in_use, reference)
+        return super().stale(samples, in_use, reference, trusted)
 
 
 class EndedByGaps(Other):
@@ -230,10 +230,11 @@ class EndedByGaps(Other):
 class _Always(Lasting):
     frame = 0.0
 
-    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None) -> set[int]:
-        """As beside another channel, which is never the same."""
-        self.frame, other = self.frame + 1.0, len(samples)
-        return super().stale([*samples, self.frame], {*in_use, other}, reference) - {other}
+    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
+        """As beside as many other channels, which are never the same."""
+        self.frame, others = self.frame + 1.0, set(range(len(samples), 2 * len(samples)))
+        more = [self.frame] * len(samples)
+        return super().stale([*samples, *more], in_use | others, reference, trusted) - others
 
 
 class OfAllAtRest(Other):
@@ -243,8 +244,8 @@ class OfAllAtRest(Other):
 
 
 class _NoReference(Lasting):
-    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None) -> set[int]:
-        return super().stale(samples, in_use, None)
+    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
+        return super().stale(samples, in_use, None, False)
 
 
 class WithoutReference(Other):

@@ -55,7 +55,7 @@ from rig.frame import D, S
 from rig.unit.vectors import FILE, Case, save
 
 Wanted = Callable[[Flown], bool]
-POOL = 1200  # random signals that the cases choose from
+POOL = 3600  # random signals that the cases choose from
 INVALID = ("flag",)
 BEYOND = ("above", "below")
 RARE = 3  # signals that fulfil a wish, at least

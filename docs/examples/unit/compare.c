@@ -73,6 +73,16 @@ static void sort(const double *x, int *order, int n)
     }
 }
 
+/* Put n channels into ascending order of y; equals stay as they were. */
+static void sort_again(const double *y, int *order, int n)
+{
+    for (int end = n - 1; end > 0; end--) {
+        for (int i = 0; i < end; i++) {
+            exchange(y, order, i, i + 1);
+        }
+    }
+}
+
 /* Section 2: gather the comparable samples of channels in use that do not repeat for too long, rank them, find the two
  * voting ranks. */
 static void rank(struct frame *f, params *p, struct signal *s)
@@ -135,7 +145,7 @@ static void look(struct frame *f, params *p, struct signal *s)
         s->smooth_reference = compare_follow(last, f->reference, f, p);
         f->seen_reference = s->smooth_reference;
         memcpy(f->y, s->smooth, sizeof f->y);
-        sort(f->y, f->by, f->n);
+        sort_again(f->y, f->by, f->n);
     }
     bool biased = false;
     for (int c = 0; c < RIG_CHANNELS; c++) {
@@ -143,7 +153,7 @@ static void look(struct frame *f, params *p, struct signal *s)
         biased = biased || (s->lasting.bias[c] != 0.0);
     }
     if (biased) {
-        sort(f->z, f->by, f->n);
+        sort_again(f->z, f->by, f->n);
     }
 }
 

@@ -68,7 +68,13 @@ def sort(x, order, n):
         exchange(x, order, 0, 2)
         exchange(x, order, 1, 3)
         exchange(x, order, 1, 2)
-        return
+    else:
+        sort_again(x, order, n)
+
+
+@kernel
+def sort_again(x, order, n):
+    """Put the first ``n`` channels of ``order`` into ascending order of ``x``; equals stay as they were."""
     for end in range(n - 1, 0, -1):
         for i in range(end):
             exchange(x, order, i, i + 1)

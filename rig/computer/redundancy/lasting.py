@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rig.computer.redundancy import opinions, vote
-from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, sort
+from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, sort_again
 from rig.computer.redundancy.reference_monitor import REFERENCE_MARGIN, reference_threshold
 from rig.frame import Pattern
 from rig.kernels import kernel
@@ -45,7 +45,7 @@ def take_bias_off(values, order, n, st):
     for i in range(n):
         c = order[i]
         compared[c], compared_order[i] = values[c] - bias[c], c
-    sort(compared, compared_order, n)
+    sort_again(compared, compared_order, n)
 
 
 @kernel

@@ -13,7 +13,7 @@ from math import expm1
 
 import numpy as np
 
-from rig.computer.redundancy.compare import comparable, sort
+from rig.computer.redundancy.compare import comparable, sort_again
 from rig.computer.redundancy.lasting import is_stale
 from rig.computer.redundancy.vote import mean
 from rig.kernels import kernel
@@ -49,7 +49,7 @@ def follow(last, x, base, p):
 
 @kernel
 def smooth_channels(samples, valid, base, start, n, p, st):
-    """Move the low-pass of every channel by a frame, and rank the ``n`` comparable ones of it.
+    """Move the low-pass of every channel by a frame, and rank the ``n`` comparable ones of it, equals by their samples.
 
     start : where one begins
     Writes ``smooth`` (4,), NaN where the sample cannot be compared, and ``smooth_order``.
@@ -63,4 +63,4 @@ def smooth_channels(samples, valid, base, start, n, p, st):
             smooth[c] = np.nan
     for i in range(n):
         order[i] = raw_order[i]
-    sort(smooth, order, n)
+    sort_again(smooth, order, n)
