@@ -11,7 +11,7 @@ from test_assess_parts import Q, flight, offset
 
 from rig.assess import score
 from rig.assess.conclusion import conclusion, next_commands
-from rig.assess.context import agreement, channels, last_run
+from rig.assess.context import agreement, channels, longest_run
 from rig.assess.kept import columns
 from rig.assess.of_log import FlightConclusion
 from rig.assess.outcome_records import EPISODE
@@ -216,8 +216,9 @@ def test_an_outlier_is_alone_where_all_agree_and_two_are_close(samples: tuple[fl
     assert agreement(columns(rows, Q), 2, 0, 3, monitor(which)[Q]).alone.tolist() == [alone] * 3
 
 
-def test_the_run_that_ends_the_flags_is_counted():
-    assert [last_run(np.array(flags, bool)) for flags in ([], [0, 1, 1], [1, 1], [1, 0])] == [0, 2, 2, 0]
+def test_the_longest_run_of_flags_is_counted():
+    flags = ([], [0], [0, 1, 1], [1, 1, 0, 1], [1, 0, 1, 1, 1])
+    assert [longest_run(np.array(some, bool)) for some in flags] == [0, 0, 2, 2, 3]
 
 
 def test_channels_are_listed_as_in_a_sentence():

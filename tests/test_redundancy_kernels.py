@@ -410,6 +410,25 @@ def test_a_persistence_is_in_frames_or_in_seconds(name):
         SignalConfig.model_validate({"threshold": 1.0, name: 8, f"{name}_s": 0.08})
 
 
+def test_a_small_change_is_refused_beside_windows_that_tumble():
+    for window in ("sliding", "tumbling"):
+        told = {"threshold": 1.0, "trend_small": 0.1, "trend_window": window}
+        if window == "sliding":
+            assert SignalConfig.model_validate(told).trend_small == 0.1
+        else:
+            with pytest.raises(ValidationError, match='trend_small: not with trend_window = "tumbling"'):
+                SignalConfig.model_validate(told)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "wait_s", "said"), [(8.0, 1.0, "1 s, the default, are 8"), (8.0, 0.5, "0.5 s are 4")]
+)
+def test_a_wait_that_is_too_short_is_called_the_default_where_it_is(rate_hz: float, wait_s: float, said: str):
+    config = Config.model_validate({"unresolved_s": wait_s, "signals": {s.name: {"threshold": 1.0} for s in SIGNALS}})
+    with pytest.raises(ValueError, match=f"redundancy.unresolved_s: {said} frames"):
+        refuse_short_wait(config, rate_hz)
+
+
 @pytest.mark.parametrize(("wait_s", "refused"), [(0.0, False), (0.01, True), (0.09, True), (0.1, False), (1.0, False)])
 def test_a_split_cannot_be_given_up_before_it_can_be_settled(wait_s: float, refused: bool):
     """Ten frames at 100 Hz; 0 never gives up."""

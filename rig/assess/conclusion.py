@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rig.assess.actuator_sentence import bypassed
 from rig.assess.context import Context, channel, channels, comparable, place
+from rig.assess.counting import another
 from rig.assess.fault_sentence import fault_sentences
 from rig.assess.lane_sentence import computers_lost
 from rig.assess.record import Episode, Isolation, Score
@@ -108,11 +109,14 @@ def _counted(context: Context) -> str:
     if not outcomes:
         detections = "no fault was in the scenario"
     else:
-        detected = outcomes.count("detected")
-        possible = detected + outcomes.count("missed")
+        possible = outcomes.count("detected") + outcomes.count("missed")
+        beside = sum(another(fault, context) is not None for fault in context.score.faults)
+        detected = outcomes.count("detected") - beside
         detections = (
             f"{detected} of {possible} detectable faults detected" if possible else "no fault could be detected"
         )
+        if beside:
+            detections += f", {beside} more on channels failed for another fault"
     wrong = len(context.score.false_alarms) + len(context.score.wrong_isolations)
     by_design = "".join(
         f", {count} {kind}" for kind in BY_DESIGN if (count := [k for k, _ in context.score.isolations].count(kind))

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from rig.assess.record import FaultScore, Score
 from rig.computer.redundancy.managers import manager_kind
 from rig.faults.places import number, site
-from rig.frame import INDEX, SIGNALS, SURFACES, State
+from rig.frame import INDEX, SIGNALS, SURFACES, Pattern, State
 from rig.scenario import Scenario
 from rig.units.angles import differences
 from rig.units.quantities import unit_of_name
+from rig.util.blocks import cuts
 
 Bools = NDArray[np.bool_]
 
@@ -103,11 +104,21 @@ class Agreement(NamedTuple):
     """One channel over m frames: ``alone``: near no other channel in use; the ``nearest`` one, its ``distance``.
 
     nearest : (m,) channel from 0, -1 where none can be compared; distance : (m,) unit of the signal, infinite there
+    usable : (m,) it can be compared; out : (m,) it was failed before; many : (m,) channels that can be; pattern : (m,)
     """
 
     alone: Bools
     nearest: NDArray[np.intp]
     distance: NDArray[np.float64]
+    usable: Bools
+    out: Bools
+    many: NDArray[np.intp]
+    pattern: NDArray[np.uint8]
+
+    def of(self, frames: slice) -> Agreement:
+        """Return that of some of the frames."""
+        parts: list[Any] = [column[frames] for column in self]
+        return Agreement(*parts)
 
 
 def comparable(samples: NDArray[np.float64], valid: Bools, out: Bools, p: NDArray[np.void]) -> Bools:
@@ -126,7 +137,8 @@ def agreement(columns: NDArray[Any], c: int, first: int, end: int, p: NDArray[np
     """
     samples, valid = columns["channels"][first:end], columns["valid"][first:end] != 0
     before = columns["state"][np.maximum(np.arange(first, end) - 1, 0)]  # failed in this frame: compared in it
-    compared = comparable(samples, valid, (before == State.FAILED) | (before == State.ABSENT), p)
+    out = (before == State.FAILED) | (before == State.ABSENT)
+    compared = comparable(samples, valid, out, p)
     from_c = differences(samples, samples[:, c : c + 1], bool(p["wraps"]))
     off = np.where(compared & compared[:, c : c + 1], np.abs(from_c), np.inf)
     off[:, c] = np.inf
@@ -134,7 +146,26 @@ def agreement(columns: NDArray[Any], c: int, first: int, end: int, p: NDArray[np
     distance = off[np.arange(len(off)), nearest]
     alone = ~compared[:, c] | ~(distance <= allowed(compared.sum(axis=1), p))
     alone |= outlier(np.where(compared, from_c, np.nan), distance, p)
-    return Agreement(alone, np.where(np.isfinite(distance), nearest, -1), distance)
+    nearest = np.where(np.isfinite(distance), nearest, -1)
+    many, pattern = compared.sum(axis=1), columns["pattern"][first:end]
+    return Agreement(alone, nearest, distance, compared[:, c], out[:, c], many, pattern)
+
+
+def agreement_of(fault: FaultScore, context: Context, first: int, end: int) -> Agreement:
+    """Compare the channel of ``fault`` with the others in the frames ``first`` to ``end`` (excluded), in blocks."""
+    s, c = INDEX[fault.signal], (fault.channel or 1) - 1
+    columns, p = context.score.evidence.columns, context.params[s]
+    parts: list[Agreement] = []
+    for part in cuts(end - first):
+        begin = max(first + part.start - 1, 0)  # with the frame before
+        kept = columns(s, begin, first + part.stop)
+        parts.append(agreement(kept, c, first + part.start - begin, len(kept), p))
+    return Agreement(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def singular(pattern: NDArray[np.uint8]) -> Bools:
+    """Return where a Pattern has no majority."""
+    return (pattern >= Pattern.P2_2) & (pattern <= Pattern.P1_1)
 
 
 def allowed(compared: NDArray[np.intp], p: NDArray[np.void]) -> NDArray[np.float64]:
@@ -155,7 +186,7 @@ def outlier(samples: NDArray[np.float64], distance: NDArray[np.float64], p: NDAr
     return (limit > 0.0) & together & (distance > limit) & (gaps <= limit[:, None]).any(axis=1)
 
 
-def last_run(flags: Bools) -> int:
-    """Return how many of the last ``flags`` in a row are set."""
-    unset = np.flatnonzero(~flags)
-    return len(flags) - (int(unset[-1]) + 1 if len(unset) else 0)
+def longest_run(flags: Bools) -> int:
+    """Return how many ``flags`` in a row are set, at most."""
+    edges = np.flatnonzero(np.diff([False, *flags, False]))
+    return int((edges[1::2] - edges[::2]).max(initial=0))

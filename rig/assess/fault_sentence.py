@@ -8,7 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from rig.assess.actuator_sentence import actuator_result, on_servos
-from rig.assess.context import Agreement, Context, agreement, channels, last_run, place
+from rig.assess.context import Agreement, Context, agreement_of, channels, longest_run, place
+from rig.assess.counting import COMPARISON, Climb, another, climb
 from rig.assess.lane_sentence import lane_result, on_lanes
 from rig.assess.monitored import references_of
 from rig.assess.record import FaultScore
@@ -17,9 +18,7 @@ from rig.faults.places import site
 from rig.faults.settings import Triggered, in_thresholds
 from rig.frame import INDEX
 from rig.units.quantities import duration, quantity, seconds
-from rig.util.blocks import cuts
 
-COMPARISON: Final = "comparison"
 _OTHER: Final = Triggered.sentence  # of a kind that says nothing of its own
 _NO_ERROR: Final = "{where} had a fault ({kind}) from {at} on"
 _RESOLVERS: Final = {
@@ -108,15 +107,29 @@ def _detected(fault: FaultScore, context: Context) -> str:
     after = duration(fault.delay_from_onset_frames, context.rate_hz)
     if fault.channel is None:
         return f"was found {after} later: the manager declared the reference unusable"
+    if (cause := another(fault, context)) is not None:
+        failed, began = (seconds(frame or 0, context.rate_hz) for frame in (fault.failed_frame, cause.onset_frame))
+        return f"was not found: the channel was failed at {failed} for another fault, {cause.kind} from {began} on"
     if fault.resolver != COMPARISON:
         return f"was failed {after} later {_RESOLVERS.get(fault.resolver or '', f'by the {fault.resolver}')}"
     if not context.compares(fault):
         return f"was failed {after} later"
-    onset, failed = fault.onset_frame or 0, fault.failed_frame or 0
-    counted = last_run(_agreement(fault, context, onset, failed + 1).alone)
-    late = "" if fault.exceeded_frame is None else _late(fault, context, failed + 1 - counted)
-    miscompared = f"miscompared for {counted} frames and was failed " if counted else "was failed "
-    return late + miscompared + (f"at {seconds(failed, context.rate_hz)}" if late else f"{after} later")
+    found = climb(fault, context)
+    late = "" if fault.exceeded_frame is None else _late(fault, context, found.first)
+    failed = f"at {seconds(fault.failed_frame or 0, context.rate_hz)}" if late else f"{after} later"
+    return f"{late}{_miscompared(found)}was failed {failed}"
+
+
+def _miscompared(found: Climb) -> str:
+    """Return in how many of its frames the channel miscompared: ``miscompared in 12 of 16 frames and ``."""
+    frames, alone, counted = len(found.alone), int(found.alone.sum()), int(found.counted.sum())
+    if not alone:
+        return ""
+    if alone < frames:
+        text = f"miscompared in {alone} of {frames} frames"
+    else:
+        text = f"miscompared for {frames} frame{'s' if frames > 1 else ''}"
+    return f"{text} and " if counted == alone else f"{text}, {counted} of them counted, and "
 
 
 def _late(fault: FaultScore, context: Context, from_frame: int) -> str:
@@ -126,19 +139,25 @@ def _late(fault: FaultScore, context: Context, from_frame: int) -> str:
         return ""
     return (
         f"left its {_threshold(fault, context)} at {seconds(exceeded, context.rate_hz)}, but "
-        f"{_near(fault, context, exceeded, from_frame)} until {seconds(from_frame, context.rate_hz)}, then "
+        f"{_fared(agreement_of(fault, context, exceeded, from_frame), context.unit(fault))} until "
+        f"{seconds(from_frame, context.rate_hz)}, then "
     )
 
 
-def _near(fault: FaultScore, context: Context, first: int, end: int) -> str:
-    """Return which channel the faulty one agreed with in most of the frames ``first`` to ``end`` (excluded)."""
-    near = _agreement(fault, context, first, max(end, first + 1))
+def _fared(near: Agreement, unit: str) -> str:
+    """Return how the faulty channel fared among the others: in how many frames it miscompared, near which it stayed."""
     agreed = ~near.alone
     if not agreed.any():
         return "the monitor's counts stood still or began again"
-    partner = int(np.bincount(near.nearest[agreed]).argmax())
-    distance = near.distance[agreed & (near.nearest == partner)].max()
-    return f"stayed within {quantity(distance, context.unit(fault))} of channel {partner + 1}"
+    times = np.bincount(near.nearest[agreed])
+    partner = f"channel {int(times.argmax()) + 1}"
+    if times.max() < agreed.sum():
+        partner = f"another (mostly {partner})"
+    stayed = f"stayed within {quantity(near.distance[agreed].max(), unit)} of {partner}"
+    if agreed.all():
+        return stayed
+    count = f"miscompared in {near.alone.sum()} of {len(agreed)} frames, {longest_run(near.alone)} in a row at most"
+    return f"{count}, and else {stayed}"
 
 
 def _missed(fault: FaultScore, context: Context) -> str:
@@ -153,8 +172,16 @@ def _missed(fault: FaultScore, context: Context) -> str:
         return f"{text}, and {context.decided_by} says nothing of channels"
     if not context.compares(fault):
         return f"{text}, and {context.decided_by} did not fail the channel"
-    end = fault.exceeded_frame + fault.exceeded_run_frames
-    return f"{text}, and {_near(fault, context, fault.exceeded_frame, end)}"
+    return f"{text}, and {_fared(_while_missed(fault, context), context.unit(fault))}"
+
+
+def _while_missed(fault: FaultScore, context: Context) -> Agreement:
+    """Return how the channel agreed while in use: for its longest run, and up to where it last miscompared."""
+    first = fault.exceeded_frame or 0
+    near = agreement_of(fault, context, first, context.score.flight.frames)
+    in_use = int(np.flatnonzero([*near.out, True])[0])
+    last = int(np.flatnonzero([True, *near.alone[:in_use]])[-1])
+    return near.of(slice(max(1, min(in_use, max(fault.exceeded_run_frames, last)))))
 
 
 def _undetectable(fault: FaultScore, context: Context) -> str:
@@ -208,15 +235,3 @@ def _threshold(fault: FaultScore, context: Context) -> str:
 
 def _params(fault: FaultScore, context: Context) -> Any:
     return context.params[INDEX[fault.signal]]
-
-
-def _agreement(fault: FaultScore, context: Context, first: int, end: int) -> Agreement:
-    """Compare the faulty channel with the others in the frames ``first`` to ``end`` (excluded), block by block."""
-    columns, p = context.score.evidence.columns, _params(fault, context)
-    s, c = INDEX[fault.signal], (fault.channel or 1) - 1
-    parts = []
-    for part in cuts(end - first):
-        begin = max(first + part.start - 1, 0)  # with the frame before
-        kept = columns(s, begin, first + part.stop)
-        parts.append(agreement(kept, c, first + part.start - begin, len(kept), p))
-    return Agreement(*map(np.concatenate, zip(*parts, strict=True)))

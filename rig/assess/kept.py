@@ -12,12 +12,14 @@ from rig.assess.outcome import NEVER
 from rig.frame import CHANNELS, Block
 
 # One signal's fields that a sentence looks at again, frame by frame.
-COLUMNS: Final = np.dtype([("channels", "f8", (CHANNELS,)), ("valid", "u1", (CHANNELS,)), ("state", "u1", (CHANNELS,))])
+COLUMNS: Final = np.dtype(
+    [("channels", "f8", (CHANNELS,)), ("valid", "u1", (CHANNELS,)), ("state", "u1", (CHANNELS,)), ("pattern", "u1")]
+)
 Columns = Callable[[int, int, int], NDArray[Any]]  # signal, first frame, end (excluded): (n,) COLUMNS
 
 
 class KeptColumns:
-    """The columns of signals from the frame before a fault acts on them until it is failed, 40 bytes a frame."""
+    """The columns of signals from the frame before a fault acts on them until it is failed, 41 bytes a frame."""
 
     def __init__(self, signals: Iterable[int]) -> None:
         self._parts: dict[int, list[tuple[int, NDArray[Any]]]] = {s: [] for s in signals}  # first frame, (n,) COLUMNS

@@ -64,10 +64,9 @@ def score(
     recording: Recording,
     voted: Result,
     corrections: Corrections | None = None,
-    box_signals: int | None = 0,
 ) -> list[Scored]:
     """Return the outcome of each fault on each of its channels; ``recording`` as voted upon, perhaps aligned."""
-    outcome = added_up(injection, recording, voted, corrections or {}, box_signals)
+    outcome = added_up(injection, recording, voted, corrections or {})
     pairs = zip(injection.injected, outcome.records.faults, strict=True)
     return [_scored(fault, record, outcome, recording, corrections or {}) for fault, record in pairs]
 
@@ -109,14 +108,12 @@ def _later(name: str, channel: int, recording: Recording, corrections: Correctio
     return recording.first_row + ceil(delay)
 
 
-def added_up(
-    injection: Injection, recording: Recording, voted: Result, corrections: Corrections, box_signals: int | None
-) -> Outcome:
+def added_up(injection: Injection, recording: Recording, voted: Result, corrections: Corrections) -> Outcome:
     """Return the outcome of all rows that were voted upon."""
     signals = {name: of.settings for name, of in voted.signals.items()}
-    params = params_of(recording, signals)
+    params = params_of(recording, signals, voted.rules)
     discretes = discrete_params(recording, {name: of.settings for name, of in voted.discretes.items()})
-    monitored = Monitored.of(params, discretes, box_signals)
+    monitored = Monitored.of(params, discretes, voted.rules.box_signals)
     outcome = Outcome(monitored, fault_records(injection.faults, monitored, injection.places))
     for block, clean in _rows(injection, recording, voted, corrections):
         outcome.add(block, clean)

@@ -18,9 +18,10 @@ from rig import loop, sensors
 from rig.bench.channels import ChannelFailure, channel_records
 from rig.bench.run import Decide, Stages, run, write_sources
 from rig.bench.sources import FIELDS, Columns, DiscreteColumns, blocks, put
-from rig.computer.redundancy.config import PARAMS, fill
+from rig.computer.redundancy.config import PARAMS, box_of_signals, fill
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
+from rig.computer.redundancy.durations import in_frames
 from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.computer.redundancy.rivals.settings import Rivals
@@ -28,13 +29,14 @@ from rig.frame import DISCRETES, SIGNALS, Block, D, Rows, S, State, rows, to_fra
 from rig.kernels import kernel
 from rig.recordings.clock import Floats
 from rig.recordings.recording import Bytes, Recording, Samples
-from rig.recordings.settings import RecordedDiscrete, RecordedSignal, Reset, commands
+from rig.recordings.settings import RecordedDiscrete, RecordedSignal, Reset, VoteRules, commands
 from rig.scenario import Scenario
 from rig.units.angles import difference
 from rig.util.trust import Trust
 
 _NO_CODE: Final = Trust("the configuration")
 _BY_DEFAULT: Final = Rivals()
+_NO_RULES: Final = VoteRules()
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +80,7 @@ class Result:
     signals: dict[str, Voted]
     discretes: dict[str, VotedDiscrete] = field(default_factory=dict)
     of_flight: bool = False  # voted by the settings of the flight that was recorded
+    rules: VoteRules = _NO_RULES
 
 
 class _Group(NamedTuple):
@@ -95,20 +98,21 @@ def vote(
     resets: list[Reset],
     trust: Trust = _NO_CODE,
     triads: Mapping[str, Sequence[str]] | None = None,
-    boxes: tuple[int, int] = (0, 1),
+    rules: VoteRules = _NO_RULES,
     rivals: Rivals = _BY_DEFAULT,
 ) -> dict[str, Voted]:
     """Vote the signals that have settings; BadInput: a manager class that ``trust`` does not permit.
 
     triads : by name, signals that are the axes of one unit: "selection" chooses one channel for all three
-    boxes : signals and frames as ``box_signals`` and ``box_persistence`` of a flight; 0 signals: never
+    rules : for all signals; its boxes are of signals that have settings
     rivals : settings of the rivals among the managers
     """
     for chosen in settings.values():
         trust.require(chosen.manager)
-    grouped = _groups(recording, settings, trust, triads or {}, boxes, rivals)
+    params = dict(zip(settings, params_of(recording, settings, rules), strict=True))
     voted: dict[str, Voted] = {}
-    for group in grouped:
+    for names, as_unit in _groups(settings, triads or {}):
+        group = _group(names, settings, np.array([params[name] for name in names]), trust, rules, rivals, as_unit)
         voted |= _vote_group(recording, group, settings, resets)
     return {name: voted[name] for name in settings}
 
@@ -120,13 +124,25 @@ def vote_discretes(
     return _vote_discretes(recording, settings, resets, DiscreteVoter(discrete_params(recording, settings)))
 
 
-def params_of(recording: Recording, settings: Mapping[str, RecordedSignal]) -> NDArray[np.void]:
-    """Return (n,) config.PARAMS of the signals that have settings."""
+def params_of(
+    recording: Recording, settings: Mapping[str, RecordedSignal], rules: VoteRules = _NO_RULES
+) -> NDArray[np.void]:
+    """Return (n,) config.PARAMS of the signals that have settings; no split is given up before it can be settled."""
     params = np.zeros(len(settings), PARAMS)
     for row, (name, chosen) in zip(params, settings.items(), strict=True):
-        fitted = len(recording.signals[name].channels)
-        fill(row, chosen, chosen.limits, fitted, chosen.wraps, recording.rate_hz)
+        samples = recording.signals[name]
+        fill(row, chosen, chosen.limits, len(samples.channels), chosen.wraps, recording.rate_hz)
+        row["referred"] = is_referred(samples, recording.in_si)
+    params["box"] = box_of_signals(rules.boxes, tuple(settings))
+    if rules.unresolved_s > 0:
+        frames = in_frames(0, rules.unresolved_s, recording.rate_hz)
+        params["unresolved_frames"] = np.maximum(frames, params["singular_persistence"])
     return params
+
+
+def is_referred(samples: Samples, ours: bool) -> bool:
+    """Return whether a signal has a reference; in a log of ours a field of every signal, NaN where there is none."""
+    return samples.reference is not None and (not ours or bool(np.isfinite(samples.reference).any()))
 
 
 def discrete_params(recording: Recording, settings: Mapping[str, RecordedDiscrete]) -> NDArray[np.void]:
@@ -146,7 +162,9 @@ def of_flight(recording: Recording, scenario: Scenario) -> Result:
     resets = _at_rows(scenario, recording)
     group = _Group(tuple(signals), stage.own or stage.manager, stage.manager.params, of_flight=True)
     voted = _vote_group(recording, group, signals, resets)
-    return Result(voted, _vote_discretes(recording, discretes, resets, stage.discretes, True), of_flight=True)
+    of = scenario.redundancy
+    rules = VoteRules(of.box_signals, of.box_persistence, of.boxes, of.unresolved_s)
+    return Result(voted, _vote_discretes(recording, discretes, resets, stage.discretes, True), True, rules)
 
 
 def settings_of(scenario: Scenario) -> tuple[dict[str, RecordedSignal], dict[str, RecordedDiscrete]]:
@@ -183,42 +201,38 @@ def _at_rows(scenario: Scenario, recording: Recording) -> list[Reset]:
 
 
 def _groups(
-    recording: Recording,
-    settings: Mapping[str, RecordedSignal],
-    trust: Trust,
-    triads: Mapping[str, Sequence[str]],
-    boxes: tuple[int, int],
-    rivals: Rivals,
-) -> list[_Group]:
-    """Return who votes together: all signals of a manager, the axes of a unit; a user's manager votes each alone."""
+    settings: Mapping[str, RecordedSignal], triads: Mapping[str, Sequence[str]]
+) -> list[tuple[tuple[str, ...], bool]]:
+    """Return who votes together, and whether they are the axes of a unit.
+
+    All signals of a manager, the axes of a unit; a user's manager votes each alone.
+    """
     units = [
         tuple(axes) for axes in triads.values() if all(manager_kind(settings[a].manager).chooses_units for a in axes)
     ]
     others = [name for name in settings if not any(name in axes for axes in units)]
-    groups = [_group(recording, axes, settings, trust, boxes, rivals, as_unit=True) for axes in units]
+    groups = [(axes, True) for axes in units]
     for manager in dict.fromkeys(settings[name].manager for name in others):
         names = tuple(name for name in others if settings[name].manager == manager)
-        for some in [names] if manager in MANAGERS else [(name,) for name in names]:
-            groups.append(_group(recording, some, settings, trust, boxes, rivals))
+        groups += [(some, False) for some in ([names] if manager in MANAGERS else [(name,) for name in names])]
     return groups
 
 
 def _group(
-    recording: Recording,
     names: tuple[str, ...],
     settings: Mapping[str, RecordedSignal],
+    params: NDArray[np.void],
     trust: Trust,
-    boxes: tuple[int, int],
+    rules: VoteRules,
     rivals: Rivals,
-    as_unit: bool = False,
+    as_unit: bool,
 ) -> _Group:
-    params = params_of(recording, {name: settings[name] for name in names})
     manager = settings[names[0]].manager
     if manager not in MANAGERS:
         return _Group(names, load_manager(manager, params, trust), params)
     with_manager = with_settings(params, manager, rivals, names)
-    made = Manager(manager, with_manager, box_signals=boxes[0], box_persistence=boxes[1], as_unit=as_unit)
-    return _Group(names, made, params)
+    boxes = {"box_signals": rules.box_signals, "box_persistence": rules.box_persistence}
+    return _Group(names, Manager(manager, with_manager, **boxes, as_unit=as_unit), params)
 
 
 def _vote_group(

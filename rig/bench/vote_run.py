@@ -64,11 +64,6 @@ class _Asked(NamedTuple):
     config: VoteConfig  # empty for a flight voted by its own scenario
     flown: Recorded | None = None
 
-    @property
-    def box_signals(self) -> int | None:
-        """Faulty signals that fail a box; None: more than half of it."""
-        return self.config.box_signals if self.flown is None else self.flown.scenario.redundancy.box_signals
-
 
 def run(recorded: Path, config: Path | None, out: Path, options: Options) -> dict[str, Any]:
     """Vote ``recorded`` and write ``out``, which is there only when all went well; the summary.
@@ -98,12 +93,14 @@ class Votes(NamedTuple):
         return table(self.recording, self.voted)
 
     def __repr__(self) -> str:
-        """Return one line: rows, signals, the channels that are failed at the end, and long suspect ones."""
+        """Return one line: rows, signals, the channels that are failed at the end, long suspect ones, open splits."""
         groups = {**self.summary["signals"], **self.summary["discretes"]}
         failed = [
             f"{name}.{c['channel']}" for name, g in groups.items() for c in g["channels"] if c["state"] == "failed"
         ]
-        told = "; ".join([f"failed {', '.join(failed) or 'no channel'}", *self.summary["suspects"]])
+        told = "; ".join(
+            [f"failed {', '.join(failed) or 'no channel'}", *self.summary["suspects"], *self.summary["undecided"]]
+        )
         return f"<Votes {self.summary['rows']} rows of {', '.join(groups)}: {told}>"
 
 
@@ -135,7 +132,7 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
         data["remark"] = "a unit under test voted in this flight; here the manager of its scenario does"
     if test is not None and injection is not None:
         corrections = None if alignment is None else alignment.corrections
-        scored = score(injection, recording, voted, corrections, asked.box_signals)
+        scored = score(injection, recording, voted, corrections)
         data["injected"] = scores(scored, test[1], test[0].seed)
     return Votes(recording, voted, data)
 
@@ -149,6 +146,7 @@ def _by_config(recorded: Path, config: Path | dict[str, Any], options: Options) 
     source = _named(config)
     settings = read_config(config) if isinstance(config, Path) else config_of(config, Path(source))
     recording, signals = load(recorded, settings, source, options.repair)
+    settings.refuse_short_wait(signals, recording.rate_hz, source)
     return _Asked(recording, signals, settings.discretes(recording.discretes, source), settings)
 
 
@@ -166,6 +164,6 @@ def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | N
     settings = asked.config
     if asked.flown is not None:
         return of_flight(recording, asked.flown.scenario)
-    trust, boxes = Trust(str(_named(config)), options.allow_code), (settings.box_signals, settings.box_persistence)
-    signals = vote(recording, asked.signals, settings.resets, trust, settings.triads, boxes, settings.rivals)
-    return Result(signals, vote_discretes(recording, asked.discretes, settings.resets))
+    trust, rules = Trust(str(_named(config)), options.allow_code), settings.rules
+    signals = vote(recording, asked.signals, settings.resets, trust, settings.triads, rules, settings.rivals)
+    return Result(signals, vote_discretes(recording, asked.discretes, settings.resets), rules=rules)

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from rig.bench.vote import Result, Voted, VotedDiscrete
-from rig.frame import Pattern, State
-from rig.record.suspects import Suspect
+from rig.frame import Pattern, Resolver, State
+from rig.record.suspects import Suspect, is_many, share_text
 from rig.recordings.alignment import Alignment
 from rig.recordings.clock import Floats
 from rig.recordings.recording import Recording
 from rig.recordings.settings import RecordedSignal
 
+_NEVER = ", never given up"
 _SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
 
 
@@ -32,7 +33,7 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
         "signals": {name: _signal(signal) for name, signal in voted.signals.items()},
         "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
     }
-    data["suspects"] = _lasting(data)
+    data["suspects"], data["undecided"] = _lasting(data), _undecided(data)
     if alignment is not None:
         data["alignment"] = alignment.as_dict()
         for name, signal in data["signals"].items():
@@ -48,13 +49,15 @@ def _in_unit(alignment: dict[str, Any], settings: RecordedSignal) -> dict[str, A
 
 
 def _signal(signal: Voted) -> dict[str, Any]:
-    shown = signal.settings.shown
+    shown, unresolved = signal.settings.shown, signal.resolver == Resolver.UNRESOLVED
     return {
         "manager": signal.settings.manager,
         "unit": signal.settings.unit,
         "threshold": shown(signal.settings.threshold),
         "level": int(signal.level[-1]),
         "singular_share": float(np.isin(signal.pattern, _SINGULAR).mean()),
+        "unresolved_rows": int(unresolved.sum()),
+        "unresolved_share": float(unresolved.mean()),
         "spread": _spread(shown(signal.spread)),
         "voted": _extremes(shown(signal.voted)),
         "channels": [_channel(signal, c) for c in range(len(signal.state))],
@@ -108,3 +111,16 @@ def _lasting(data: dict[str, Any]) -> list[str]:
         for channel in group["channels"]
     )
     return [f"{one.signal}.{one.channel}: suspect {one.text('rows')}" for one in suspects if one.lasting]
+
+
+def _undecided(data: dict[str, Any]) -> list[str]:
+    """Return a line for each signal of a summary in which no rule answered in many rows, and when it was given up."""
+    lines: list[str] = []
+    for name, signal in data["signals"].items():
+        rows = signal["unresolved_rows"]
+        failures = [failure for channel in signal["channels"] for failure in channel["failed"]]
+        given_up = [failure["time_s"] for failure in failures if failure["why"] == Resolver.GIVEN_UP.name.lower()]
+        if is_many(rows, data["rows"]):
+            end = "".join(f", given up at {at_s:.6g} s" for at_s in dict.fromkeys(given_up))
+            lines.append(f"{name}: no majority, and no rule answered, {share_text(rows, data['rows'])}{end or _NEVER}")
+    return lines

@@ -10,6 +10,7 @@ from rig.cli.table import Column, line, table
 _SIGNALS = (
     *(Column("signal", "name"), Column("level", "level")),
     Column("singular frames", lambda row: f"{100 * row['singular_share']:.3g} %", worth=6),
+    Column("undecided", lambda row: f"{100 * row['unresolved_share']:.3g} %", worth=5),
     *(Column("spread median", "spread.median", ".4g", worth=5), Column("95 %", "spread.p95", ".4g", worth=3)),
     *(Column("worst", "spread.max", ".4g", worth=4), Column("voted from", "voted.min", ".4g", worth=7)),
     *(Column("to", "voted.max", ".4g", worth=7), Column("unit", "unit", worth=8)),
@@ -65,8 +66,8 @@ def vote(summary: dict[str, Any]) -> None:
     table(_named(summary["signals"]), _SIGNALS)
     table(_named(summary["discretes"]), _DISCRETES)
     table(_channels(summary), _CHANNELS)
-    for suspect in summary["suspects"]:
-        line(suspect, style="yellow")
+    for doubt in (*summary["suspects"], *summary["undecided"]):
+        line(doubt, style="yellow")
     table(summary.get("injected", {}).get("faults", ()), _INJECTED)
     table(summary.get("requirements", ()), _REQUIREMENTS)
     if summary["not_voted"]:

@@ -37,7 +37,7 @@ class Suspect(NamedTuple):
     @property
     def lasting(self) -> bool:
         """Whether it was suspect in many rows and never failed."""
-        return not self.failed and self.rows >= max(LEAST_ROWS, LEAST_SHARE * self.of)
+        return not self.failed and is_many(self.rows, self.of)
 
     def as_dict(self) -> dict[str, str | int | float | bool]:
         """Return it as plain data, for --json."""
@@ -46,7 +46,17 @@ class Suspect(NamedTuple):
     def text(self, rows: str = "frames") -> str:
         """Return how often, as people read it: ``in 1750 of 2000 frames (87.5 %), never failed``."""
         never = "" if self.failed else ", never failed"
-        return f"in {self.rows} of {self.of} {rows} ({100 * self.share:.3g} %){never}"
+        return f"{share_text(self.rows, self.of, rows)}{never}"
+
+
+def is_many(rows: int, of: int) -> bool:
+    """Return whether so many rows ``of`` all are told in a sentence."""
+    return rows >= max(LEAST_ROWS, LEAST_SHARE * of)
+
+
+def share_text(rows: int, of: int, unit: str = "rows") -> str:
+    """Return a count and its share as people read it: ``in 1750 of 2000 frames (87.5 %)``."""
+    return f"in {rows} of {of} {unit} ({100 * rows / max(of, 1):.3g} %)"
 
 
 def lasting_text(suspects: Iterable[Suspect]) -> str:

@@ -7,8 +7,11 @@
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
     [rivals.<name>]    # of a manager that is a rival of ours; as [redundancy.rivals.<name>] of a flight
-    box_signals        # signals that accuse a channel at once until it is failed on all; 0 when not given: never
+    [boxes]            # signals that one unit of each channel measures, each signal in one; all in one when not given
+    box_signals        # of a box that accuse a channel at once until it is failed on all of them; 0: never; when not
+                       # given never without [boxes], else more than half of the box
     box_persistence    # frames for which they do
+    unresolved_s       # of a split that no rule answers until it is given up; 0: never
     time_column        # of tables, "time_s" when not given; time_unit: "s"; separator, decimal: found by looking
 
 Amounts in a signal's table have its ``unit``; in the settings that ``VoteConfig.signals`` gives they are SI.
@@ -18,17 +21,18 @@ Everything is checked before a row is voted; errors name the file and the key.
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from math import pi
 from pathlib import Path
-from typing import Any, ClassVar, Final, Literal, TypeVar
+from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, field_validator
 
+from rig.computer.redundancy.config import Config as FlightConfig
 from rig.computer.redundancy.config import Reset as FlightReset
-from rig.computer.redundancy.config import SignalConfig, bits
+from rig.computer.redundancy.config import SignalConfig, bits, box_of_signals, short_wait
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
 from rig.computer.redundancy.rivals.settings import Rivals
@@ -125,6 +129,15 @@ class Reset(FlightReset):
         return name  # whether the recording has it is checked when it has been read
 
 
+class VoteRules(NamedTuple):
+    """What holds for all signals of a vote: keys of ``redundancy.Config``; by default neither box nor split fails."""
+
+    box_signals: int | None = 0
+    box_persistence: int = 1
+    boxes: Mapping[str, Sequence[str]] = {}
+    unresolved_s: float = 0.0
+
+
 class VoteConfig(Settings):
     """The whole file; tables of signals are checked by ``signals`` when their names are known."""
 
@@ -141,8 +154,10 @@ class VoteConfig(Settings):
     separator: str | None = Field(default=None, min_length=1, max_length=1)
     decimal: Literal[".", ","] | None = None
     resets: list[Reset] = []
-    box_signals: int = Field(default=0, ge=0)
+    boxes: dict[str, list[str]] = {}
+    box_signals: int | None = Field(default=None, ge=0)
     box_persistence: int = Field(default=8, ge=1)
+    unresolved_s: float = Field(default=FlightConfig.model_fields["unresolved_s"].default, ge=0)
 
     @field_validator("time_unit")
     @classmethod
@@ -154,6 +169,17 @@ class VoteConfig(Settings):
     def tables(self) -> TableFormat:
         """Return how tables are written."""
         return TableFormat(self.time_column, self.time_unit, self.separator, self.decimal)
+
+    @property
+    def rules(self) -> VoteRules:
+        """Return what holds for all signals."""
+        needed = 0 if self.box_signals is None and not self.boxes else self.box_signals
+        return VoteRules(needed, self.box_persistence, self.boxes, self.unresolved_s)
+
+    def refuse_short_wait(self, signals: Mapping[str, SignalConfig], rate_hz: float, source: str) -> None:
+        """BadInput where ``unresolved_s`` is given and shorter than an answer must stand; the default gives way."""
+        if "unresolved_s" in self.model_fields_set and (short := short_wait(self.unresolved_s, signals, rate_hz)):
+            raise BadInput(f"{source}: {short}")
 
     def signals(self, present: Collection[str], source: str) -> dict[str, RecordedSignal]:
         """Return settings of the signals to be voted, those of ``present`` that a table or the default names."""
@@ -168,6 +194,10 @@ class VoteConfig(Settings):
             self.rivals.refuse_others(present)
         except ValueError as error:
             raise BadInput(f"{source}: {error}") from None
+        try:
+            box_of_signals(self.boxes, chosen)
+        except ValueError as error:
+            raise BadInput(f"{source}: boxes: {error}") from None
         signals = {name: self._settings(name, source) for name in chosen}
         for triad, axes in self.triads.items():
             _check_triad(f"{source}: triads.{shorten(triad)}", axes, signals)

@@ -11,6 +11,8 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from rig.assess import cells
+from rig.assess.context import Context
+from rig.assess.counting import another
 from rig.assess.of_log import Scored, score_log
 from rig.assess.record import Yardstick
 from rig.assess.requirements import plain
@@ -191,8 +193,10 @@ def _said(one: Moment, rate_hz: float) -> str:
 def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
     """Return big figures, what they are, and whether they are bad."""
     score = scored.score
-    detected = [fault for fault in score.faults if fault.outcome == "detected"]
-    missed = sum(fault.outcome == "missed" for fault in score.faults)
+    context = Context(scored.scenario, score)
+    found = [fault for fault in score.faults if fault.outcome == "detected"]
+    detected = [fault for fault in found if another(fault, context) is None]
+    missed = sum(fault.outcome == "missed" for fault in score.faults) + len(found) - len(detected)
     wrong = len(score.false_alarms) + len(score.wrong_isolations)
     delays = [fault.delay_from_exceeded_frames for fault in detected if fault.delay_from_exceeded_frames is not None]
     off = [name for name, error in score.vote_error.items() if error.above_threshold_s > 0]

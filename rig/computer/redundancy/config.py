@@ -73,14 +73,14 @@ class SignalConfig(Settings):
     selection_integral_s: float | None = Field(default=None, gt=0)  # 5 thresholds times a second
 
     @model_validator(mode="after")
-    def _frames_or_seconds(self) -> SignalConfig:
+    def _fit_together(self) -> SignalConfig:
         refuse_both(self, "persistence", "singular_persistence")
-        return self
-
-    @model_validator(mode="after")
-    def _counts_in_frames(self) -> SignalConfig:
         if self.count_down is not None and "persistence" not in self.model_fields_set:
             raise ValueError("count_down: give persistence, the count in frames that fails a channel, beside it")
+        if self.trend_small is not None and self.trend_window == "tumbling":
+            raise ValueError('trend_small: not with trend_window = "tumbling", which only answers after whole windows')
+        if (self.slow_allowance is None) != (self.slow_limit is None):
+            raise ValueError("slow_allowance, slow_limit: both or neither")
         return self
 
     @model_validator(mode="after")
@@ -97,12 +97,6 @@ class SignalConfig(Settings):
         least = min(x for x in (self.threshold, self.threshold_triplex, self.threshold_duplex) if x is not None)
         if self.bias_bound > least:
             raise ValueError(f"bias_bound: at most the threshold of every level, {least:g}, got {self.bias_bound:g}")
-        return self
-
-    @model_validator(mode="after")
-    def _sum_of_both(self) -> SignalConfig:
-        if (self.slow_allowance is None) != (self.slow_limit is None):
-            raise ValueError("slow_allowance, slow_limit: both or neither")
         return self
 
     @field_validator("resolvers")
@@ -265,15 +259,23 @@ def without_lanes(resolvers: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def refuse_short_wait(config: Config, rate_hz: float) -> None:
     """Raise ValueError where a split would be given up before an answer to it can have stood long enough."""
-    given_up = in_frames(0, config.unresolved_s or None, rate_hz)
-    for signal in SIGNALS:
-        own: SignalConfig = getattr(config.signals, signal.name)
+    of_signals = {signal.name: getattr(config.signals, signal.name) for signal in SIGNALS}
+    if short := short_wait(config.unresolved_s, of_signals, rate_hz):
+        raise ValueError(f"redundancy.{short}")
+
+
+def short_wait(unresolved_s: float, signals: Mapping[str, SignalConfig], rate_hz: float) -> str:
+    """Return why ``unresolved_s`` is too short for one of ``signals``, "" where it is long enough."""
+    given_up = in_frames(0, unresolved_s or None, rate_hz)
+    default = ", the default," if unresolved_s == Config.model_fields["unresolved_s"].default else ""
+    for name, own in signals.items():
         settled = in_frames(own.singular_persistence, own.singular_persistence_s, rate_hz)
         if 0 < given_up < settled:
-            raise ValueError(
-                f"redundancy.unresolved_s: {config.unresolved_s:g} s are {given_up} frames, fewer than the "
-                f"{settled} of singular_persistence of {signal.name}; 0: never"
+            return (
+                f"unresolved_s: {unresolved_s:g} s{default} are {given_up} frames, fewer than the {settled} of "
+                f"singular_persistence of {name}; 0: never"
             )
+    return ""
 
 
 def command(rows: Block, resets: Sequence[Reset], rate_hz: float) -> None:
