@@ -25,6 +25,12 @@ def test_the_rate_is_that_whose_instants_were_rounded(rate_hz: int, decimals: in
     assert rows_a_second(np.round(start_s + rows / rate_hz, decimals)) == rate_hz
 
 
+def test_at_400_hz_of_milliseconds_gaps_of_four_rows_are_counted_as_four():
+    """The median interval is 3 ms, of which ten are 3.3."""
+    rows = np.delete(np.arange(1600), np.concatenate([np.arange(k, k + 3) for k in range(5, 1590, 8)]))
+    assert rows_a_second(np.round(rows / 400, 3)) == 400.0
+
+
 @pytest.mark.parametrize("rate_hz", [59.94, 62.5, 99.7, 0.5])
 def test_a_rate_that_is_no_whole_number_is_that_of_the_median_interval(rate_hz: float):
     time_s = np.arange(5000) / rate_hz
