@@ -242,7 +242,7 @@ def filtered(flight: Flight, pick: Pick) -> Flight:
     samples = [[None if x is None else x + c / 16384 for c, x in enumerate(row)] for row in flight.samples]
     for _ in range(pick([0, 1, 2])):  # one missing, or the first of all, and a burst right after it
         c, k = pick(range(4)), pick([0, *range(len(samples))])
-        add(samples, c, k, pick([1, 2, 4]), pick([6.5, 200.0, -200.0]))
+        add(samples, c, k, pick([1, 2, 4]), pick([6.5, 120.0, -120.0]))
         if k:
             samples[k - 1][c] = None
     references = [None if x is None else x + beside / 2 for x in flight.references]

@@ -246,17 +246,18 @@ LEVELS_AND_FILTER = [
     Defect("a step of the filter not limited", "fabs(step) > limit", "fabs(step) > (1e9 * limit)"),
     Defect(
         "the filter goes on over a gap",
-        "s->smooth[c] = there ? compare_follow(s->smooth[c], near_base(f->samples[c], f, p), f, p) : (double)NAN;",
-        "s->smooth[c] = there ? compare_follow(s->smooth[c], near_base(f->samples[c], f, p), f, p) : s->smooth[c];",
+        "s->smooth[c] = there ? compare_follow(last, near_base(f->samples[c], f, p), f, p) : (double)NAN;",
+        "s->smooth[c] = there ? compare_follow(last, near_base(f->samples[c], f, p), f, p) : s->smooth[c];",
     ),
     Defect(
         "the filter begins with zero",
         "    if (isnan(last)) {\n        return x;",
         "    if (isnan(last)) {\n        return 0.0 * x;",
     ),
-    Defect("compared in the order of the samples", "        sort(f->y, f->by, f->n);\n", ""),
     Defect(
-        "the reference not filtered", "f->seen_reference = s->smooth_reference;", "f->seen_reference = f->reference;"
+        "compared in the order of the samples",
+        "        sort_again(f->y, f->by, f->n);\n",
+        "",
     ),
     Defect(
         "the filtered value voted by the reference",

@@ -17,8 +17,8 @@ REFERENCES = [
     ),
     Defect(
         "a reference judged by a suspected pair",
-        "|| isnan(f->reference) || s->after_extremes)",
-        "|| isnan(f->reference))",
+        "|| s->after_extremes || s->lasting.standing)",
+        "|| s->lasting.standing)",
     ),
     Defect("a suspected pair never cut", "if (!s->after_extremes) {", "if (s->level >= 0) {"),
     Defect(
@@ -58,15 +58,13 @@ REFERENCES = [
 SPLITS = [
     Defect(
         "settled by any answer",
-        "&& ((2 * split->stood) >= p->singular_persistence)",
-        "&& (split->stood >= 0)",
+        "&& stands;",
+        ";",
     ),
-    Defect("settled by an answer of the whole time", "((2 * split->stood) >= p", "(split->stood >= p"),
-    Defect("a trend as young as any answer", "return 1 + covered;", "return 1 + (0 * covered);"),
     Defect(
-        "a trend that speaks for answered frames",
-        "covered = (s->split.unresolved < covered) ? s->split.unresolved : covered;",
-        "",
+        "settled by an answer of the whole time",
+        "= (2 * split->stood) >= p",
+        "= split->stood >= p",
     ),
     Defect("an answer is its rule alone", "&& (blames == split->blames) &&", "&&"),
     Defect("an answer is whom it blames alone", "same = (f->resolver == split->rule) && (blames", "same = (blames"),
@@ -74,8 +72,8 @@ SPLITS = [
     Defect("given up a frame late", "(s->split.unresolved >= most)", "(s->split.unresolved > most)"),
     Defect(
         "given up by the frames of one pattern",
-        "? (split->unresolved + 1) : 0;",
-        "? (((s->pattern_frames > 1) ? split->unresolved : 0) + 1) : 0;",
+        "        split->unresolved++;",
+        "        split->unresolved = ((s->pattern_frames > 1) ? split->unresolved : 0) + 1;",
     ),
     Defect(
         "the vote moves with the ranks",
@@ -84,16 +82,13 @@ SPLITS = [
     ),
     Defect(
         "the shares found in every frame",
-        "if (!split->held || (s->pattern",
-        "if (!split->held || split->held || (s->pattern",
+        "if ((split->held_of != f->ranked) || (fabs",
+        "if ((split->held_of != 0U) || (split->held_of != f->ranked) || (fabs",
     ),
-    Defect("the shares of a split before", "if (!split->held || (s->pattern", "if ((s->pattern"),
-    Defect("the shares of another pattern", "|| (s->pattern_frames == 1) || (split", "|| (split"),
-    Defect("the shares of other channels", " || (split->held_of != f->ranked)", ""),
     Defect(
-        "the shares begin in the middle",
-        "while ((place < (f->n - 2)) && (f->x",
-        "place = f->n / 2 - 1;\n    while ((place < (f->n - 2)) && (f->x",
+        "the shares of a split before",
+        "split->held_of = majority ? 0U : split->held_of;",
+        "",
     ),
 ]
 TRENDS = [
@@ -121,11 +116,6 @@ TRENDS = [
     ),
     Defect("the trend always asked", "(told->referred == 0) ||", "(told->referred <= 1) ||"),
     Defect("the trend never asked beside a reference", "|| (told->trend_beside_reference != 0)", ""),
-    Defect(
-        "both sides of any pair wrong",
-        "s->after_extremes ? (LOW_SIDE + HIGH_SIDE) : NO_ANSWER",
-        "(LOW_SIDE + HIGH_SIDE)",
-    ),
     Defect("never both sides wrong", "s->after_extremes ? (LOW_SIDE + HIGH_SIDE) : NO_ANSWER", "NO_ANSWER"),
     Defect("a good pair not weighted", "(p->weighted != 0) && (half == 2)", "(p->weighted > 1) && (half == 2)"),
     Defect(
@@ -141,30 +131,26 @@ TRENDS = [
 ]
 REPEATS = [
     Defect("a stale sample compared", "&& !lasting_is_stale(c, &s->lasting) && compare", "&& compare"),
-    Defect("repeats of all at rest", "} else if (moved) {", "} else if (moved || (p->fitted > 0)) {"),
     Defect(
-        "repeats beside failed channels",
-        "        if (!s->latches.failed[c] && compare_is_comparable(f, c, p)) {\n            others++;",
-        "        if (compare_is_comparable(f, c, p)) {\n            others++;",
+        "repeats of all at rest",
+        "((2 * m->moving) >= others)",
+        "((2 * m->moving) >= 0)",
     ),
     Defect(
         "repeats of sensors at their stop",
-        "if ((x != l->last_sample[c]) || at_end) {",
-        "if ((x != l->last_sample[c]) || (at_end && (c < 0))) {",
+        "*ends = !told && (p->wraps == 0)",
+        "*ends = !told && (c < 0) && (p->wraps == 0)",
     ),
     Defect(
         "a gap ends a count",
-        "        const double x = f->samples[c];\n        if (compare",
-        "        const double x = f->samples[c];\n"
+        "        if (compare_is_comparable(f, c, p)) {\n            bool ends",
         "        l->last_sample[c] = compare_is_comparable(f, c, p) ? l->last_sample[c] : (double)NAN;\n"
-        "        if (compare",
+        "        if (compare_is_comparable(f, c, p)) {\n            bool ends",
     ),
-    Defect("nothing moves beside the only channel", "((others == 1) && isfinite", "((others < 0) && isfinite"),
-    Defect("a reference moves beside any channels", "((others == 1) && isfinite", "((others >= 1) && isfinite"),
     Defect(
-        "the filter's sample limited",
-        "    const double limit = p->threshold / ((double)p->persistence - 0.5);",
-        "    const double limit = 3.0 * p->filter_gain * p->threshold;",
+        "nothing moves beside the only channel",
+        "(others == 0) ? m->reference",
+        "(others == 0) ? false",
     ),
     Defect(
         "an agreeing frame ends a count",
@@ -230,8 +216,8 @@ FILTER = [
     ),
     Defect(
         "a filter that goes on over stale samples",
-        "compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);\n            s->smooth",
-        "compare_is_comparable(f, c, p);\n            s->smooth",
+        "compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);\n            const double last",
+        "compare_is_comparable(f, c, p);\n            const double last",
     ),
     Defect("a common mode of a pair that was cut", " || s->latches.failed[f->order[0]]", ""),
     Defect("the suspicion of a pair after a readmission", "    references_readmit(before.failed, s);\n", ""),
@@ -242,4 +228,44 @@ FILTER = [
     ),
     Defect("agreement of a channel that the frame has failed", " && !has(f->ranked, c);", ";"),
 ]
-OLD_RULES = [*FILTER, *REFERENCES, *SPLITS, *TRENDS, *REPEATS, *BOXES]
+GAPS = [
+    Defect(
+        "a held channel that jumps",
+        " || (fabs(gap - split->held_gap) > f->threshold)",
+        "",
+    ),
+    Defect(
+        "a reference judged by channels that stand still",
+        "|| s->after_extremes || s->lasting.standing)",
+        "|| s->after_extremes)",
+    ),
+    Defect(
+        "a filter that begins with its sample",
+        "isnan(s->smooth[c]) ? start : s->smooth[c]",
+        "s->smooth[c]",
+    ),
+    Defect(
+        "a young answer ends the wait",
+        "stands ? 0 : split->unresolved",
+        "0",
+    ),
+    Defect(
+        "a gap ends the wait",
+        "split->whole ? 0 : split->unresolved",
+        "0",
+    ),
+    Defect(
+        "repeats that the reference tells",
+        "told || (!*ends && most)",
+        "!*ends && most",
+    ),
+]
+OLD_RULES = [
+    *GAPS,
+    *FILTER,
+    *REFERENCES,
+    *SPLITS,
+    *TRENDS,
+    *REPEATS,
+    *BOXES,
+]

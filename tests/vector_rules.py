@@ -245,7 +245,8 @@ class OfAllAtRest(Other):
 
 class _NoReference(Lasting):
     def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
-        return super().stale(samples, in_use, None, False)
+        self.last_reference = reference
+        return super().stale(samples, in_use, reference, trusted)
 
 
 class WithoutReference(Other):

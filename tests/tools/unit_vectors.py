@@ -18,6 +18,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import vector_boxes
+import vector_holds
 import vector_rules
 from oracle_answers import PAIRS
 from oracle_boxes import ResettableOracle
@@ -314,6 +315,11 @@ RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
         "until a channel is readmitted; a pair that is cut agrees no more",
         paired,
         otherwise(vector_rules.StaysSuspected, vector_rules.CutAgrees, vector_rules.AgreesAtOnce),
+    ),
+    (
+        "a hold and its wait go on through gaps and answers that do not last, but for a channel that jumps",
+        vector_holds.held_in_gaps,
+        otherwise(vector_holds.AnsweredOnce, vector_holds.EndedByMissing, vector_holds.KeptThroughJumps),
     ),
     ("a reference is limited to the sensor's range", stopped, otherwise(vector_rules.BeyondTheStops)),
     ("a sensor at its stop does not repeat", stopped, otherwise(vector_rules.AtTheStops)),
