@@ -60,7 +60,7 @@ def run(flight: Flight) -> Voted:
         resolvers=list(s.resolvers),
         count_down=s.count_down or None,
         trend_frames=s.trend_frames,
-        trend_small=None if s.trend_small < 0 else s.trend_small,
+        trend_small=None if s.trend_small < 0 or s.trend_tumbles else s.trend_small,
         trend_window="tumbling" if s.trend_tumbles else "sliding",
         trend_beside_reference=s.trend_beside_reference,
         mean="trend-weighted" if s.weighted else "plain",
