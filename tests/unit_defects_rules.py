@@ -231,8 +231,8 @@ FILTER = [
 GAPS = [
     Defect(
         "a held channel that jumps",
-        " || (fabs(gap - split->held_gap) > f->threshold)",
-        "",
+        "(fabs(gap - split->held_gap) > f->threshold)",
+        "(fabs(gap - split->held_gap) < 0.0)",
     ),
     Defect(
         "a reference judged by channels that stand still",
