@@ -114,11 +114,6 @@ def test_a_verdict_does_not_outlive_a_change_of_the_number_of_samples():
     assert asked_at(out) == [5, 6, *range(12, 31)]  # four changes from the eighth row on
 
 
-def test_windows_that_tumble_are_whole_however_small_the_changes():
-    out = vote_samples(constant(*SPLIT), **ALONE, trend_frames=4, trend_window="tumbling", trend_small=1.0)
-    assert asked_at(out)[0] == 5
-
-
 def test_a_side_frozen_for_a_whole_window_is_no_trend():
     samples = moving(-0.125, -0.125, 0, 0)
     assert asked_at(vote_samples(samples, **ALONE, trend_frames=4, trend_window="tumbling")) == []

@@ -50,7 +50,7 @@ def begin(bus, fcc, s, p, st):
     readmit(bus["reset"][s], p, st)
     base = anchor(samples, valid, p, st)
     reference = beside(fcc["reference"][s], base, p) if st["started"] else np.nan
-    count_repeats(samples, valid, reference, p, st)
+    count_repeats(samples, valid, reference, reference, p, st)
     n = rank(samples, valid, base, p, st)
     st["threshold"], st["reference_threshold"] = threshold(n, p), reference_threshold(reference, p)
     pattern = classify(st["x"], st["order"], n, st["threshold"], st["miscomparing"])
