@@ -17,7 +17,7 @@ ALIKE = (0, 0, 0, 0)
 SLOW: dict[str, Any] = {"filter_s": 1.0}  # whose share is 0.00995
 
 
-@pytest.mark.requirement("redundancy", "a burst behind a filter fails nobody")
+@pytest.mark.requirement("redundancy", "a burst behind a filter fails no channel")
 @pytest.mark.parametrize("frames", range(1, 15))
 @pytest.mark.parametrize("size", [50.0, 900.0])
 @pytest.mark.parametrize("filter_s", [0.02, 0.1, 0.5, 1.0])
@@ -32,7 +32,7 @@ def test_one_that_lasts_is_failed_when_its_eighth_sample_is_seen_off():
     assert vote_samples(samples, **SLOW).failed_at() == [None, None, None, 35]
 
 
-@pytest.mark.requirement("redundancy", "a burst behind a filter fails nobody")
+@pytest.mark.requirement("redundancy", "a burst behind a filter fails no channel")
 def test_the_rest_of_a_burst_takes_one_off_the_count():
     """Twelve frames at 900: the last five count; then what is left, 1.6 and less, takes off one each: suspect until
     the count is zero and nothing is left, which takes ln(1.6) s."""
@@ -59,7 +59,7 @@ def test_or_by_more_than_the_outlier_threshold(rest: float, at: int | None):
     assert out.failed_at()[3] == at
 
 
-@pytest.mark.requirement("redundancy", "a burst behind a filter fails nobody")
+@pytest.mark.requirement("redundancy", "a burst behind a filter fails no channel")
 @pytest.mark.parametrize("size", [200.0, -200.0, 900.0])
 @pytest.mark.parametrize("others", [(0,), (0, 0), (0, 0, 0)])
 @pytest.mark.parametrize(("before", "gap"), [(20, 1), (20, 3), (1, 1), (0, 2), (0, 0)])

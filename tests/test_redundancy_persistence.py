@@ -124,7 +124,7 @@ def given_up(samples: Any, **more: Any) -> Any:
     return vote_samples(samples, params={"unresolved_frames": 20}, resolvers=more.pop("resolvers", []), **more)
 
 
-@pytest.mark.requirement("redundancy", "a split that nobody answers is given up")
+@pytest.mark.requirement("redundancy", "a split that no rule answers is given up")
 def test_a_split_that_nobody_answers_is_given_up_after_its_frames():
     out = given_up(constant(*SPLIT), reference=50.0)
     assert out.failed_at() == [20] * 4 and out.level.tolist() == [4] * 19 + [0] * 11
@@ -161,7 +161,7 @@ def test_a_majority_of_all_begins_it_again_and_nothing_that_does_not_last(
     assert given_up(samples, resolvers=["ilm"], ilm=flags).failed_at() == [at] * 4
 
 
-@pytest.mark.requirement("redundancy", "a split that nobody answers is given up")
+@pytest.mark.requirement("redundancy", "a split that no rule answers is given up")
 @pytest.mark.parametrize(("without", "frames", "at"), [(4, 1, 21), (4, 5, 25), (1, 5, 25)])
 def test_a_gap_that_leaves_a_majority_neither_counts_nor_begins_it_again(without: int, frames: int, at: int):
     gap = np.where(np.arange(1, 5) == without, NAN, SPLIT)
@@ -172,7 +172,7 @@ def test_a_gap_that_nobody_answers_counts():
     assert given_up(rows((10, APART), (5, (0, 5, 10, NAN)), (29, APART))).failed_at() == [20] * 4
 
 
-@pytest.mark.requirement("redundancy", "a split that nobody answers is given up")
+@pytest.mark.requirement("redundancy", "a split that no rule answers is given up")
 @pytest.mark.parametrize(("answered", "at"), [(1, 21), (4, 24), (5, 15 + 20)])
 def test_an_answer_that_blames_nobody_begins_it_again_when_it_has_stood(answered: int, at: int):
     """The reference lies between both halves, within its threshold of each."""

@@ -130,7 +130,7 @@ class Reset(FlightReset):
 
 
 class VoteRules(NamedTuple):
-    """What holds for all signals of a vote: keys of ``redundancy.Config``; by default neither box nor split fails."""
+    """Settings for all signals of a vote: keys of ``redundancy.Config``; by default neither box nor split fails."""
 
     box_signals: int | None = 0
     box_persistence: int = 1

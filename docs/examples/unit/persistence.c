@@ -1,6 +1,6 @@
 /* Persistence: miscompare counters, answers that last, latched failures, readmission by command.
  *
- * Sections 1 and 2; redundancy.md 'After a pattern without a majority' and 'Nobody answers'.
+ * Sections 1 and 2; redundancy.md 'After a pattern without a majority' and 'No rule answers'.
  */
 #include "monitor.h"
 
