@@ -159,16 +159,15 @@ def count_repeats(samples, valid, reference, seen, p, st):
     if frames == 0:
         return
     low, high, in_use, moving, repeating = p["low"], p["high"], 0, 0, 0
-    for c in range(p["fitted"]):
-        x = samples[c]
-        if not comparable(x, valid[c], low, high):
-            continue
-        if x != last[c]:
-            repeats[c], last[c] = 0, x
-            moving += not failed[c]
-        else:
-            repeating |= 1 << c
-        in_use += not failed[c]
+    for c in range(p["fitted"]):  # no branch here: with a coarse quantum none is predictable
+        x, working = samples[c], not failed[c]
+        there = comparable(x, valid[c], low, high)
+        moved = there & (x != last[c])
+        repeats[c] = 0 if moved else repeats[c]
+        last[c] = x if moved else last[c]
+        repeating |= np.int64(there != moved) << c
+        moving += moved & working
+        in_use += there & working
     reference_moved = np.isfinite(reference) and reference != st["last_reference"]
     st["last_reference"], st["stale"], st["standing"] = reference, 0, moving == 0
     if repeating == 0:
@@ -178,12 +177,12 @@ def count_repeats(samples, valid, reference, seen, p, st):
         if (repeating >> c) & 1 == 0:
             continue
         others = in_use - (not failed[c])
-        if contradicts(seen, samples[c], p, st):
+        at_stop = p["wraps"] == 0 and (samples[c] <= low or samples[c] >= high)
+        beside_movers = reference_moved if others == 0 else 2 * moving >= others
+        if (beside_movers and not at_stop) or contradicts(seen, samples[c], p, st):
             repeats[c] += 1
-        elif p["wraps"] == 0 and (samples[c] <= low or samples[c] >= high):
+        elif at_stop:
             repeats[c] = 0
-        elif reference_moved if others == 0 else 2 * moving >= others:
-            repeats[c] += 1
         stale |= np.int64(repeats[c] >= frames) << c
     st["stale"] = stale
 
