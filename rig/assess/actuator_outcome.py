@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.lane_outcome import UNIT
 from rig.assess.monitored import MARGIN, channels_of
 from rig.assess.outcome import LONG_AGO, NEVER
 from rig.assess.outcome_actuators import MONITORS, PLACED, SERVO, VALVE, ActuatorOutcomes, add_lanes
@@ -16,7 +17,7 @@ from rig.assess.words import Cause, IsolationKind
 from rig.faults import Fault
 from rig.faults.parts import Part
 from rig.faults.places import OF_SERVOS, number, site
-from rig.frame import MOVED, Block, LaneBlock, lane_rows, new_block
+from rig.frame import CHANNELS, COMPUTERS, MOVED, Block, LaneBlock, lane_rows, new_block
 from rig.lanes.health import shut_off
 from rig.record.actuators import monitor_name
 from rig.scenario import Scenario
@@ -30,9 +31,10 @@ class ActuatorOutcome:
     """What became of the faults of servos and of their channels: records of outcome_actuators.py, in bounded memory.
 
     faults : (F,) outcome_records.FAULT of the flight, in which what was found of those on servos is noted too
+    unit_lane : of several computers, the one whose software is a unit under test, A to D
     """
 
-    def __init__(self, scenario: Scenario, faults: NDArray[Any]) -> None:
+    def __init__(self, scenario: Scenario, faults: NDArray[Any], unit_lane: str | None = None) -> None:
         designed, monitors = actuator_monitors(scenario)
         limits = monitors.limits
         waits = [limits[name] for name in limits.dtype.names or () if name.endswith("_frames")]
@@ -45,6 +47,7 @@ class ActuatorOutcome:
             monitors=monitors,
             linger=np.array([self.persistence + MARGIN]),
         )
+        self._of_unit = NEVER if unit_lane is None else COMPUTERS.index(unit_lane)  # its channel
         self._seen, self._bypassed = False, np.zeros(len(MOVED), int)  # frames
         self.add(new_block(0), lane_rows(0))  # compiles before the first frame
 
@@ -82,7 +85,7 @@ class ActuatorOutcome:
             {}
             if not self._seen
             else {
-                name: _score(servo, int(frames))
+                name: _score(servo, int(frames), self._of_unit)
                 for name, servo, frames in zip(MOVED, self.records.servos, self._bypassed, strict=True)
             }
         )
@@ -90,7 +93,7 @@ class ActuatorOutcome:
     def isolations(self, kind: IsolationKind) -> list[Isolation]:
         """Return the healthy channels that were failed, of one kind."""
         return [
-            Isolation(f"actuator.{name}", failure.channel, failure.frame, failure.monitor)
+            Isolation(f"actuator.{name}", failure.channel, failure.frame, failure.monitor, failure.faulty)
             for name, score in self.scores().items()
             for failure in score.failures
             if failure.cause == kind
@@ -106,10 +109,16 @@ def _named(surfaces: int) -> list[str]:
     return [name for i, name in enumerate(MOVED) if surfaces >> i & 1]
 
 
-def _score(servo: Any, bypassed_frames: int) -> ActuatorScore:
+def _score(servo: Any, bypassed_frames: int, of_unit: int) -> ActuatorScore:
     failed, differs = (np.flatnonzero(servo[name] != NEVER).tolist() for name in ("failed_at", "differs_at"))
     failures = [
-        ActuatorFailure(c + 1, int(servo["failed_at"][c]), monitor_name(servo["failed_by"][c]), _cause(servo, c))
+        ActuatorFailure(
+            c + 1,
+            int(servo["failed_at"][c]),
+            monitor_name(servo["failed_by"][c]),
+            _cause(servo, c, of_unit),
+            tuple(other + 1 for other in range(CHANNELS) if int(servo["faulty"][c]) >> other & 1),
+        )
         for c in sorted(failed, key=lambda c: (servo["failed_at"][c], c))
     ]
     bypassed = int(servo["bypassed_at"])
@@ -121,8 +130,10 @@ def _score(servo: Any, bypassed_frames: int) -> ActuatorScore:
     )
 
 
-def _cause(servo: Any, c: int) -> str:
-    return Cause(servo["cause"][c]).kind or "own fault"
+def _cause(servo: Any, c: int, of_unit: int) -> str:
+    """Return why a channel was failed; one that the lane of a unit under test drives is not healthy."""
+    kind = Cause(servo["cause"][c]).kind
+    return "own fault" if kind is None else UNIT if c == of_unit else kind
 
 
 def _placed(faults: list[Fault]) -> NDArray[Any]:

@@ -19,7 +19,7 @@ FAULTS: Final = (
 RESOLVERS: Final = ("pattern", "resolver", "asked", "answered", "correct", "wrong", "open")
 VOTES: Final = ("vote error", "unit", "peak", "at", "RMS", "above threshold", "after onset", "due to faults, peak")
 ACTUATORS: Final = ("actuator", "channel", "shut off", "by", "for")
-COMPUTERS: Final = ("computer", "failed", "by", "for")
+COMPUTERS: Final = ("computer", "failed", "by", "for", "cause")
 SUSPECTS: Final = ("suspect", "in frames", "share", "failed")
 ISOLATIONS: Final = ("what", "channel", "at", "by")
 ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
@@ -98,14 +98,14 @@ def computer_rows(score: Score, rate_hz: float) -> list[Row]:
     if (computers := score.computers) is None:
         return []
     rows = [
-        (f"lane {each.lane}", moment(each.frame, rate_hz), ", ".join(each.accusers) or "itself", each.test)
+        (f"lane {each.lane}", moment(each.frame, rate_hz), ", ".join(each.accusers) or "itself", each.test, each.cause)
         for each in computers.failures
     ]
     rows += [
-        (f"link {way}", moment(frame, rate_hz), way[-1], "silence") for way, frame in computers.links_failed.items()
+        (f"link {way}", moment(frame, rate_hz), way[-1], "silence", "") for way, frame in computers.links_failed.items()
     ]
     if computers.backup_frame is not None:
-        rows.append(("back-up engaged", moment(computers.backup_frame, rate_hz), "", computers.backup_reason))
+        rows.append(("back-up engaged", moment(computers.backup_frame, rate_hz), "", computers.backup_reason, ""))
     return rows
 
 

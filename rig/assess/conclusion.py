@@ -13,16 +13,17 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.actuator_sentence import bypassed
+from rig.assess.actuator_sentence import bypassed, listed
 from rig.assess.context import Context, channel, channels, comparable, place
 from rig.assess.counting import another
 from rig.assess.fault_sentence import fault_sentences
-from rig.assess.lane_sentence import computers_lost
+from rig.assess.lane_sentence import computers_lost, of_unit
+from rig.assess.law_sentence import false_findings
 from rig.assess.record import Episode, Isolation, Score
 from rig.assess.words import BY_DESIGN
 from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.faults.places import site
-from rig.frame import CHANNELS, INDEX, SIGNALS, Ilm, Pattern
+from rig.frame import CHANNELS, COMPUTERS, INDEX, SIGNALS, Ilm, Pattern
 from rig.scenario import Scenario
 from rig.units.angles import differences
 from rig.units.quantities import duration, quantity, seconds
@@ -41,8 +42,9 @@ def conclusion(scenario: Scenario, score: Score) -> list[str]:
     return [
         *fault_sentences(context),
         *pattern_sentences(context),
-        *_healthy(score.false_alarms, "although no channel of it was faulty", context),
-        *_healthy(score.wrong_isolations, "although another channel was the faulty one", context),
+        *_healthy([*score.false_alarms, *score.wrong_isolations], context),
+        *of_unit(context),
+        *false_findings(context),
         *_by_design(score, context),
         *(f"{channel(one.signal, one.channel)} was suspect {one.text()}" for one in score.suspects if one.lasting),
         _flight(context),
@@ -63,18 +65,19 @@ def next_commands(flight: Flight) -> list[str]:
     return [f"rig score {log}{again}", f"rig view {log}", f"rig replay {log}{again}{fly}"]
 
 
-def _healthy(isolations: Sequence[Isolation], although: str, context: Context) -> list[str]:
-    return [
-        _isolated(isolation, f"at {seconds(isolation.frame, context.rate_hz)} by {isolation.resolver}", although)
-        for isolation in isolations
-    ]
+def _healthy(isolations: Sequence[Isolation], context: Context) -> list[str]:
+    return [_isolated(each, f"at {seconds(each.frame, context.rate_hz)} by {each.resolver}") for each in isolations]
 
 
-def _isolated(isolation: Isolation, how: str, although: str) -> str:
-    """Return a sentence of a channel, or of a computer, which may be a unit under test: no fault was put on it."""
+def _isolated(isolation: Isolation, how: str) -> str:
+    """Return a sentence of a healthy channel, or of a computer without a fault on it, and which were faulty."""
+    faulty = list(isolation.faulty)
     if site(isolation.signal) == "computer":
-        return f"{place(isolation.signal)} was failed {how} without a fault put on it"
-    return f"{channel(isolation.signal, isolation.channel)} was healthy and was failed {how}, {although}"
+        lanes = tuple(COMPUTERS[number - 1] for number in faulty)
+        of = f", although the fault was on {'computers' if len(lanes) > 1 else 'computer'} {listed(lanes)}" if lanes else ""
+        return f"{place(isolation.signal)} was failed {how} without a fault on it{of}"
+    which = f"{channels(faulty)} {'were' if len(faulty) > 1 else 'was'}" if faulty else "no channel of it was"
+    return f"{channel(isolation.signal, isolation.channel)} was healthy and was failed {how}, although {which} faulty"
 
 
 def _by_design(score: Score, context: Context) -> Iterator[str]:

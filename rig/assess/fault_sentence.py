@@ -11,6 +11,7 @@ from rig.assess.actuator_sentence import actuator_result, on_servos
 from rig.assess.context import Agreement, Context, agreement_of, channels, longest_run, place
 from rig.assess.counting import COMPARISON, Climb, another, climb
 from rig.assess.lane_sentence import lane_result, on_lanes
+from rig.assess.law_sentence import law_result
 from rig.assess.monitored import references_of
 from rig.assess.record import FaultScore
 from rig.faults import KINDS
@@ -55,11 +56,13 @@ def _result(fault: FaultScore, context: Context) -> str:
     if fault.outcome == "not executed":
         return "its trigger never fired" if fault.onset_frame is None else "the channel had been failed before"
     if on_servos(fault):
-        return "; ".join(part for part in (actuator_result(fault, context), _moved(fault)) if part)
+        return "; ".join(part for part in (actuator_result(fault, context), transient(fault, context)) if part)
     if on_lanes(fault):
-        return "; ".join(part for part in (lane_result(fault, context), _moved(fault)) if part)
+        return "; ".join(part for part in (lane_result(fault, context), transient(fault, context)) if part)
     decided = {"detected": _detected, "missed": _missed, "undetectable": _undetectable}[fault.outcome]
-    parts = (decided(fault, context), _moved(fault), _vote(fault, context))
+    by_law = fault.law_frame is not None and fault.failed_frame is not None
+    also = f"the fault-tolerant law found it too, {law_result(fault, context)}" if by_law else ""
+    parts = (decided(fault, context), also, transient(fault, context), _vote(fault, context))
     return "; ".join(part for part in parts if part)
 
 
@@ -105,6 +108,8 @@ def _sample(fault: FaultScore, context: Context) -> str:
 
 def _detected(fault: FaultScore, context: Context) -> str:
     after = duration(fault.delay_from_onset_frames, context.rate_hz)
+    if fault.failed_frame is None:
+        return f"was found by the fault-tolerant law {after} later, {law_result(fault, context)}"
     if fault.channel is None:
         return f"was found {after} later: the manager declared the reference unusable"
     if (cause := another(fault, context)) is not None:
@@ -199,12 +204,26 @@ def _undetectable(fault: FaultScore, context: Context) -> str:
     return f"could not be found: its error stayed below the {_threshold(fault, context)}"
 
 
-def _moved(fault: FaultScore) -> str:
-    """Return what the aircraft did after the onset, for as long as was looked at."""
-    change, looked_at_s = fault.load_factor_change, fault.load_factor_change_s
-    if change is None or not looked_at_s:
+def transient(fault: FaultScore, context: Context) -> str:
+    """Return how far the load factor was from that of the fault-free flight after the onset.
+
+    "" where that flight was not flown: what the load factor did alone is the manoeuvre's, not the fault's.
+    """
+    measured = context.score.flight.transients
+    window = next((each for each in measured.windows if each.onset_frame == fault.onset_frame), None) if measured else None
+    if window is None or window.frames < 2:
         return ""
-    return f"the load factor moved by {quantity(change, 'g')} in the next {looked_at_s:g} s"
+    looked_at_s = (window.frames - 1) / context.rate_hz
+    others = " (other faults included)" if _others_act(fault, window.frames, context) else ""
+    off = quantity(window.peaks.load_factor, "g")
+    return f"the load factor stayed within {off} of the fault-free flight's for {looked_at_s:g} s{others}"
+
+
+def _others_act(fault: FaultScore, frames: int, context: Context) -> bool:
+    """Return whether another fault has begun before the end of so many ``frames`` from the onset of ``fault`` on."""
+    end = (fault.onset_frame or 0) + frames
+    begun = {other.index for other in context.score.faults if other.onset_frame is not None and other.onset_frame < end}
+    return bool(begun - {fault.index})
 
 
 def _vote(fault: FaultScore, context: Context) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rig.assess.actuator_outcome import ActuatorOutcome
 from rig.assess.kept import KeptColumns
 from rig.assess.lane_outcome import LaneOutcome
+from rig.assess.law_outcome import LawOutcome
 from rig.assess.monitored import Monitored, fault_records, of_scenario
 from rig.assess.outcome import LEVELS, NEVER, VOTE
 from rig.assess.outcome_records import EPISODE, FAILURE, FLIGHT, PATTERNS, ROOM, SPAN, Outcomes
@@ -20,7 +21,7 @@ from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.faults import CLEAN
 from rig.faults.places import FLIGHT as FLIGHT_PLACES
-from rig.frame import CHANNELS, SIGNALS, Block, LaneBlock, has_part, new_block
+from rig.frame import CHANNELS, COMPUTERS, SIGNALS, Block, LaneBlock, has_part, new_block
 from rig.record.suspects import SuspectCount
 from rig.scenario import Scenario
 
@@ -130,22 +131,25 @@ class FlightOutcome(Outcome):
     """What became of the faults of a scenario.
 
     window_s : after an onset, for which the load factor is looked at
+    unit_lane : of several computers, the one whose software is a unit under test, A to D
     kept : the channels of the signals with a fault, of a manager that compares them
     suspects : in how many rows each channel was suspect
     """
 
-    def __init__(self, scenario: Scenario, window_s: float) -> None:
+    def __init__(self, scenario: Scenario, window_s: float, unit_lane: str | None = None) -> None:
         self.scenario, monitored = scenario, of_scenario(scenario)
         faults = fault_records(scenario.faults, monitored, FLIGHT_PLACES, scenario.redundancy)
         super().__init__(monitored, faults, round(window_s * scenario.rate_hz))
+        self.records.flight["unit_lane"] = NEVER if unit_lane is None else COMPUTERS.index(unit_lane)
         on_signals = faults[(faults["signal"] >= 0) & (faults["discrete"] == 0)]
         self.kept = KeptColumns(
             on_signals["signal"].tolist() if manager_kind(scenario.redundancy.manager).compares else ()
         )
         self.suspects = SuspectCount()
         self._referred = ReferredAgain(scenario) if (faults["reference"] != NEVER).any() else None
-        self.actuators = ActuatorOutcome(scenario, self.records.faults) if scenario.has_servos else None
-        self.computers = LaneOutcome(scenario) if scenario.computers.count > 1 else None
+        self.actuators = ActuatorOutcome(scenario, self.records.faults, unit_lane) if scenario.has_servos else None
+        self.computers = LaneOutcome(scenario, unit_lane) if scenario.computers.count > 1 else None
+        self.law = LawOutcome(self.params) if scenario.control.law == "fault-tolerant" else None
         add_rows(new_block(0), np.zeros(0, CLEAN), NO_REFERENCES, 0, self.records)  # compiles before the first frame
 
     def add(self, rows: Block, clean: NDArray[Any]) -> None:
@@ -158,6 +162,8 @@ class FlightOutcome(Outcome):
         self._add(rows, clean, NO_REFERENCES if self._referred is None else self._referred.of(rows))
         self.kept.add(rows, first, self.records.faults)
         self.suspects.add(rows)
+        if self.law is not None:
+            self.law.add(rows, clean)
 
     def add_lanes(self, rows: Block, lanes: LaneBlock | None) -> None:
         """Add ``lanes`` (n,) of servos and computers, which stand beside ``rows`` (n,); None: there are none."""
@@ -170,6 +176,6 @@ class FlightOutcome(Outcome):
 def _blank_flight(signals: int, window: int) -> NDArray[Any]:
     flight = np.zeros(1, FLIGHT)
     flight["spans"], flight["unexplained"], flight["acted_from"] = signals, NEVER, NEVER
-    flight["window"] = window
+    flight["window"], flight["unit_lane"] = window, NEVER
     flight["low"], flight["high"] = np.inf, -np.inf
     return flight

@@ -13,10 +13,11 @@ from rig.assess.words import IsolationKind, fault_word
 from rig.faults import Fault
 from rig.faults.places import OF_LANES, lanes_of, senders, site
 from rig.frame import COMPUTERS, LaneBlock, has_part
-from rig.record.computers import ComputerFinder, test_name
+from rig.record.computers import ComputerFinder, LaneFailure, test_name
 from rig.scenario import Scenario
 
 LINK: Final = "link"  # the receivers have had no message for long
+UNIT: Final = "unit under test"  # why a lane, or what it drives, was failed: its software is that
 RELAYS: Final = "relays"  # other lanes told another word than came directly
 
 
@@ -26,10 +27,13 @@ def columns_of(fault: Fault) -> int:
 
 
 class LaneOutcome:
-    """What became of the faults of computers, links and buses, added up block by block."""
+    """What became of the faults of computers, links and buses, added up block by block.
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._finder = ComputerFinder(scenario.rate_hz)
+    unit_lane : the lane whose software is a unit under test, A to D: it is not healthy when it is failed
+    """
+
+    def __init__(self, scenario: Scenario, unit_lane: str | None = None) -> None:
+        self._finder, self._unit_lane, self._of = ComputerFinder(scenario.rate_hz), unit_lane, scenario.faults
         self._outvoted: dict[tuple[int, int], list[int]] = {}  # frames, by receiver and sender
         self._seen = False
 
@@ -44,23 +48,37 @@ class LaneOutcome:
             first = int(lanes["frame"][outvoted[:, i, j].argmax()])
             self._outvoted.setdefault((int(i), int(j)), []).append(first)
 
-    def score(self) -> ComputersScore | None:
-        """Return what became of computers and links; None: their rows were not seen."""
+    def score(self, faults: list[FaultScore]) -> ComputersScore | None:
+        """Return what became of computers and links; None: their rows were not seen.
+
+        faults : of the score, whose onsets are known
+        """
         if not self._seen:
             return None
         finder, links = self._finder, dict[str, int]()
         for link in finder.links:
             links.setdefault(f"{COMPUTERS[link.sender]}-{COMPUTERS[link.receiver]}", link.frame)
-        failures = [
-            LaneFailed(
-                COMPUTERS[failure.lane],
-                failure.frame,
-                test_name(failure.test),
-                tuple(COMPUTERS[i] for i in failure.accusers),
-            )
-            for failure in finder.failures
-        ]
+        failures = [self._failed(failure, faults) for failure in finder.failures]
         return ComputersScore(failures, links, *(finder.backup or (None, "")))
+
+    def _failed(self, failure: LaneFailure, faults: list[FaultScore]) -> LaneFailed:
+        """Return a lane that was failed, with the lanes on which a fault had begun by then."""
+        begun = [(fault.onset_frame, senders(self._of[fault.index].signal)) for fault in faults if self._on_lanes(fault)]
+        faulty = {i for onset, lanes in begun if onset is not None and onset <= failure.frame for i in lanes}
+        name = COMPUTERS[failure.lane]
+        cause = "wrong isolation" if faulty else "false alarm"
+        if failure.lane in faulty:
+            cause = "own fault"
+        elif name == self._unit_lane:
+            cause = UNIT
+        return LaneFailed(
+            name,
+            failure.frame,
+            test_name(failure.test),
+            tuple(COMPUTERS[i] for i in failure.accusers),
+            cause,
+            tuple(COMPUTERS[i] for i in sorted(faulty)),
+        )
 
     def completed(self, fault: FaultScore) -> FaultScore:
         """Return what became of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
@@ -97,21 +115,23 @@ class LaneOutcome:
             if sender in suspects and receiver in receivers:
                 yield from ((frame, RELAYS) for frame in frames if frame >= onset)
 
-    def isolations(self, kind: IsolationKind, faults: list[FaultScore], of: list[Fault]) -> list[Isolation]:
+    def isolations(self, kind: IsolationKind, faults: list[FaultScore]) -> list[Isolation]:
         """Return the lanes that were failed without a fault on them, of one kind; each owns its channel.
 
-        faults : of the score, whose onsets are known;  of : those of the scenario
+        faults : of the score, whose onsets are known
         """
-        begun = [(fault.onset_frame, senders(of[fault.index].signal)) for fault in faults if _on_lanes(of[fault.index])]
-        wrong = []
-        for failure in self._finder.failures:
-            before = [lanes for onset, lanes in begun if onset is not None and onset <= failure.frame]
-            cause: IsolationKind = "wrong isolation" if before else "false alarm"
-            if not any(failure.lane in lanes for lanes in before) and cause == kind:
-                name = f"computer.{COMPUTERS[failure.lane]}"
-                wrong.append(Isolation(name, failure.lane + 1, failure.frame, test_name(failure.test)))
-        return wrong
+        scored = self.score(faults)
+        return [
+            Isolation(
+                f"computer.{each.lane}",
+                COMPUTERS.index(each.lane) + 1,
+                each.frame,
+                each.test,
+                tuple(COMPUTERS.index(lane) + 1 for lane in each.faulty),
+            )
+            for each in (() if scored is None else scored.failures)
+            if each.cause == kind
+        ]
 
-
-def _on_lanes(fault: Fault) -> bool:
-    return site(fault.signal) in OF_LANES
+    def _on_lanes(self, fault: FaultScore) -> bool:
+        return site(self._of[fault.index].signal) in OF_LANES

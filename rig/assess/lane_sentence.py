@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 from rig.assess.actuator_sentence import listed
 from rig.assess.context import Context
-from rig.assess.lane_outcome import LINK, RELAYS
+from rig.assess.lane_outcome import LINK, RELAYS, UNIT
 from rig.assess.record import FaultScore
 from rig.faults import KINDS
 from rig.faults.places import OF_LANES, site
@@ -37,6 +38,21 @@ def lane_result(fault: FaultScore, context: Context) -> str:
         return f"was not found: {KINDS[fault.kind].unseen or 'nothing left its threshold for long enough'}"
     after = duration(fault.delay_from_onset_frames, context.rate_hz)
     return f"was found by {_BY.get(fault.resolver or '', f'its own {fault.resolver}')} after {after}"
+
+
+def of_unit(context: Context) -> Iterator[str]:
+    """Yield a sentence for what was failed because its software, or its lane's, is the unit under test."""
+    rate_hz = context.rate_hz
+    for each in () if context.score.computers is None else context.score.computers.failures:
+        if each.cause == UNIT:
+            lanes = f"computer{'s' if len(each.accusers) > 1 else ''} {listed(each.accusers)}" if each.accusers else ""
+            by = f"by {lanes} ({each.test})" if lanes else f"by its own {each.test}"
+            yield f"computer {each.lane}, whose software is the unit under test, was failed at {seconds(each.frame, rate_hz)} {by}"
+    for name, score in context.score.actuators.items():
+        for failure in score.failures:
+            if failure.cause == UNIT:
+                at = seconds(failure.frame, rate_hz)
+                yield f"{name} channel {failure.channel}, which the unit under test drives, was failed at {at} by {failure.monitor}"
 
 
 def computers_lost(context: Context) -> str:

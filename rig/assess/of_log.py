@@ -96,7 +96,9 @@ def score_log(
         unit.fly_as(unit_facts)
     misses = Misses(unit_facts.get("on_miss") == "fault")
     try:
-        scored, times = _added_up(log, scenario, yardstick, misses, _twin(log, scenario, unit) if twin else None)
+        scored, times = _added_up(
+            log, scenario, yardstick, misses, _twin(log, scenario, unit) if twin else None, unit_facts.get("lane")
+        )
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
@@ -112,10 +114,15 @@ def _twin(log: Log | LogFile, scenario: Scenario, unit: UnitUnderTest | None) ->
 
 
 def _added_up(
-    log: Log | LogFile, scenario: Scenario, yardstick: Yardstick, misses: Misses, twin: Iterator[Block] | None
+    log: Log | LogFile,
+    scenario: Scenario,
+    yardstick: Yardstick,
+    misses: Misses,
+    twin: Iterator[Block] | None,
+    unit_lane: str | None,
 ) -> tuple[Score, Times]:
     """Go through the log, and beside it through the twin, block by block."""
-    scoring, times, done = Scoring(scenario, yardstick, twin=twin is not None), Times(), 0
+    scoring, times, done = Scoring(scenario, yardstick, twin=twin is not None, unit_lane=unit_lane), Times(), 0
     for block, other in zip_longest(log.blocks(), twin or ()):
         scoring.add(block.rows, block.lanes, other)
         misses.add(block.rows)
@@ -135,9 +142,9 @@ class FlightConclusion:
         self._outcome: FlightOutcome | None = None
         self._refused = "a flight is scored from its frame 0 on"
 
-    def begin(self, scenario: Scenario) -> None:
-        """Take the scenario as it is flown."""
-        self._outcome = FlightOutcome(scenario, Yardstick().window_s)
+    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
+        """Take the scenario as it is flown; unit_lane : of several computers, the one that a unit under test is."""
+        self._outcome = FlightOutcome(scenario, Yardstick().window_s, unit_lane)
 
     def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Take the next rows; clean : (n,) CLEAN; lanes : (n,) of a flight with servo actuators."""

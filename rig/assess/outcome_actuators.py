@@ -26,6 +26,7 @@ SERVO: Final = np.dtype(
         ("failed_at", "i8", (CHANNELS,)),
         ("failed_by", "u1", (CHANNELS,)),  # ActuatorMonitor
         ("cause", "u1", (CHANNELS,)),  # words.Cause
+        ("faulty", "u1", (CHANNELS,)),  # channels on which a fault acted when each was failed, bits
         ("differs_at", "i8", (CHANNELS,)),  # first frame in which the valve was said to differ
         ("bypassed_at", "i8"),
         # In this row, bits: channels that a monitor speaks against, whose valve is not as commanded.
@@ -104,6 +105,7 @@ def see(row, frame, i, out):
             servo["beyond"] |= (1 if counts > 0 else 0) << c
             if row["failed_by"][c] != 0:
                 servo["failed_at"][c], servo["failed_by"][c] = frame, row["failed_by"][c]
+                servo["faulty"][c] = faulty(servo, frame, out.linger[0])
                 servo["cause"][c] = cause(servo, c, frame, out.linger[0])
         servo["differs"] |= (1 if watch["valve"][c] > 0 else 0) << c
         if servo["differs_at"][c] == NEVER and row["valve_differs"][c] != 0:
@@ -117,10 +119,16 @@ def cause(servo, c, frame, linger):
     """Return why channel ``c`` was failed: a Cause."""
     if frame - servo["acted_at"][c] <= linger or frame - servo["shared_at"] <= linger:
         return Cause.OWN_FAULT.value
-    for other in range(CHANNELS):
-        if frame - servo["acted_at"][other] <= linger:
-            return Cause.WRONG_ISOLATION.value
-    return Cause.FALSE_ALARM.value
+    return Cause.WRONG_ISOLATION.value if servo["faulty"][c] != 0 else Cause.FALSE_ALARM.value
+
+
+@kernel
+def faulty(servo, frame, linger):
+    """Return the channels on which a fault of their own has acted within the linger, bits."""
+    channels = 0
+    for c in range(CHANNELS):
+        channels |= (frame - servo["acted_at"][c] <= linger) << c
+    return channels
 
 
 @kernel

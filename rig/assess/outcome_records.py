@@ -50,7 +50,10 @@ FAULT: Final = np.dtype(
     align=True,
 )
 FAILURE: Final = np.dtype(
-    [("frame", "i8"), ("signal", "i8"), ("channel", "i8"), ("discrete", "u1"), ("resolver", "i8"), ("cause", "u1")],
+    [
+        *(("frame", "i8"), ("signal", "i8"), ("channel", "i8"), ("discrete", "u1"), ("resolver", "i8"), ("cause", "u1")),
+        ("erring", "u1"),  # channels whose samples were wrong in its frame or the linger before, bits
+    ],
     align=True,
 )
 SPAN: Final = np.dtype(
@@ -100,7 +103,8 @@ FLIGHT: Final = np.dtype(
         ("acted_from", "i8"),  # first frame in which any fault acted, or NEVER
         ("onsets", "u1"),  # whether any has begun
         ("corrupted", "u1"),  # whether a sample was wrong in the row before
-        ("unit", "u1"),  # whether a unit under test flew
+        ("unit", "u1"),  # whether a unit under test flew,
+        ("unit_lane", "i8"),  # and as which of several computers; NEVER: as the only one
         ("end", "u1"),
     ],
     align=True,

@@ -20,7 +20,7 @@ from rig.assess.outcome import (
     mark_failed,
     mark_wrong,
 )
-from rig.assess.outcome_faults import follow_faults, is_singular, mark_acting, watch_faults
+from rig.assess.outcome_faults import follow_faults, is_singular, mark_acting, mark_column, watch_faults
 from rig.assess.outcome_records import COMPARISON, EXTREMES, PATTERNS, RESOLVERS
 from rig.assess.unfaulted import injected, middle, same
 from rig.assess.words import Cause
@@ -46,13 +46,16 @@ def add_rows(rows, clean, references, first, out):
         for i in range(len(row["acting"])):
             acting |= row["acting"][i]
         frame = flight["frames"]
-        if acting != 0 and flight["acted_from"] == NEVER:
+        silent = flight["unit_lane"] != NEVER and unanswered(row["unit"])
+        if (acting != 0 or silent) and flight["acted_from"] == NEVER:
             flight["acted_from"] = frame
         if not add_errors(row, clean[k], out):
             return k
         add_discrete_errors(row, out)
         if acting != 0:
             mark_acting(row["acting"], out)
+        if silent:  # its lane sends no samples either
+            mark_column(np.int64(1) << flight["unit_lane"], out)
         for s in range(len(out.signals)):
             add_wrong(frame, out.signals[s])
         for d in range(len(out.discretes)):
@@ -67,6 +70,12 @@ def add_rows(rows, clean, references, first, out):
             watch_faults(row, frame, out)
         add_flight(row, flight)
     return len(rows)
+
+
+@kernel
+def unanswered(status):
+    """Return whether a unit under test flew a frame, of frame.UnitStatus, without giving an answer."""
+    return status != UnitStatus.NONE and status != UnitStatus.ANSWERED and status != UnitStatus.RESTARTED
 
 
 @kernel
@@ -171,6 +180,7 @@ def add_failure(row, s, c, discrete, resolver, before, frame, out):
     flight["failures"] += 1
     failure["frame"], failure["signal"], failure["channel"], failure["discrete"] = frame, s, c, discrete
     failure["resolver"], failure["cause"] = resolver, cause
+    failure["erring"] = erring_since(signal, frame - signal["linger"])
     for f in range(len(out.faults)):
         fault = out.faults[f]
         here = fault["signal"] == s and fault["channel"] == c and (fault["discrete"] != 0) == discrete
@@ -199,14 +209,21 @@ def cause_of(signal, s, c, resolver, before, frame, discrete, out):
             faulty += mate["box"] == signal["box"] and mate["wrong_at"][c] >= frame - mate["linger"]
         if faulty >= max(signal["box_needed"], 1):
             return Cause.WITH_ITS_BOX.value
-    erring = 0
-    for other in range(CHANNELS):
-        erring |= (signal["error_at"][other] >= since) << other
+    erring = erring_since(signal, since)
     # The vote was that of healthy channels where most were: then it was the references that were wrong.
     outvoted = 2 * in_use(signal, before, erring) >= in_use(signal, before, ~0)
     if not discrete and resolver == Resolver.COMMON and outvoted:
         return Cause.BY_RULE.value
     return Cause.WRONG_ISOLATION.value if erring != 0 else Cause.FALSE_ALARM.value
+
+
+@kernel
+def erring_since(signal, since):
+    """Return the channels whose samples have been wrong in frame ``since`` or later, bits."""
+    erring = 0
+    for c in range(CHANNELS):
+        erring |= (signal["error_at"][c] >= since) << c
+    return erring
 
 
 @kernel

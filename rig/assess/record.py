@@ -61,7 +61,7 @@ class FaultScore:
     outcome: Outcome
     delay_from_onset_frames: int | None  # failed_frame - onset_frame
     delay_from_exceeded_frames: int | None  # failed_frame - exceeded_frame; below 0 when failed before
-    resolver: str | None  # who failed it: comparison, or a resolver
+    resolver: str | None  # who failed it: comparison, or a resolver; who found it, where no channel was failed
     peak_error: float | None  # largest injected error that is a number, in the unit of its place
     exceeded_run_frames: int  # longest run of frames above the threshold
     tolerated: bool  # missed, and above the threshold for fewer frames in a row than the persistence
@@ -74,6 +74,7 @@ class FaultScore:
     pattern: str | None = None  # how the channels stood before it was failed, else the worst
     bypassed: tuple[str, ...] = ()  # surfaces that it cost, with servo actuators,
     bypassed_frame: int | None = None  # and the first frame of that
+    law_frame: int | None = None  # first in which the fault-tolerant law found it
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +85,7 @@ class Isolation:
     channel: int
     frame: int
     resolver: str
+    faulty: tuple[int, ...] = ()  # channels of the same place, or lanes from 1, that were faulty then
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,8 @@ class ActuatorFailure:
     channel: int  # from 1
     frame: int
     monitor: str  # current, continuity, spool, position, ram
-    cause: str  # "own fault", of its own or of what all channels share; else words.IsolationKind
+    cause: str  # "own fault", of its own or of what all channels share; "unit under test"; else words.IsolationKind
+    faulty: tuple[int, ...] = ()  # channels of the surface with a fault of their own then
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +117,8 @@ class LaneFailed:
     frame: int
     test: str  # what it was failed for
     accusers: tuple[str, ...]  # lanes; none: a test of its own
+    cause: str  # "own fault", "unit under test": its software is that, without a fault on it; else words.IsolationKind
+    faulty: tuple[str, ...]  # lanes with a fault then
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +129,17 @@ class ComputersScore:
     links_failed: dict[str, int]  # "A-B", from A to B, and when first, frame
     backup_frame: int | None  # the first that the back-up flew
     backup_reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class LawFinding:
+    """What the fault-tolerant law found by its tests of the pitch angle."""
+
+    finding: str  # pitch angle corrected, rate biased
+    frame: int  # the first
+    signals: tuple[str, ...]  # whose votes faults had moved enough to be the cause; none: the finding was false
+    named: str | None = None  # what the law then named the fault: effectiveness, offset, both
+    named_frame: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,6 +288,7 @@ class Score:
     wrong_votes_s: dict[str, float]  # of each discrete, time in which its vote was not the truth
     actuators: dict[str, ActuatorScore]  # by surface; empty without servos
     computers: ComputersScore | None  # None: there is one
+    law: list[LawFinding]  # of the fault-tolerant law, in order of time
     suspects: list[Suspect]  # every channel that had a state, whether it was ever suspect or not
     evidence: Evidence = field(compare=False, repr=False)
 

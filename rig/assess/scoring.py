@@ -33,7 +33,7 @@ from rig.assess.unfaulted import MeasuredAgain, laid_out
 from rig.assess.words import PUBLIC, Cause, FaultWord, IsolationKind, fault_word
 from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
-from rig.frame import DISCRETES, INDEX, SIGNALS, Block, LaneBlock, Pattern, Resolver
+from rig.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, LaneBlock, Pattern, Resolver
 from rig.scenario import Scenario
 
 __all__ = ["Scoring", "monitor", "score", "score_of"]
@@ -49,10 +49,18 @@ class Scoring:
     """The score of a flight of ``scenario`` against the truth in its rows, added up block by block.
 
     twin : whether the same flight without faults is compared with it; without that there are no transients
+    unit_lane : of several computers, the one whose software is a unit under test, A to D
     """
 
-    def __init__(self, scenario: Scenario, yardstick: Yardstick = _YARDSTICK, *, twin: bool = False) -> None:
-        self._outcome, self._scenario = FlightOutcome(scenario, yardstick.window_s), scenario
+    def __init__(
+        self,
+        scenario: Scenario,
+        yardstick: Yardstick = _YARDSTICK,
+        *,
+        twin: bool = False,
+        unit_lane: str | None = None,
+    ) -> None:
+        self._outcome, self._scenario = FlightOutcome(scenario, yardstick.window_s, unit_lane), scenario
         self._off = Deviations(yardstick) if twin else None
 
     @cached_property
@@ -94,15 +102,17 @@ def score(
     yardstick: Yardstick = _YARDSTICK,
     clean: NDArray[np.void] | None = None,
     lanes: LaneBlock | None = None,
+    unit_lane: str | None = None,
 ) -> Score:
     """Score a flight of ``scenario`` against the truth in its ``rows`` (n,) of FRAME, from frame 0 on.
 
     twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
     lanes : (n,) of its servo actuators and computers, if it has any; without them nothing is said of these
+    unit_lane : as of ``Scoring``
     clean : (n,) what ``Faults.clean`` kept in flight; without it the sensors are run again over the recorded truth
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
-    whole = Scoring(scenario, yardstick, twin=twin is not None)
+    whole = Scoring(scenario, yardstick, twin=twin is not None, unit_lane=unit_lane)
     whole.add(rows, lanes, twin, clean)
     return whole.score()
 
@@ -131,7 +141,8 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
             zip(_DISCRETE_NAMES, (records.discretes["wrong_votes"] / scenario.rate_hz).tolist(), strict=True)
         ),
         actuators={} if outcome.actuators is None else outcome.actuators.scores(),
-        computers=None if outcome.computers is None else outcome.computers.score(),
+        computers=None if outcome.computers is None else outcome.computers.score(faults),
+        law=[] if outcome.law is None else outcome.law.findings,
         suspects=outcome.suspects.channels(),
         evidence=Evidence(outcome.params, by_unit, frozenset(names), outcome.kept.of),
     )
@@ -178,7 +189,17 @@ def _faults(outcome: FlightOutcome) -> list[FaultScore]:
         scored = [servos.completed(n, fault) for n, fault in enumerate(scored)]
     if (lanes := outcome.computers) is not None:
         scored = [lanes.completed(fault) for fault in scored]
+    if (law := outcome.law) is not None:
+        until = [_last_cause(outcome, record) for record in outcome.records.faults]
+        scored = [law.completed(fault, last) for fault, last in zip(scored, until, strict=True)]
     return scored
+
+
+def _last_cause(outcome: FlightOutcome, record: np.void) -> int:
+    """Return the last frame in which a fault on a channel of a signal can be the cause of what is found."""
+    if record["signal"] == NEVER or record["discrete"]:
+        return NEVER
+    return int(record["acted_at"]) + int(outcome.records.signals["linger"][record["signal"]])
 
 
 def _frame(value: int) -> int | None:
@@ -259,8 +280,8 @@ def _above_before_loss(spans: NDArray[np.void]) -> int:
 def _isolations(outcome: FlightOutcome, kind: IsolationKind, faults: list[FaultScore]) -> list[Isolation]:
     """Return the healthy channels that were failed so, of signals, discretes, actuators, then lanes."""
     of_servos = [] if outcome.actuators is None else outcome.actuators.isolations(kind)
-    lanes, scenario = outcome.computers, outcome.scenario
-    of_lanes = [] if lanes is None else lanes.isolations(kind, faults, scenario.faults)
+    lanes = outcome.computers
+    of_lanes = [] if lanes is None else lanes.isolations(kind, faults)
     failures = sorted(outcome.failures, key=lambda failure: int(failure["discrete"]))
     return [
         Isolation(
@@ -268,6 +289,7 @@ def _isolations(outcome: FlightOutcome, kind: IsolationKind, faults: list[FaultS
             int(each["channel"]) + 1,
             int(each["frame"]),
             resolver_name(each["resolver"]),
+            tuple(c + 1 for c in range(CHANNELS) if int(each["erring"]) >> c & 1),
         )
         for each in failures
         if Cause(each["cause"]).kind == kind

@@ -93,7 +93,8 @@ def fly_run(run: Run, orders: Orders) -> Rows:
         with _limit(orders.timeout_s), flown_with(orders.unit) as tested:
             flight = fly(run.scenario(_tables(run.aircraft)), tested)
             twin = fly_twin(flight.scenario, unit=tested) if orders.twin else None
-            scored = score(flight.scenario, flight.rows, twin, clean=flight.clean, lanes=flight.lanes)
+            lane = None if tested is None else tested.lane
+            scored = score(flight.scenario, flight.rows, twin, clean=flight.clean, lanes=flight.lanes, unit_lane=lane)
             asked = orders.requirements
             verdicts = check_rows(flight.rows, flight.scenario, asked, twin, tested) if asked else ()
         rows = _rows(run.number, flight, scored, verdicts)

@@ -175,7 +175,7 @@ def show_flight(flight: Flight, run: str = "", verdicts: Sequence[Verdict] = ())
     show_verdicts(verdicts)
     if run:
         field("run", run)
-    notes = ("against the truth", "in Rerun", "run the manager over the log again")
+    notes = ("against the truth and the fault-free flight", "in Rerun", "run the manager over the log again")
     for i, (command, note) in enumerate(zip(next_commands(flight), notes, strict=True)):
         field("next" if i == 0 else "", f"{command}   # {note}", fold=False)
 

@@ -56,8 +56,8 @@ class Viewer(Protocol):
 class Outcome(Protocol):
     """Assesses a flight while it is flown."""
 
-    def begin(self, scenario: Scenario) -> None:
-        """Take the scenario as it is flown; the first frame comes next."""
+    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
+        """Take the scenario as it is flown, and the lane that a unit under test is; the first frame comes next."""
 
     def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Take the next rows, their (n,) CLEAN, and the (n,) ``lanes`` of a flight with servo actuators."""
@@ -163,7 +163,7 @@ def _fly_and_record(
     rig = loop.Rig(scenario, None if unit is None else UnitComputer(unit, pace, stop), keep_clean=kept)
     assess_rows = None
     if (outcome := to.outcome) is not None:
-        outcome.begin(scenario)
+        outcome.begin(scenario, None if unit is None else unit.lane)
         assess_rows = lambda rows, lanes: outcome.add(rows, rig.faults.clean_of(rows), lanes)  # noqa: E731 # every block
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
     software = "" if unit is None else unit.unit.name

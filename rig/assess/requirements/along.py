@@ -36,15 +36,15 @@ class MeasuredConclusion(FlightConclusion):
         self.requirements: tuple[Requirement, ...] = ()
         self._recorder: RequirementsRecorder | None = None
 
-    def begin(self, scenario: Scenario) -> None:
+    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
         """Take the scenario as it is flown.  BadInput: its requirements."""
-        super().begin(scenario)
+        super().begin(scenario, unit_lane)
         self.requirements = load_requirements([*self._names, *(scenario.requirements or ())])
         if not self.requirements:
             return
         recorder_of(scenario, self.requirements, iter(()))  # refuses what the flight does not have, twin or not
         if self._alone:
-            self._recorder = recorder_of(scenario, self._alone, twin=False)
+            self._recorder = recorder_of(scenario, self._alone, twin=False, unit_lane=unit_lane)
 
     @property
     def needs_twin(self) -> bool:
