@@ -13,13 +13,14 @@ from rig.units.quantities import duration, moment, number, unit_shown
 
 Row = tuple[str, ...]
 FAULTS: Final = (
-    *("fault", "on", "onset", "left threshold", "failed", "delay", "from threshold", "by", "peak error", "unit"),
+    *("fault", "on", "onset", "left threshold", "found", "delay", "from threshold", "by", "peak error", "unit"),
     "outcome",
 )
 RESOLVERS: Final = ("pattern", "resolver", "asked", "answered", "correct", "wrong", "open")
 VOTES: Final = ("vote error", "unit", "peak", "at", "RMS", "above threshold", "after onset", "due to faults, peak")
 ACTUATORS: Final = ("actuator", "channel", "shut off", "by", "for")
 COMPUTERS: Final = ("computer", "failed", "by", "for", "cause")
+LAW: Final = ("fault-tolerant law", "at", "for", "named", "named at")
 SUSPECTS: Final = ("suspect", "in frames", "share", "failed")
 ISOLATIONS: Final = ("what", "channel", "at", "by")
 ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
@@ -30,7 +31,8 @@ def fault_row(fault: FaultScore, scenario: Scenario) -> Row:
     rate_hz, unit = scenario.rate_hz, error_unit(fault)
     place = fault.signal if fault.channel is None else f"{fault.signal}.{fault.channel}"
     outcome = f"{fault.outcome}, shorter than the persistence" if fault.tolerated else fault.outcome
-    frames = (moment(frame, rate_hz) for frame in (fault.onset_frame, fault.exceeded_frame, fault.failed_frame))
+    found = fault.law_frame if fault.failed_frame is None else fault.failed_frame
+    frames = (moment(frame, rate_hz) for frame in (fault.onset_frame, fault.exceeded_frame, found))
     delays = (fault.delay_from_onset_frames, fault.delay_from_exceeded_frames)
     cells = (*frames, *(duration(delay, rate_hz) for delay in delays), fault.resolver or "")
     return (fault.id, place, *cells, number(fault.peak_error, unit), unit_shown(unit), outcome)
@@ -107,6 +109,20 @@ def computer_rows(score: Score, rate_hz: float) -> list[Row]:
     if computers.backup_frame is not None:
         rows.append(("back-up engaged", moment(computers.backup_frame, rate_hz), "", computers.backup_reason, ""))
     return rows
+
+
+def law_rows(score: Score, rate_hz: float) -> list[Row]:
+    """Return what the fault-tolerant law found, under the heads LAW."""
+    return [
+        (
+            each.finding,
+            moment(each.frame, rate_hz),
+            f"faults on {', '.join(each.signals)}" if each.signals else "no fault",
+            each.named or "",
+            moment(each.named_frame, rate_hz),
+        )
+        for each in score.law
+    ]
 
 
 def peaks(flight: FlightScore) -> str:

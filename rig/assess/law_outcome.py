@@ -13,7 +13,7 @@ from rig.assess.words import fault_word
 from rig.frame import INDEX, SIGNALS, Block, SensorFault, Trust
 from rig.units.angles import differences
 
-LAW: Final = "fault-tolerant law"  # who found a fault
+LAW: Final = "law"  # who found a fault: the fault-tolerant law
 CORRECTED: Final = "pitch angle corrected"
 BIASED: Final = "rate biased"
 NAMES: Final = {

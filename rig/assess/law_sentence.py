@@ -22,7 +22,7 @@ def _did(finding: LawFinding, context: Context) -> str:
         return f"which called a rate biased at {at} and flew on the pitch-angle sensor"
     named = ""
     if finding.named_frame is not None:
-        named = f" and named its {finding.named} at {seconds(finding.named_frame, context.rate_hz)}"
+        named = f" and named it a fault of {finding.named} at {seconds(finding.named_frame, context.rate_hz)}"
     return f"which flew on its estimate of the pitch angle from {at} on{named}"
 
 

@@ -11,7 +11,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
-from rig.assess.requirements import Requirement, Verdict, check_log, check_rows
+from rig.assess.requirements import Requirement, Verdict, check_log, check_rows, margin_text, number_of
 from rig.campaign import config
 from rig.campaign.flying import fly
 from rig.campaign.plan import Plan, rig_identity
@@ -167,8 +167,10 @@ def _checked(case: str, verdict: Verdict, where: str, command: str) -> Checked:
         return Checked(case, verdict.requirement, verdict.signal, "not applicable", None, "", command)
     there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items())
     when = f"at {verdict.instant_s:.3f} s{f' of {where}' if where else ''}"
-    text = f"margin {verdict.margin:.4g} {when}{f': {there}' if there else ''}"
-    return Checked(case, verdict.requirement, verdict.signal, verdict.status, verdict.margin, text, command)
+    shown = margin_text(verdict.margin)
+    text = f"{f'margin {shown} ' if shown else ''}{when}{f': {there}' if there else ''}"
+    margin = number_of(verdict.margin)
+    return Checked(case, verdict.requirement, verdict.signal, verdict.status, margin, text, command)
 
 
 def _compared(case: str, decided: list[str], reference: dict[str, list[str]] | None, command: str) -> Checked:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from math import isfinite
 from typing import Any, Final
 
 import polars as pl
 
-from rig.assess.requirements import Requirement, Verdict, plain, violated
+from rig.assess.requirements import Requirement, Verdict, number_of, plain, violated
 from rig.campaign.statistics import proportion
 
 RUNS: Final[dict[str, Any]] = {
     "violated": pl.Int64,  # verdicts; empty without requirements
     "least_margin": pl.Float64,
-    "requirements": pl.String,  # JSON: requirement, signal, status, margin, instant_s of each verdict
+    "requirements": pl.String,  # JSON: requirement, signal, status, margin (of a state +-1000), instant_s of verdicts
 }
 
 
@@ -25,6 +26,8 @@ def run_columns(verdicts: Sequence[Verdict]) -> dict[str, Any]:
         return {}
     fields = [{name: value for name, value in plain(verdict).items() if name != "values"} for verdict in verdicts]
     margins = [each["margin"] for each in fields if each["margin"] is not None]
+    for each, verdict in zip(fields, verdicts, strict=True):
+        each["margin"] = verdict.margin if isfinite(verdict.margin) else None  # to be compared with others
     return {
         "violated": len(violated(verdicts)),
         "least_margin": min(margins, default=None),
@@ -59,7 +62,7 @@ def _row(requirement: Requirement, flights: list[tuple[float, bool, int, dict[st
         "requirement": requirement.id,
         "text": requirement.text,
         "met": asdict(proportion(sum(met for _, met, *_ in flights), len(flights))),
-        "least_margin": None if least is None else least[0],
+        "least_margin": None if least is None else number_of(least[0]),
         "least_run": None if least is None else least[2],
         "signal": None if least is None else least[3]["signal"],
         "instant_s": None if least is None else least[3]["instant_s"],

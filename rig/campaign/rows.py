@@ -91,6 +91,7 @@ def _fault_row(number: int, scenario: Scenario, fault: FaultScore) -> Row:
         "onset_s": time_s(fault.onset_frame),
         "exceeded_s": time_s(fault.exceeded_frame),
         "failed_s": time_s(fault.failed_frame),
+        "law_s": time_s(fault.law_frame),
         "delay_from_onset_s": time_s(fault.delay_from_onset_frames),
         "delay_from_exceeded_s": time_s(fault.delay_from_exceeded_frames),
         "isolation": PUBLIC["campaign"][fault.word],

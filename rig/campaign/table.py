@@ -38,6 +38,7 @@ ADDED: Final = (
     *OF_SERVOS,
     *MEASURED,
     "wrong_vote_first",
+    "law_s",
 )  # columns that parts of older versions lack; they are then empty
 
 RUNS: Final[dict[str, Any]] = {
@@ -93,6 +94,7 @@ FAULTS: Final[dict[str, Any]] = {
     "vote_kept": pl.Boolean,
     "lost_s": pl.Float64,
     "wrong_vote_first": pl.Boolean,  # before the signal was declared lost
+    "law_s": pl.Float64,  # the fault-tolerant law found it
 }
 ALARMS: Final[dict[str, Any]] = {
     "run": pl.Int64,

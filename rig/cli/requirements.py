@@ -44,11 +44,13 @@ def show_verdicts(verdicts: Sequence[Verdict]) -> None:
 
 
 def _row(verdict: Verdict) -> tuple[Any, ...]:
+    from rig.assess.requirements import margin_text
+
     if not isfinite(verdict.margin):
         return (verdict.status, verdict.requirement, verdict.signal, "", "", "")
     there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items()]
     more = ["..."] if len(there) > FEW else []
     return (
-        *(verdict.status, verdict.requirement, verdict.signal, f"{verdict.margin:.3g}", f"{verdict.instant_s:.2f} s"),
+        *(verdict.status, verdict.requirement, verdict.signal, margin_text(verdict.margin), f"{verdict.instant_s:.2f} s"),
         ", ".join([*there[:FEW], *more]),
     )

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 WIDTH: Final = 18  # of the labels
 _FAULTS: Final = (  # of (outcome, *cells.fault_row)
     *(Column("fault", 1), Column("on", 2, worth=2), Column("onset", 3, worth=4)),
-    *(Column("left threshold", 4, worth=1), Column("failed", 5, worth=7), Column("delay", 6)),
+    *(Column("left threshold", 4, worth=1), Column("found", 5, worth=7), Column("delay", 6)),
     *(Column("from threshold", 7, worth=3), Column("by", 8)),
     *(Column("peak error", lambda row: f"{row[9]} {row[10]}", worth=6), Column("outcome", 11)),
 )
@@ -128,6 +128,7 @@ def _show(scored: Scored) -> None:
     _suspects(score)
     table(cells.actuator_rows(score, scenario.rate_hz), columns(*cells.ACTUATORS, worth=_WORTH), MOST_LINES)
     table(cells.computer_rows(score, scenario.rate_hz), columns(*cells.COMPUTERS, worth=_WORTH), MOST_LINES)
+    table(cells.law_rows(score, scenario.rate_hz), columns(*cells.LAW, worth=_WORTH), MOST_LINES)
     if score.episodes:
         table(cells.resolver_rows(score), columns(*cells.RESOLVERS, worth=_WORTH))
         line(

@@ -110,13 +110,18 @@ def _plan(options: SearchOptions) -> SearchPlan:
     return SearchPlan(campaign, source, asked, requirements, trust)
 
 
+def _shown(margin: float | None) -> str:
+    """Return a margin that the search found; ``none`` where no number was."""
+    return "none" if margin is None else f"{margin:.4g}"
+
+
 def _show(ended: Ended, out: Path) -> None:
     """Print what was found, how sure it is, and where it is."""
     figures = ended.figures
     at_random, worst, confirmed = figures["random"], figures["worst"], figures["confirmed"]
     field(
         "flights",
-        f"{figures['flights']}, {figures['violated']} violate; least margin {figures['least_margin']:.4g}",
+        f"{figures['flights']}, {figures['violated']} violate; least margin {_shown(figures['least_margin'])}",
         width=_WIDTH,
     )
     bound = f"at most {100 * at_random['upper_95']:.3g} % (95 %)"
@@ -124,7 +129,7 @@ def _show(ended: Ended, out: Path) -> None:
     again = f"{worst['confirmed'][0]} of {worst['confirmed'][1]} new seeds violate"
     field(
         "worst",
-        f"run {worst['run']}, {worst['arm']}: {again}, median margin {worst['median_margin']:.4g}",
+        f"run {worst['run']}, {worst['arm']}: {again}, median margin {_shown(worst['median_margin'])}",
         width=_WIDTH,
     )
     if figures["scenario"]:

@@ -1,13 +1,13 @@
 """The one grammar of conditions, of triggers (``when``) and of requirements (``formula``): text to steps of a stack.
 
-    condition   condition and condition | condition or condition | not condition | yes or no
+    condition   condition and condition | condition or condition | not condition | yes or no | state(condition)
                 | number < number (<=, >, >=, ==, !=; chained too)
                 | always[a, b] condition | eventually[a, b] condition | once[a, b] condition
                 | condition until[a, b] condition
     number      constant | name | -number | number + number (-, *, /) | abs(number) | min(number, ...) | max(...)
 
-Brackets and precedence are Python's, whose parser reads the text; nothing is ever evaluated as Python.  Windows, s, are
-of requirements alone; they bind like ``not``.  Names are given by who parses: a ``Grammar``.
+Brackets and precedence are Python's, whose parser reads the text; nothing is ever evaluated as Python.  Windows, s, and
+``state`` are of requirements alone; windows bind like ``not``.  Names are given by who parses: a ``Grammar``.
 """
 
 from __future__ import annotations
@@ -60,6 +60,7 @@ class Op(IntEnum):
     EVENTUALLY = 26
     ONCE = 27
     UNTIL = 28
+    STATE = 29  # a condition without a distance
 
 
 Step = tuple[Op, int, float]  # operation, place, value
@@ -166,6 +167,8 @@ class _Parser:
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 word, place = self._words.get(node.col_offset, ("not", 0))
                 return [*self.condition(operand), (Op[word.upper()], place, 0.0)]
+            case ast.Call(func=ast.Name(id="state"), args=[inner], keywords=[]) if self.grammar.windows:
+                return [*self.condition(inner), (Op.STATE, 0, 0.0)]
             case ast.Compare(left=left, ops=compares, comparators=others):
                 sides = [self.number(side) for side in (left, *others)]
                 if any(type(compare) not in _COMPARE for compare in compares):

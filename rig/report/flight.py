@@ -200,7 +200,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
     wrong = len(score.false_alarms) + len(score.wrong_isolations)
     delays = [fault.delay_from_exceeded_frames for fault in detected if fault.delay_from_exceeded_frames is not None]
     off = [name for name, error in score.vote_error.items() if error.above_threshold_s > 0]
-    failed = [(fault.failed_frame or 0, fault.resolver) for fault in detected if fault.resolver]
+    failed = [(fault.failed_frame or fault.law_frame or 0, fault.resolver) for fault in detected if fault.resolver]
     failed += [(each.frame, each.resolver) for _, each in score.isolations]
     deciders = dict.fromkeys(resolver for _, resolver in sorted(failed))
     lost = sum(signal.level_at_end == 0 for signal in score.signals.values())
@@ -209,7 +209,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
         (f"{len(detected)} of {len(detected) + missed}", "detectable faults detected", missed > 0),
         (duration(max(delays), rate_hz) if delays else DASH, "longest delay from the threshold", False),
         (str(wrong), "healthy channels failed", wrong > 0),
-        (", ".join(deciders) or DASH, "decided which channels failed", False),
+        (", ".join(deciders) or DASH, "found the faults or failed the channels", False),
         (str(len(off)), _off_by(scored, off), bool(off)),
         (str(lost), "signals without a channel at the end", lost > 0),
         *([(str(lasting), "channels suspect in many frames, never failed", True)] if lasting else []),
@@ -243,6 +243,7 @@ def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], li
         ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
         ("Channels of actuators", cells.ACTUATORS, cells.actuator_rows(score, rate_hz)),
         ("Computers and links", cells.COMPUTERS, cells.computer_rows(score, rate_hz)),
+        ("The fault-tolerant law", cells.LAW, cells.law_rows(score, rate_hz)),
         ("Suspect channels", cells.SUSPECTS, cells.suspect_rows(score)),
         ("Healthy channels that were failed", cells.ISOLATIONS, cells.isolation_rows(score, rate_hz)),
         ("Patterns without a majority", cells.RESOLVERS, cells.resolver_rows(score)),

@@ -10,7 +10,7 @@ from typing import Final, Self
 import numpy as np
 import plotly.graph_objects as go
 
-from rig.assess.requirements import Verdict, load_requirements, recorder_of
+from rig.assess.requirements import Verdict, load_requirements, margin_text, recorder_of
 from rig.errors import BadInput
 from rig.log import LogFile, unit_of
 from rig.report.figures import DOTTED
@@ -85,4 +85,4 @@ def _row(one: Verdict) -> tuple[str, ...]:
     if not isfinite(one.margin):
         return one.requirement, one.signal, one.status, DASH, DASH, ""
     there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in one.values.items())
-    return one.requirement, one.signal, one.status, f"{one.margin:.3g}", f"{one.instant_s:.2f} s", there
+    return one.requirement, one.signal, one.status, margin_text(one.margin) or DASH, f"{one.instant_s:.2f} s", there

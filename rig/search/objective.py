@@ -17,7 +17,7 @@ VOTE: Final = Requirement(
     id="vote-of-search",
     text="Ties: the vote stays within the threshold of the truth, or the signal is lost",
     at="each onset",
-    formula="always[0, 60] (abs(error.{signal}) <= threshold.{signal} or 1000 * level.{signal} < 500)",
+    formula="always[0, 60] (abs(error.{signal}) <= threshold.{signal} or state(level.{signal} < 1))",
 )
 
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 import plotly.graph_objects as go
 
+from rig.assess.requirements import margin_text
 from rig.report.page import lay_out, write_page
 from rig.search.objective import Measured
 from rig.search.plan import SearchPlan
@@ -30,7 +31,7 @@ def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
     ):
         hover = "flight %{x}: margin %{customdata}<extra>" + label + "</extra>"
         marks: dict[str, Any] = {"mode": "markers", "marker": {"color": faint(colour, 0.55), "size": 6}}
-        texts = [f"{margin:.3g}<br>{name}" for margin, name in zip(margins[part], names[part], strict=True)]
+        texts = [f"{margin_text(margin) or 'none'}<br>{name}" for margin, name in zip(margins[part], names[part], strict=True)]
         made.add_scatter(x=flights[part], y=shown[part], name=label, customdata=texts, hovertemplate=hover, **marks)
     line: dict[str, Any] = {"mode": "lines", "line": {"color": INK, "width": 2, "shape": "hv"}}
     made.add_scatter(x=flights, y=np.minimum.accumulate(shown), name="least so far", hoverinfo="skip", **line)

@@ -9,7 +9,7 @@ from typing import Any, Final
 import tomli_w
 from scipy.stats import beta
 
-from rig.assess.requirements import load_requirements
+from rig.assess.requirements import load_requirements, number_of
 from rig.assess.requirements.requirement import names
 from rig.campaign.folder import write_whole
 from rig.search.confirm import SEEDS, Confirmed
@@ -43,12 +43,12 @@ def figures(
         "flights": len(plan.choices),
         "violated": sum(each.violated for each in found),
         "random": {"flights": plan.random, "violated": at_random, "upper_95": upper(at_random, plan.random)},
-        "least_margin": min(each.margin for each in found),
+        "least_margin": number_of(min(each.margin for each in found)),
         "worst": {
             "run": worst * plan.of_one_draw,
             "arm": plan.arms[plan.draws[worst].arm].name,
-            "margin": found[worst].margin,
-            "median_margin": chosen.median_margin,
+            "margin": number_of(found[worst].margin),
+            "median_margin": number_of(chosen.median_margin),
             "confirmed": [chosen.violations, len(chosen.seeds)],
             "varied": plan.choices[worst * plan.of_one_draw],
         },

@@ -16,6 +16,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, Final
 
+from rig.assess.requirements import margin_text
 from rig.campaign import table
 from rig.campaign.folder import write_whole
 from rig.campaign.run import pool_of
@@ -87,8 +88,8 @@ def _searched(plan: SearchPlan, flights: Flown) -> list[Measured]:
         together = plan.of_one_draw
         new = [measured(rows[i : i + together], ids) for i in range(0, len(rows), together)]
         results += new
-        least = min(result.margin for result in results)
-        tell(f"{len(plan.choices)} flights, least margin {least:.3g}", len(plan.choices) - 1, len(plan))
+        least = margin_text(min(result.margin for result in results)) or "none yet"
+        tell(f"{len(plan.choices)} flights, least margin {least}", len(plan.choices) - 1, len(plan))
         try:
             asked = coming.send([each.value for each in new])
         except StopIteration:

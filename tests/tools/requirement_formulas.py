@@ -2,7 +2,7 @@
 
     python tests/tools/requirement_formulas.py [--count 2000]
 
-Prints how many agree in verdict and in margin (1e-9); exit code 1 when one does not.  The definition is written here
+Prints how many agree in verdict and in margin, met from 0 on and violated below 0; exit code 1 when one does not.  The definition is written here
 once more, on trees that no parser has seen: every window is gone through, nothing is kept from one block to the next.
 """
 
@@ -20,7 +20,7 @@ from rig.assess.requirements import recorder as recorder_module
 from rig.assess.requirements.subject import EVERYTHING, Subject, Watched
 from rig.frame import DISCRETES, INDEX, SIGNALS, End, State, new_block
 
-RATE_HZ, MOST = 100.0, 1000.0
+RATE_HZ, MOST, LEAST = 100.0, 1000.0, 1e-9
 Q, P = INDEX["pitch_rate"], INDEX["roll_rate"]
 NUMBERS = {
     "truth.pitch_rate": lambda rows: rows["truth"][:, Q],
@@ -80,14 +80,14 @@ def random_number(random: Random, deep: int) -> Any:
 
 def random_condition(random: Random, depth: int) -> Any:
     """Return a condition as a tree, windows in frames."""
-    kinds = ("compare", "flag", "not", "and", "or", "always", "eventually", "once", "until", "until")
+    kinds = ("compare", "flag", "not", "state", "and", "or", "always", "eventually", "once", "until", "until")
     kind = random.choice(kinds if depth else kinds[:2])
     if kind == "compare":
         return (random.choice(COMPARE), random_number(random, 1), random_number(random, 1))
     if kind == "flag":
         return ("flag", random.choice(list(FLAGS)))
     parts = [random_condition(random, depth - 1) for _ in range(2 if kind in ("and", "or", "until") else 1)]
-    if kind in ("not", "and", "or"):
+    if kind in ("not", "state", "and", "or"):
         return (kind, *parts)
     first = random.choice((0, 0, random.randrange(15)))
     return (kind, first, first + random.choice((0, random.randrange(40))), *parts)
@@ -108,6 +108,8 @@ def text(tree: Any) -> str:
         return f"({text(parts[0])} {kind} {text(parts[1])})"
     if kind == "not":
         return f"(not {text(parts[0])})"
+    if kind == "state":
+        return f"state({text(parts[0])})"
     if kind in ("and", "or"):
         return f"({text(parts[0])} {kind} {text(parts[1])})"
     window = f"{kind}[{parts[0] / RATE_HZ:g}, {parts[1] / RATE_HZ:g}]"
@@ -164,7 +166,10 @@ class Definition:
             return self._compared(kind, self.number(parts[0], k), self.number(parts[1], k), sign)
         if kind == "not":
             found = self.of(parts[0], k, -sign)
-            return None if found is None else (not found[0], -found[1])
+            return None if found is None else (not found[0], -found[1] or -LEAST)
+        if kind == "state":
+            found = self.of(parts[0], k, sign)
+            return None if found is None else (found[0], MOST if found[0] else -MOST)
         if kind in ("and", "or"):
             return combine([self.of(part, k, sign) for part in parts], kind == "and")
         first, last, *parts = parts
@@ -191,7 +196,8 @@ class Definition:
             return (sign < 0, -sign * MOST)
         apart = {"<": b - a, "<=": b - a, ">": a - b, ">=": a - b, "==": -abs(a - b), "!=": abs(a - b)}[kind]
         met = {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}[kind]
-        return (met, max(-MOST, min(MOST, apart / self.scale)))
+        margin = max(-MOST, min(MOST, apart / self.scale))
+        return (met, max(margin, 0.0) if met else min(margin, -LEAST))
 
 
 def combine(found: list[Any], least: bool) -> Any:
@@ -235,11 +241,13 @@ def defined(tree: Any, rows: Any, scale: float) -> tuple[str, float]:
 
 
 def agree(number: int) -> bool:
-    """Return True if both have the same status, and the same margin to 1e-9."""
+    """Return True if both have the same status, and the same margin to 1e-12, which is 0 or more where it is met."""
     tree, rows, scale, random = case(number)
     status, margin = measured(tree, rows, scale, random)
     expected, by_definition = defined(tree, rows, scale)
-    return status == expected and (abs(margin - by_definition) <= 1e-9 or status == "not applicable")
+    if status != expected or status == "not applicable":
+        return status == expected
+    return abs(margin - by_definition) <= 1e-12 and (status == "met") == (margin >= 0.0)
 
 
 def main() -> int:

@@ -6,6 +6,7 @@ subject.py      what there is to measure: signals, thresholds, faults, limits; c
 margins.py      verdict and margin of a tree over frames, by sliding minima
 along.py        beside the conclusion of a flight while it is flown; verdicts as plain data
 bound.py        formulas of requirements over the signals of a subject
+shown.py        margins as they are shown
 instants.py     when a formula is asked for: start, onsets, losses
 recorder.py     blocks of rows in, verdicts out; measure.py: of flights, logs and rows
 
@@ -21,12 +22,14 @@ if TYPE_CHECKING:
     from rig.assess.requirements.measure import check_log, check_rows, fly_requirements, names_twin, recorder_of
     from rig.assess.requirements.recorder import RequirementsRecorder, Verdict
     from rig.assess.requirements.requirement import Requirement, find_requirements, load_requirements
+    from rig.assess.requirements.shown import margin_text, number_of
     from rig.assess.requirements.subject import Subject, of_flight, of_recording
 
 _HOME = {
     **dict.fromkeys(("MeasuredConclusion", "events", "measure_scored", "plain", "violated"), "along"),
     **dict.fromkeys(("check_log", "check_rows", "fly_requirements", "names_twin", "recorder_of"), "measure"),
     **dict.fromkeys(("RequirementsRecorder", "Verdict"), "recorder"),
+    **dict.fromkeys(("margin_text", "number_of"), "shown"),
     **dict.fromkeys(("Requirement", "find_requirements", "load_requirements"), "requirement"),
     **dict.fromkeys(("Subject", "of_flight", "of_recording"), "subject"),
 }
@@ -42,8 +45,10 @@ __all__ = [
     "find_requirements",
     "fly_requirements",
     "load_requirements",
+    "margin_text",
     "measure_scored",
     "names_twin",
+    "number_of",
     "of_flight",
     "of_recording",
     "plain",

@@ -13,6 +13,7 @@ from rig.assess.of_log import FlightConclusion, Scored
 from rig.assess.requirements.measure import check_log, recorder_of
 from rig.assess.requirements.recorder import RequirementsRecorder, Verdict
 from rig.assess.requirements.requirement import Requirement, load_requirements
+from rig.assess.requirements.shown import margin_text, number_of
 from rig.errors import BadInput
 from rig.frame import Block, LaneBlock
 from rig.record.event import Event
@@ -102,20 +103,22 @@ def events(verdicts: Sequence[Verdict], rate_hz: float) -> list[Event]:
     violations = []
     for verdict in violated(verdicts):
         there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items())
-        text = f"{f'{verdict.requirement} {verdict.signal}'.rstrip()}: margin {verdict.margin:.3g}; {there}"
+        shown = margin_text(verdict.margin)
+        margin = f"margin {shown}; " if shown else ""
+        text = f"{f'{verdict.requirement} {verdict.signal}'.rstrip()}: {margin}{there}"
         violations.append(Event(round(verdict.instant_s * rate_hz), "error", VIOLATED, text))
     return sorted(violations, key=lambda event: event.frame)
 
 
 def plain(verdict: Verdict) -> dict[str, Any]:
-    """Return a verdict as JSON has it: null where it is not applicable."""
+    """Return a verdict as JSON has it: the margin null where it has no number, all null where it is not applicable."""
     numbers = {
         name: {"value": value if isfinite(value) else None, "unit": u} for name, (value, u) in verdict.values.items()
     }
     applies = isfinite(verdict.margin)
     return {
         **verdict._asdict(),
-        "margin": verdict.margin if applies else None,
+        "margin": number_of(verdict.margin),
         "instant_s": verdict.instant_s if applies else None,
         "values": numbers,
     }

@@ -26,7 +26,7 @@ SIGNAL: Final = "{signal}"
 CHANNEL: Final = "{channel}"  # of a signal; a formula holds for each that is fitted
 _WINDOWS: Final = (Op.ALWAYS, Op.EVENTUALLY, Op.ONCE, Op.UNTIL)
 COMPARISONS: Final = (Op.LESS, Op.LESS_EQUAL, Op.GREATER, Op.GREATER_EQUAL, Op.EQUAL, Op.NOT_EQUAL)
-_UNARY: Final = (Op.NEGATE, Op.ABS, Op.NOT, Op.ALWAYS, Op.EVENTUALLY, Op.ONCE)
+_UNARY: Final = (Op.NEGATE, Op.ABS, Op.NOT, Op.ALWAYS, Op.EVENTUALLY, Op.ONCE, Op.STATE)
 
 
 @dataclass(frozen=True, slots=True)

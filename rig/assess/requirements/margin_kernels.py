@@ -12,7 +12,8 @@ import numpy as np
 from rig.frame import State
 from rig.kernels import kernel
 
-MOST: Final = 1000.0  # JSON has no infinity
+MOST: Final = 1000.0  # JSON has no infinity; that of a state, which has no distance
+LEAST: Final = 1e-9  # a margin is never nearer below 0: met is 0 and above, violated is below 0
 
 
 @kernel
@@ -33,7 +34,8 @@ def margins_of_flags(column, sign, out):
 def margins_of_comparison(apart, strict, scale, sign, out):
     """Fill ``out`` (2, C, n) with verdict and margin of a comparison whose sides are ``apart`` (C, n).
 
-    strict : they must be, by more than nothing; sign : -1 where it is negated; no number violates
+    strict : they must be, by more than nothing, and equals are violated by LEAST
+    sign : -1 where it is negated; no number violates
     """
     for c in range(apart.shape[0]):
         for k in range(apart.shape[1]):
@@ -42,7 +44,8 @@ def margins_of_comparison(apart, strict, scale, sign, out):
             wrong = np.isnan(margin)
             met = of > 0.0 if strict else of >= 0.0
             out[0, c, k] = -sign if wrong else (1.0 if met else -1.0)
-            out[1, c, k] = -sign * MOST if wrong else min(max(margin, -MOST), MOST)
+            margin = min(max(margin, 0.0), MOST) if met else min(max(margin, -MOST), -LEAST)
+            out[1, c, k] = -sign * MOST if wrong else margin
 
 
 @kernel

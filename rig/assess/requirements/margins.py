@@ -3,7 +3,8 @@
 Values of a condition are (2, C, n) of C channels at once, (2, 1, n) of what is the same on each: its verdict as 1 or
 -1, and its margin; NaN where nothing was flown to decide on.
 Margins: (b - a) / scale of ``a < b``, -|a - b| / scale of ``==``; ``not`` negates, ``and`` and ``always`` take the
-least, ``or`` and ``eventually`` the largest; +-1 of a yes or no; within +-MOST.  A number that is NaN violates.
+least, ``or`` and ``eventually`` the largest; +-1 of a yes or no; +-MOST of a state; within +-MOST.  A number that is
+NaN violates.  What is met has a margin of 0 or more, what is violated one of -LEAST or less.
 
 Sources: Donze and Maler 2010, 'Robust satisfaction of temporal logic over real-valued signals'; ``until`` by
 Donze, Ferrere and Maler 2013, 'Efficient robust monitoring for STL': p until[a, b] q is the least of eventually[a, b] q
@@ -20,6 +21,8 @@ from numpy.typing import NDArray
 
 from rig.assess.requirements.formula import COMPARISONS, Node
 from rig.assess.requirements.margin_kernels import (
+    LEAST,
+    MOST,
     least_of_windows,
     margins_of_comparison,
     margins_of_flags,
@@ -138,7 +141,11 @@ def _measured(node: Node, a: int, b: int, held: Held) -> Floats:
     if node.op in COMPARISONS:
         return _compared(node, a, b, held)
     if node.op == Op.NOT:
-        return -values(node.parts[0], a, b, held)
+        negated = -values(node.parts[0], a, b, held)
+        return np.where(negated == 0.0, -LEAST, negated)  # of margins alone: what was met by 0 is violated
+    if node.op == Op.STATE:
+        verdicts, _ = values(node.parts[0], a, b, held)
+        return np.stack([verdicts, MOST * verdicts])
     if node.op in (Op.AND, Op.OR):
         least = np.fmin if node.op == Op.AND else np.fmax  # what was not flown does not count
         return least(*(values(part, a, b, held) for part in node.parts))
@@ -277,7 +284,7 @@ def decisive(node: Node, k: int, held: Held) -> int:
     """Return the frame whose numbers give the margin of a condition in frame ``k``, on one channel."""
     if node.op == Op.HOLDS or node.op in COMPARISONS:
         return k
-    if node.op == Op.NOT:
+    if node.op in (Op.NOT, Op.STATE):
         return decisive(node.parts[0], k, held)
     if node.op in (Op.AND, Op.OR):
         margins = [values(part, k, k, held)[1, 0, 0] for part in node.parts]
