@@ -125,7 +125,7 @@ def test_a_fault_shorter_than_the_persistence_is_tolerated():
 @pytest.mark.parametrize(
     ("surface", "kind", "field", "words"),
     [
-        (0, "wrong isolation", "wrong_isolations", "although another channel was the faulty one"),
+        (0, "wrong isolation", "wrong_isolations", "although channel 2 was faulty"),
         (1, "false alarm", "false_alarms", "although no channel of it was faulty"),
     ],
 )

@@ -61,9 +61,9 @@ def test_a_surface_that_is_moved_again_is_not_told_as_bypassed_to_the_end():
 
 def test_the_table_has_a_row_for_each(lost: Scored):
     rows = cells.computer_rows(lost.score, 100.0)
-    assert rows[0] == ("lane A", "0.55 s (frame 55)", "B, C, D", "vote of commands")
-    assert ("link C-D", "1.54 s (frame 154)", "D", "silence") in rows
-    assert rows[-1] == ("back-up engaged", "2.03 s (frame 203)", "", "no lane is engaged")
+    assert rows[0] == ("lane A", "0.55 s (frame 55)", "B, C, D", "vote of commands", "own fault")
+    assert ("link C-D", "1.54 s (frame 154)", "D", "silence", "") in rows
+    assert rows[-1] == ("back-up engaged", "2.03 s (frame 203)", "", "no lane is engaged", "")
 
 
 def test_a_bus_that_fails_takes_two_lanes_and_their_sensors_and_no_healthy_channel(tmp_path: Path):

@@ -11,7 +11,15 @@ import pytest
 import requirement_formulas as formulas
 
 from rig import scenario
-from rig.assess.requirements import Requirement, RequirementsRecorder, check_rows, load_requirements
+from rig.assess.requirements import (
+    Requirement,
+    RequirementsRecorder,
+    check_rows,
+    load_requirements,
+    margin_text,
+    plain,
+)
+from rig.assess.requirements.margin_kernels import LEAST, MOST
 from rig.assess.requirements.requirement import names
 from rig.errors import BadInput
 from rig.frame import INDEX, End, State, new_block
@@ -111,11 +119,30 @@ def test_margins_of_comparisons():
         assert margin(formula, rows, scale=0.1) == pytest.approx(expected), formula
 
 
-def test_verdict_and_margin_are_two_results():
+def test_a_margin_of_0_is_met_and_what_is_violated_is_below_it():
     rows = flown(q=0.5)
     assert measured("truth.pitch_rate <= 0.5", rows)[2:4] == ("met", 0.0)
-    assert measured("truth.pitch_rate < 0.5", rows)[2:4] == ("violated", 0.0)
+    assert measured("truth.pitch_rate < 0.5", rows)[2:4] == ("violated", -LEAST)
     assert measured("truth.pitch_rate == 0.5", rows)[2:4] == ("met", 0.0)
+    assert measured("not truth.pitch_rate <= 0.5", rows)[2:4] == ("violated", -LEAST)
+    assert measured("not truth.pitch_rate < 0.5", rows)[2:4] == ("met", LEAST)
+    assert measured("truth.pitch_rate != 0.5", rows)[2:4] == ("violated", -LEAST)
+    assert (margin_text(0.0), margin_text(-LEAST), margin_text(-0.25)) == ("0", "<0", "-0.25")
+
+
+def test_a_state_has_no_distance_and_hides_none_of_what_it_excuses():
+    """Excused: no number.  Not excused: the number of the rest, however far it is off."""
+    rows = flown(q=0.5)
+    for formula, status, expected in [
+        ("state(truth.pitch_rate > 0) or truth.pitch_rate < 0.2", "met", MOST),
+        ("state(truth.pitch_rate > 1) or truth.pitch_rate < 0.2", "violated", -3.0),
+        ("not state(truth.pitch_rate > 0)", "violated", -MOST),
+        ("always[0, 0.05] (state(truth.pitch_rate > 1) or truth.pitch_rate < 0.7)", "met", 2.0),
+    ]:
+        found = measured(formula, rows, scale=0.1)
+        assert found[2:4] == (status, pytest.approx(expected)), formula
+        assert (plain(found)["margin"] is None) == (abs(expected) == MOST)
+        assert (margin_text(found.margin) == "") == (abs(expected) == MOST)
 
 
 def test_a_number_that_is_nan_violates_whatever_is_negated():

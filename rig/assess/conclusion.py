@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 _APART_S: Final = 1.0  # episodes of one signal that follow each other sooner are told as one
 _NAMES: Final = {"ilm": "in-line monitors"}
-_OUTCOMES: Final = {"right": "correctly", "wrong": "wrongly: a healthy channel was failed"}
 
 
 def conclusion(scenario: Scenario, score: Score) -> list[str]:
@@ -156,10 +155,10 @@ def _pattern_sentence(group: Sequence[Episode], context: Context) -> str:
     length = duration(_end(group[-1]) - first.first_frame, rate_hz)
     how_often = f" {len(group)} times" if len(group) > 1 else ""
     head = f"{first.signal} had no majority ({first.pattern}){how_often} from {seconds(first.first_frame, rate_hz)}"
-    return f"{head} for {length}: {'; '.join((*_answers(decided, context), _settled(decided)))}"
+    return f"{head} for {length}: {'; '.join((*_answers(decided, context), _settled(decided, context)))}"
 
 
-def _settled(episode: Episode) -> str:
+def _settled(episode: Episode, context: Context) -> str:
     if episode.resolver == "unresolved":
         return "nobody settled it: the vote was held"
     if episode.resolver == "given_up":
@@ -167,7 +166,20 @@ def _settled(episode: Episode) -> str:
     who = _NAMES.get(episode.resolver, episode.resolver)
     if not episode.failed:
         return f"settled by {who}, and the pattern went by before a channel was failed"
-    return f"settled by {who}: {channels(list(episode.failed))} failed, {_OUTCOMES[episode.verdict]}"
+    how = "correctly" if episode.verdict == "right" else f"wrongly: {_healthy_of(episode, context)}"
+    return f"settled by {who}: {channels(list(episode.failed))} failed, {how}"
+
+
+def _healthy_of(episode: Episode, context: Context) -> str:
+    """Return which of the channels that an episode failed were healthy: ``channels 1 and 2 were healthy``."""
+    score = context.score
+    failed = {
+        each.channel
+        for each in (*score.false_alarms, *score.wrong_isolations)
+        if each.signal == episode.signal and episode.first_frame <= each.frame <= _end(episode)
+    }
+    healthy = sorted(failed & set(episode.failed))
+    return f"{channels(healthy or list(episode.failed))} {'were' if len(healthy) > 1 else 'was'} healthy"
 
 
 def _answers(episode: Episode, context: Context) -> Iterator[str]:
