@@ -10,8 +10,12 @@ import pytest
 from unit_files import needs_a_compiler, udp, unit
 
 import rig
+from rig.assess import score
 from rig.assess.of_log import score_log
 from rig.assess.record import Yardstick
+from rig.assess.requirements import check_log, load_requirements
+from rig.campaign.flying import fly as fly_in_memory
+from rig.campaign.rows import alarm_rows, run_row
 from rig.errors import BadInput
 from rig.frame import COMPUTERS, Health, LaneTest, Law, State, UnitStatus
 from rig.log.info import info
@@ -74,6 +78,25 @@ def test_a_lane_whose_unit_dies_is_failed_by_its_watchdog_and_three_fly_on(tmp_p
     assert 50 <= failed[0] <= 53 and failed.tolist() == list(range(failed[0], 200))
     assert (flight.rows["unit"][51:] == UnitStatus.DEAD).all()
     assert lanes["health"][:, [0, 2, 3]].max() < Health.FAILED
+    assert flight.failed["pitch_rate"] == [2]  # its lane sends no samples any more
+    found = score_log(flight.log, Yardstick(), twin=False)
+    assert found.score.isolations == [] and flight.conclusion == tuple(found.conclusion)
+    assert "computer B, whose software is the unit under test, was failed at " in flight.conclusion[0]
+    asked = next(each for each in load_requirements(["redundancy"]) if each.id == "healthy_channel")
+    every = [asked.model_copy(update={"signals": "*", "at": "start"})]
+    assert {verdict.status for verdict in check_log(flight.log, every)} == {"met"}
+
+
+def test_a_campaign_counts_no_healthy_channel_of_a_lane_that_is_a_unit(tmp_path: Path):
+    tested = unit(tmp_path, "first_valid", lane="B")
+    which = rig.load({**FOUR, "faults": [HARDOVER]})
+    with running(tested) as again:
+        assert again is not None
+        flown = fly_in_memory(which, again)
+        found = score(which, flown.rows, clean=flown.clean, lanes=flown.lanes, unit_lane=again.lane)
+    row = run_row(0, flown, found)
+    assert (row["detected"], row["missed"], row["false_alarms"], row["wrong_isolations"]) == (1, 0, 0, 0)
+    assert row["healthy_coils_failed"] == 0 and not alarm_rows(0, which, found)
 
 
 def test_a_voter_that_believes_a_faulty_channel_is_outvoted_and_failed_by_the_others(tmp_path: Path):
@@ -82,6 +105,13 @@ def test_a_voter_that_believes_a_faulty_channel_is_outvoted_and_failed_by_the_ot
     assert flight.survived and set(flight.lanes_failed) == {"B"}
     assert lanes["failed_for"][-1, B] == LaneTest.COMMANDS
     assert flight.failed == {"pitch_rate": [1]}  # by the leading lane, which is ours
+    found = score_log(flight.log, Yardstick(), twin=False)
+    computers = found.score.computers
+    assert computers is not None and [one.cause for one in computers.failures] == ["unit under test"]
+    assert not found.score.isolations
+    assert flight.conclusion == tuple(found.conclusion) and flight.conclusion[-1].endswith("no healthy channel failed")
+    told = "computer B, whose software is the unit under test, was failed at "
+    assert flight.conclusion[1].startswith(told) and "by computers A, C and D" in flight.conclusion[1]
 
 
 def test_a_flight_computer_has_its_own_law_and_no_part_in_the_integrators_of_the_others(tmp_path: Path):

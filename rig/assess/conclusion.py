@@ -73,7 +73,11 @@ def _isolated(isolation: Isolation, how: str) -> str:
     faulty = list(isolation.faulty)
     if site(isolation.signal) == "computer":
         lanes = tuple(COMPUTERS[number - 1] for number in faulty)
-        of = f", although the fault was on {'computers' if len(lanes) > 1 else 'computer'} {listed(lanes)}" if lanes else ""
+        of = (
+            f", although the fault was on {'computers' if len(lanes) > 1 else 'computer'} {listed(lanes)}"
+            if lanes
+            else ""
+        )
         return f"{place(isolation.signal)} was failed {how} without a fault on it{of}"
     which = f"{channels(faulty)} {'were' if len(faulty) > 1 else 'was'}" if faulty else "no channel of it was"
     return f"{channel(isolation.signal, isolation.channel)} was healthy and was failed {how}, although {which} faulty"

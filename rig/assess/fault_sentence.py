@@ -210,7 +210,9 @@ def transient(fault: FaultScore, context: Context) -> str:
     "" where that flight was not flown: what the load factor did alone is the manoeuvre's, not the fault's.
     """
     measured = context.score.flight.transients
-    window = next((each for each in measured.windows if each.onset_frame == fault.onset_frame), None) if measured else None
+    window = (
+        next((each for each in measured.windows if each.onset_frame == fault.onset_frame), None) if measured else None
+    )
     if window is None or window.frames < 2:
         return ""
     looked_at_s = (window.frames - 1) / context.rate_hz

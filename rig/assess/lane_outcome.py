@@ -63,7 +63,9 @@ class LaneOutcome:
 
     def _failed(self, failure: LaneFailure, faults: list[FaultScore]) -> LaneFailed:
         """Return a lane that was failed, with the lanes on which a fault had begun by then."""
-        begun = [(fault.onset_frame, senders(self._of[fault.index].signal)) for fault in faults if self._on_lanes(fault)]
+        begun = [
+            (fault.onset_frame, senders(self._of[fault.index].signal)) for fault in faults if self._on_lanes(fault)
+        ]
         faulty = {i for onset, lanes in begun if onset is not None and onset <= failure.frame for i in lanes}
         name = COMPUTERS[failure.lane]
         cause = "wrong isolation" if faulty else "false alarm"

@@ -47,12 +47,14 @@ def of_unit(context: Context) -> Iterator[str]:
         if each.cause == UNIT:
             lanes = f"computer{'s' if len(each.accusers) > 1 else ''} {listed(each.accusers)}" if each.accusers else ""
             by = f"by {lanes} ({each.test})" if lanes else f"by its own {each.test}"
-            yield f"computer {each.lane}, whose software is the unit under test, was failed at {seconds(each.frame, rate_hz)} {by}"
+            at = seconds(each.frame, rate_hz)
+            yield f"computer {each.lane}, whose software is the unit under test, was failed at {at} {by}"
     for name, score in context.score.actuators.items():
         for failure in score.failures:
             if failure.cause == UNIT:
                 at = seconds(failure.frame, rate_hz)
-                yield f"{name} channel {failure.channel}, which the unit under test drives, was failed at {at} by {failure.monitor}"
+                of = f"{name} channel {failure.channel}"
+                yield f"{of}, which the unit under test drives, was failed at {at} by {failure.monitor}"
 
 
 def computers_lost(context: Context) -> str:

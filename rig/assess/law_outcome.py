@@ -46,11 +46,15 @@ class LawOutcome:
                 self.findings.append(self._found(CORRECTED, rows[k], clean[k]))
             if lie[k + 1] != lie[k] and lie[k + 1] == SensorFault.RATE_BIAS:
                 self.findings.append(self._found(BIASED, rows[k], clean[k]))
-            elif lie[k + 1] in NAMES and self.findings and self.findings[-1].finding == CORRECTED:
-                if self.findings[-1].named_frame is None:
-                    named = NAMES[SensorFault(lie[k + 1])]
-                    self.findings[-1] = replace(self.findings[-1], named=named, named_frame=int(rows[k]["frame"]))
+            elif lie[k + 1] in NAMES:
+                self._name(NAMES[SensorFault(lie[k + 1])], int(rows[k]["frame"]))
         self._trust, self._lie = trust[-1], lie[-1]
+
+    def _name(self, named: str, frame: int) -> None:
+        """Note what the law first named the fault that it corrects."""
+        last = self.findings[-1] if self.findings else None
+        if last is not None and last.finding == CORRECTED and last.named_frame is None:
+            self.findings[-1] = replace(last, named=named, named_frame=frame)
 
     def _found(self, finding: str, row: Any, clean: Any) -> LawFinding:
         """Return a finding with the signals whose votes faults had moved enough to be its cause."""
@@ -60,7 +64,7 @@ class LawOutcome:
         return LawFinding(finding, int(row["frame"]), for_signals)
 
     def _moved(self, s: int, row: Any, clean: Any) -> float:
-        """Return how far faults have moved a vote from that of the clean channels, in thresholds; of an angle in rad."""
+        """Return how far faults have moved a vote from that of the clean channels, in thresholds; of pitch in rad."""
         fitted, wraps, truth = int(self._params["fitted"][s]), SIGNALS[s].wraps, row["truth"][s]
         channels = clean["channels"][s][:fitted]
         of_clean = float(np.median(differences(channels, np.full(fitted, truth), wraps)))

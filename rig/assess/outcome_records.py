@@ -51,7 +51,14 @@ FAULT: Final = np.dtype(
 )
 FAILURE: Final = np.dtype(
     [
-        *(("frame", "i8"), ("signal", "i8"), ("channel", "i8"), ("discrete", "u1"), ("resolver", "i8"), ("cause", "u1")),
+        *(
+            ("frame", "i8"),
+            ("signal", "i8"),
+            ("channel", "i8"),
+            ("discrete", "u1"),
+            ("resolver", "i8"),
+            ("cause", "u1"),
+        ),
         ("erring", "u1"),  # channels whose samples were wrong in its frame or the linger before, bits
     ],
     align=True,

@@ -15,6 +15,7 @@ from rig.campaign.servos import run_columns
 from rig.faults import Fault
 from rig.faults.places import site
 from rig.frame import CHANNELS, INDEX, SIGNALS
+from rig.log import unit_of
 from rig.record.histogram import binned
 from rig.scenario import Scenario
 
@@ -52,7 +53,7 @@ def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
         "unresolved": scored.unresolved,
         "out_of_limits_s": None if transients is None else transients.out_of_limits_s,
         "coverage": _coverage(scored),
-        **run_columns(scenario, flown.coils_failed),
+        **run_columns(scenario, flown.coils_failed, unit_of(flown.unit).get("lane")),
         "replies": binned(flown.timing["reply_us"]).tolist() if flown.unit else None,
     }
 

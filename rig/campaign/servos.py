@@ -10,6 +10,7 @@ import polars as pl
 
 from rig.campaign.statistics import proportion
 from rig.faults import Fault
+from rig.frame import COMPUTERS
 from rig.scenario import Scenario
 
 Coils = dict[str, dict[int, tuple[float, str]]]  # as Flight.coils_failed: by surface and channel, time [s] and monitor
@@ -19,12 +20,17 @@ RUNS: Final[dict[str, Any]] = {
 }
 
 
-def run_columns(scenario: Scenario, coils: Coils) -> dict[str, Any]:
-    """Return the columns of RUNS."""
+def run_columns(scenario: Scenario, coils: Coils, unit_lane: str | None = None) -> dict[str, Any]:
+    """Return the columns of RUNS; unit_lane : the lane that a unit under test is, whose channels are not healthy."""
     if not scenario.has_servos:
         return {}
     failed = [(surface, channel) for surface, channels in coils.items() for channel in channels]
-    healthy = sum(not any(_on(fault, *each) for fault in scenario.faults) for each in failed)
+    of_unit = 0 if unit_lane is None else COMPUTERS.index(unit_lane) + 1
+    healthy = sum(
+        not any(_on(fault, surface, channel) for fault in scenario.faults)
+        for surface, channel in failed
+        if channel != of_unit
+    )
     return {"coils_failed": len(failed), "healthy_coils_failed": healthy}
 
 

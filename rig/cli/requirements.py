@@ -51,6 +51,12 @@ def _row(verdict: Verdict) -> tuple[Any, ...]:
     there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items()]
     more = ["..."] if len(there) > FEW else []
     return (
-        *(verdict.status, verdict.requirement, verdict.signal, margin_text(verdict.margin), f"{verdict.instant_s:.2f} s"),
+        *(
+            verdict.status,
+            verdict.requirement,
+            verdict.signal,
+            margin_text(verdict.margin),
+            f"{verdict.instant_s:.2f} s",
+        ),
         ", ".join([*there[:FEW], *more]),
     )

@@ -31,7 +31,10 @@ def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
     ):
         hover = "flight %{x}: margin %{customdata}<extra>" + label + "</extra>"
         marks: dict[str, Any] = {"mode": "markers", "marker": {"color": faint(colour, 0.55), "size": 6}}
-        texts = [f"{margin_text(margin) or 'none'}<br>{name}" for margin, name in zip(margins[part], names[part], strict=True)]
+        texts = [
+            f"{margin_text(margin) or 'none'}<br>{name}"
+            for margin, name in zip(margins[part], names[part], strict=True)
+        ]
         made.add_scatter(x=flights[part], y=shown[part], name=label, customdata=texts, hovertemplate=hover, **marks)
     line: dict[str, Any] = {"mode": "lines", "line": {"color": INK, "width": 2, "shape": "hv"}}
     made.add_scatter(x=flights, y=np.minimum.accumulate(shown), name="least so far", hoverinfo="skip", **line)

@@ -108,7 +108,11 @@ def contradictions(scenario: Scenario, rows: Any, twin: Any, sentences: Sequence
     """
     found = [*_transients(scenario.rate_hz, rows, twin, sentences)]
     if scenario.computers.count == 1:
-        found += [*_isolations(scenario, rows, sentences), *_law(scenario, rows, sentences), *_counts(scenario, sentences)]
+        found += [
+            *_isolations(scenario, rows, sentences),
+            *_law(scenario, rows, sentences),
+            *_counts(scenario, sentences),
+        ]
     return found
 
 

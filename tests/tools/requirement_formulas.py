@@ -2,8 +2,9 @@
 
     python tests/tools/requirement_formulas.py [--count 2000]
 
-Prints how many agree in verdict and in margin, met from 0 on and violated below 0; exit code 1 when one does not.  The definition is written here
-once more, on trees that no parser has seen: every window is gone through, nothing is kept from one block to the next.
+Prints how many agree in verdict and in margin, met from 0 on and violated below 0; exit code 1 when one does not.  The
+definition is written here once more, on trees that no parser has seen: every window is gone through, nothing is kept
+from one block to the next.
 """
 
 import argparse

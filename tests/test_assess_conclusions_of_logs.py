@@ -1,0 +1,73 @@
+"""What conclusions say of a log, against what follows from its rows alone: tests/tools/conclusions_of_logs.py."""
+
+from pathlib import Path
+from typing import Any
+
+import conclusions_of_logs as tool
+import pytest
+
+from rig import loop
+from rig.assess.of_log import score_log
+from rig.assess.record import Yardstick
+from rig.flight.assembly import fly
+from rig.log import read_log
+
+SHORT = ["duration_s=34"]  # of the law's fault at 30 s
+Flown = dict[str, tuple[Any, Any, Any, list[str]]]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    """Scenario, rows, those of the fault-free flight and sentences, by name."""
+    found: Flown = {}
+    out = tmp_path_factory.mktemp("logs")
+    for name, sets in (
+        ("f16_pitch_sensor_ramp", SHORT),
+        ("f16_stuck_twins", []),
+        ("worst/f16_pitch_rate_3_cross_channel", []),
+    ):
+        flight = fly(name, out=out, overrides=sets)
+        log, scored = read_log(flight.log), score_log(flight.log, Yardstick())
+        twin = loop.fly_rows(scored.scenario.model_copy(update={"faults": []}), log.frames)
+        found[Path(name).name] = scored.scenario, log.rows, twin, scored.conclusion
+    return found
+
+
+def test_no_sentence_contradicts_the_rows(flown: Flown):
+    for name, parts in flown.items():
+        assert tool.contradictions(*parts) == [], name
+        assert any("fault-free flight's" in line for line in parts[-1]), name
+
+
+def test_the_law_is_told_to_have_found_what_it_corrected(flown: Flown):
+    *_, told = flown["f16_pitch_sensor_ramp"]
+    assert "channels 1, 2, 3 and 4" in told[0] and "each was found by the fault-tolerant law 860 ms later" in told[0]
+    assert "estimate of the pitch angle from 30.86 s on" in told[0]
+    assert "4 of 4 detectable faults detected, no healthy channel failed" in told[-1]
+
+
+def test_all_faulty_channels_are_named_beside_a_healthy_one_that_was_failed(flown: Flown):
+    *_, told = flown["f16_pitch_rate_3_cross_channel"]
+    (healthy,) = (line for line in told if " was healthy and was failed " in line)
+    assert healthy.endswith("although channels 1, 2 and 3 were faulty")
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after"),
+    [
+        ("f16_pitch_sensor_ramp", "found by the fault-tolerant law", "not found by a rule"),
+        ("f16_pitch_sensor_ramp", "from 30.86 s on", "from 31.86 s on"),
+        ("f16_pitch_sensor_ramp", "4 of 4 detectable", "0 of 4 detectable"),
+        ("f16_pitch_rate_3_cross_channel", "was failed at 7.97 s", "was failed at 8.97 s"),
+        ("f16_pitch_rate_3_cross_channel", "later with all channels", "later with its whole box, all channels"),
+        ("f16_pitch_rate_3_cross_channel", "1 healthy channel failed", "no healthy channel failed"),
+        ("f16_stuck_twins", "was failed", "was not found, though it was"),
+        ("f16_stuck_twins", "the load factor stayed within ", "the load factor stayed within 1"),
+        ("f16_stuck_twins", "the load factor stayed within", "the load factor moved by"),
+    ],
+)
+def test_a_sentence_that_is_wrong_is_contradicted(flown: Flown, name: str, before: str, after: str):
+    """The check can fail: each change of the sentences is seen."""
+    scenario, rows, twin, told = flown[name]
+    changed = [line.replace(before, after) for line in told]
+    assert changed != told and tool.contradictions(scenario, rows, twin, changed)
