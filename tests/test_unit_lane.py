@@ -13,7 +13,6 @@ import rig
 from rig.assess import score
 from rig.assess.of_log import score_log
 from rig.assess.record import Yardstick
-from rig.assess.requirements import check_log, load_requirements
 from rig.campaign.flying import fly as fly_in_memory
 from rig.campaign.rows import alarm_rows, run_row
 from rig.errors import BadInput
@@ -78,13 +77,10 @@ def test_a_lane_whose_unit_dies_is_failed_by_its_watchdog_and_three_fly_on(tmp_p
     assert 50 <= failed[0] <= 53 and failed.tolist() == list(range(failed[0], 200))
     assert (flight.rows["unit"][51:] == UnitStatus.DEAD).all()
     assert lanes["health"][:, [0, 2, 3]].max() < Health.FAILED
-    assert flight.failed["pitch_rate"] == [2]  # its lane sends no samples any more
+    assert not flight.failed  # its lane still passes its samples on
     found = score_log(flight.log, Yardstick(), twin=False)
     assert found.score.isolations == [] and flight.conclusion == tuple(found.conclusion)
     assert "computer B, whose software is the unit under test, was failed at " in flight.conclusion[0]
-    asked = next(each for each in load_requirements(["redundancy"]) if each.id == "healthy_channel")
-    every = [asked.model_copy(update={"signals": "*", "at": "start"})]
-    assert {verdict.status for verdict in check_log(flight.log, every)} == {"met"}
 
 
 def test_a_campaign_counts_no_healthy_channel_of_a_lane_that_is_a_unit(tmp_path: Path):

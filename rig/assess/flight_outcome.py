@@ -21,7 +21,7 @@ from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.faults import CLEAN
 from rig.faults.places import FLIGHT as FLIGHT_PLACES
-from rig.frame import CHANNELS, COMPUTERS, SIGNALS, Block, LaneBlock, has_part, new_block
+from rig.frame import CHANNELS, SIGNALS, Block, LaneBlock, has_part, new_block
 from rig.record.suspects import SuspectCount
 from rig.scenario import Scenario
 
@@ -140,7 +140,6 @@ class FlightOutcome(Outcome):
         self.scenario, monitored = scenario, of_scenario(scenario)
         faults = fault_records(scenario.faults, monitored, FLIGHT_PLACES, scenario.redundancy)
         super().__init__(monitored, faults, round(window_s * scenario.rate_hz))
-        self.records.flight["unit_lane"] = NEVER if unit_lane is None else COMPUTERS.index(unit_lane)
         on_signals = faults[(faults["signal"] >= 0) & (faults["discrete"] == 0)]
         self.kept = KeptColumns(
             on_signals["signal"].tolist() if manager_kind(scenario.redundancy.manager).compares else ()
@@ -176,6 +175,6 @@ class FlightOutcome(Outcome):
 def _blank_flight(signals: int, window: int) -> NDArray[Any]:
     flight = np.zeros(1, FLIGHT)
     flight["spans"], flight["unexplained"], flight["acted_from"] = signals, NEVER, NEVER
-    flight["window"], flight["unit_lane"] = window, NEVER
+    flight["window"] = window
     flight["low"], flight["high"] = np.inf, -np.inf
     return flight

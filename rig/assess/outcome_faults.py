@@ -31,16 +31,10 @@ def mark_acting(acting, out):
             signals = out.discretes if fault["discrete"] != 0 else out.signals
             signals[fault["signal"]]["acting"] |= 1 << fault["channel"]
         if fault["columns"] != 0:
-            mark_column(fault["columns"], out)
-
-
-@kernel
-def mark_column(channels, out):
-    """Mark ``channels``, bits, of every signal as those that something acts on in this row."""
-    for s in range(len(out.signals)):
-        out.signals[s]["acting"] |= channels
-    for d in range(len(out.discretes)):
-        out.discretes[d]["acting"] |= channels
+            for s in range(len(out.signals)):
+                out.signals[s]["acting"] |= fault["columns"]
+            for d in range(len(out.discretes)):
+                out.discretes[d]["acting"] |= fault["columns"]
 
 
 @kernel

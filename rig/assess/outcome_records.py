@@ -110,8 +110,7 @@ FLIGHT: Final = np.dtype(
         ("acted_from", "i8"),  # first frame in which any fault acted, or NEVER
         ("onsets", "u1"),  # whether any has begun
         ("corrupted", "u1"),  # whether a sample was wrong in the row before
-        ("unit", "u1"),  # whether a unit under test flew,
-        ("unit_lane", "i8"),  # and as which of several computers; NEVER: as the only one
+        ("unit", "u1"),  # whether a unit under test flew
         ("end", "u1"),
     ],
     align=True,

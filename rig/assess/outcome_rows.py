@@ -20,7 +20,7 @@ from rig.assess.outcome import (
     mark_failed,
     mark_wrong,
 )
-from rig.assess.outcome_faults import follow_faults, is_singular, mark_acting, mark_column, watch_faults
+from rig.assess.outcome_faults import follow_faults, is_singular, mark_acting, watch_faults
 from rig.assess.outcome_records import COMPARISON, EXTREMES, PATTERNS, RESOLVERS
 from rig.assess.unfaulted import injected, middle, same
 from rig.assess.words import Cause
@@ -46,16 +46,13 @@ def add_rows(rows, clean, references, first, out):
         for i in range(len(row["acting"])):
             acting |= row["acting"][i]
         frame = flight["frames"]
-        silent = flight["unit_lane"] != NEVER and unanswered(row["unit"])
-        if (acting != 0 or silent) and flight["acted_from"] == NEVER:
+        if acting != 0 and flight["acted_from"] == NEVER:
             flight["acted_from"] = frame
         if not add_errors(row, clean[k], out):
             return k
         add_discrete_errors(row, out)
         if acting != 0:
             mark_acting(row["acting"], out)
-        if silent:  # its lane sends no samples either
-            mark_column(np.int64(1) << flight["unit_lane"], out)
         for s in range(len(out.signals)):
             add_wrong(frame, out.signals[s])
         for d in range(len(out.discretes)):
@@ -70,12 +67,6 @@ def add_rows(rows, clean, references, first, out):
             watch_faults(row, frame, out)
         add_flight(row, flight)
     return len(rows)
-
-
-@kernel
-def unanswered(status):
-    """Return whether a unit under test flew a frame, of frame.UnitStatus, without giving an answer."""
-    return status != UnitStatus.NONE and status != UnitStatus.ANSWERED and status != UnitStatus.RESTARTED
 
 
 @kernel

@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 
 from rig.assess.requirements import Verdict, load_requirements, margin_text, recorder_of
 from rig.errors import BadInput
-from rig.log import LogFile, unit_of
+from rig.log import LogFile
 from rig.report.figures import DOTTED
 from rig.report.lines import Line, line
 from rig.report.page import DASH, lay_out
@@ -50,7 +50,7 @@ class Margins:
             remark = f"{remark}; {told}" if remark else told
         if not alone:
             return cls(remark=remark)
-        recorder = recorder_of(scenario, alone, twin=False, lines=True, unit_lane=unit_of(log.metadata).get("lane"))
+        recorder = recorder_of(scenario, alone, twin=False, lines=True)
         for block in log.blocks():
             recorder.take(block.rows)
         verdicts = recorder.finish()

@@ -45,7 +45,7 @@ class MeasuredConclusion(FlightConclusion):
             return
         recorder_of(scenario, self.requirements, iter(()))  # refuses what the flight does not have, twin or not
         if self._alone:
-            self._recorder = recorder_of(scenario, self._alone, twin=False, unit_lane=unit_lane)
+            self._recorder = recorder_of(scenario, self._alone, twin=False)
 
     @property
     def needs_twin(self) -> bool:

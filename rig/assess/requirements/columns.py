@@ -15,7 +15,6 @@ from rig.units.angles import differences
 
 Floats = NDArray[np.float64]
 _LATE: Final = (UnitStatus.HELD, UnitStatus.LATE, UnitStatus.DEAD)
-_UNANSWERED: Final = (*_LATE, UnitStatus.REFUSED)
 _SYMMETRIC: Final = (  # limits on both sides of zero, and the signals that they bound
     ("sideslip_max_rad", ("angle_of_sideslip",)),
     ("pitch_angle_max_rad", ("pitch_angle",)),
@@ -68,8 +67,7 @@ class Columns:
                 acting = [
                     _faults_on(self._subject, each.name, q.parts.channel) for each, q in zip(watched, of, strict=True)
                 ]
-                of_unit = [q.parts.channel == self._subject.unit_channel for q in of]
-                return lambda rows: _nothing_acts(rows, acting, of_unit)
+                return lambda rows: _nothing_acts(rows, acting)
             case "departure":
                 return _Departure(self._subject).of
             case "lost":
@@ -104,19 +102,14 @@ def _acting_bits(rows: Block) -> NDArray[np.uint8]:
     return np.unpackbits(np.ascontiguousarray(rows["acting"]), axis=1, bitorder="little")
 
 
-def _nothing_acts(rows: Block, faults: list[list[int]], of_unit: list[bool]) -> NDArray[np.bool_]:
-    """Return (m, n) whether none of the faults of each channel acts.
-
-    of_unit : it is that of a lane that a unit under test is, and has no samples while that does not answer
-    """
+def _nothing_acts(rows: Block, faults: list[list[int]]) -> NDArray[np.bool_]:
+    """Return (m, n) whether none of the faults of each channel acts."""
     free = np.ones((len(faults), len(rows)), np.bool_)
     if rows["acting"].any():
         bits = _acting_bits(rows)
         for i, numbers in enumerate(faults):
             if numbers:
                 free[i] = ~bits[:, numbers].any(axis=1)
-    if any(of_unit):
-        free[of_unit] &= ~np.isin(rows["unit"], _UNANSWERED)
     return free
 
 

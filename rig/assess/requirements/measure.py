@@ -32,13 +32,11 @@ def recorder_of(
     twin: Iterator[Block] | Block | bool | None = None,
     unit: UnitUnderTest | None = None,
     lines: bool = False,
-    unit_lane: str | None = None,
 ) -> RequirementsRecorder:
     """Return what measures requirements on a flight of ``scenario``.
 
     twin : its rows, in blocks or whole; True or None: flown where a formula names it; False: there is none
     lines : as of RequirementsRecorder
-    unit_lane : of several computers, the one that a unit under test is; that of ``unit`` if not given
     """
     blocks: Iterator[Block] | None = None
     if isinstance(twin, bool) or twin is None:
@@ -46,8 +44,7 @@ def recorder_of(
             blocks = _late(scenario, unit)
     else:
         blocks = twin if isinstance(twin, Iterator) else (twin[part] for part in cuts(len(twin)))
-    lane = unit.lane if unit_lane is None and unit is not None else unit_lane
-    return RequirementsRecorder(requirements, of_flight(scenario, lane), blocks, lines)
+    return RequirementsRecorder(requirements, of_flight(scenario), blocks, lines)
 
 
 def _late(scenario: Scenario, unit: UnitUnderTest | None) -> Iterator[Block]:
@@ -117,8 +114,7 @@ def check_log(
     if unit is not None:
         unit.fly_as(unit_of(log.metadata))
     try:
-        lane = unit_of(log.metadata).get("lane")
-        recorder = recorder_of(scenario, requirements, twin, unit, unit_lane=lane)
+        recorder = recorder_of(scenario, requirements, twin, unit)
         for block in log.blocks():
             recorder.take(block.rows)
     except BadInput as error:

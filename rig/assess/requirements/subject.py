@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 from rig.assess.monitored import channels_of, settings_of
 from rig.assess.requirements.formula import CHANNEL_ERROR, OF_CHANNELS, YES_NO, Name, split, unknown_family
 from rig.faults.places import SURFACE_NAMES
-from rig.frame import CHANNELS, COMPUTERS, DISCRETES, FLIGHT_INDEX, SIGNALS
+from rig.frame import CHANNELS, DISCRETES, FLIGHT_INDEX, SIGNALS
 from rig.plant.airframe import Limits
 from rig.scenario import Scenario
 from rig.text import choices, quoted
@@ -48,7 +48,6 @@ class Subject:
     offers: frozenset[str] = OF_RECORDINGS  # families of quantities
     called: str = "the recording"
     faulted: tuple[str, ...] = field(default=())  # signals with faults
-    unit_channel: int = 0  # of the lane that a unit under test is, from 1; 0: none
 
 
 class Quantity(NamedTuple):
@@ -69,8 +68,8 @@ class Quantity(NamedTuple):
         )
 
 
-def of_flight(scenario: Scenario, unit_lane: str | None = None) -> Subject:
-    """Return a flight as a subject; unit_lane : of several computers, the one that a unit under test is."""
+def of_flight(scenario: Scenario) -> Subject:
+    """Return a flight as a subject."""
     params, of_discretes = settings_of(scenario)
     suite, settings = scenario.sensors, zip(*(params[name].tolist() for name in _SETTINGS), strict=True)
     signals = [Watched(s.name, s.unit, s.wraps, *each) for s, each in zip(SIGNALS, settings, strict=True)]
@@ -91,7 +90,6 @@ def of_flight(scenario: Scenario, unit_lane: str | None = None) -> Subject:
         offers=EVERYTHING,
         called="the flight",
         faulted=tuple(faulted),
-        unit_channel=0 if unit_lane is None else COMPUTERS.index(unit_lane) + 1,
     )
 
 
