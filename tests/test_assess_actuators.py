@@ -61,7 +61,7 @@ def test_a_runaway_coil_is_found_by_its_current_when_the_persistence_is_over():
     (failure,) = scored.actuators["elevator"].failures
     assert (failure.channel, failure.frame, failure.monitor, failure.cause) == (2, ONSET + 4, "current", "own fault")
     assert told[0].startswith(
-        "elevator channel 2 had the full current from 1.00 s on; it was found by current after 40 ms; "
+        "elevator channel 2 had the full current from 1.00 s on; it was found by current after 40 ms"
     )
     assert "1 of 1 detectable faults detected, no healthy channel failed" in told[-1]
 
