@@ -3,14 +3,17 @@
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
+import numpy as np
 import pytest
 from typer import Argument, Option, Typer
 from typer.testing import CliRunner
 
 from rig.cli import table as module
 from rig.cli.common import Align, comma_list, takes_options, whole_numbers
+from rig.cli.studies import _servo  # pyright: ignore[reportPrivateUsage]
 from rig.cli.table import Column, columns, counts, field, line, rest, rough_duration, share, table
 from rig.errors import BadInput
+from rig.studies.servo import FREQUENCIES_HZ, Compared, Response
 from rig.util.console import Screen
 
 
@@ -98,14 +101,9 @@ def test_each_part_of_a_table_begins_with_its_first_column(monkeypatch, capsys):
 
 
 def test_the_table_of_servos_shows_every_heading_at_120_columns(monkeypatch, capsys):
-    from rig.cli.studies import _servo
-    from rig.studies.servo import FREQUENCIES_HZ, Compared, Response
-
     monkeypatch.setenv("COLUMNS", "120")
-    row = Compared(100.0, 1.88e-3, 0.0194, 0.0012, 0.0178, [1.005] * 4, [-0.00042] * 4)
-    answer = Response("f16", "elevator", 100.0, 0.01, [], [], [], [])
-    monkeypatch.setattr(Response, "half_s", property(lambda _: 0.035), raising=False)
-    _servo([row], answer, FREQUENCIES_HZ)
+    row, none = Compared(100.0, 1.88e-3, 0.0194, 0.0012, 0.0178, (1.005,) * 4, (-0.00042,) * 4), np.empty(0)
+    _servo([row], Response("f16", "elevator", 100.0, 0.01, none, none, none, none), FREQUENCIES_HZ)
     words = capsys.readouterr().out.split()
     assert words.count("1.005") == len(FREQUENCIES_HZ) and "second" in words and "JSBSim's," in words
 

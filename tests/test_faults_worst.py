@@ -54,7 +54,9 @@ def test_the_page_and_the_picture_have_every_scenario_and_the_picture_leads_nowh
 
 
 def test_the_picture_has_the_numbers_of_the_page_and_no_cell_with_a_violating_flight_is_blue():
-    cells = re.findall(r'fill="([^"]+)" [^>]*/><text [^>]*>([^<]+)</text><text [^>]*>(\d+) of (\d+)</text></g>', PICTURE)
+    cells = re.findall(
+        r'fill="([^"]+)" [^>]*/><text [^>]*>([^<]+)</text><text [^>]*>(\d+) of (\d+)</text></g>', PICTURE
+    )
     assert len(cells) == len(cells_of_the_page()) == 108
     blue, mixed = {BLUE, LIGHT_BLUE, PALE_BLUE}, MIXED[0]
     for (fill, margin, *count), (told, violated, flights) in zip(cells, cells_of_the_page(), strict=True):

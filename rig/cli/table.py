@@ -102,12 +102,14 @@ def _heads(columns: Sequence[Column], cells: Sequence[Sequence[Text]], width: in
     """Return heads and widths of columns; heads that do not fit are folded at words, in as few lines as it takes."""
     titles = [plain(column.head) for column in columns]
     widest = [max(cell.cell_len for cell in shown) for shown in cells]
-    for lines in range(1, max(len(title.split()) for title in titles) + 2):
+    lines = 1
+    while True:
         heads = [_in_lines(title, lines) for title in titles]
         widths = [max(least, *map(cell_len, head), 0) for head, least in zip(heads, widest, strict=True)]
-        if sum(min(each, _PROSE) + _PADDING for each in widths) <= width:
-            break
-    return ["\n".join(head) for head in heads], widths
+        fits = sum(min(each, _PROSE) + _PADDING for each in widths) <= width
+        if fits or lines > max(len(title.split()) for title in titles):
+            return ["\n".join(head) for head in heads], widths
+        lines += 1
 
 
 def _in_lines(title: str, lines: int) -> list[str]:

@@ -56,7 +56,11 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     names = affected(scored, course)
     moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
     drawn = _figures(log, scored, course, names, moments) | margins.figures()
-    about = {**_about(log, scored, course, names, moments), "requirements": margins.rows(), "unmeasured": margins.remark}
+    about = {
+        **_about(log, scored, course, names, moments),
+        "requirements": margins.rows(),
+        "unmeasured": margins.remark,
+    }
     write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
     told |= {"requirements": [plain(one) for one in margins.verdicts]} if margins.verdicts else {}

@@ -28,7 +28,13 @@ _COLOURS: Final = {
     **dict.fromkeys(("lost", "unresolved", "no channel", "back-up", "bypassed"), INK),
     **dict.fromkeys((label for label in _LABELS if label.startswith(("failed", "shut off"))), RED),
     **dict(zip(COMPUTERS, CHANNELS, strict=True)),  # the leading lane
-    **{"missing": YELLOW, "a frame old": LIGHT_BLUE, "runs again, not engaged": MID_BLUE, "off by command": SOFT, _UNUSED: "#b4bec8"},
+    **{
+        "missing": YELLOW,
+        "a frame old": LIGHT_BLUE,
+        "runs again, not engaged": MID_BLUE,
+        "off by command": SOFT,
+        _UNUSED: "#b4bec8",
+    },
     **{"suspect": YELLOW, "failed": RED, "acting": ORANGE, "isolated": LIGHT_BLUE},
     **{"3 channels": LIGHT_BLUE, "2 channels": MID_BLUE, "1 channel": BLUE},
 }
@@ -70,7 +76,7 @@ def spans(
         of = [path for path in found if path.startswith(f"/{name}/") and path != level_path(name)]
         for path in of:
             if "/channel_" in path:
-                kept += [_for_all(each, name, others) for span in found[path] for each in _used(span, level)]
+                kept += [_for_all(each, name, others) for span in found[path] for each in used(span, level)]
             elif eventful(found[path]):
                 kept += [_for_all(span, name, others) for span in found[path]]
         kept += [_for_all(span, name, others) for span in level]
@@ -97,7 +103,7 @@ def _for_all(span: Span, name: str, others: Sequence[str]) -> Span:
     return span._replace(lane=f"{alike}{span.lane.removeprefix(name)}")
 
 
-def _used(span: Span, level: Sequence[Span]) -> Iterator[Span]:
+def used(span: Span, level: Sequence[Span]) -> Iterator[Span]:
     """Yield a channel's state, "not used" where it is ok and the signal's ``level`` has no channel."""
     lost = [each for each in level if each.label == "no channel" and span.label == "ok"]
     at = span.begin_s

@@ -31,7 +31,10 @@ def _pictures(signals: dict[str, Any]) -> Iterator[tuple[str, go.Figure]]:
         draw = _lines if len({design["persistence"] for design in signal["designs"]}) > 1 else _bars
         sizes, shares = draw(of_kind)
         unit = signal["unit"]
-        axes = {"threshold, smallest offset": f"size, {unit}" if unit else "size", "faults isolated as they should be": "%"}
+        axes = {
+            "threshold, smallest offset": f"size, {unit}" if unit else "size",
+            "faults isolated as they should be": "%",
+        }
         for figure, (what, axis) in zip((sizes, shares), axes.items(), strict=True):
             if figure.to_dict()["data"]:
                 lay_out(figure, f"{name}: {what}", 340)

@@ -16,8 +16,9 @@ MET: Final = ((0.6, BLUE, "#ffffff"), (0.3, LIGHT_BLUE, "#1d2630"), (-1e9, PALE_
 VIOLATED: Final = ((-1.0, PALE_RED, "#1d2630"), (-5.0, "#e08077", "#1d2630"), (-1e9, RED, "#ffffff"))
 MIXED: Final = "#fff2ac", "#1d2630"
 LEGEND: Final = (  # a cell's look and what it is of; edge: with a scenario
-    (BLUE, "met in all, median 0.6 or more"), (LIGHT_BLUE, "met in all, 0.3 to 0.6"), (PALE_BLUE, "met in all, below 0.3"),
-    (MIXED[0], "violated in some"), (PALE_RED, "violated in all, down to -1"), ("#e08077", "to -5"), (RED, "below -5"),
+    (BLUE, "met in all, median 0.6 or more"), (LIGHT_BLUE, "met in all, 0.3 to 0.6"),
+    (PALE_BLUE, "met in all, below 0.3"), (MIXED[0], "violated in some"), (PALE_RED, "violated in all, down to -1"),
+    ("#e08077", "to -5"), (RED, "below -5"),
     ("none", "outlined: a scenario in faults/worst"),
 )  # fmt: skip
 STYLE: Final = (
@@ -32,11 +33,12 @@ looks for the flight with the least margin of the [requirement](margins.md) `vot
 of the truth, or the signal is lost and that is announced), and what it finds is flown on {seeds} new seeds. A margin is
 in thresholds of the signal; below 0 the requirement is violated.
 
-![Median margin of the vote, and in how many of {seeds} flights it is violated, by manager, aircraft, signal and number of faults](worst.svg)
+![Median margin of the vote and flights that violate it, by manager, aircraft, signal and faults](worst.svg)
 
 The number of a cell is the median margin of its {seeds} flights; below it stands in how many of them the requirement is
 violated. Blue: in none. Yellow: in some. Red: in all. An outlined cell has a scenario in `faults/worst/`, of a
-search before this one: it may be worse than what this one found. The tables below have the same numbers, the faults, and why.
+search before this one: it may be worse than what this one found. The tables below have the same numbers,
+the faults, and why.
 
 - Space: drifts (0.05 to 5 thresholds a second) or offsets (0.4 to 10 thresholds) on the first channels, each from 3
   to 6 s of 14 s in light turbulence.
@@ -90,7 +92,9 @@ def picture(rows: Sequence[Row], names: Sequence[str]) -> str:
     parts += _legend(height - 72)
     size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
-    title = "<title>Median margin of the vote, and flights that violate it, by manager, aircraft, signal and faults</title>"
+    title = (
+        "<title>Median margin of the vote, and flights that violate it, by manager, aircraft, signal and faults</title>"
+    )
     return "\n".join([head, title, f"<style>{STYLE}</style>", *parts, "</svg>\n"])
 
 

@@ -199,7 +199,10 @@ def lanes_picture() -> None:
         right.legend(loc="upper right", frameon=False)
         for axes in (left, right):
             axes.set_xlabel("time, s")
-        figure.savefig(FOLDER / "lanes.svg", metadata={"Date": None, "Creator": None, "Title": "Commands and integrators of four lanes"})
+        figure.savefig(
+            FOLDER / "lanes.svg",
+            metadata={"Date": None, "Creator": None, "Title": "Commands and integrators of four lanes"},
+        )
     print(f"lanes.svg: {(FOLDER / 'lanes.svg').stat().st_size} B")
 
 
