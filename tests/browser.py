@@ -24,7 +24,8 @@ _MEASURE = """<script>setTimeout(() => {
     text: each.textContent, box: box(each)}));
   const wide = [...document.querySelectorAll("body *")].filter(each => !each.closest(".wide") && !each.closest("svg"));
   const right = Math.max(...wide.map(each => each.getBoundingClientRect().right));
-  parent.postMessage(JSON.stringify({texts, right, drawn: document.querySelectorAll(".figure .main-svg").length}), "*");
+  const hidden = Math.max(0, ...[...document.querySelectorAll(".wide")].map(each => each.scrollWidth - each.clientWidth));
+  parent.postMessage(JSON.stringify({texts, right, hidden, drawn: document.querySelectorAll(".figure .main-svg").length}), "*");
 }, 2000)</script>"""  # noqa: E501
 _FRAME = """<pre id="measured"></pre><iframe src="{page}" style="border: 0; width: {width}px; height: 800px"></iframe>
 <script>onmessage = told => document.getElementById("measured").textContent = told.data</script>"""
@@ -53,12 +54,16 @@ class Text(NamedTuple):
 
 
 class Visit(NamedTuple):
-    """A page that was opened: errors and warnings, texts, figures drawn, right end of what does not scroll, px."""
+    """A page that was opened: errors and warnings, texts, figures drawn, right end of what does not scroll, px.
+
+    hidden : px of the widest table that are reached by scrolling alone
+    """
 
     console: list[str]
     texts: list[Text]
     drawn: int
     right: float
+    hidden: float
 
     def of(self, figure: str, what: str) -> list[Text]:
         """Return the texts of a figure whose classes hold ``what``."""
@@ -77,4 +82,6 @@ def visit(page: Path, tmp_path: Path, width: int = 1280) -> Visit:
     told = json.loads(unescape(found.group(1)))
     texts = [Text(each["figure"], each["what"], each["text"], *each["box"]) for each in told["texts"]]
     console = [line for line in ran.stderr.splitlines() if ":CONSOLE" in line and "chrome://" not in line]
-    return Visit([line for line in console if "chrome.t" not in line], texts, told["drawn"], told["right"])
+    return Visit(
+        [line for line in console if "chrome.t" not in line], texts, told["drawn"], told["right"], told["hidden"]
+    )

@@ -3,14 +3,17 @@
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
+import numpy as np
 import pytest
 from typer import Argument, Option, Typer
 from typer.testing import CliRunner
 
 from rig.cli import table as module
 from rig.cli.common import Align, comma_list, takes_options, whole_numbers
+from rig.cli.studies import _servo  # pyright: ignore[reportPrivateUsage]
 from rig.cli.table import Column, columns, counts, field, line, rest, rough_duration, share, table
 from rig.errors import BadInput
+from rig.studies.servo import FREQUENCIES_HZ, Compared, Response
 from rig.util.console import Screen
 
 
@@ -64,7 +67,6 @@ ROW = tuple(letter * 10 for letter in "abcde")
         (59, ["name", "less", "alike", "kept"], "least"),
         (47, ["name", "less", "kept"], "least, alike"),
         (30, ["name", "kept"], "less, least, alike"),
-        (20, ["name", "kept"], "less, least, alike"),
     ],
 )
 def test_a_narrow_table_is_without_the_columns_that_are_worth_least(width, shown, gone, monkeypatch, capsys):
@@ -73,6 +75,37 @@ def test_a_narrow_table_is_without_the_columns_that_are_worth_least(width, shown
     head, *rest = capsys.readouterr().out.splitlines()
     assert head.split() == shown and max(map(len, (head, rest[0]))) <= max(width, 24)
     assert ("".join(rest[-1:]).strip() == f"left out at {width} columns, all with --json: {gone}") == bool(gone)
+
+
+MANY = [Column(f"delay at {n} Hz", n, ".3f", "ms") for n in range(15)]
+
+
+@pytest.mark.parametrize("width", [120, 80, 40, 20])
+def test_no_heading_and_no_number_is_cut_however_many_columns_there_are(width, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", str(width))
+    table([{n: -1000.0 - n for n in range(15)}], MANY)
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= width
+    words = said.split()
+    for n in range(1, 15):
+        assert words.count(f"{-1000.0 - n:.3f}") == 1 and words.count(str(n)) == 1
+    assert words.count("delay") == words.count("Hz,") == words.count("ms") >= 15
+
+
+def test_each_part_of_a_table_begins_with_its_first_column(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "30")
+    table([ROW], columns("name", "a", "b", "c", "d"))
+    lines = [text.split() for text in capsys.readouterr().out.splitlines()]
+    assert lines[0::2] == [["name", "a"], ["name", "b"], ["name", "c"], ["name", "d"]]
+    assert lines[1] == [ROW[0], ROW[1]] and lines[7] == [ROW[0], ROW[4]]
+
+
+def test_the_table_of_servos_shows_every_heading_at_120_columns(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "120")
+    row, none = Compared(100.0, 1.88e-3, 0.0194, 0.0012, 0.0178, (1.005,) * 4, (-0.00042,) * 4), np.empty(0)
+    _servo([row], Response("f16", "elevator", 100.0, 0.01, none, none, none, none), FREQUENCIES_HZ)
+    words = capsys.readouterr().out.split()
+    assert words.count("1.005") == len(FREQUENCIES_HZ) and "second" in words and "JSBSim's," in words
 
 
 def test_long_text_is_folded_at_words_and_loses_nothing(monkeypatch, capsys):

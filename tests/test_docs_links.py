@@ -44,11 +44,33 @@ def test_a_link_to_no_file_and_one_to_no_heading_are_found(tmp_path: Path):
     assert broken(page) == ["gone.md", "there.md#gone"]
 
 
-def test_the_site_shows_every_page_but_the_measured_ones_once():
+PICTURES = sorted((ROOT / "docs").rglob("*.svg"))
+
+
+@pytest.mark.parametrize("picture", PICTURES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_link_of_a_picture_resolves(picture: Path):
+    links = re.findall(r"href=[\"']([^\"'#]+)[^\"']*[\"']", picture.read_text())
+    assert [link for link in links if "://" not in link and not (picture.parent / link).exists()] == []
+
+
+def test_what_the_pages_link_to_is_on_the_site():
+    """Of the folder of examples the site has what mkdocs.yml names."""
+    rules = (ROOT / "mkdocs.yml").read_text().partition("exclude_docs: |\n")[2].partition("hooks:")[0].split()
+    assert rules[0] == "examples/*"
+    kept = {rule.removeprefix("!") for rule in rules[1:]}
+    linked = {
+        (page.parent / link).resolve().relative_to(ROOT / "docs").as_posix()
+        for page in PAGES
+        for link in re.findall(r"\]\(([^)\s#]+)[^)]*\)", FENCE.sub("", page.read_text()))
+        if "examples/" in link and "://" not in link
+    }
+    assert linked == kept
+
+
+def test_the_site_shows_every_page_once():
     nav = (ROOT / "mkdocs.yml").read_text().partition("nav:")[2]
     shown = re.findall(r": ([\w/.-]+\.md)", nav)
     pages = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
-    pages -= {page for page in pages if page.startswith("measured/")}
     assert sorted(shown) == sorted(pages | {"index.md", "contributing.md"})
 
 

@@ -9,6 +9,7 @@ from isolation_exact import isolations
 from numpy.typing import NDArray
 from reliability_cases import HELD_ONCE, ISOLATIONS, NOISE, Isolation
 
+import rig.reliability.margin as module
 from rig.bench.splitting import Windows, run_windows
 from rig.errors import BadInput
 from rig.frame import CHANNELS
@@ -144,3 +145,11 @@ def test_splitting_gives_the_rate_of_brute_force(threshold: float, biased: bool,
     assert failed.sum() >= 30 and found.few is None and found.per_hour is not None
     assert abs(found.per_hour - seen) <= 2.0 * ((found.high - found.per_hour) ** 2 + (2.0 * error) ** 2) ** 0.5
     assert found.per_hour == pytest.approx(seen, rel=0.5)
+
+
+def test_too_few_sets_leave_the_bound_where_it_says_something(monkeypatch: pytest.MonkeyPatch):
+    bench = named("biases, 0.0064 rad/s").bench()
+    effort = Effort(flights=400, excursions=1000, kappas=(1.0,))
+    monkeypatch.setattr(module, "bound", lambda bench, seed: 2.1e-5)
+    found = margin(bench, effort=effort)
+    assert (found.per_hour, found.low, found.high) == (None, None, 2.1e-5) and found.few is not None

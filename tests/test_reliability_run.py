@@ -2,10 +2,13 @@
 
 import json
 import re
+from itertools import combinations
 from pathlib import Path
 
+import outside
 import polars as pl
 import pytest
+from browser import visit
 from test_reliability_result import NO_ALARMS, table
 
 from rig.errors import BadInput
@@ -107,8 +110,25 @@ def test_the_report_has_the_assumptions_before_the_numbers_and_needs_no_network(
     page = path.read_text()
     assert code == 0 and "cross-channel" in page and "perfect isolation" in page and "military" in page
     assert [page.count(f'id="picture-{i}"') for i in range(4)] == [1, 1, 1, 0]  # bad votes, known losses, lost aircraft
-    assert page.index("a channel fails 0.001 times an hour (a test)") < page.index("<table>")
+    drawn = json.loads(page.partition('id="figures">')[2].partition("</script>")[0])["picture-0"]
+    notes = {note["text"]: note["y"] for note in drawn["layout"]["annotations"]}
+    assert notes == {"military, 1e-07": pytest.approx(-7.0), "civil, 1e-09": pytest.approx(-9.0)}  # of a log axis
+    assert page.index("a channel fails 0.001 times an hour (a test)") < page.index("<table class=")
     assert not re.findall("<(?:script|link|img)[^>]*https?:", page)
+
+
+@outside.needs("chromium")
+def test_in_a_browser_no_column_is_cut_and_no_two_labels_of_a_picture_overlap(
+    rig_command, counted, rates: Path, tmp_path: Path
+):
+    counted["a"] = Cells("cross-channel", table(bad=1), NO_ALARMS)
+    rig_command("reliability", "run", "a", "--rates", str(rates), "--report", str(tmp_path / "report.html"))
+    seen = visit(tmp_path / "report.html", tmp_path, 1400)
+    assert seen.console == [] and seen.right <= 1400 and seen.hidden == 0 and seen.drawn >= 3
+    for figure in ("picture-0", "picture-1", "picture-2"):
+        texts = [text for text in seen.texts if text.figure == figure]
+        assert {"military, 1e-07", "civil, 1e-09"} < {text.text for text in texts}
+        assert [(a.text, b.text) for a, b in combinations(texts, 2) if a.covers(b) and a.text != b.text] == []
 
 
 def test_the_bundled_rates_say_what_is_assumed():

@@ -1,5 +1,6 @@
 """The actuators in the report of a flight: what was shut off, when, by whom, and what its monitors compared."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from rig.flight.result import Flight
 from rig.report.actuators import happened, of_actuator
 from rig.report.flight import report
 from rig.report.gathered import Kept
+from rig.util.palette import RED
 
 
 @pytest.fixture(scope="module")
@@ -47,3 +49,30 @@ def test_a_flight_without_servos_has_no_such_section(tmp_path: Path):
     plain = fly(None, overrides=["duration_s=0.5"], out=tmp_path)
     report(plain.log, tmp_path / "page.html")
     assert "<h2>Actuators</h2>" not in (tmp_path / "page.html").read_text()
+
+
+def test_the_timeline_runs_from_the_start_and_shows_the_shut_off(flight: Flight, tmp_path: Path):
+    report(flight.log, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    drawn = json.loads(page.partition('id="figures">')[2].partition("</script>")[0])["timeline"]
+    assert drawn["layout"]["xaxis"]["range"] == [0.0, len(flight.rows) / flight.scenario.rate_hz]
+    shut = next(trace for trace in drawn["data"] if trace["name"] == "shut off by current")
+    assert (shut["y"], shut["marker"]["color"]) == (["elevator channel 2"], RED)
+    assert shut["customdata"][0].startswith("1.04 to ")
+    rows = drawn["layout"]["yaxis"]["categoryarray"]
+    assert "elevator moved by" in rows and not any(row.startswith("rudder") for row in rows)
+
+
+def test_what_the_monitors_compare_jumps_in_the_frame_of_the_onset(flight: Flight, tmp_path: Path):
+    report(flight.log, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    drawn = json.loads(page.partition('id="figures">')[2].partition("</script>")[0])["actuator-elevator"]
+    shapes = {trace["line"].get("shape") for trace in drawn["data"] if trace["yaxis"] != "y"}
+    assert shapes == {"hv"}
+
+
+def test_the_page_says_what_the_bundled_scenario_prints(tmp_path: Path):
+    flown = fly("f16_elevator_coil_hardover", overrides=["duration_s=8"], out=tmp_path)
+    page = (Path(__file__).parents[1] / "docs" / "actuators.md").read_text()
+    said = report(flown.log, tmp_path / "page.html")["conclusion"][0]
+    assert said.partition(";")[0] in page and "after 40 ms" in said

@@ -1,5 +1,6 @@
 """Several computers in the report of a flight: who was failed by whom for what, and what the lanes commanded."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from rig.report import computers
 from rig.report.course import Course
 from rig.report.flight import report
 from rig.report.gathered import Kept
+from rig.report.timeline import Span, used
 
 ONSET, FAILED = 100, 105
 WRONG = 'kind="wrong_command", signal="computer.B", surface="elevator", does="hardover", start_s=1.0'
@@ -65,3 +67,38 @@ def test_a_flight_with_one_computer_has_no_such_section(tmp_path: Path):
     plain = fly(None, overrides=["duration_s=0.5"], out=tmp_path)
     report(plain.log, tmp_path / "page.html")
     assert "<h2>Computers</h2>" not in (tmp_path / "page.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    """A computer stops: the channels of its sensors are failed without a fault on any of them."""
+    sets = ["duration_s=2.5", "faults.0.start_s=1.0", "faults.0.duration_s=10", "computers.commands=[]"]
+    return fly("f16_computer_stop", overrides=sets, out=tmp_path_factory.mktemp("out"))
+
+
+def test_the_time_to_a_failure_without_a_fault_counts_from_the_first_suspect_frame(out: Flight, tmp_path: Path):
+    found = report(out.log, tmp_path / "page.html")
+    one = next(moment for moment in found["moments"] if moment["signal"] == "pitch_rate")
+    persistence = out.scenario.redundancy.signals.pitch_rate.persistence
+    assert one["isolated"] - one["first"] + 1 == persistence == 8
+    page = (tmp_path / "page.html").read_text()
+    assert f"{10 * (persistence - 1)} ms later ({persistence} frames)" in page and " 0 ms later" not in page
+
+
+def test_the_timeline_begins_with_the_lanes_and_draws_signals_that_are_alike_once(out: Flight, tmp_path: Path):
+    report(out.log, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    drawn = json.loads(page.partition('id="figures">')[2].partition("</script>")[0])["timeline"]
+    rows = drawn["layout"]["yaxis"]["categoryarray"]
+    assert rows[1:6] == ["lane A", "lane B", "lane C", "lane D", "leading lane"]
+    channels = [row for row in rows if row.endswith("channel 1")]
+    assert len(rows) < 49 and any("alike)" in row for row in channels)
+    assert "stands for" in page and drawn["layout"]["xaxis"]["range"] == [0.0, 2.5]
+
+
+def test_a_channel_of_a_signal_without_a_channel_is_not_said_to_be_ok():
+    level = [Span("level", 0.0, 1.0, "4 channels"), Span("level", 1.0, 3.0, "no channel")]
+    found = list(used(Span("channel 1", 0.0, 3.0, "ok"), level))
+    assert [(span.begin_s, span.end_s, span.label) for span in found] == [(0.0, 1.0, "ok"), (1.0, 3.0, "not used")]
+    failed = Span("channel 2", 0.5, 3.0, "failed")
+    assert list(used(failed, level)) == [failed]

@@ -6,8 +6,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import outside
 import polars as pl
 import pytest
+from browser import visit
 from lxml import html
 
 from rig.cli import safety
@@ -17,6 +19,7 @@ from rig.safety import fmea
 from rig.safety.confirm import write_sets
 from rig.safety.cutset_plan import Asked, begin
 from rig.safety.fmea import NOT_FLOWN, Line, lines
+from rig.safety.fmea_file import groups, titles
 from rig.scenario import load
 
 RATES = """
@@ -220,6 +223,21 @@ def test_the_table_and_the_page_have_every_line(rig_command, gathered, rates: Pa
     assert len(table) == count and table[0]["worst_flight"].startswith("rig campaign fly C --run")
     page = html.parse(str(tmp_path / "fmea.html"))
     assert len(page.xpath("//table//tr")) == count + 1 and not page.xpath("//*[@src]")
+
+
+def test_the_columns_of_the_page_have_every_text_of_a_line_once():
+    names = [name for of in groups().values() for name in of]
+    assert sorted(names) == sorted(titles())
+
+
+@outside.needs("chromium")
+def test_in_a_browser_no_column_of_the_page_is_cut(rig_command, gathered, rates: Path, tmp_path: Path):
+    gathered({}, {"kind": "offset", "magnitude": 1.0})
+    page = tmp_path / "fmea.html"
+    rig_command("reliability", "fmea", "C", "--rates", str(rates), "--out", str(page))
+    for width in (1400, 1030):  # a screen; A4 across
+        seen = visit(page, tmp_path, width)
+        assert (seen.console, seen.hidden) == ([], 0) and seen.right <= width
 
 
 def test_what_is_wrong_is_one_line_and_nothing_is_written(rig_command, gathered, rates: Path, tmp_path: Path):

@@ -275,6 +275,15 @@ def test_the_picture_draws_every_way_to_lose_the_signal_and_one_of_what_is_alike
     assert len(texts) < 3 * (len(tree.gates) + len(tree.events))
 
 
+def test_the_picture_begins_with_the_top_event_and_is_as_wide_as_it_is_deep():
+    for of in CASES.values():
+        root = ET.fromstring(picture(signal_tree(of), 1.0))
+        boxes = [each.attrib for each in root.iter("{http://www.w3.org/2000/svg}rect")]
+        places = {(float(box["x"]), float(box["y"])) for box in boxes}
+        assert len(places) == len(boxes) and min(places) == (14.0, 14.0)  # none on another, the top event first
+        assert max(float(box["x"]) + float(box["width"]) for box in boxes) <= float(root.attrib["width"]) <= 1400
+
+
 RATES = """
 [pitch_rate]
 per_hour = [1e-3]

@@ -264,6 +264,9 @@ def _show_margins(signal: str, margins: Sequence[Margin], target: float | None, 
         *(Column("sets of errors", _sets), Column("repetitions", lambda m: str(m.repetitions) if _counted(m) else "")),
     )
     table([*margins, *([] if chosen is None else [chosen])], shown)
+    for each in margins:
+        if each.few is not None:
+            line(f"threshold {each.threshold:.5g}: the bound alone: {each.few}; --flights N draws more")
     if chosen is not None:
         line(f"at most {target:g} an hour: threshold {chosen.threshold:.5g}")
 
@@ -274,7 +277,7 @@ def _counted(margin: Margin) -> bool:
 
 def _per_hour(margin: Margin) -> str:
     if margin.per_hour is None:
-        return f"< 1e-12 (at most {margin.high:.1e})"
+        return f"at most {margin.high:.1e}"
     return f"{margin.per_hour:.3e} ({margin.low:.3e} to {margin.high:.3e})"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from textwrap import wrap
 from typing import Any, Final, NamedTuple
 
 from rich.cells import cell_len
@@ -70,6 +71,9 @@ def table(
 ) -> None:
     """Print ``rows`` under the titles of ``columns``, as many as the screen is wide for; nothing where there are none.
 
+    No head and no number is cut: heads are folded at words, and where even these do not fit, the other columns follow
+    below, each part with the first column.
+
     most : rows that are printed; a line tells how many more there are
     style : of a row
     """
@@ -78,21 +82,59 @@ def table(
         return
     screen = console()
     cells = [[column.cell(row) for row in rows[:most]] for column in columns]
-    widths = [
-        max(cell_len(plain(column.head)), *(cell.cell_len for cell in shown))
-        for column, shown in zip(columns, cells, strict=True)
-    ]
+    heads, widths = _heads(columns, cells, screen.width)
     kept = _fitting(columns, widths, screen.width)
-    printed = Table(box=None)
-    for i in kept:
-        printed.add_column(columns[i].head, no_wrap=widths[i] <= _PROSE, overflow="fold")
-    for k, row in enumerate(rows[:most]):
-        printed.add_row(*(cells[i][k] for i in kept), style=style(row) if style else None)
-    screen.print(printed)
+    for part in _parts(kept, [_narrowest(head, shown) for head, shown in zip(heads, cells, strict=True)], screen.width):
+        printed = Table(box=None)
+        for i in part:
+            fixed = widths[i] <= _PROSE and len(part) > 1
+            printed.add_column(Text(heads[i]), no_wrap=fixed, overflow="fold", vertical="top")
+        for k, row in enumerate(rows[:most]):
+            printed.add_row(*(cells[i][k] for i in part), style=style(row) if style else None)
+        screen.print(printed)
     if gone := [column.title for i, column in enumerate(columns) if i not in kept]:
         line(f"  left out at {screen.width} columns, all with --json: {', '.join(gone)}")
     if most is not None:
         rest(len(rows), most)
+
+
+def _heads(columns: Sequence[Column], cells: Sequence[Sequence[Text]], width: int) -> tuple[list[str], list[int]]:
+    """Return heads and widths of columns; heads that do not fit are folded at words, in as few lines as it takes."""
+    titles = [plain(column.head) for column in columns]
+    widest = [max(cell.cell_len for cell in shown) for shown in cells]
+    lines = 1
+    while True:
+        heads = [_in_lines(title, lines) for title in titles]
+        widths = [max(least, *map(cell_len, head), 0) for head, least in zip(heads, widest, strict=True)]
+        fits = sum(min(each, _PROSE) + _PADDING for each in widths) <= width
+        if fits or lines > max(len(title.split()) for title in titles):
+            return ["\n".join(head) for head in heads], widths
+        lines += 1
+
+
+def _in_lines(title: str, lines: int) -> list[str]:
+    """Return a title in at most so many lines, as narrow as they can be; no word is cut."""
+    narrowest = max(map(len, title.split()), default=1)
+    folded = (wrap(title, width, break_on_hyphens=False) for width in range(narrowest, len(title) + 1))
+    return next((each for each in folded if len(each) <= lines), [title])
+
+
+def _narrowest(head: str, cells: Sequence[Text]) -> int:
+    """Return the least width of a column in which no word is cut; text up to _PROSE stays in one line."""
+    widest = max(cell.cell_len for cell in cells)
+    inside = widest if widest <= _PROSE else max(cell_len(word) for cell in cells for word in cell.plain.split())
+    return max(inside, *map(cell_len, head.splitlines()), 0)
+
+
+def _parts(kept: Sequence[int], narrowest: Sequence[int], width: int) -> list[list[int]]:
+    """Return the columns of each part of a table: one, or as many as it takes, each with the first column."""
+    parts, first = [list(kept[:1])], kept[0]
+    for i in kept[1:]:
+        if sum(narrowest[k] + _PADDING for k in (*parts[-1], i)) > width:
+            again = narrowest[first] + narrowest[i] + 2 * _PADDING <= width
+            parts.append([first] if again else [])
+        parts[-1].append(i)
+    return parts
 
 
 def _fitting(columns: Sequence[Column], widths: Sequence[int], width: int) -> list[int]:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import plotly.graph_objects as go
 
+from rig.campaign.statistics import proportion
 from rig.report.page import lay_out, write_page
 from rig.util.palette import series_colour, series_dash
 
@@ -31,12 +32,11 @@ def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
         figure = go.Figure()
         for name in entrants:
             mine = [r for r in rows if (r["signal"], r["kind"], r["faults"]) == key and r["entrant"] == name]
-            shares = [row["isolated"] / row["trials"] for row in mine]
-            figure.add_scatter(x=[row["size"] for row in mine], y=shares, **_line(name, entrants))
+            figure.add_scatter(x=[row["size"] for row in mine], **_isolated(mine), **_line(name, entrants))
         title = f"{key[0]}, {key[1]}, {key[2]} fault{'s' if key[2] > 1 else ''}: share isolated"
         lay_out(figure, title, _HEIGHT)
-        figure.update_xaxes(title="size, thresholds", type="log")
-        figure.update_yaxes(range=[0, 1.02])
+        _log_axis(figure, "size, thresholds")
+        _share_axis(figure)
         yield title, figure
 
 
@@ -49,12 +49,39 @@ def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
             for name in entrants:
                 mine = [row for row in rows if (row["signal"], row["faults"]) == key and row["entrant"] == name]
                 if len(mine) > 1:
-                    shares = [row["isolated"] / row["trials"] for row in mine]
-                    values = shares if what.startswith("share") else [row["delay_median_s"] for row in mine]
-                    figure.add_scatter(x=[row["budget_per_h"] for row in mine], y=values, **_line(name, entrants))
+                    share = what.startswith("share")
+                    values = _isolated(mine) if share else {"y": [row["delay_median_s"] for row in mine]}
+                    figure.add_scatter(x=[row["budget_per_h"] for row in mine], **values, **_line(name, entrants))
             lay_out(figure, f"{of}: {what}", _HEIGHT)
-            figure.update_xaxes(title="budget, false isolations an hour", type="log")
+            _log_axis(figure, "budget, false isolations an hour")
+            if what.startswith("share"):
+                _share_axis(figure)
+            else:
+                figure.update_yaxes(title=what, rangemode="tozero")
             yield f"{of}: {what}", figure
+
+
+def _isolated(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return the shares isolated, in %, with their exact 95 % intervals."""
+    rates = [proportion(row["isolated"], row["trials"]) for row in rows]
+    low, values, high = (
+        [100.0 * (share or 0.0) for share in of] for of in zip(*((r.low, r.value, r.high) for r in rates), strict=True)
+    )
+    above, below = ([abs(end - value) for end, value in zip(ends, values, strict=True)] for ends in (high, low))
+    bars = {"type": "data", "array": above, "arrayminus": below, "thickness": 1, "width": 3}
+    counts = [f"{row['isolated']} of {row['trials']}" for row in rows]
+    return {"y": values, "error_y": bars, "customdata": counts, "hovertemplate": "%{x:g}: %{customdata}"}
+
+
+def _share_axis(figure: go.Figure) -> None:
+    figure.update_yaxes(title="isolated, % (95 % interval)", range=[-2, 102])
+
+
+def _log_axis(figure: go.Figure, title: str) -> None:
+    """Give the x axis a tick at each place that is drawn; its default writes 2 to 9 without their power of ten."""
+    places = sorted({float(x) for trace in figure.to_dict()["data"] for x in trace["x"]})
+    ticks: dict[str, Any] = {"tickvals": places, "ticktext": [f"{x:g}" for x in places], "tickangle": 0}
+    figure.update_xaxes(title=title, type="log", **ticks)
 
 
 def _line(name: str, entrants: Sequence[str]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ Source: docs/reliability.md, 'Margin'; fixed-effort splitting, Garvels and Kroes
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Final, NamedTuple
 
@@ -35,6 +35,7 @@ EXCURSIONS: Final = 20_000  # of one level
 REPETITIONS: Final = 8
 MOST_REPETITIONS: Final = 64
 HALF_WIDTH: Final = 0.3  # of the estimate, until which repetitions are added
+USEFUL: Final = 1.0  # a bound that is not above it, an hour, is an answer
 LEAST_SETS: Final = 20  # of errors, at every level
 CORNER_WINDOWS: Final = 16  # for every arrangement and stretch of the recording
 _PLACES: Final = 32_768  # for states in which excursions begin
@@ -88,11 +89,17 @@ class Repetition(NamedTuple):
 
 
 def margin(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
-    """Estimate false isolations of one channel an hour.  BadInput: too few sets of errors carry the estimate."""
+    """Estimate false isolations of one channel an hour; where too few sets of errors carry that, return the bound.
+
+    BadInput: too few, and the bound says nothing
+    """
     estimated = estimate(bench, seed, effort)
-    if estimated.few is not None:
+    if estimated.few is None:
+        return estimated
+    highest = bound(bench, seed)
+    if highest > USEFUL:
         raise BadInput(f"{bench.signal}: threshold {bench.threshold:g}: {estimated.few}: no estimate; raise --flights")
-    return estimated
+    return replace(estimated, per_hour=None, low=None, high=highest)
 
 
 def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:

@@ -145,7 +145,7 @@ class Rates(Settings):
         if signal is None and len(self.signals) == 1:
             return next(iter(self.signals.items()))
         if signal not in self.signals:
-            asked = "no signal given" if signal is None else f"no rates of {quoted(signal)}"
+            asked = "--signal: none given" if signal is None else f"no rates of {quoted(signal)}"
             raise BadInput(f"{source}: {asked}, {choices(signal or '', self.signals)}")
         return signal, self.signals[signal]
 

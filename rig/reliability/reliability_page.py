@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import log10
 from pathlib import Path
+from typing import Any
 
 import plotly.graph_objects as go
 
@@ -49,9 +51,11 @@ def _picture(results: Sequence[Result], what: str, per_hour: float, beta: float)
     line = {"dash": "dash", "color": SERIES[-1]}
     figure.add_scatter(x=list(ideal), y=list(ideal.values()), name="perfect isolation", mode="lines", line=line)
     for name, target in TARGETS.items():
-        figure.add_hline(y=target, line={"dash": "dot", "color": SOFT}, annotation_text=f"{name}, {target:g}")
+        figure.add_hline(y=target, line={"dash": "dot", "color": SOFT})
+        place: dict[str, Any] = {"x": 1.01, "xref": "paper", "xanchor": "left", "y": log10(target)}
+        figure.add_annotation(text=f"{name}, {target:g}", **place, showarrow=False)  # of a log axis: its exponent
     title = f"{TITLES[what]}: one channel fails {per_hour:g} times an hour, common mode {100 * beta:g} %"
-    lay_out(figure, title, 450)
+    lay_out(figure, title, 450, margin={"l": 10, "r": 120, "t": 40, "b": 10})
     figure.update_xaxes(title="channels", dtick=1)
     figure.update_yaxes(title="probability per flight hour", type="log", exponentformat="power")
     return figure

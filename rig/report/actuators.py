@@ -16,13 +16,16 @@ from rig.assess.record import ActuatorFailure, ActuatorScore
 from rig.faults.places import number, site
 from rig.frame import MOVED
 from rig.record.failures import decisive_s
+from rig.report.course import Course
 from rig.report.figures import ACTING, DOTTED, draw_line
 from rig.report.gathered import Kept
 from rig.report.page import lay_out
+from rig.report.timeline import Span, eventful, spans_of
 from rig.stages import actuator_monitors
 from rig.units.quantities import scale_shown, seconds
 from rig.util.palette import CHANNELS, DASHES, INK, TRUTH
 from rig.util.runs import runs_where
+from rig.view.servos import of_surface
 
 _HEIGHT: Final = 640
 _LATEST_S: Final = 10.0  # a failure this long after the first is not drawn
@@ -78,6 +81,16 @@ def _for(failure: ActuatorFailure) -> str:
     return "" if failure.cause == "own fault" else f": {failure.cause}"
 
 
+def states(course: Course, rate_hz: float) -> list[Span]:
+    """Return, of each surface with an event, which of its channels was shut off when, and how many moved it."""
+    found, changes = list[Span](), course.lanes()
+    for surface in MOVED:
+        of = [(lane, changes[lane.path]) for lane in of_surface(surface) if lane.path in changes]
+        spans = [span for lane, change in of for span in spans_of(change, lane, course.frames, rate_hz)]
+        found += spans if eventful(spans) else []
+    return found
+
+
 def of_actuator(kept: Kept, scored: Scored, one: Happened) -> go.Figure:
     """Draw a surface's actuator: positions, then what its monitors compare, with their thresholds.
 
@@ -124,7 +137,8 @@ def _compared(rows: NDArray[Any], i: int, scored: Scored) -> list[tuple[str, Arr
 def _panel(figure: go.Figure, time_s: Array, values: Array, panel: int) -> None:
     for c, column in enumerate(values.T):
         look = CHANNELS[c], 1.3, DASHES[c]
-        draw_line(figure, time_s, column, f"channel {c + 1}", look, row=panel, col=1, showlegend=False)
+        held: dict[str, Any] = {"row": panel, "col": 1, "showlegend": False, "line_shape": "hv"}  # for its frame
+        draw_line(figure, time_s, column, f"channel {c + 1}", look, **held)
 
 
 def _acts(acting: NDArray[np.uint8], scored: Scored, surface: str) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rig.frame import INDEX, SIGNALS, Block, LaneBlock, Pattern, Source, State, has_part
 from rig.record.failures import became_failed
-from rig.view import computers
+from rig.view import computers, servos
 from rig.view.lanes import Changes, changed, changes
 
 _LEVELS = {0: "no channel", 1: "1 channel", 2: "2 channels", 3: "3 channels", 4: "4 channels"}
@@ -42,9 +42,10 @@ class Course:
         self._note_odd(rows)
         for found in (changes(rows, before, self._faults), _level_changes(rows, before)):
             self._note(found)
-        if has_part(lanes, computers.SHOWN.part):
-            self._note(computers.SHOWN.changes(lanes, self._beside))
-            self._beside = lanes[-1:].copy()
+        for shown in (computers.SHOWN, servos.SHOWN):
+            if has_part(lanes, shown.part):
+                self._note(shown.changes(lanes, self._beside))
+        self._beside = None if lanes is None else lanes[-1:].copy()
         self.frames += len(rows)
         self._before = rows[-1:].copy()
 
@@ -71,8 +72,18 @@ class Course:
         found = np.concatenate(self._failed)
         return found[found[:, 1] == INDEX[name], 0].tolist()
 
+    def suspected(self, name: str, frame: int) -> int:
+        """Return from which frame on a channel of a signal was suspect that became failed in ``frame``."""
+        lanes, first = self.lanes(), frame
+        for c in range(SIGNALS[INDEX[name]].channels):
+            _, rows, states = lanes[f"/{name}/channel_{c + 1}"]
+            k = int(np.searchsorted(rows, frame))
+            if 0 < k < len(rows) and rows[k] == frame and states[k - 1 : k + 1] == ["SUSPECT", "FAILED"]:
+                first = min(first, int(rows[k - 1]))
+        return first
+
     def lanes(self) -> dict[str, Changes]:
-        """Return the changes of each lane of view.lanes and view.computers, and of the levels."""
+        """Return the changes of each lane of view.lanes, view.computers and view.servos, and of the levels."""
         return {
             path: Changes(
                 path, np.concatenate([part.rows for part in parts]), [s for part in parts for s in part.states]

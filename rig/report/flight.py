@@ -22,15 +22,14 @@ from rig.frame import INDEX, SIGNALS
 from rig.log import LogFile, scenario_of
 from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
-from rig.report import computers
+from rig.report import actuators, computers
 from rig.report import figures as draw
-from rig.report.actuators import happened, of_actuator
 from rig.report.course import Course
 from rig.report.gathered import Gathered, Gathering, Stretch
 from rig.report.margins import Margins
 from rig.report.moments import Moment, affected, limit, moment, signals_of
 from rig.report.page import DASH, write_page
-from rig.report.timeline import spans, timeline
+from rig.report.timeline import MOST_GROUPS, groups, spans, timeline
 from rig.units.quantities import duration, quantity, seconds
 from rig.util.outputs import require_apart, require_page
 from rig.util.progress import tell
@@ -56,8 +55,12 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     course = _course(log, len(scored.scenario.faults))
     names = affected(scored, course)
     moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
-    drawn = _figures(log, scored, course, names[:MOST_SIGNALS], moments) | margins.figures()
-    about = {**_about(log, scored, names, moments), "requirements": margins.rows(), "unmeasured": margins.remark}
+    drawn = _figures(log, scored, course, names, moments) | margins.figures()
+    about = {
+        **_about(log, scored, course, names, moments),
+        "requirements": margins.rows(),
+        "unmeasured": margins.remark,
+    }
     write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
     told |= {"requirements": [plain(one) for one in margins.verdicts]} if margins.verdicts else {}
@@ -98,16 +101,20 @@ def _gathered(log: LogFile, scored: Scored, shown: Sequence[str], stretches: Seq
 
 
 def _figures(
-    log: LogFile, scored: Scored, course: Course, shown: Sequence[str], moments: Sequence[Moment]
+    log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
 ) -> dict[str, go.Figure]:
-    """Draw the pictures, by the id of their element, in the order of the page."""
+    """Draw the pictures, by the id of their element, in the order of the page; names : signals with an event."""
+    shown = names[:MOST_SIGNALS]
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
-    surfaces = happened(scored) if "actuator" in log.lanes else []
+    surfaces = actuators.happened(scored) if "actuator" in log.lanes else []
     lanes = computers.happened(scored, log.events)
     stretches = [*moments, *surfaces, *([lanes] if lanes else [])]
     gathered = _gathered(log, scored, shown, [(one.begin, one.end) for one in stretches])
     labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
-    found = {"timeline": timeline(states)} if (states := spans(course, rate_hz, shown, labels)) else {}
+    beside = computers.states(course, rate_hz, scored.scenario.computers.count) if lanes else []
+    health = [span for span in beside if span.lane.startswith("lane ") or span.lane == "leading lane"]
+    states = spans(course, rate_hz, names, labels, [*health, *actuators.states(course, rate_hz)])
+    found = {"timeline": timeline(states, course.frames / rate_hz)} if states else {}
     for one in moments:
         rows, acts = gathered.stretches[one.begin, one.end].rows, acting[one.signal][one.begin : one.end]
         about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
@@ -115,9 +122,9 @@ def _figures(
     for name in shown:
         found[f"signal-{name}"] = draw.of_flight(gathered.signals[name], rate_hz, name, acting[name])
     for one in surfaces:
-        found[f"actuator-{one.surface}"] = of_actuator(gathered.stretches[one.begin, one.end], scored, one)
+        found[f"actuator-{one.surface}"] = actuators.of_actuator(gathered.stretches[one.begin, one.end], scored, one)
     if lanes is not None:
-        found["computers"] = timeline(computers.states(course, rate_hz, scored.scenario.computers.count))
+        found["computers"] = timeline(beside, course.frames / rate_hz)
         found["commands"] = computers.commands(gathered.stretches[lanes.begin, lanes.end], scored, lanes)
     found["votes"] = draw.vote_errors(gathered.errors, _thresholds(scored, shown))
     found["surfaces"] = draw.surfaces(gathered.surfaces)
@@ -155,8 +162,11 @@ def _waits(scored: Scored, name: str) -> dict[str, int]:
     return {"persistence": int(p["persistence"]), "singular persistence": int(p["singular_persistence"])}
 
 
-def _about(log: LogFile, scored: Scored, names: Sequence[str], moments: Sequence[Moment]) -> dict[str, Any]:
+def _about(
+    log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
+) -> dict[str, Any]:
     """Return what the page says beside its pictures."""
+    alike = groups(course, names)
     scenario, score, rate_hz = scored.scenario, scored.score, log.rate_hz
     text = log.attachments.get(FILE, b"").decode(errors="replace")
     return {
@@ -169,9 +179,11 @@ def _about(log: LogFile, scored: Scored, names: Sequence[str], moments: Sequence
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _said(one, rate_hz)) for one in moments],
-        "actuators": happened(scored) if "actuator" in log.lanes else [],
+        "actuators": actuators.happened(scored) if "actuator" in log.lanes else [],
         "computers": computers.happened(scored, log.events),
         "signals": names[:MOST_SIGNALS],
+        "alike": [one for one in alike[:MOST_GROUPS] if len(one) > 1],
+        "not_in_timeline": [name for one in alike[MOST_GROUPS:] for name in one],
         "left_out": names[MOST_SIGNALS:],
         "limits": _limits(scored, names[:MOST_SIGNALS]),
         "tables": _tables(scored, rate_hz),
@@ -187,7 +199,11 @@ def _said(one: Moment, rate_hz: float) -> str:
     first = f"first out at {seconds(one.first, rate_hz)}"
     if one.isolated is None:
         return f"{first}; no channel was failed for it"
-    return f"{first}, failed at {seconds(one.isolated, rate_hz)}, {duration(one.isolated - one.first, rate_hz)} later"
+    frames = one.isolated - one.first
+    if not frames:
+        return f"{first}, failed in the same frame"
+    later = f"{duration(frames, rate_hz)} later ({frames + 1} frames)"
+    return f"{first}, failed at {seconds(one.isolated, rate_hz)}, {later}"
 
 
 def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:

@@ -43,7 +43,7 @@ class Moment(NamedTuple):
     """The frames of a signal in which it was decided; frames from 0."""
 
     signal: str
-    first: int  # in which the error left the threshold, the fault began, or the pattern was met
+    first: int  # in which the error left the threshold, the fault began, the pattern was met, or it was suspect
     isolated: int | None  # in which the first channel, or the reference, was failed for it
     begin: int  # of what is shown
     end: int  # the first that is not shown
@@ -78,7 +78,7 @@ def moment(scored: Scored, course: Course, name: str) -> Moment | None:
         known = [frame for frame in known if 0 <= patterns[0] - frame <= TOGETHER_S * rate_hz] + patterns[:1]
     if not known and not failures:
         return None
-    first = min(known or failures)
+    first = min(known) if known else course.suspected(name, min(failures))  # no fault on it: its computer is out
     ends = [*failures, *(fault.failed_frame for fault in faults if fault.failed_frame is not None)]
     isolated = min((frame for frame in ends if first <= frame <= first + LATEST_S * rate_hz), default=None)
     isolated_s = None if isolated is None else isolated / rate_hz

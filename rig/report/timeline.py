@@ -8,23 +8,33 @@ from typing import Any, Final, NamedTuple
 
 import plotly.graph_objects as go
 
-from rig.frame import COMPUTERS, INDEX
+from rig.frame import COMPUTERS, DISCRETES, INDEX
 from rig.report.course import Course, level_path
 from rig.report.page import lay_out
 from rig.util.palette import BLUE, CHANNELS, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, SOFT, VIOLET, YELLOW
 from rig.view.computers import HEALTH
-from rig.view.lanes import LANES, Changes, Lane, fault_path
+from rig.view.lanes import LANES, LAW, Changes, Lane, fault_path
+from rig.view.servos import LANES as SERVOS
 from rig.view.style import STATE_LOOKS
 
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
+MOST_GROUPS: Final = 8  # of signals that are alike
+_UNUSED: Final = "not used"  # a channel that is not failed, of a signal without a channel
 _NAMES: Final = {"resolver": "decided by"}
-_QUIET: Final = ("ok", "normal", "none", "voted", "autopilot", "4 channels", "engaged", "fresh")
+_QUIET: Final = ("ok", "normal", "none", "voted", "autopilot", "4 channels", "engaged", "fresh", "all channels")
+_LABELS: Final = [label for lane in (*HEALTH, *SERVOS) for label, _ in lane.looks.values()]
 _COLOURS: Final = {
     **dict.fromkeys(_QUIET, QUIET),
-    **dict.fromkeys(("lost", "unresolved", "no channel", "back-up"), INK),
-    **dict.fromkeys((label for lane in HEALTH for label, _ in lane.looks.values() if label.startswith("failed")), RED),
+    **dict.fromkeys(("lost", "unresolved", "no channel", "back-up", "bypassed"), INK),
+    **dict.fromkeys((label for label in _LABELS if label.startswith(("failed", "shut off"))), RED),
     **dict(zip(COMPUTERS, CHANNELS, strict=True)),  # the leading lane
-    **{"missing": YELLOW, "a frame old": LIGHT_BLUE, "runs again, not engaged": MID_BLUE, "off by command": SOFT},
+    **{
+        "missing": YELLOW,
+        "a frame old": LIGHT_BLUE,
+        "runs again, not engaged": MID_BLUE,
+        "off by command": SOFT,
+        _UNUSED: "#b4bec8",
+    },
     **{"suspect": YELLOW, "failed": RED, "acting": ORANGE, "isolated": LIGHT_BLUE},
     **{"3 channels": LIGHT_BLUE, "2 channels": MID_BLUE, "1 channel": BLUE},
 }
@@ -39,27 +49,73 @@ class Span(NamedTuple):
     label: str
 
 
-def spans(course: Course, rate_hz: float, signals: Sequence[str], faults: Sequence[str]) -> list[Span]:
-    """Return the states of a flight lane by lane: faults, then the signals, discretes and law with an event.
+def groups(course: Course, names: Sequence[str]) -> list[list[str]]:
+    """Return signals, or discretes, whose lanes are the same in every frame together, in the order of ``names``."""
+    lanes, found = course.lanes(), dict[object, list[str]]()
+    for name in names:
+        own = [change for path, change in lanes.items() if path == f"/{name}" or path.startswith(f"/{name}/")]
+        key = [(each.path.removeprefix(f"/{name}"), each.rows.tolist(), each.states) for each in own]
+        found.setdefault(repr(sorted(key)), []).append(name)
+    return list(found.values())
+
+
+def spans(
+    course: Course, rate_hz: float, signals: Sequence[str], faults: Sequence[str], beside: Sequence[Span] = ()
+) -> list[Span]:
+    """Return the states of a flight lane by lane: faults, ``beside``, then signals, discretes and law with an event.
 
     faults : their labels, in the order of the scenario
+    beside : of computers and actuators
+    Of signals that are alike in every frame (``groups``) the first is drawn for all.
     """
+    found = dict(_found(course, rate_hz, faults))
+    kept = [span for i in range(len(faults)) for span in found.get(fault_path(i), []) if span.label]
+    kept += beside
+    for name, *others in groups(course, signals)[:MOST_GROUPS]:
+        level = found[level_path(name)]
+        of = [path for path in found if path.startswith(f"/{name}/") and path != level_path(name)]
+        for path in of:
+            if "/channel_" in path:
+                kept += [_for_all(each, name, others) for span in found[path] for each in used(span, level)]
+            elif eventful(found[path]):
+                kept += [_for_all(span, name, others) for span in found[path]]
+        kept += [_for_all(span, name, others) for span in level]
+    for name, *others in groups(course, [discrete.name for discrete in DISCRETES]):
+        of = [path for path in found if path.startswith(f"/{name}/") and eventful(found[path])]
+        kept += [_for_all(span, name, others) for path in of for span in found[path] if span.label != "absent"]
+    kept += found[LAW.path] if eventful(found[LAW.path]) else []
+    return _most([span for span in kept if span.label])
+
+
+def _found(course: Course, rate_hz: float, faults: Sequence[str]) -> Iterator[tuple[str, list[Span]]]:
+    """Yield path and states of every lane of faults, signals, discretes and law."""
     lanes = {lane.path: lane for lane in LANES}
-    found: dict[str, list[Span]] = {}
     named = {fault_path(i): f"fault {escape(label)}" for i, label in enumerate(faults)}  # plotly reads tags
-    named |= {path: _named(path) for path in (*lanes, *map(level_path, signals))}
+    named |= {path: _named(path) for path in (*lanes, *map(level_path, INDEX))}
     for path, change in course.lanes().items():
         if path in named:  # and not the channels of a signal together
-            found[path] = list(_spans(named[path], change, lanes.get(path), course.frames, rate_hz))
-    kept = [span for i in range(len(faults)) for span in found.get(fault_path(i), []) if span.label]
-    for name in signals:
-        level = level_path(name)
-        of = [path for path in found if path.startswith(f"/{name}/") and path != level]
-        kept += [span for path in of if "/channel_" in path or eventful(found[path]) for span in found[path]]
-        kept += found[level]
-    others = [lane.path for lane in LANES if lane.path.split("/")[1] not in INDEX]
-    kept += [span for path in others if eventful(found[path]) for span in found[path] if span.label != "absent"]
-    return _most([span for span in kept if span.label])
+            yield path, list(_spans(named[path], change, lanes.get(path), course.frames, rate_hz))
+
+
+def _for_all(span: Span, name: str, others: Sequence[str]) -> Span:
+    """Return a state of ``name`` as that of all signals that are alike."""
+    alike = f"{name} (and {len(others)} alike)" if others else name
+    return span._replace(lane=f"{alike}{span.lane.removeprefix(name)}")
+
+
+def used(span: Span, level: Sequence[Span]) -> Iterator[Span]:
+    """Yield a channel's state, "not used" where it is ok and the signal's ``level`` has no channel."""
+    lost = [each for each in level if each.label == "no channel" and span.label == "ok"]
+    at = span.begin_s
+    for each in lost:
+        begin, end = max(each.begin_s, at), min(each.end_s, span.end_s)
+        if begin < end:
+            if at < begin:
+                yield span._replace(begin_s=at, end_s=begin)
+            yield span._replace(begin_s=begin, end_s=end, label=_UNUSED)
+            at = end
+    if at < span.end_s:
+        yield span._replace(begin_s=at)
 
 
 def _named(path: str) -> str:
@@ -101,14 +157,14 @@ def _most(found: list[Span]) -> list[Span]:
     return [span for span in found if span.end_s - span.begin_s >= shortest][:MOST_SPANS]
 
 
-def timeline(found: Sequence[Span]) -> go.Figure:
-    """Draw spans, a lane a row, the first at the top."""
+def timeline(found: Sequence[Span], end_s: float) -> go.Figure:
+    """Draw spans, a lane a row, the first at the top, from the beginning of a flight to its end."""
     lanes, labels = list(dict.fromkeys(span.lane for span in found)), dict.fromkeys(span.label for span in found)
     figure = go.Figure()
     for label in labels:
         figure.add_bar(**_bars([span for span in found if span.label == label], label))
     lay_out(figure, "", 60 + 24 * len(lanes), barmode="overlay", bargap=0.25)
-    figure.update_xaxes(title="time, s")
+    figure.update_xaxes(title="time, s", range=[0.0, end_s])
     figure.update_yaxes(type="category", categoryorder="array", categoryarray=lanes, autorange="reversed", dtick=1)
     return figure
 

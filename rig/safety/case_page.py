@@ -10,7 +10,7 @@ from rig.report.page import write_page
 from rig.safety.confirm import read_rows, read_sets
 from rig.safety.cutset_plan import read_asked
 from rig.safety.fmea import Line
-from rig.safety.fmea_file import shown, titles
+from rig.safety.fmea_file import groups, shown
 from rig.safety.tree_picture import picture
 from rig.safety.tree_result import TreeResult
 
@@ -41,7 +41,7 @@ def write_case(
         tree=tree,
         picture=picture(tree.tree, tree.at[0].hours),
         lines=[line.as_dict() for line in lines],
-        head=titles(),
+        groups=groups(),
         shown=shown(lines),
         rows=again,
     )

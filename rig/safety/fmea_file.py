@@ -13,6 +13,13 @@ from rig.report.page import write_page
 from rig.safety.fmea import NOT_FLOWN, Line
 from rig.util.files import write_text
 
+GROUPS: Final = {  # columns of the page, each with some of a line's texts under each other
+    "item and mode": ("id", "item", "function", "mode"),
+    "cause and rate": ("cause", "rate", "source", "phase", "exposure"),
+    "effects": ("local_effect", "next_effect", "end_effect", "severity"),
+    "detection": ("detection", "time_to_detection", "latent_share", "compensating_provision"),
+    "flights": ("flights", "not_kept", "worst_flight", "remarks"),
+}
 ENDINGS: Final = (".csv", ".html", ".htm")
 
 
@@ -26,7 +33,7 @@ def write(lines: Sequence[Line], out: Path) -> None:
     """Write the lines.  BadInput or RigError: the file cannot be written."""
     if out.suffix.lower() != ".csv":
         write_page(
-            out, "fmea.html", {}, {}, lines=[line.as_dict() for line in lines], shown=shown(lines), head=titles()
+            out, "fmea.html", {}, {}, lines=[line.as_dict() for line in lines], shown=shown(lines), groups=groups()
         )
         return
     text = io.StringIO()
@@ -39,6 +46,12 @@ def write(lines: Sequence[Line], out: Path) -> None:
 def titles() -> dict[str, str]:
     """Return the titles of the columns, by their names."""
     return {name: name.replace("_", " ") for name in Line.__dataclass_fields__}
+
+
+def groups() -> dict[str, dict[str, str]]:
+    """Return the titles of a line's texts by their names, in the columns of the page."""
+    every = titles()
+    return {title: {name: every[name] for name in names} for title, names in GROUPS.items()}
 
 
 def shown(lines: Sequence[Line]) -> str:

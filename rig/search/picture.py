@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,12 +11,16 @@ import numpy as np
 import plotly.graph_objects as go
 
 from rig.assess.requirements import margin_text
+from rig.faults import KINDS
+from rig.frame import INDEX, SIGNALS
 from rig.report.page import lay_out, write_page
 from rig.search.objective import Measured
 from rig.search.plan import SearchPlan
+from rig.units.quantities import unit_of_name
 from rig.util.palette import BLUE, INK, ORANGE, RED, SOFT, faint
 
 MOST: Final = 30.0  # drawn of a margin
+_FAULT: Final = re.compile(r"faults\.(\d+)\.(\w+)")
 
 
 def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
@@ -42,7 +47,7 @@ def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
     _level(made, 0.0, "violated below", {"color": RED, "width": 1})
     lay_out(made, "Margin over flights", 420, margin={"l": 10, "r": 120, "t": 40, "b": 10})
     made.update_xaxes(title="flight")
-    made.update_yaxes(title="margin")
+    made.update_yaxes(title="margin, in the scale of the requirement")
     return made
 
 
@@ -54,8 +59,28 @@ def _level(figure: go.Figure, margin: float, text: str, line: dict[str, Any]) ->
 
 def write(out: Path, plan: SearchPlan, found: Sequence[Measured], figures: dict[str, Any]) -> None:
     """Write the page of a search."""
-    title = plan.campaign.title or plan.source
+    title, varied = plan.campaign.title or plan.source, figures["worst"]["varied"]
+    table = plan.data(figures["worst"]["run"])
     write_page(
         out, "search.html", {"margins": figure(plan, found)}, {}, title=title, asked=plan.asked, results=figures,
         requirements=[each for each in plan.requirements if each.id in plan.asked.requirements],
+        varied={key: shown(key, value, table) for key, value in varied.items()},
     )  # fmt: skip
+
+
+def shown(key: str, value: object, table: Mapping[str, Any]) -> str:
+    """Return the value of a varied key with the unit in which it is set: of a fault's own key, as its kind declares.
+
+    table : the scenario that has it
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    unit, of_fault = unit_of_name(key) or ("s" if key.endswith("_s") else ""), _FAULT.fullmatch(key)
+    if of_fault is not None:
+        fault = table["faults"][int(of_fault[1])]
+        field = KINDS[fault["kind"]].model_fields.get(of_fault[2])
+        declared = field.json_schema_extra if field is not None else None
+        unit = str(declared.get("unit", unit)) if isinstance(declared, dict) else unit
+        if unit.startswith("signal") and fault.get("signal") in INDEX:
+            unit = unit.replace("signal", SIGNALS[INDEX[fault["signal"]]].unit, 1)
+    return f"{value:.3g} {unit}".rstrip()

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 import rig
 from rig.frame import INDEX, Block, State
@@ -31,7 +32,7 @@ BOX: Final = {  # five of the nine signals of the inertial box, and the healthy 
     **{"pitch_rate": 0.2, "roll_rate": 0.2, "yaw_rate": 0.2},
     **{"normal_load_factor": 1.0, "lateral_load_factor": 1.0, "heading": 0.0},
 }
-SMALL: Final[Any] = {"svg.fonttype": "none", "svg.hashsalt": "rig", "font.size": 8.0, "font.family": "sans-serif"}
+SMALL: Final[Any] = {"svg.fonttype": "none", "svg.hashsalt": "rig", "font.size": 9.0, "font.family": "sans-serif"}
 
 
 class Picture(NamedTuple):
@@ -72,15 +73,17 @@ PICTURES: Final = {
 def drawn(rows: Block, rate_hz: float, picture: Picture, threshold: float) -> Figure:
     """Return the signal of ``rows`` with its references over the states of the channels; threshold : SI."""
     shown = series(rows, rate_hz, picture.signal)
-    figure = Figure(figsize=(4.6, 2.9), layout="constrained")
+    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3.0, 1.4])
     lines(above, shown, threshold)
     above.plot(shown.time_s, reference(rows, picture.signal) * shown.scale, color=REFERENCE, lw=1.1, label="reference")
     above.set_ylim(*limits(shown, threshold))
     above.set_ylabel(f"{picture.signal}, {shown.unit}")
-    above.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=7.0)
+    above.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8.0)
     _lanes(below, rows, rate_hz, picture.lanes or [(picture.signal, c) for c in (1, 2, 3, 4)])
-    below.set_xlabel("time, s; yellow: suspect, red: failed")
+    below.set_xlabel("time, s")
+    looks = [Patch(color=colour, label=state.name.lower()) for state, colour in STATES.items()]
+    below.legend(handles=looks, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8.0)
     below.set_xlim(shown.time_s[0], shown.time_s[-1])
     return figure
 
@@ -99,7 +102,6 @@ def _lanes(axes: Axes, rows: Block, rate_hz: float, lanes: Sequence[tuple[str, i
 def main(folder: Path) -> None:
     """Fly and draw all of them into ``folder``."""
     folder.mkdir(exist_ok=True)
-    metadata: dict[str, Any] = {"Date": None, "Creator": None}
     for name, picture in PICTURES.items():
         end_s = picture.begin_s + 0.25
         with tempfile.TemporaryDirectory() as logs:
@@ -110,6 +112,7 @@ def main(folder: Path) -> None:
         settings = rig.load(picture.scenario, overrides=overrides).resolved()["redundancy"]["signals"]
         with mpl.rc_context(SMALL):
             figure = drawn(rows, log.rate_hz, picture, settings[picture.signal]["threshold"])
+            metadata: dict[str, Any] = {"Date": None, "Creator": None, "Title": f"Pattern {name.replace('_', ':')}"}
             figure.savefig(folder / f"{name}.svg", metadata=metadata)
         failed = "; ".join(event.text for event in log.events if event.name == "channel failed")
         print(f"{name}.svg: {(folder / f'{name}.svg').stat().st_size} B; {failed}", flush=True)
