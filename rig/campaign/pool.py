@@ -108,6 +108,8 @@ class Cluster:
 
     def __init__(self, address: str) -> None:
         """Raise BadInput when the scheduler does not answer, or has no worker."""
+        if not address.strip():
+            raise BadInput("--scheduler: must be the address of a scheduler, got nothing")
         try:
             from distributed import Client
             from distributed.scheduler import KilledWorker
