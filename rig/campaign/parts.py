@@ -24,6 +24,7 @@ from rig.campaign.rows import OUTCOMES, TABLES
 from rig.errors import BadInput
 from rig.frame import SIGNALS
 from rig.record.histogram import BINS
+from rig.text import is_utf8
 from rig.util.files import is_file, is_folder
 
 _FILE = " file"  # no key of a campaign has a blank before it
@@ -63,9 +64,8 @@ def _tables(folder: Path, name: str, parts: list[str], plan: Plan) -> list[pl.Da
     """Read the files of one table and check their columns: at once where nothing is wrong, a quarter of the time."""
     paths = [folder / name / f"{part}.parquet" for part in parts]
     expected = table.schema(plan, name)
-    if parts and all(map(is_file, paths)):
-        # UnicodeError: polars takes no path that is not UTF-8
-        with suppress(OSError, UnicodeError, pl.exceptions.PolarsError, pl.exceptions.PanicException):
+    if parts and is_utf8(str(folder)) and all(map(is_file, paths)):  # polars takes no other path
+        with suppress(OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):
             whole = pl.read_parquet(
                 paths, hive_partitioning=False, glob=False, parallel="none", include_file_paths=_FILE
             )

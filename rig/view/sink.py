@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rig.errors import BadInput, RigError
 from rig.frame import Block, LaneBlock
 from rig.record.event import Event
+from rig.text import is_utf8
 from rig.view import viewer
 from rig.view.facts import Facts, Layout
 from rig.view.story import Story
@@ -171,11 +172,7 @@ def _save(recording: rr.RecordingStream, layout: rrb.Blueprint, path: Path, abou
 
 def _utf8_name(path: Path, descriptor: int) -> Path:
     """Return the path, or where it is not UTF-8, which Rerun needs, the name of the open file in this process."""
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return Path(f"/dev/fd/{descriptor}")
-    return path
+    return path if is_utf8(str(path)) else Path(f"/dev/fd/{descriptor}")
 
 
 def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, server_memory: str) -> Sink:

@@ -26,7 +26,7 @@ class Case:
     about: str  # what is hostile, for people
     make: Make = nothing  # writes the files; called in the case's own process and folder
     call: Callable[[], int] | None = None  # in place of the command: exit code
-    refused: str = ""  # what is named when exit code 2 must come; empty: any other code may
+    refused: str = ""  # pattern of what is named when exit code 2 must come; empty: any other code may
     may_run_code: bool = False  # the command line gives leave to import what the input names
     seed: int = 0
 

@@ -32,6 +32,7 @@ class Reader:
     mark: str = ""  # of a folder: its file that is damaged
     long: bool = False  # sound input keeps it busy for minutes
     executable: bool = False
+    named: bool = True  # a refusal names it; else something of the store may be refused before it is read
     alone: bool = True  # a thing without content of its own, as an empty file, is not sound input
 
     @property
@@ -70,7 +71,7 @@ def _tables(argv: str, *needs: str) -> tuple[Reader, ...]:
 # By command and parameter; of an argument its name.
 READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "aircraft check name": (Reader("aircraft check X", "own", mark=_OWN, long=True),),
-    "aircraft design name": (Reader("aircraft design X --out nowhere/g.toml", "own", mark=_OWN, long=True),),
+    "aircraft design name": (Reader("aircraft design X", "own", mark=_OWN, long=True),),
     "aircraft list folders": (Reader("aircraft list X", "own", mark=_OWN),),
     "aircraft show name": (Reader("aircraft show X", "own", mark=_OWN),),
     "bench scenario": (Reader("bench X --repeats 1", _SCENARIO, long=True),),
@@ -102,13 +103,15 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
         for sound in ("in.csv", "in.parquet")
     ),
     "league --second": (
-        Reader("league smoke --healthy camp --second X --out o", **_CAMPAIGN, needs=("camp",), long=True),
+        Reader("league smoke --healthy camp --second X --out o", **_CAMPAIGN, needs=("camp",), named=False, long=True),
     ),
-    "league --out": (Reader("league smoke --healthy camp --out X", **_CAMPAIGN, needs=("camp",), long=True),),
+    "league --out": (
+        Reader("league smoke --healthy camp --out X", **_CAMPAIGN, needs=("camp",), named=False, long=True),
+    ),
     "league campaign": (Reader("league X --healthy camp --out o", "campaign.toml", ("camp",), long=True),),
     "recover log": (_log("recover X --out r.mcap"),),
     "reliability confirm --aircraft": (
-        Reader("reliability confirm cuts --aircraft X", "own", ("cuts",), mark=_OWN, long=True),
+        Reader("reliability confirm cuts --aircraft X", "own", ("cuts",), mark=_OWN, named=False, long=True),
     ),
     "reliability cutsets --aircraft": (
         Reader("reliability cutsets --out o --aircraft X", "own", mark=_OWN, long=True),
@@ -177,14 +180,19 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "score --requirements": (_requirements("score log.mcap --no-twin --requirements X", "log.mcap"),),
     "score --unit": (_unit("score log.mcap --unit X", "log.mcap"),),
     "score log": (_log("score X --no-twin"),),
-    "search --out": (Reader("search smoke --requirement HQ-1 --flights 9 --out X", **_CAMPAIGN, long=True),),
-    "search --requirements": (_requirements("search smoke --requirement x --flights 9 --out o --requirements X"),),
-    "search campaign": (Reader("search X --requirement x --flights 9 --out o", "campaign.toml", long=True),),
+    "search --out": (Reader("search worst-pitch-rate --requirement vote --flights 9 --out X", **_CAMPAIGN, long=True),),
+    "search --requirements": (_requirements("search smoke --requirement vote --flights 9 --out o --requirements X"),),
+    "search campaign": (Reader("search X --requirement vote --flights 9 --out o", "campaign.toml", long=True),),
     "thresholds --config": (
         Reader("thresholds in.csv --config X --budget 1 --out t.toml", "vote.toml", ("in.csv",), long=True),
     ),
     "thresholds --monitored": tuple(
-        Reader("thresholds log.mcap --budget 1 --out t.toml --monitored X", sound, ("log.mcap",), long=True)
+        Reader(
+            "thresholds in.csv --config vote.toml --budget 1 --out t.toml --monitored X",
+            sound,
+            ("in.csv", "vote.toml"),
+            long=True,
+        )
         for sound in ("in.csv", "in.parquet")
     ),
     "thresholds inputs": tuple(
@@ -217,7 +225,7 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
         Reader(f"fly everything.toml {_FLY} --set aircraft=X", "own", (_SCENARIO,), mark="gains.toml"),
     ),
     "Scenario.requirements": (
-        Reader("scenario check s.toml", HANDLING, beside=(("s.toml", 'requirements = ["X"]\n'),)),
+        Reader(f"fly s.toml {_FLY}", HANDLING, beside=(("s.toml", 'duration_s = 0.3\nrequirements = ["X"]\n'),)),
     ),
     "Unit.path": (
         Reader(f"fly everything.toml {_FLY} --unit u.toml", "noise.csv", (_SCENARIO,), (("u.toml", _NAMES[0]),)),
@@ -278,19 +286,20 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
 }
 # What names no file to read: parameters by their names, and keys of settings.
 WRITES: Final = {"out", "save", "screenshot", "plot", "junit", "report", "chain", "svg"}
-OTHER_PARAMETERS: Final = {
-    "aircraft new name",  # not of the others, which read one
-    *"against base channels checks conditions filters fmu good_before hours kind lane lasting layout levels".split(),
-    *"logs managers method persistence point points requirement rerun scheduler sensor_class sets signal".split(),
-    *"signals surface tab threshold to tolerance".split(),
-}
-OTHER_KEYS: Final = {
-    *"accuses address after airspeed_errors autopilot_margins base_model below beta_source box_source boxes".split(),
-    *"cases causes class_ constants default discrete distribution errors false_isolations_source faults".split(),
-    *"flight_point formula from_ held id inputs key kinds kinds_source logs lost_margins manager name".split(),
-    *"manoeuvre_source noise_sha256 outputs parameters position properties separator set signal signals".split(),
-    *"source start stick_margins text time_column time_unit title to triads unit vary when without worst_in".split(),
-}
+_PARAMETERS: Final = """
+    against base channels checks conditions filters fmu good_before hours kind lane lasting layout levels logs managers
+    method persistence point points requirement rerun scheduler sensor_class sets signal signals surface tab threshold
+    to tolerance
+"""
+OTHER_PARAMETERS: Final = {"aircraft new name", *_PARAMETERS.split()}  # other parameters ``name`` read one
+_KEYS: Final = """
+    accuses address after airspeed_errors autopilot_margins base_model below beta_source box_source boxes cases causes
+    class_ constants default discrete distribution errors false_isolations_source faults flight_point formula from_ held
+    id inputs key kinds kinds_source logs lost_margins manager manoeuvre_source name noise_sha256 outputs parameters
+    position properties separator set signal signals source start stick_margins text time_column time_unit title to
+    triads unit vary when without worst_in
+"""
+OTHER_KEYS: Final = set(_KEYS.split())
 
 
 def missing() -> list[str]:
@@ -371,5 +380,6 @@ def case_of(draw: Draw, store: Store, key: str, number: int, thing: str) -> Case
         if one.executable and (folder / name).is_file() and not (folder / name).is_symlink():
             (folder / name).chmod(0o755)
 
-    must = "hostile" if thing in REFUSED else ""
-    return draw.case(argv, f"{key}: {thing}", make, refused=must)
+    must = "" if thing not in REFUSED else "hostile|/sparse|/pipe" if one.named else "error"  # where a link leads
+    may_run = one.sound == "unit.toml"  # names a class, and to name the file is permission
+    return draw.case(argv, f"{key}: {thing}", make, leave=may_run, refused=must)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import sys
@@ -56,7 +57,7 @@ VOTE: Final[dict[str, Any]] = {
             "selection_deviation": 0.1,
             "selection_integral_s": 0.1,
         },
-        "heading": {"wraps": True, "range": [-3.2, 3.2]},
+        "heading": {"wraps": True, "range": [-math.pi, math.pi]},
     },
     "resets": [{"at_s": 0.3, "signal": "pitch_rate", "channels": [4]}],
 }
@@ -114,6 +115,8 @@ class Store:
         """Write what no command makes."""
         for name, place in _OF_CHECKOUT.items():
             (self.folder / name).write_bytes((_CHECKOUT / place).read_bytes())
+        rates = (self.folder / "rates.toml").read_text().replace("per_hour = [1e-3, 2e-3]", "per_hour = [1e-3]")
+        (self.folder / "rates.toml").write_text(rates)
         (self.folder / "noise.csv").write_text("".join(f"{k}e-6,2e-6,-3e-6,{-k}e-6\n" for k in range(99)))
         (self.folder / "redundancy.toml").write_text('[redundancy]\nmanager = "median"\n')
         (self.folder / "unit.toml").write_text('name = "u"\ncarrier = "python"\nmanager = "evilmod:M"\n')
