@@ -54,7 +54,7 @@ def test_each_reader_meets_each_thing_or_the_table_says_why_not():
         for number, row in enumerate(rows):
             for thing in FOLDER_THINGS if row.mark else THINGS:
                 assert ((key, number, thing) in pairs) != bool(readers.not_for(row, thing))
-            assert REFUSED <= {thing for k, n, thing in pairs if (k, n) == (key, number)}
+            assert {thing for k, n, thing in pairs if (k, n) == (key, number)} >= REFUSED
 
 
 @pytest.mark.long
@@ -142,7 +142,7 @@ def test_a_header_without_an_end_is_no_table_and_one_of_a_megabyte_is_cut_betwee
     path.write_bytes(b"a" * (1 << 20) + b"b")
     with pytest.raises(BadInput, match=r"first line is longer than 1 MiB"):
         Table(path)
-    names = [f"{'n' * 900}{i}" for i in range(400)]
+    names = [f"{'n' * 300}{i}" for i in range(400)]
     path.write_text("\n".join([",".join(names), *[",".join(["1.5"] * 400)] * 900]) + "\n")
     assert path.stat().st_size > 1 << 20
     assert Table(path, written=TableFormat()).column(names[-1]).tolist() == [1.5] * 900
