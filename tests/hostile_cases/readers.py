@@ -97,7 +97,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "fly scenario": (Reader(f"fly X {_FLY}", _SCENARIO),),
     "info log": (_log("info X"),),
     "league --config": (Reader("league --recordings in.csv --config X", "vote.toml", ("in.csv",), long=True),),
-    "league --healthy": (Reader("league smoke --healthy X --out o", **_CAMPAIGN, long=True),),
+    "league --healthy": (Reader("league smoke --healthy X --out o", **_CAMPAIGN, named=False, long=True),),
     "league --recordings": tuple(
         Reader("league --recordings X --config vote.toml", sound, ("vote.toml",), long=True)
         for sound in ("in.csv", "in.parquet")
@@ -242,7 +242,9 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
     ),
     "Campaign.base": (Reader("campaign plan c.toml", _SCENARIO, beside=(("c.toml", f'base = "X"{_BASE}'),)),),
     "Campaign.requirements": (
-        Reader("campaign plan c.toml", HANDLING, beside=(("c.toml", f'requirements = ["X"]{_BASE}'),)),
+        Reader(
+            "campaign plan c.toml", HANDLING, beside=(("c.toml", f'base = "f16_adc"\nrequirements = ["X"]{_BASE}'),)
+        ),
     ),
     "Case.scenario": (
         Reader(
