@@ -20,8 +20,9 @@ from hostile_cases.places import FOLDER_THINGS, REFUSED, THINGS
 from hostile_cases.remade import exchanged
 
 import rig
+from rig.campaign import compile_ahead, pool
 from rig.cli import main
-from rig.errors import BadInput, BadLog
+from rig.errors import BadInput, BadLog, RigError
 from rig.frame import FLAT, TIMING
 from rig.frame.fields import FIELDS
 from rig.log import LogWriter, foreign, read_log
@@ -199,6 +200,20 @@ def test_a_scheduler_without_an_address_is_refused(
     code, err = _told(argv, monkeypatch, capsys)
     assert code == 2 and err.count("\n") == 1 and "--scheduler" in err
     assert not (tmp_path / "o").exists()
+
+
+def test_a_machine_that_starts_no_worker_is_a_failure_in_one_line(monkeypatch: pytest.MonkeyPatch):
+    """As where there are no semaphores, and where Python itself cannot be read."""
+
+    def none(*_: object, **__: object) -> None:
+        raise NotImplementedError("no semaphores")
+
+    monkeypatch.setattr(pool, "ProcessPoolExecutor", none)
+    with pytest.raises(RigError, match="no workers can be started: no semaphores"):
+        pool.Local(1)
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    with pytest.raises(RigError, match="/nowhere/python: cannot be started"), compile_ahead._child("part", 2):
+        raise AssertionError("the block was entered")
 
 
 # Logs ---------------------------------------------------------------------------------------------------------

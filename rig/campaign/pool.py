@@ -76,7 +76,10 @@ class Local:
 
     def _new(self) -> ProcessPoolExecutor:
         get_ready()
-        return ProcessPoolExecutor(self.size, mp_context=multiprocessing.get_context(_METHOD), initializer=_begin)
+        try:
+            return ProcessPoolExecutor(self.size, mp_context=multiprocessing.get_context(_METHOD), initializer=_begin)
+        except (OSError, ImportError, NotImplementedError) as error:  # a system without semaphores, or none for us
+            raise RigError(f"no workers can be started: {error}") from None
 
     def submit(self, function: Any, *arguments: Any) -> Future[Any]:
         """Hand out one task; one that cannot be taken any more fails as lost."""

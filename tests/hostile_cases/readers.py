@@ -180,7 +180,9 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "score --requirements": (_requirements("score log.mcap --no-twin --requirements X", "log.mcap"),),
     "score --unit": (_unit("score log.mcap --unit X", "log.mcap"),),
     "score log": (_log("score X --no-twin"),),
-    "search --out": (Reader("search worst-pitch-rate --requirement vote --flights 9 --out X", **_CAMPAIGN, long=True),),
+    "search --out": (
+        Reader("search worst-pitch-rate --requirement vote --flights 40 --out X", **_CAMPAIGN, long=True),
+    ),
     "search --requirements": (_requirements("search smoke --requirement vote --flights 9 --out o --requirements X"),),
     "search campaign": (Reader("search X --requirement vote --flights 9 --out o", "campaign.toml", long=True),),
     "thresholds --config": (
@@ -191,6 +193,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
             "thresholds in.csv --config vote.toml --budget 1 --out t.toml --monitored X",
             sound,
             ("in.csv", "vote.toml"),
+            named=False,
             long=True,
         )
         for sound in ("in.csv", "in.parquet")

@@ -115,7 +115,9 @@ class Store:
         """Write what no command makes."""
         for name, place in _OF_CHECKOUT.items():
             (self.folder / name).write_bytes((_CHECKOUT / place).read_bytes())
-        rates = (self.folder / "rates.toml").read_text().replace("per_hour = [1e-3, 2e-3]", "per_hour = [1e-3]")
+        rates = (
+            (self.folder / "rates.toml").read_text().replace("[1e-3, 2e-3]", "[1e-3]").replace("[0.0, 0.01]", "[0.0]")
+        )
         (self.folder / "rates.toml").write_text(rates)
         (self.folder / "noise.csv").write_text("".join(f"{k}e-6,2e-6,-3e-6,{-k}e-6\n" for k in range(99)))
         (self.folder / "redundancy.toml").write_text('[redundancy]\nmanager = "median"\n')
