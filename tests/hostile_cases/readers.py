@@ -33,7 +33,6 @@ class Reader:
     long: bool = False  # sound input keeps it busy for minutes
     executable: bool = False
     named: bool = True  # a refusal names it; else something of the store may be refused before it is read
-    alone: bool = True  # a thing without content of its own, as an empty file, is not sound input
 
     @property
     def ending(self) -> str:
@@ -43,7 +42,7 @@ class Reader:
 
 RATES, CHAIN, HANDLING, SUITE = "rates.toml", "chain.toml", "handling.toml", "suite.toml"
 _FLY, _VOTE = "--out logs", "--config vote.toml --out o.csv"
-_CAMPAIGN: Final = {"sound": "camp", "mark": "campaign.json"}
+_CAMPAIGN: Final[dict[str, Any]] = {"sound": "camp", "mark": "campaign.json"}
 _SCENARIO: Final = "everything.toml"
 _OWN: Final = "aircraft.toml"
 _NAMES: Final = 'name = "u"\npath = "X"\n', 'name = "u"\ncarrier = "udp"\ncommand = ["X"]\n'
@@ -206,7 +205,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "view --requirements": (_requirements("view log.mcap --save v.rrd --requirements X", "log.mcap"),),
     "view logs": (_log("view X --save v.rrd"), _log("view log.mcap X --save v.rrd", "log.mcap")),
     "vote --config": (Reader("vote in.csv --config X --out o.csv", "vote.toml", ("in.csv",)),),
-    "vote --inject": (Reader(f"vote in.csv {_VOTE} --inject X", _SCENARIO, ("in.csv", "vote.toml"), alone=False),),
+    "vote --inject": (Reader(f"vote in.csv {_VOTE} --inject X", _SCENARIO, ("in.csv", "vote.toml")),),
     "vote --requirements": (
         _requirements(
             f"vote in.csv {_VOTE} --inject everything.toml --requirements X", "in.csv", "vote.toml", _SCENARIO
