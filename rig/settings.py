@@ -92,9 +92,13 @@ class NotToml(BadInput):
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the TOML document at ``path``; BadInput when it is missing or does not parse."""
-    raw = read_bytes(path, LARGEST_TOML)
+    return parse_toml(toml_text(path), str(path))
+
+
+def toml_text(path: Path) -> str:
+    """Return the text of the TOML document at ``path``; BadInput when it is missing, too large or not UTF-8."""
     try:
-        return parse_toml(raw.decode("utf-8"), str(path))
+        return read_bytes(path, LARGEST_TOML).decode("utf-8")
     except UnicodeDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
 

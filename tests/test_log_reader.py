@@ -91,7 +91,7 @@ def test_what_is_no_mcap_is_refused(tmp_path, content):
 
 @pytest.mark.parametrize("name", ["missing.mcap", "."])
 def test_a_missing_file_or_a_folder_is_refused(tmp_path, name):
-    with pytest.raises(BadLog, match="cannot be read"):
+    with pytest.raises(BadLog, match="no such file|is a folder"):
         read_log(tmp_path / name)
 
 

@@ -207,7 +207,7 @@ SAYS = {
     "empty": "not an MCAP file",
     "foreign": "not an MCAP file",
     "future": "schema version 9",
-    "missing": "cannot be read: No such file",
+    "missing": "no such file",
     "pipe": "is a pipe",
 }
 

@@ -52,7 +52,8 @@ def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
         if path.suffix == ".mcap":
             _mcap(part, recording, voted)
         else:
-            TABLE_WRITERS[path.suffix](table(recording, voted), part)
+            with part.open("wb") as file:
+                TABLE_WRITERS[path.suffix](table(recording, voted), file)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise RigError(f"{path}: cannot be written: {' '.join(str(error).split())[:200]}") from None
 

@@ -23,6 +23,7 @@ from rig.assess.outcome_rows import add_rows
 from rig.computer.redundancy.baselines import select_unit
 from rig.computer.redundancy.managers import KINDS
 from rig.computer.redundancy.state import ManagerData
+from rig.errors import RigError
 from rig.kernel_cache import folder, reached
 from rig.kernel_locks import give_back, take
 from rig.kernels import cache_root, compile_inner
@@ -31,6 +32,7 @@ from rig.lanes.think import ComputerData, follow_votes
 from rig.log import LogWriter
 from rig.plant.truth import write_row
 from rig.scenario import load
+from rig.util.files import reported
 from rig.util.interrupt import at_once
 from rig.util.threads import cores
 
@@ -96,14 +98,15 @@ def _compile(show: Show) -> None:
 @contextmanager
 def _child(part: str, writing: int) -> Iterator[None]:
     """Run a process that compiles a part; it prints nothing and ends with this one, or when this leaves."""
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-c", _CHILD, part, str(writing)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        pass_fds=[writing],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-    )
+    with reported(sys.executable, RigError, "cannot be started"):
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-c", _CHILD, part, str(writing)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            pass_fds=[writing],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+        )
     try:
         yield
     finally:

@@ -7,6 +7,7 @@ other tables.  Runs are flown again when their part in ``runs`` is removed, so t
 from __future__ import annotations
 
 import json
+import os
 import shlex
 from contextlib import suppress
 from pathlib import Path
@@ -23,7 +24,8 @@ from rig.campaign.rows import OUTCOMES, TABLES
 from rig.errors import BadInput
 from rig.frame import SIGNALS
 from rig.record.histogram import BINS
-from rig.util.files import is_file
+from rig.text import is_utf8
+from rig.util.files import is_file, is_folder
 
 _FILE = " file"  # no key of a campaign has a blank before it
 # Columns of ``runs`` that together say how many rows of another table a run has.
@@ -62,7 +64,7 @@ def _tables(folder: Path, name: str, parts: list[str], plan: Plan) -> list[pl.Da
     """Read the files of one table and check their columns: at once where nothing is wrong, a quarter of the time."""
     paths = [folder / name / f"{part}.parquet" for part in parts]
     expected = table.schema(plan, name)
-    if parts and all(map(is_file, paths)):
+    if parts and is_utf8(str(folder)) and all(map(is_file, paths)):  # polars takes no other path
         with suppress(OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):
             whole = pl.read_parquet(
                 paths, hive_partitioning=False, glob=False, parallel="none", include_file_paths=_FILE
@@ -78,7 +80,7 @@ def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
     """Read one file and check its columns."""
     path = folder / name / f"{part}.parquet"
     if not is_file(path):
-        raise _again(folder, path, part, "is not a file" if path.exists() else "is missing")
+        raise _again(folder, path, part, "is not a file" if os.path.lexists(path) else "is missing")
     try:
         frame = pl.read_parquet(path.read_bytes(), hive_partitioning=False, parallel="none")  # small: threads cost more
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
@@ -151,12 +153,12 @@ def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl
 def _again(folder: Path, path: Path, part: str, what: str) -> BadInput:
     """Return the refusal of a part whose runs are to be flown again."""
     runs = folder / "runs" / f"{part}.parquet"
-    remove = _remove(runs, *([path] if path.is_dir() and path != runs else []))
+    remove = _remove(runs, *([path] if is_folder(path) and path != runs else []))
     out = shlex.quote(str(folder))
     return BadInput(f"{path}: {what}; its runs are flown again by: {remove} && rig campaign run FILE --out {out}")
 
 
 def _remove(*paths: Path) -> str:
     """Return the command that removes files, or folders that have their place."""
-    option = "-r " if any(path.is_dir() for path in paths) else ""
+    option = "-r " if any(map(is_folder, paths)) else ""
     return f"rm {option}{shlex.join(map(str, paths))}"

@@ -76,7 +76,10 @@ class Local:
 
     def _new(self) -> ProcessPoolExecutor:
         get_ready()
-        return ProcessPoolExecutor(self.size, mp_context=multiprocessing.get_context(_METHOD), initializer=_begin)
+        try:
+            return ProcessPoolExecutor(self.size, mp_context=multiprocessing.get_context(_METHOD), initializer=_begin)
+        except (OSError, ImportError, NotImplementedError) as error:  # a system without semaphores, or none for us
+            raise RigError(f"no workers can be started: {error}") from None
 
     def submit(self, function: Any, *arguments: Any) -> Future[Any]:
         """Hand out one task; one that cannot be taken any more fails as lost."""
@@ -108,6 +111,8 @@ class Cluster:
 
     def __init__(self, address: str) -> None:
         """Raise BadInput when the scheduler does not answer, or has no worker."""
+        if not address.strip():
+            raise BadInput("--scheduler: must be the address of a scheduler, got nothing")
         try:
             from distributed import Client
             from distributed.scheduler import KilledWorker

@@ -19,6 +19,7 @@ from rig.campaign.requirements import by_requirement
 from rig.campaign.statistics import detectable, mcnemar, poisson, proportion
 from rig.campaign.table import COUNTED, SUSPECTS, replies
 from rig.errors import BadInput
+from rig.util.files import is_file
 
 Tables = dict[str, pl.DataFrame]
 MOST_LEVELS: Final = 12  # of a magnitude that are shown one by one; more are put into BINS bins
@@ -301,7 +302,7 @@ def worst(folder: Folder) -> list[dict[str, Any]]:
 def _worst_flight(folder: Folder, row: dict[str, Any]) -> dict[str, Any]:
     log = folder.logs / f"run_{row['run']:06d}.mcap"
     fly = f"rig campaign fly {folder.path} --run {row['run']}"
-    return {**row, "fly": fly, "log": str(log) if log.is_file() else None}
+    return {**row, "fly": fly, "log": str(log) if is_file(log) else None}
 
 
 def compare(first: Folder, second: Folder) -> dict[str, Any]:

@@ -41,6 +41,7 @@ from rig.errors import RigError, UnitDead, UnitRefused
 from rig.scenario import load
 from rig.unit.settings import Unit
 from rig.unit.unit import UnitUnderTest
+from rig.util.interrupt import signal_name
 
 READY: Final = "ready"
 _CHILD: Final = "from rig.campaign.worker import fly_for_parent; fly_for_parent()"
@@ -226,7 +227,7 @@ def _died(code: int, orders: Orders) -> tuple[str, str]:
     if code < 0 and code == -getattr(signal, "SIGALRM", 0):
         return "timed out", f"longer than {orders.timeout_s:g} s"
     if code < 0:
-        return "crashed", f"killed by signal {-code} ({signal.Signals(-code).name})"
+        return "crashed", f"killed by signal {signal_name(-code)}"
     return "crashed", f"the process ended with exit code {code}"
 
 

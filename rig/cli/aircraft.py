@@ -19,6 +19,7 @@ from rig.cli.common import GROUP, Json, emit, takes_options
 from rig.cli.working import working
 from rig.errors import BadInput
 from rig.text import plain, quoted
+from rig.util.files import is_folder
 from rig.util.outputs import require_apart, require_ending
 
 if TYPE_CHECKING:
@@ -235,7 +236,7 @@ def aircraft_design(
 
     Writes gains.toml with the margins, and beside it references.toml with the measured errors.
     """
-    if out is not None and not out.parent.is_dir():
+    if out is not None and not is_folder(out.parent):
         raise BadInput(f"--out {out}: no such folder")
     _require_apart(name, out)
     summary = _measured(name, _gains(name, accept=False, quiet=as_json), out, quiet=as_json)

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
+from io import TextIOWrapper
 from typing import Annotated, Any, Final
 
 import typer
@@ -93,6 +94,8 @@ def _common(
 def main() -> None:
     """Run the command ``rig``; errors are one line on stderr and an exit code."""
     end_cleanly()
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     try:
         with _standard_output():
             code = _command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import textwrap
 from collections.abc import Iterator
@@ -22,7 +23,7 @@ from rig.plant.base_model import SURFACES, BaseModel, Kind, read, unit_of
 from rig.sensors.classes import kind as kind_of_signal
 from rig.settings import build
 from rig.text import choices, quoted
-from rig.util.files import reported, write_text
+from rig.util.files import is_folder, reported, write_text
 
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,60}")
 _NORMALISED: Final = (
@@ -83,10 +84,10 @@ def target(name: str, out: Path) -> Path:
         raise BadInput(f"aircraft new {quoted(name)}: a name has letters, digits, _ . - and begins with none of . -")
     if name in names():
         raise BadInput(f"aircraft new {name}: a bundled aircraft has this name; give another")
-    if not out.is_dir():
+    if not is_folder(out):
         raise BadInput(f"--out {out}: no such folder")
     folder = out / name
-    if folder.exists() or folder.is_symlink():
+    if os.path.lexists(folder):
         raise BadInput(f"{folder}: exists already; give another name, or another folder with --out")
     return folder
 

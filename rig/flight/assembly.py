@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -30,6 +31,7 @@ from rig.frame import Block, LaneBlock
 from rig.log.of_flight import new_log
 from rig.overrides import Overrides, override_texts, plain_data
 from rig.scenario import Given, Scenario, find, load
+from rig.settings import toml_text
 from rig.unit.settings import Unit, as_lane, read_unit
 from rig.unit.unit import UnitUnderTest, running
 from rig.util.interrupt import Stop, interruptible
@@ -126,7 +128,7 @@ def _file(scenario: Given) -> tuple[str, str]:
     if isinstance(scenario, Mapping):
         return tomli_w.dumps(plain_data(scenario, "scenario")), ""
     path = find(scenario)
-    return path.read_text(encoding="utf-8"), path.stem
+    return StringIO(toml_text(path), newline=None).read(), path.stem  # line ends as a text file's
 
 
 @dataclass(frozen=True, slots=True)

@@ -115,7 +115,7 @@ def pressed(scenario: Scenario, result: Mapping[str, str] | None, source: str) -
         keys = json.loads(result["keys"])
         faults = [_moved(fault, keys["faults"].get(fault.label), scenario.rate_hz) for fault in scenario.faults]
         resets = [reset for frame in keys["resets"] for reset in _resets(frame / scenario.rate_hz)]
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError):
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError):
         raise BadInput(f"{source}: what its keys did is damaged") from None
     redundancy = scenario.redundancy.model_copy(update={"resets": [*scenario.redundancy.resets, *resets]})
     made = scenario.model_copy(update={"faults": faults, "redundancy": redundancy})

@@ -152,6 +152,11 @@ def encode(record: McapRecord) -> bytes:
     return builder.end()
 
 
+def _utf8(text: str) -> str:
+    """Return the text with what is no UTF-8, of the name of a file, escaped."""
+    return text.encode(errors="backslashreplace").decode()
+
+
 class Opening(NamedTuple):
     """What stands at the begin of a file and in its summary: all schemas and channels, as records."""
 
@@ -198,7 +203,7 @@ class Container:
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append a metadata record."""
-        record = encode(Metadata(name, dict(values)))
+        record = encode(Metadata(name, {key: _utf8(value) for key, value in values.items()}))
         index = MetadataIndex(self._offset, len(record), name)
         self._put(record)
         self._metadata.append(index)
@@ -207,7 +212,7 @@ class Container:
     def attachment(self, name: str, data: bytes) -> None:
         """Append a file; the media type is text for the endings that we write."""
         media = "text/plain" if name.endswith((".toml", ".txt", ".json", ".csv")) else "application/octet-stream"
-        record = encode(Attachment(0, 0, name, media, data))
+        record = encode(Attachment(0, 0, name := _utf8(name), media, data))
         index = AttachmentIndex(self._offset, len(record), 0, 0, len(data), name, media)
         self._put(record)
         self._attachments.append(index)

@@ -122,6 +122,7 @@ def decode(content: bytes, layout: Layout) -> Part:
     return Part(held.rows, held.timing, held.lanes, events, [*held.runs, *event_runs(entries)], chunk)
 
 
+_LATEST_NS: Final = 2**63 - 1  # of the times that readers count with
 _LEVELS: Final[dict[Any, Severity]] = {code: level for level, code in LEVELS.items()}
 
 
@@ -132,6 +133,8 @@ def _events(data: bytes, offset: int) -> tuple[list[Event], list[tuple[int, int]
         opcode, length, channel, frame, time, _ = HEAD.unpack_from(data, offset)
         if opcode != MESSAGE_OPCODE or channel != EVENT_CHANNEL:
             raise ValueError("not a chunk that the rig writes")
+        if time > _LATEST_NS:
+            raise ValueError(f"the time of an event is {time} ns, at most {_LATEST_NS} is known")
         message = FoxgloveLog.FromString(data[offset + HEAD.size : offset + 9 + length])
         events.append(Event(frame, _LEVELS[message.level], message.name, message.message))
         entries.append((time, offset))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import IO, Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -40,7 +40,7 @@ _FOR_VOTE: Final = ("channels", "ilm", "reference")
 ENDINGS: Final = ("csv", "parquet", "npz")
 GROUP_BYTES: Final = 1 << 24  # of columns that are written at once
 Group = dict[str, NDArray[Any]]  # (n,) columns by name, time first
-TABLE_WRITERS: Final[dict[str, Callable[[pl.DataFrame, Path], None]]] = {
+TABLE_WRITERS: Final[dict[str, Callable[[pl.DataFrame, IO[bytes]], None]]] = {
     ".csv": pl.DataFrame.write_csv,
     ".parquet": pl.DataFrame.write_parquet,
 }
@@ -141,9 +141,10 @@ def _write_parquet(path: Path, groups: Iterator[Group], described: dict[str, Col
     tables = (of_columns(group, described) for group in groups)
     held, rows = list(islice(tables, 2)), 0
     if len(held) == 1:
-        held[0].write_parquet(path)
+        with path.open("wb") as opened:
+            held[0].write_parquet(opened)
         return len(held[0])
-    with ParquetWriter(path, held[0].to_arrow().schema, compression="zstd") as file:
+    with path.open("wb") as opened, ParquetWriter(opened, held[0].to_arrow().schema, compression="zstd") as file:
         while (table := held.pop(0) if held else next(tables, None)) is not None:
             file.write_table(table.to_arrow())
             rows += len(table)

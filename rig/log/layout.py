@@ -23,8 +23,23 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, LANE_PARTS, TIMING, Block, Ilm, LaneBlock, LanePart, LaneParts, State, lane_rows
-from rig.frame.fields import FIELD
+from rig.frame import (
+    CHANNELS,
+    COMPUTER_FIELDS,
+    FLAT,
+    LANE_FIELDS,
+    LANE_PARTS,
+    TIMING,
+    Block,
+    Ilm,
+    LaneBlock,
+    LanePart,
+    LaneParts,
+    State,
+    lane_rows,
+)
+from rig.frame.fields import FIELD, FIELDS
+from rig.frame.fields import Field as FrameField
 from rig.log.container import Run, message_indexes
 from rig.log.records import Value, record, size_of
 from rig.log.schema import (
@@ -140,10 +155,12 @@ class Layout:
             if field not in messages[name] and field.source in FIELD
         ]
         self._of_frame, self._of_timing = _origins(self.table, "frame", FLAT), _origins(self.table, "timing", TIMING)
+        self._known = _Known.of(self.table, "frame", FLAT)
 
     def read(self, data: NDArray[np.uint8]) -> Decoded:
         """Return what a chunk holds, bit for bit what ``packing.pack`` was given.  ValueError: not a chunk of ours."""
         packed = self.table.rows(data, self.table.count(data))
+        self._known.require(packed)
         rows, timing = _gathered(packed, self._of_frame, FLAT), _gathered(packed, self._of_timing, TIMING)
         if self.absent:
             self._fill(rows)
@@ -158,6 +175,7 @@ class Layout:
             for part in self._lanes:
                 table, kind = LANES[part], LANE_PARTS[part]
                 moved = table.rows(data[size:], len(times))
+                _known_of(part).require(moved)
                 lanes[part], size = _gathered(moved, _origins(table, part, kind), kind), size + moved.nbytes
         return Decoded(rows, timing, lanes, frame_runs(times, self._lanes), size)
 
@@ -175,6 +193,53 @@ class Layout:
 _OPENING: Final = 11  # bytes: opcode, length and channel of a record
 _TIME: Final = slice(15, 23)  # the time of a row's first record
 _ZERO: Final = 8  # the last byte of its length
+
+
+class _Known(NamedTuple):
+    """The bytes of a row that have a greatest value, (k,): codes of an enum, flags, counts of channels."""
+
+    at: NDArray[np.intp]
+    most: NDArray[np.uint8]
+    names: list[str]
+
+    @classmethod
+    def of(cls, table: Table, source: str, dtype: np.dtype[Any]) -> _Known:
+        """Find them among the values of ``source``, records of ``dtype``."""
+        greatest = {field.name: _greatest(field) for field in _FIELDS[source]}
+        named: dict[int, str] = {}  # by byte of a record
+        for name, (kind, offset, *_) in (dtype.base.fields or {}).items():
+            if greatest.get(name) is not None:
+                named |= dict.fromkeys(range(offset, offset + kind.itemsize), name)
+        found = [(at, named.get(place % dtype.base.itemsize)) for place, at, _ in table.places(source, 1).tolist()]
+        kept = [(at, name) for at, name in found if name is not None]
+        most = [greatest[name] for _, name in kept]
+        return cls(np.array([at for at, _ in kept], np.intp), np.array(most, np.uint8), [name for _, name in kept])
+
+    def require(self, packed: NDArray[np.uint8]) -> None:
+        """Raise ValueError where a row of ``packed`` has a greater value: what reads it has no name for it."""
+        beyond = packed[:, self.at] > self.most
+        if beyond.any():
+            row, place = (int(i) for i in np.argwhere(beyond)[0])
+            value = packed[row, self.at[place]]
+            raise ValueError(f"{self.names[place]} is {value} in a frame, and at most {self.most[place]} is known")
+
+
+def _greatest(field: FrameField) -> int | None:
+    if field.enum is not None:
+        return int(max(field.enum))
+    return 1 if field.kind == "flag" else _COUNTS.get(field.name)
+
+
+_COUNTS: Final = {
+    **dict.fromkeys(("level", "discrete_level"), CHANNELS),
+    **dict.fromkeys(("reset", "discrete_reset"), (1 << CHANNELS) - 1),
+}
+_FIELDS: Final = {"frame": FIELDS, "actuator": LANE_FIELDS, "computer": COMPUTER_FIELDS}
+
+
+@cache
+def _known_of(part: LanePart) -> _Known:
+    return _Known.of(LANES[part], part, LANE_PARTS[part])
 
 
 def _origins(table: Table, source: str, dtype: np.dtype[Any]) -> NDArray[np.intp]:

@@ -25,8 +25,10 @@ from zlib_ng.zlib_ng import crc32
 from rig.errors import BadLog
 from rig.log.container import MAGIC, RECORD_HEAD
 from rig.log.decode import CHUNK_LIMIT
+from rig.util.files import open_regular
 
 EXPANSION: Final = 100  # bytes of memory for a byte of a file, beyond the first CHUNK_LIMIT
+RECORD_LIMIT: Final = CHUNK_LIMIT + (1 << 16)  # bytes of a record
 MESSAGE_LIMIT: Final = 1 << 22  # bytes of a message that numbers are read from
 _MESSAGE: Final = struct.Struct("<HIQQ")  # channel id, sequence, log time, publish time
 
@@ -40,8 +42,8 @@ class LimitedFile(io.BufferedReader):
     """A file to read; makes no room for bytes that a record claims and the file does not have."""
 
     def __init__(self, path: Path) -> None:
-        """Open ``path``; OSError."""
-        super().__init__(io.FileIO(path))
+        """Open ``path``; BadLog."""
+        super().__init__(open_regular(path, kind=BadLog).detach())
         self.path = path
         self.size = self.seek(0, io.SEEK_END)
         self.seek(0)
@@ -121,12 +123,12 @@ def messages(file: LimitedFile, summary: Summary, wanted: Container[int], budget
 
 def _records(file: LimitedFile) -> Iterator[McapRecord]:
     """Yield records from where ``file`` is, chunks as they are."""
-    return StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=file.size).records
+    return StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=RECORD_LIMIT).records
 
 
 def _whole(file: LimitedFile) -> Iterator[McapRecord]:
     file.seek(0)
-    return StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=file.size).records
+    return StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=RECORD_LIMIT).records
 
 
 def _indexed(file: LimitedFile, summary: Summary, wanted: Container[int]) -> Iterator[McapRecord]:

@@ -6,6 +6,8 @@ log without BadLog is what was written.
 
 from __future__ import annotations
 
+import json
+import math
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
@@ -25,6 +27,7 @@ from rig.frame import LaneParts
 from rig.log.container import MAGIC, RECORD_HEAD, Container, Packed
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
 from rig.log.layout import Layout, layout_of
+from rig.log.messages import RECORD_LIMIT
 from rig.log.schema import (
     ALL_TOPICS,
     BY_TOPIC,
@@ -42,8 +45,10 @@ from rig.log.schema import (
     older,
     opening,
 )
-from rig.util.files import replaced, reported
+from rig.text import quoted
+from rig.util.files import open_regular, replaced, reported
 
+_RATES_HZ: Final = (1.0, 1000.0)  # of a flight, as a scenario has them
 RECOVERED: Final = "recovered"  # name of the metadata record of a log that was mended
 R = TypeVar("R", Attachment, Channel, DataEnd, Footer, Metadata, Schema)
 
@@ -98,11 +103,8 @@ def contents(path: Path) -> Contents:
 
 def iter_parts(path: Path, about: About) -> Iterator[Part]:
     """Read ``path`` from end to end, filling ``about``; Damaged at the first byte that is not as it was written."""
-    with reported(path, BadLog, "cannot be read"):
-        if path.is_fifo():  # opening one waits for a writer
-            raise BadLog(f"{path}: is a pipe, no file")
-        with path.open("rb") as file:
-            yield from _parts(file, path, about)
+    with open_regular(path, kind=BadLog) as file, reported(path, BadLog, "cannot be read"):
+        yield from _parts(file, path, about)
 
 
 def _parts(file: BinaryIO, path: Path, about: About) -> Iterator[Part]:
@@ -142,6 +144,8 @@ def _records(file: BinaryIO, path: Path) -> Iterator[_Record]:
     while True:
         head = file.read(RECORD_HEAD.size)
         opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, size)
+        if length > RECORD_LIMIT and ended:
+            raise Damaged(path, f"damaged at byte {offset}: a record of {length} bytes", offset)
         if offset + len(head) + length > size:
             if ended:
                 raise Damaged(path, f"damaged at byte {offset}", offset)
@@ -169,8 +173,10 @@ def _note(record: _Record, path: Path, about: About, described: _Descriptions) -
         entry = _as(Metadata, record)
         if entry.name == RIG:
             _check_version(path, entry.metadata)
+            _check_rate(path, entry.metadata)
             about.metadata = entry.metadata
         elif entry.name == RESULT:
+            _check_result(path, entry.metadata)
             about.result = entry.metadata
         else:
             about.others[entry.name] = entry.metadata
@@ -196,6 +202,29 @@ def _check_version(path: Path, metadata: dict[str, str]) -> None:
         commit = f", commit {metadata['git commit']}" if "git commit" in metadata else ""
         written = f"written by jsbsim-rig {by}{commit}"
         raise BadLog(f"{path}: schema version {version} ({written}); this one reads {OLDEST} to {SCHEMA_VERSION}")
+
+
+def _check_rate(path: Path, metadata: dict[str, str]) -> None:
+    """Raise BadLog unless the rate is one that a flight can have."""
+    text = metadata.get("rate_hz", "nothing")
+    try:
+        rate_hz = float(text)
+    except ValueError:
+        rate_hz = math.nan
+    if not _RATES_HZ[0] <= rate_hz <= _RATES_HZ[1]:
+        raise BadLog(f"{path}: rate_hz of its metadata is {quoted(text)}, must be from 1 to 1000")
+
+
+def _check_result(path: Path, result: dict[str, str]) -> None:
+    """Raise BadLog where what is kept of a unit under test, or of the keys, is no JSON table of finite numbers."""
+    for key in ("unit", "keys"):
+        try:
+            data = json.loads(result.get(key, "{}"))
+            json.dumps(data, allow_nan=False)
+        except (ValueError, RecursionError):
+            data = None
+        if not isinstance(data, dict):
+            raise BadLog(f"{path}: {key!r} of its result is damaged")
 
 
 class _Descriptions:

@@ -164,7 +164,7 @@ def _discrete_voted(frame: int, old: int, new: int, d: int, row: Any) -> Event |
     """Return the event of a mode of the control law; the autopilot's engagement is one of the law itself."""
     modes = {"weight_on_wheels": ("air", "ground"), "gear_down": ("gear up", "gear down")}
     name = DISCRETES[d].name
-    return Event(frame, "info", "mode", f"{name}: {modes[name][new]} mode") if name in modes else None
+    return Event(frame, "info", "mode", f"{name}: {modes[name][new != 0]} mode") if name in modes else None
 
 
 def _discrete_level(frame: int, old: int, new: int, d: int, row: Any) -> Event:

@@ -11,6 +11,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Callable
+from io import BytesIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -21,10 +22,13 @@ import pyarrow.csv
 from rig.errors import BadInput
 from rig.recordings.clock import TIME
 from rig.text import quoted
+from rig.util.files import open_regular
 
 SEPARATORS: Final = (",", ";", "\t")
 DECIMALS: Final = (".", ",")
 CONFIG: Final = "docs/vote.md"
+LARGEST_TABLE: Final = 4 << 30  # bytes of a file
+_MOST_HEAD: Final = 1 << 20  # bytes in which the header must end
 _NO_VALUE: Final = ["", "nan", "NaN", "NAN"]
 _CALENDAR: Final = re.compile(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d[\d:.]*(?P<zone>Z|[+-]\d\d(?::?\d\d)?)?)?")
 _OF_DAY: Final = re.compile(r"\d\d:\d\d(?::\d\d(?:\.\d+)?)?")
@@ -79,8 +83,14 @@ def once_each(path: Path, names: list[str]) -> None:
 
 def _head(path: Path, written: TableFormat) -> tuple[list[str], list[str], str]:
     """Return the names of the columns, the cells of the first row, and the separator."""
+    with open_regular(path, LARGEST_TABLE) as opened:
+        data = opened.read(_MOST_HEAD)
+    if len(data) == _MOST_HEAD:
+        data = data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]
+        if not data:
+            raise BadInput(f"{path}: its first line is longer than {_MOST_HEAD >> 20} MiB: not a table")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with TextIOWrapper(BytesIO(data), encoding="utf-8-sig", newline="") as file:
             line = file.readline()
             separator = written.separator or max(SEPARATORS, key=lambda sign: len(_cells(line, sign)))
             file.seek(0)
@@ -112,10 +122,15 @@ def _read(path: Path, columns: dict[str, Any], separator: str, decimal: str) -> 
         decimal_point=decimal,
     )
     try:
-        return pyarrow.csv.read_csv(path, parse_options=parse, convert_options=convert)
+        return _columns(path, pyarrow.csv.ReadOptions(), parse, convert)
     except pa.ArrowInvalid:  # one thread knows the number of the row
-        slow = pyarrow.csv.ReadOptions(use_threads=False)
-        return pyarrow.csv.read_csv(path, read_options=slow, parse_options=parse, convert_options=convert)
+        return _columns(path, pyarrow.csv.ReadOptions(use_threads=False), parse, convert)
+
+
+def _columns(path: Path, *options: Any) -> Any:
+    """Return the table in a file that is opened here: its name need not be UTF-8."""
+    with open_regular(path, LARGEST_TABLE) as file:
+        return pyarrow.csv.read_csv(file, *options)
 
 
 def _refusal(error: str, header: list[str], columns: dict[str, Any]) -> tuple[int, str]:

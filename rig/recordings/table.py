@@ -15,8 +15,9 @@ from rig.errors import BadInput
 from rig.log.export import TABLE_WRITERS
 from rig.log.messages import most_bytes
 from rig.recordings.clock import Floats
-from rig.recordings.csv_file import Read, TableFormat, once_each, read_csv
+from rig.recordings.csv_file import LARGEST_TABLE, Read, TableFormat, once_each, read_csv
 from rig.units.conversion import conversion
+from rig.util.files import open_regular
 
 TABLES: Final = tuple(TABLE_WRITERS)
 _FAULTS: Final = (pa.ArrowException, OSError, ValueError, csv.Error)
@@ -33,8 +34,6 @@ class Table:
         self.remarks: list[str] = []  # what is told of how it was read
         try:
             self._table, self.header, remark = _READERS[path.suffix](path, wanted, self.written)
-        except FileNotFoundError:
-            raise BadInput(f"{path}: no such file") from None
         except _FAULTS as error:
             raise BadInput(f"{path}: {_one_line(error)}") from None
         self.names: list[str] = self._table.column_names
@@ -81,7 +80,7 @@ def _in_ns(kind: Any) -> Any:
 
 
 def _parquet(path: Path, wanted: Callable[[str], bool], _: TableFormat) -> Read:
-    with pyarrow.parquet.ParquetFile(path) as file:
+    with open_regular(path, LARGEST_TABLE) as opened, pyarrow.parquet.ParquetFile(opened) as file:
         header = list(file.schema_arrow.names)
         names = [name for name in header if wanted(name)]
         once_each(path, names)

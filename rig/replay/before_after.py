@@ -16,7 +16,6 @@ from rig.log import foreign, read_log
 from rig.log.columns import COLUMNS, chosen_lanes
 from rig.log.schema import MESSAGES
 from rig.replay.compare import Comparison, Field, of_column, tolerances
-from rig.util.files import is_pipe
 
 _SAMPLES: Final = ("truth", "voted", "reference", "channels")
 _ANGLES: Final = tuple(field.name for field in MESSAGES["rig.Signal"].fields if field.source in _SAMPLES)
@@ -49,8 +48,6 @@ def side(path: Path | str) -> Side:
 
 def _is_voted(path: Path) -> bool:
     """Return whether the file has signals but no flight; what cannot be told here is for read_log to say."""
-    if is_pipe(path):
-        return False
     try:
         topics = foreign.topics(path)
     except BadLog:

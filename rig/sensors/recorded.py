@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import io
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
@@ -23,7 +23,9 @@ from rig.errors import BadInput
 from rig.frame import CHANNELS
 from rig.sensors.settings import Sensor
 from rig.text import shorten
-from rig.util.files import is_file, reported
+from rig.util.files import is_file, read_bytes
+
+LARGEST_NOISE: Final = 128 << 20  # bytes of a file
 
 
 class Recorded:
@@ -76,8 +78,7 @@ def pin(sensors: Any, folder: Path) -> Any:
 
 
 def _bytes(path: Path, where: str) -> bytes:
-    with reported(f"{where}: {path}", BadInput, "cannot be read"):
-        return path.read_bytes()
+    return read_bytes(path, LARGEST_NOISE, f"{where}: {path}")
 
 
 def _parse(data: bytes, path: Path, where: str) -> NDArray[np.float64]:

@@ -30,6 +30,7 @@ from rig.recordings.read import load as load_one
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal, VoteConfig
 from rig.thresholds.design import DataBlock
+from rig.util.files import is_file, is_folder
 from rig.util.outputs import CAMPAIGN
 
 MANAGER: Final = next(kind.name for kind in KINDS if kind.compares)
@@ -168,9 +169,9 @@ def recordings(inputs: Iterable[Path], config: VoteConfig) -> list[Path]:
 
 def _of(given: Path, config: VoteConfig) -> list[Path]:
     try:
-        if not given.is_dir() or _holds_sources(given, config):
+        if not is_folder(given) or _holds_sources(given, config):
             return [given]
-        campaign = (given / CAMPAIGN).is_file()
+        campaign = is_file(given / CAMPAIGN)
         inside = sorted(_inside(given / LOGS if campaign else given, config), key=_by_number)
     except (OSError, ValueError) as error:
         raise BadInput(f"{given}: cannot be read: {getattr(error, 'strerror', error)}") from None
@@ -183,14 +184,14 @@ def _of(given: Path, config: VoteConfig) -> list[Path]:
 
 
 def _inside(folder: Path, config: VoteConfig) -> Iterator[Path]:
-    for path in folder.iterdir() if folder.is_dir() else ():
-        if _holds_sources(path, config) if path.is_dir() else path.suffix in ENDINGS:
+    for path in folder.iterdir() if is_folder(folder) else ():
+        if _holds_sources(path, config) if is_folder(path) else path.suffix in ENDINGS:
             yield path
 
 
 def _holds_sources(folder: Path, config: VoteConfig) -> bool:
     """Return True if the first source of the mapping is a file of the folder."""
-    return bool(config.mapping) and (folder / _first(config)).is_file()
+    return bool(config.mapping) and is_file(folder / _first(config))
 
 
 def _first(config: VoteConfig) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -63,7 +64,7 @@ class Fmu(ABC):
         """Refused: no library for this machine, or one that lacks functions."""
         self._plan, self._runs, self._fatal, self.layout = plan, False, False, layout
         path = folder / "binaries" / self.machine / (plan["identifier"] + fmpy.sharedLibraryExtension)
-        if not path.is_file():
+        if not os.path.isfile(path):  # noqa: PTH113 # Path.is_file raises for a name that is too long
             raise Refused(f"the FMU has no library for this machine: {path.relative_to(folder)}")
         try:
             ctypes.CDLL(str(path))

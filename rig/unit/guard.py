@@ -16,10 +16,13 @@ import os
 import runpy
 import signal
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
 
+MOST_SHOWN = 4096  # bytes of what a process printed that are shown
+MOST_KEPT = 1 << 16  # bytes of it that are kept meanwhile
 END_S = 1.0  # to end by itself when it is asked to
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 _HELD = {signal.SIGTERM, signal.SIGCHLD}
@@ -34,15 +37,24 @@ def main(arguments: list[str]) -> None:
     if os.getppid() != int(parent):
         raise SystemExit(1)
     signal.pthread_sigmask(signal.SIG_BLOCK, _HELD)
+    printed, prints = os.pipe()
     unit = os.fork()
     if unit == 0:
+        os.dup2(prints, 1)
+        os.dup2(prints, 2)
+        os.close(printed)
+        os.close(prints)
         _set_process(_PR_SET_PDEATHSIG, signal.SIGKILL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _HELD)
         _run(kind, rest)
         return
-    os.closerange(3, 256)  # the unit's own socket, which must close when the unit ends
+    for first, end in ((3, printed), (printed + 1, 256)):
+        os.closerange(first, end)  # the unit's own socket, which must close when the unit ends
+    keeping = threading.Thread(target=_keep_end, args=(printed,), daemon=True)
+    keeping.start()
     status = _watch(unit)
     _end_all()
+    keeping.join(END_S)  # all that could still print is killed
     _end_like(status)
 
 
@@ -59,9 +71,21 @@ def _run(kind: str, arguments: list[str]) -> None:
     try:
         os.execvp(arguments[0], arguments)
     except OSError as error:
-        script = isinstance(error, FileNotFoundError) and Path(arguments[0]).is_file()
+        script = isinstance(error, FileNotFoundError) and os.path.isfile(arguments[0])  # noqa: PTH113 # which never raises
         cause = "the interpreter that its first line names is missing" if script else error.strerror
         sys.exit(f"{arguments[0]}: {cause}")
+
+
+def _keep_end(printed: int) -> None:
+    """Write what comes from a pipe to standard output, a file, and there the end of it alone when it is long."""
+    end, size = b"", 0
+    while data := os.read(printed, MOST_KEPT):
+        end = (end + data)[-MOST_SHOWN:]
+        if size + len(data) > MOST_KEPT:
+            os.lseek(1, 0, os.SEEK_SET)
+            data, size = end, 0
+        size += os.write(1, data)
+        os.ftruncate(1, size)
 
 
 def _watch(unit: int) -> int:
@@ -130,9 +154,9 @@ def _end_like(status: int) -> None:
 
         number = os.WTERMSIG(status)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # the unit's own core is enough
-        with suppress(OSError):  # SIGKILL has no handler
+        with suppress(OSError, ValueError):  # SIGKILL has no handler, the signals of the C library none of ours
             signal.signal(number, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
         os.kill(os.getpid(), number)
     os._exit(os.waitstatus_to_exitcode(status) & 0xFF)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import signal
 import socket
 import struct
 import sys
@@ -206,6 +207,7 @@ _held: list[object] = []
 
 def serve(arguments: list[str], load: Callable[[str, Sequence[int]], Library], host: type[Host] = Host) -> None:
     """Answer for what ``load`` finds at the path of ``arguments``, until the other side is gone.  fmu_host.py too."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # one that the library raises is no Ctrl-C, which is the rig's
     fd, path, blank, *sizes = arguments
     named = {name: int(size) for name, _, size in (text.partition("=") for text in sizes)}
     blanks = {HEAD.unpack_from(one)[3]: one for one in map(bytes.fromhex, blank.split(","))}  # by layout

@@ -34,7 +34,7 @@ from rig.unit.messages import UnitStopped, read_ready
 from rig.unit.processes import UnitProcess
 from rig.unit.settings import Unit
 from rig.unit.versions import config_for
-from rig.util.files import is_file
+from rig.util.files import is_file, is_folder
 
 LOOK_S: Final = 0.1  # how long a wait without a deadline lasts before the unit's process and Ctrl-C are looked at
 MOST_BYTES: Final = max(PART.itemsize, INPUT.itemsize, READY.itemsize, OUTPUT.itemsize) + 8
@@ -148,9 +148,10 @@ def udp(unit: Unit, looks: int) -> SocketLink:
     if unit.command is None:
         try:
             talk.connect(unit.host_and_port)
-        except OSError as error:
+        except (OSError, TypeError, ValueError) as error:  # a host whose name cannot be encoded is one of the latter
             talk.close()
-            raise BadInput(f"{unit.source}: address {unit.address}: {error.strerror or error}") from None
+            cause = getattr(error, "strerror", None) or error
+            raise BadInput(f"{unit.source}: address {unit.address}: {cause}") from None
         return SocketLink(talk, None, str(unit.address))
     talk.bind(("127.0.0.1", 0))
     own = "{}:{}".format(*talk.getsockname())
@@ -174,7 +175,7 @@ def _command(unit: Unit) -> list[str]:
         if not os.access(where, os.X_OK):
             raise BadInput(f"{unit.source}: command: {program} is not executable (chmod +x)")
         return [str(where), *rest]
-    if where.is_dir() or (unit.folder / program).is_dir():
+    if is_folder(where) or is_folder(unit.folder / program):
         raise BadInput(f"{unit.source}: command: {program} is a folder, must be a program")
     if found is None:
         place = "no such file" if "/" in program else "no such program, neither beside the unit file nor in PATH"

@@ -14,10 +14,10 @@ from typing import Final
 
 from rig.errors import BadInput
 from rig.text import one_line
-from rig.unit.guard import END_S
+from rig.unit.guard import END_S, MOST_SHOWN
 from rig.unit.host import LOOKS
+from rig.util.interrupt import signal_name
 
-MOST_OUTPUT: Final = 4096  # bytes of what a process printed that are shown
 _HERE: Final = Path(__file__).parent
 _HOSTS: Final = {"library": "host.py", "fmu": "fmu_host.py"}
 _AS_TOLD: Final = ("exited with status 0", "killed by signal 15 (SIGTERM)")
@@ -66,7 +66,7 @@ class UnitProcess:
         if code is None:
             return None
         if code < 0:
-            return f"killed by signal {-code} ({signal.Signals(-code).name})"
+            return f"killed by signal {signal_name(-code)}"
         return f"exited with status {code}"
 
     def stop(self) -> str:
@@ -88,7 +88,7 @@ class UnitProcess:
     def printed(self) -> str:
         """Return the end of what it has written to its standard output and error."""
         size = self._output.seek(0, os.SEEK_END)
-        self._output.seek(max(0, size - MOST_OUTPUT))
+        self._output.seek(max(0, size - MOST_SHOWN))
         return self._output.read().decode(errors="replace")
 
     def forget(self) -> None:

@@ -12,8 +12,9 @@ from pydantic import Field, PrivateAttr, field_validator, model_validator
 from rig.errors import BadInput
 from rig.frame import COMPUTERS
 from rig.settings import Settings, build, read_toml
-from rig.util.files import is_file
+from rig.util.files import is_file, is_folder, open_regular, reported
 
+LARGEST_FILE: Final = 1 << 30  # bytes of a library, an FMU or a program
 LOOPBACK: Final = re.compile(r"127\.\d+\.\d+\.\d+|localhost")
 _ADDRESS: Final = re.compile(r"([\w.-]+):(\d{1,5})")
 _IS: Final = {"library": "a library", "fmu": "an FMU, one file"}
@@ -127,10 +128,9 @@ class Unit(Settings):
         """Return the hash of library, FMU or program, in hexadecimal; empty where there is none.  BadInput."""
         if not self.file.name or not is_file(self.file):
             return ""
-        try:
-            return hashlib.sha256(self.file.read_bytes()).hexdigest()
-        except OSError as error:
-            raise BadInput(f"{self.source}: {self.file} cannot be read: {error.strerror}") from None
+        where = f"{self.source}: {self.file}"
+        with open_regular(self.file, LARGEST_FILE, where=where) as file, reported(where, BadInput, "cannot be read"):
+            return hashlib.file_digest(file, "sha256").hexdigest()
 
     def about(self) -> dict[str, Any]:
         """Return what a log keeps of it."""
@@ -169,6 +169,6 @@ def read_unit(path: Path | str) -> Unit:
     unit = build(Unit, read_toml(path), str(path))
     unit._folder, unit._source = path.resolve().parent, str(path)
     if unit.path is not None and not is_file(unit.file):
-        what = f"is a folder, must be {_IS[unit.carrier]}" if unit.file.is_dir() else "no such file"
+        what = f"is a folder, must be {_IS[unit.carrier]}" if is_folder(unit.file) else "no such file"
         raise BadInput(f"{path}: path: {unit.path}: {what}")
     return unit

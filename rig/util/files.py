@@ -11,13 +11,17 @@ import secrets
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from io import BufferedReader
 from itertools import count
 from pathlib import Path
+from typing import Final
 
 from rig.errors import BadInput, RigError
 
 _KEPT = 40  # characters of a file's name that its draft has too; a name may not have more than 255 bytes
 DRAFT = ".part"
+_AT_ONCE: Final = getattr(os, "O_NONBLOCK", 0)  # a pipe that has come meanwhile is not waited for
+_KINDS: Final = {stat.S_IFIFO: "a pipe", stat.S_IFDIR: "a folder", stat.S_IFSOCK: "a socket"}  # others: a device
 
 
 def bundled(kind: str) -> Path:
@@ -32,12 +36,9 @@ def is_file(path: Path) -> bool:
     return os.path.isfile(path)  # noqa: PTH113 # Path.is_file raises for a name that is too long
 
 
-def is_pipe(path: Path) -> bool:
-    """Return True if opening ``path`` would wait for a writer; False for a name that no file can have."""
-    try:
-        return path.is_fifo()
-    except OSError:
-        return False
+def is_folder(path: Path) -> bool:
+    """Return True if a folder is there; False for a name that no folder can have, or where none may look."""
+    return os.path.isdir(path)  # noqa: PTH112 # Path.is_dir raises for those
 
 
 @contextmanager
@@ -49,19 +50,42 @@ def reported(where: Path | str, kind: type[RigError] = RigError, what: str = "ca
         raise kind(f"{where}: {what}: {getattr(error, 'strerror', None) or error}") from None
 
 
-def read_bytes(path: Path, most: int) -> bytes:
-    """Return a file's bytes; BadInput: missing, a pipe, unreadable, or more than ``most`` bytes."""
-    with reported(path, BadInput, "cannot be read"):
+def open_regular(
+    path: Path, most: int | None = None, kind: type[BadInput] = BadInput, where: str = ""
+) -> BufferedReader:
+    """Open a file that the user names to read it; ``most``: bytes that it may have.
+
+    ``kind``, which names ``where`` or the path: missing, no regular file, unreadable, larger than ``most``.  A pipe
+    waits for a writer, a device may never end: neither is opened.
+    """
+    where = where or str(path)
+    with reported(where, kind, "cannot be read"):
         try:
-            if path.is_fifo():  # opening one waits for a writer
-                raise BadInput(f"{path}: is a pipe, no file")
-            with path.open("rb") as file:
-                data = file.read(most + 1)  # a device may never end
+            status = path.stat()
+            if not stat.S_ISREG(status.st_mode):
+                raise kind(f"{where}: is {_KINDS.get(stat.S_IFMT(status.st_mode), 'a device')}, no file")
+            if most is not None and status.st_size > most:
+                raise kind(f"{where}: {_larger(most)}")
+            return open(path, "rb", opener=_opened)
         except FileNotFoundError:
-            raise BadInput(f"{path}: no such file") from None
+            raise kind(f"{where}: no such file") from None
+
+
+def _opened(name: str, flags: int) -> int:
+    return os.open(name, flags | _AT_ONCE)
+
+
+def read_bytes(path: Path, most: int, where: str = "") -> bytes:
+    """Return a file's bytes, at most ``most``; BadInput as of ``open_regular``."""
+    with open_regular(path, most, where=where) as file, reported(where or path, BadInput, "cannot be read"):
+        data = file.read(most + 1)  # of a file whose size is not told, as those of /proc
     if len(data) > most:
-        raise BadInput(f"{path}: larger than {most >> 20} MiB")
+        raise BadInput(f"{where or path}: {_larger(most)}")
     return data
+
+
+def _larger(most: int) -> str:
+    return f"larger than {most >> 20} MiB"
 
 
 @contextmanager
@@ -109,7 +133,7 @@ def replaced(path: Path) -> Iterator[Path]:
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 with Unix line ends, all of it or nothing. BadInput as of ``draft``, RigError: the disk."""
     with replaced(path) as made, reported(path):
-        made.write_text(text, encoding="utf-8", newline="\n")
+        made.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")  # names that are not UTF-8
 
 
 def numbered(folder: Path, stem: str, ending: str, beside: str = "") -> Iterator[Path]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Final, NoReturn
 
 TERMINATIONS: Final = tuple(
@@ -100,3 +100,11 @@ def end_cleanly() -> None:
 def _heeded() -> list[signal.Signals]:
     """Return the terminations that are not ignored."""
     return [number for number in TERMINATIONS if signal.getsignal(number) is not signal.SIG_IGN]
+
+
+def signal_name(number: int) -> str:
+    """Return a signal's number and name: ``9 (SIGKILL)``, ``37 (SIGRTMIN+3)``; the number alone where it has none."""
+    with suppress(ValueError):  # most of the real-time signals have no name in Python
+        return f"{number} ({signal.Signals(number).name})"
+    first, last = (getattr(signal, name, 0) for name in ("SIGRTMIN", "SIGRTMAX"))
+    return f"{number} (SIGRTMIN+{number - first})" if first < number < last else str(number)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput
-from rig.util.files import is_file, reported
+from rig.util.files import is_file, is_folder, reported
 
 CAMPAIGN: Final = "campaign.json"  # marks the folder of a campaign
 TRIALS: Final = "trials.json"  # and that of trials
@@ -60,7 +60,7 @@ def _require_no_input(what: str, path: Path, inputs: Iterable[Path]) -> None:
     for given in inputs:
         if _same(path, given):
             raise BadInput(f"{what}: is the input")
-        if _is_folder(given) and _is_data_of(path, given):
+        if is_folder(given) and _is_data_of(path, given):
             raise BadInput(f"{what}: is among the data of the input {given}")
     for place in places:
         for folder in (place.parent, place.parent.parent):
@@ -96,7 +96,3 @@ def _data(folder: Path) -> Iterator[os.DirEntry[str]]:
                     left += {os.path.realpath(entry)} - seen
                 elif entry.name.endswith(_DATA):
                     yield entry
-
-
-def _is_folder(path: Path) -> bool:
-    return os.path.isdir(path)  # noqa: PTH112 # Path.is_dir raises for a name that is too long

@@ -15,6 +15,7 @@ from typing import Final
 
 from rig.errors import BadInput, BadLog, RigError
 from rig.log import Log, read_log, scenario_of
+from rig.text import plain
 from rig.util.files import replaced
 from rig.view import viewer
 from rig.view.facts import TAGS, Facts, Layout, of_log, together
@@ -81,7 +82,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
     whole = [path.resolve().parts for path in paths]
     while depth < max(map(len, whole)) and len({parts[-depth:] for parts in whole}) < len(set(whole)):
         depth += 1
-    return [str(Path(*parts[-depth:]).with_suffix("")) for parts in whole]
+    return [plain(str(Path(*parts[-depth:]).with_suffix(""))) for parts in whole]
 
 
 def _words(name: str, log: Log) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rig.errors import BadInput, RigError
 from rig.frame import Block, LaneBlock
 from rig.record.event import Event
+from rig.text import is_utf8
 from rig.view import viewer
 from rig.view.facts import Facts, Layout
 from rig.view.story import Story
@@ -162,11 +163,16 @@ def open_sink(where: str, about: About, out_path: Path, server_memory: str = SER
 def _save(recording: rr.RecordingStream, layout: rrb.Blueprint, path: Path, about: About) -> Sink:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.open("wb").close()  # an error of ours, rather than a line in Rerun's log
-        recording.save(path, default_blueprint=layout)
+        with path.open("wb") as file:  # an error of ours, rather than a line in Rerun's log
+            recording.save(_utf8_name(path, file.fileno()), default_blueprint=layout)
     except (OSError, RuntimeError) as error:
         raise BadInput(f"{path}: cannot be written: {error}") from None
     return Sink(recording, str(path), about)
+
+
+def _utf8_name(path: Path, descriptor: int) -> Path:
+    """Return the path, or where it is not UTF-8, which Rerun needs, the name of the open file in this process."""
+    return path if is_utf8(str(path)) else Path(f"/dev/fd/{descriptor}")
 
 
 def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, server_memory: str) -> Sink:

@@ -25,6 +25,7 @@ from urllib.request import ProxyHandler, build_opener
 import psutil
 
 from rig.errors import BadInput, RigError
+from rig.util.files import is_file
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -40,7 +41,7 @@ def program() -> Path:
     spec = find_spec("rerun_cli")
     folder = Path(spec.origin).parent if spec and spec.origin else Path()
     for name in ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun"):
-        if (folder / name).is_file():
+        if is_file(folder / name):
             return folder / name
     raise RigError("the Rerun viewer is not part of the installed rerun-sdk")
 

@@ -26,6 +26,7 @@ class Case:
     about: str  # what is hostile, for people
     make: Make = nothing  # writes the files; called in the case's own process and folder
     call: Callable[[], int] | None = None  # in place of the command: exit code
+    refused: str = ""  # pattern of what is named when exit code 2 must come; empty: any other code may
     may_run_code: bool = False  # the command line gives leave to import what the input names
     seed: int = 0
 
@@ -53,6 +54,14 @@ class Draw:
         Random(f"{self.seed}/{self.kind}/{what}").shuffle(order)
         return things[order[self.number % len(things)]]
 
-    def case(self, argv: list[str] | tuple[str, ...], about: str, make: Make = nothing, leave: bool = False) -> Case:
+    def case(
+        self,
+        argv: list[str] | tuple[str, ...],
+        about: str,
+        make: Make = nothing,
+        leave: bool = False,
+        refused: str = "",
+    ) -> Case:
         """The case of these choices; ``leave``: the command line itself allows named code to run."""
-        return Case(self.kind, self.number, tuple(argv), about, make, may_run_code=leave, seed=self.seed)
+        words = tuple(argv)
+        return Case(self.kind, self.number, words, about, make, refused=refused, may_run_code=leave, seed=self.seed)

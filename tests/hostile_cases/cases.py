@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from hostile_cases import campaigns, configs, files, flags, folders, kernels, logs, recordings, scenarios
+from hostile_cases import campaigns, configs, files, flags, folders, kernels, logs, readers, recordings, scenarios
 from hostile_cases.case import Case, Draw
 from hostile_cases.store import Store
 
@@ -22,6 +22,7 @@ KINDS: Final[dict[str, Callable[[Draw, Store], Case]]] = {
     "flag": flags.flag,
     "trust": scenarios.trust,
     "kernel": kernels.kernel,
+    "reader": readers.reader,
 }
 
 

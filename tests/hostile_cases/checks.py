@@ -46,6 +46,8 @@ def failures(case: Case, box: Path, outcome: Outcome) -> dict[str, str]:
         found["traceback"] = _last(err if _TRACEBACK.search(err) else out)
     if not outcome.stopped:
         found |= _ended(outcome.code, out, err)
+        if case.refused and (outcome.code != 2 or not re.search(case.refused, err)):
+            found["answer"] = f"exit code {outcome.code} where 2 is due, naming {case.refused!r}: {_last(err)}"
     control = _CONTROL.search(out + err)
     if control:
         found["control"] = f"{control[0]!r} in {(out + err)[max(0, control.start() - 40) : control.end() + 20]!r}"

@@ -45,6 +45,15 @@ _SKIPPED: Final = {"view --serve", "aircraft design --json", *(f"study {name} --
 @cache
 def options() -> list[tuple[str, str, str, bool]]:
     """(command, the option or "" for an argument, the parameter's name, whether it takes a word)."""
+    return [
+        (command, option, name, annotation is not None)
+        for command, option, name, annotation in parameters()
+        if f"{command} {option}" not in _SKIPPED
+    ]
+
+
+def parameters() -> list[tuple[str, str, str, Any]]:
+    """(command, the option or "" for an argument, the parameter's name, what it takes or None), of typer's own tree."""
     import typer
     from typer.main import get_command
 
@@ -52,12 +61,16 @@ def options() -> list[tuple[str, str, str, bool]]:
 
     assert typer
     return [
-        (command, option, parameter.name, not getattr(parameter, "is_flag", False))
+        (command, option, parameter.name, None if getattr(parameter, "is_flag", False) else _annotation(parameter))
         for command, made in _commands(get_command(rig.cli.main.app), ())
         for parameter in made.params
         for option in ([""] if parameter.param_type_name == "argument" else parameter.opts[:1])
-        if f"{command} {option}" not in _SKIPPED and parameter.name != "help"
+        if parameter.name != "help"
     ]
+
+
+def _annotation(parameter: Any) -> Any:
+    return parameter.type_descriptor.annotation
 
 
 def _commands(command: Any, above: tuple[str, ...]) -> Iterator[tuple[str, Any]]:

@@ -14,9 +14,9 @@ _METADATA, _DATA_END = 0x0C, 0x0F
 _NUMBER = re.compile(r"[\d.e+-]+")  # the rate and the log's version: without them nothing can be mended
 
 
-def exchanged(source: Path, target: Path, before: str, after: str) -> None:
-    """The log with one text of its metadata exchanged for another."""
-    _rewrite(source, target, lambda text: text.replace(before, after))
+def exchanged(source: Path, target: Path, before: str, after: str, mended: bool = True) -> None:
+    """The log with one text of its metadata exchanged for another; not ``mended``: cut before its summary."""
+    _rewrite(source, target, lambda text: text.replace(before, after), mended)
 
 
 def retold(source: Path, target: Path, key: str, value: str) -> None:
@@ -31,7 +31,7 @@ def retold(source: Path, target: Path, key: str, value: str) -> None:
     _rewrite(source, target, change)
 
 
-def _rewrite(source: Path, target: Path, change: Callable[[str], str]) -> None:
+def _rewrite(source: Path, target: Path, change: Callable[[str], str], mended: bool = True) -> None:
     from mcap.data_stream import ReadDataStream
     from mcap.records import Metadata
 
@@ -48,7 +48,9 @@ def _rewrite(source: Path, target: Path, change: Callable[[str], str]) -> None:
             read = Metadata.read(ReadDataStream(io.BytesIO(record[9:])))
             record = encode(Metadata(read.name, {name: change(text) for name, text in read.metadata.items()}))
         parts.append(record)
-    cut = target.with_suffix(".cut")
+    cut = target.with_suffix(".cut") if mended else target
     cut.write_bytes(b"".join(parts))
+    if not mended:
+        return
     recover(cut, target)  # writes the summary and its sums
     cut.unlink()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import sys
@@ -12,6 +13,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import tomli_w
+
+from hostile_cases.places import SPARSE_BYTES
 
 CAMPAIGN: Final[dict[str, Any]] = {
     "title": "two by two",
@@ -54,7 +57,7 @@ VOTE: Final[dict[str, Any]] = {
             "selection_deviation": 0.1,
             "selection_integral_s": 0.1,
         },
-        "heading": {"wraps": True, "range": [-3.2, 3.2]},
+        "heading": {"wraps": True, "range": [-math.pi, math.pi]},
     },
     "resets": [{"at_s": 0.3, "signal": "pitch_rate", "channels": [4]}],
 }
@@ -63,6 +66,14 @@ _BASES: Final = (
     *("f16_data_sheet_gyros", "f16_lost_pitch_axis", "f16_pitch_sensor_recovers", "b707_pitch_sensor_half"),
     *("b737_turn_through_north", "b747_civil_air_data", "f16_altitude_step_turbulence"),
 )
+
+_CHECKOUT: Final = Path(__file__).parents[2]
+_OF_CHECKOUT: Final = {
+    "rates.toml": "faults/rates/zhang2023.toml",
+    "chain.toml": "docs/examples/chain.toml",
+    "handling.toml": "faults/requirements/handling.toml",
+    "suite.toml": "faults/suites/bundled.toml",
+}
 
 
 class Store:
@@ -89,6 +100,7 @@ class Store:
         (self.folder / "campaign.toml").write_text(tomli_w.dumps(CAMPAIGN))
         (self.folder / "vote.toml").write_text(tomli_w.dumps(VOTE))
         (self.folder / "foreign.toml").write_text(tomli_w.dumps({"default": {"threshold": 0.1}, "mapping": MAPPING}))
+        self._plain()
         for seed in (1, 2):
             self._rig("fly", "everything.toml", "--seed", str(seed), "--out", "logs", "--json")
         for seed, name in ((1, "log.mcap"), (2, "other.mcap")):
@@ -98,6 +110,25 @@ class Store:
             self._rig("export", "log.mcap", "--to", ending, "--for-vote", "--signals", names, "--out", f"in.{ending}")
         self._fork(_foreign)
         self._rig("campaign", "run", "campaign.toml", "--out", "camp", "--logs", "all", "--json")
+
+    def _plain(self) -> None:
+        """Write what no command makes."""
+        for name, place in _OF_CHECKOUT.items():
+            (self.folder / name).write_bytes((_CHECKOUT / place).read_bytes())
+        rates = (
+            (self.folder / "rates.toml").read_text().replace("[1e-3, 2e-3]", "[1e-3]").replace("[0.0, 0.01]", "[0.0]")
+        )
+        (self.folder / "rates.toml").write_text(rates)
+        (self.folder / "noise.csv").write_text("".join(f"{k}e-6,2e-6,-3e-6,{-k}e-6\n" for k in range(99)))
+        (self.folder / "redundancy.toml").write_text('[redundancy]\nmanager = "median"\n')
+        (self.folder / "unit.toml").write_text('name = "u"\ncarrier = "python"\nmanager = "evilmod:M"\n')
+        shutil.copytree(_CHECKOUT / "aircraft" / "f16", self.folder / "own")
+        for folder, files in {"cuts": ("cutsets.json", "sets.json"), "trials": ("trials.json",)}.items():
+            (self.folder / folder).mkdir()
+            for name in files:
+                (self.folder / folder / name).write_text('{"format": 1, "sets": []}')
+        with (self.folder / "sparse").open("wb") as file:
+            file.truncate(SPARSE_BYTES)
 
     def _rig(self, *argv: str) -> None:
         from hostile_cases.child import command

@@ -22,6 +22,7 @@ from rig.errors import BadInput
 from rig.frame import Block, LaneBlock, to_frame
 from rig.log import Log
 from rig.record.event import Event
+from rig.settings import LONGEST_S
 from rig.util.console import Screen
 from rig.view.watch.draw import Drawer, InPipe, InProcess, OnTerminal
 
@@ -140,7 +141,8 @@ def play(
     In a pipe: its events from there on, a line each, and the page of its last frame.
     BadInput: the log ends before ``from_s``.
     """
-    first, last = to_frame(from_s, log.rate_hz), len(log.rows) - 1
+    last = len(log.rows) - 1
+    first = to_frame(min(from_s, LONGEST_S), log.rate_hz)  # beyond all flights
     if first > last:
         raise BadInput(f"--from {from_s:g}: the log ends at {last / log.rate_hz:g} s")
     flown = _Flown(log.rows, log.lanes)
