@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from typer import Exit, Option, echo
 
 from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit, takes_options
-from rig.cli.requirements import Requirements, Strict, show_verdicts
+from rig.cli.requirements import Requirements, Strict, show_notes, show_verdicts
 from rig.cli.table import MOST_LINES, Column, counts, field, line, rest, table
 from rig.cli.working import working
 from rig.errors import BadInput
@@ -98,7 +98,11 @@ def fly(options: FlyOptions) -> None:
             "next": next_commands(flight),
         }
 
-    emit(options.as_json, data, lambda: show_flight(flight, verdicts=verdicts))
+    def show() -> None:
+        show_flight(flight, verdicts=verdicts)
+        show_notes(outcome.requirements, flight.scenario)
+
+    emit(options.as_json, data, show)
     if options.strict and violated(verdicts):
         raise Exit(1)
 
@@ -208,6 +212,8 @@ def _verdict(flight: Flight) -> None:
         field("suspect", f"{one.signal} channel {one.channel} {one.text()}", style="yellow")
     if below := scenario.gains.below:
         field("gains", f"below the requirement, accepted: {'; '.join(below)}", style="yellow")
+    for note in flight.notes:
+        field("note", note, style="yellow")
     if flight.not_executed:
         field("faults", f"not executed: {'; '.join(flight.not_executed)}", style="yellow")
     field("peaks", _peaks(flight))

@@ -220,6 +220,8 @@ def _info(facts: dict[str, Any]) -> None:
     field("flown", f"{facts['frames']} frames, {facts['duration_s']:g} s{planned}, at {facts['rate_hz']:g} Hz")
     outcome = f"{'survived' if result.get('survived') == 'True' else 'lost'}: {result.get('end_reason', '')}"
     field("result", outcome if result else "none: the flight was not ended by the loop")
+    for note in facts["notes"]:
+        field("note", note, style="yellow")
     field("events", ", ".join(f"{count} {name}" for name, count in facts["events"].items()) or "none")
     field("topics", f"{len(facts['topics'])}, {sum(facts['topics'].values())} messages, {facts['bytes']} bytes")
     versions = ", ".join(f"{name} {version}" for name, version in facts["versions"].items())

@@ -15,6 +15,7 @@ from rig.record.failures import failed_text
 from rig.record.flight_summary import Peaks
 from rig.record.suspects import Suspect, lasting_text
 from rig.scenario import Scenario
+from rig.scenario_notes import notes
 from rig.unit.settings import voter
 from rig.view.stream import StreamReport
 
@@ -61,6 +62,11 @@ class Flight:
         """Return who voted: ``manager cross-channel``, or ``unit NAME`` under test."""
         unit = self.unit or {}
         return voter(self.scenario.redundancy.manager, unit.get("name"), unit.get("lane"))
+
+    @property
+    def notes(self) -> list[str]:
+        """Return what of the scenario hardly anyone means: a point that was not designed, a trigger that never holds."""
+        return notes(self.scenario)
 
     @cached_property
     def recorded(self) -> Log:
@@ -111,6 +117,7 @@ class Flight:
             "failed": self.failed,
             "suspects": [suspect.as_dict() for suspect in self.suspects],
             "not_executed": self.not_executed,
+            "notes": self.notes,
             "peaks": asdict(self.peaks),
             "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],
             "timing": timing,

@@ -11,7 +11,8 @@ from rig.errors import BadInput
 from rig.log.reader import scenario_of, unit_of
 from rig.log.scan import RECOVERED, Contents, contents
 from rig.log.schema import topics
-from rig.scenario import Scenario
+from rig.scenario import Scenario, from_resolved
+from rig.scenario_notes import notes
 from rig.settings import build, parse_toml
 
 FILE: Final = "scenario.toml"  # the attachment
@@ -57,6 +58,7 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
         "rate_hz": log.rate_hz,
         "planned_s": scenario.get("duration_s"),
         "faults": len(scenario.get("faults", ())),
+        "notes": _notes(scenario),
         "schema_version": int(metadata["schema_version"]),
         "versions": versions,
         "commit": metadata.get("git commit"),
@@ -64,6 +66,14 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
         "what_if": metadata.get("what if"),
         "what_if_of": metadata.get("what if of"),
     }
+
+
+def _notes(scenario: dict[str, Any]) -> list[str]:
+    """Return what of the scenario hardly anyone means; nothing of one that this version does not read."""
+    try:
+        return notes(from_resolved(scenario, FILE))
+    except BadInput:
+        return []
 
 
 def _health(log: Contents) -> str:

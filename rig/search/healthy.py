@@ -46,7 +46,9 @@ def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None
         if row["outcome"] != "flown":
             raise RigError(f"{name} without faults: {row['outcome']}: {row['reason']}")
         told = json.loads(row.get("requirements") or "[]")
-        violated = [one for one in told if one["status"] == "violated" and one["requirement"] in plan.asked.requirements]
+        violated = [
+            one for one in told if one["status"] == "violated" and one["requirement"] in plan.asked.requirements
+        ]
         if violated:
             least = min(violated, key=lambda one: one["margin"])
             which = ", ".join(dict.fromkeys(one["requirement"] for one in violated))
