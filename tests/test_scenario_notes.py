@@ -1,4 +1,4 @@
-"""Notes on scenarios that can be flown and are hardly meant: points not designed, conditions that are decided before."""
+"""Notes on scenarios that can be flown and are hardly meant: points not designed, conditions decided before."""
 
 import shutil
 from pathlib import Path

@@ -65,7 +65,7 @@ class Flight:
 
     @property
     def notes(self) -> list[str]:
-        """Return what of the scenario hardly anyone means: a point that was not designed, a trigger that never holds."""
+        """Return what in the scenario is hardly meant: a point that was not designed, a trigger that never holds."""
         return notes(self.scenario)
 
     @cached_property
