@@ -30,6 +30,7 @@ from rig.frame import Block, LaneBlock
 from rig.log.of_flight import new_log
 from rig.overrides import Overrides, override_texts, plain_data
 from rig.scenario import Given, Scenario, find, load
+from rig.settings import read_text
 from rig.unit.settings import Unit, as_lane, read_unit
 from rig.unit.unit import UnitUnderTest, running
 from rig.util.interrupt import Stop, interruptible
@@ -126,7 +127,7 @@ def _file(scenario: Given) -> tuple[str, str]:
     if isinstance(scenario, Mapping):
         return tomli_w.dumps(plain_data(scenario, "scenario")), ""
     path = find(scenario)
-    return path.read_text(encoding="utf-8"), path.stem
+    return read_text(path), path.stem
 
 
 @dataclass(frozen=True, slots=True)
