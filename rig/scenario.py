@@ -240,6 +240,16 @@ def load(
     allow_code : a manager class that the file names may be run; one that an override names may be in any case
     """
     sets = override_texts(overrides)
+    try:
+        return _loaded(name, sets, seed, allow_code)
+    except BadInput as error:
+        if not isinstance(overrides, Mapping):
+            raise
+        said = str(error).replace(" with --set", " with overrides", 1).replace("--set ", "overrides: ", 1)
+        raise BadInput(said) from None
+
+
+def _loaded(name: Given, sets: tuple[str, ...], seed: int | None, allow_code: bool) -> Scenario:
     if isinstance(name, Scenario):
         return _changed(name, sets, seed, allow_code)
     if isinstance(name, Mapping):

@@ -79,7 +79,7 @@ class Flight:
         return self.recorded.rows
 
     def signal(self, name: str) -> SignalArrays:
-        """Return the arrays of one signal; KeyError when there is no such signal."""
+        """Return the arrays of one signal; BadInput when there is no such signal."""
         return self.recorded.signal(name)
 
     def to_polars(self, *owners: str) -> pl.DataFrame:

@@ -97,18 +97,18 @@ def overrides(text: str, resolved: dict[str, Any]) -> list[str] | None:
         filed = build(Scenario, aircraft.lay_over(tables, data, FILE), FILE).resolved()
     except BadInput:
         return None
-    before, flown = dict(_leaves(filed)), dict(_leaves(resolved))
+    before, flown = dict(leaves(filed)), dict(leaves(resolved))
     changed = [key for key in {**before, **flown} if before.get(key) != flown.get(key) and key != "seed"]
     return [f"{key}={flown[key]}" if key in flown else f"{key} not set" for key in changed]
 
 
-def _leaves(node: dict[str, Any], within: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(node: dict[str, Any], within: str = "") -> Iterator[tuple[str, Any]]:
     """Yield dotted keys and values of nested tables; a list is one value unless it is of tables."""
     for key, value in node.items():
         name = f"{within}{key}"
         if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
             value = {str(i): item for i, item in enumerate(value)}
         if isinstance(value, dict):
-            yield from _leaves(value, f"{name}.")
+            yield from leaves(value, f"{name}.")
         else:
             yield name, value
