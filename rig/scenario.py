@@ -118,7 +118,7 @@ class Scenario(Settings):
         if self.flight_point is not None and self.flight_point not in points:
             raise ValueError(
                 f"flight_point: {self.aircraft} has no {self.flight_point!r}, allowed: {', '.join(points)}; "
-                f"for example --set flight_point={points[0]}"
+                f"for example --set flight_point={points[0]}; to add one: docs/aircraft.md"
             )
         refuse_unfit(self.actuators, self.airframe)
         self._servos_for_their_faults()

@@ -276,7 +276,7 @@ def test_the_format_is_that_of_the_ending_and_units_are_with_the_columns(
 
 def test_a_table_of_several_groups_keeps_units_and_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     write(tmp_path / "a.mcap", 400)
-    monkeypatch.setattr(module, "GROUP_BYTES", 1 << 16)
+    monkeypatch.setattr(module, "GROUP_BYTES", 1 << 12)
     export(tmp_path / "a.mcap", "parquet", tmp_path / "t.parquet", ["pitch_rate"])
     assert ParquetFile(tmp_path / "t.parquet").num_row_groups > 1
     assert read_schema(tmp_path / "t.parquet").field("pitch_rate.voted").metadata[b"unit"] == b"rad/s"

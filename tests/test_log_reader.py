@@ -14,6 +14,7 @@ from mcap.writer import Writer
 from test_log_writer import RATE, random_block, random_timing, summary_of, write
 
 import rig
+from rig.cli import main as cli
 from rig.errors import BadInput, BadLog
 from rig.frame import FLAT, INDEX, TIMING
 from rig.log import LogWriter, iter_chunks, read_log, schema
@@ -229,7 +230,9 @@ def test_a_pipe_without_a_writer_is_refused_instead_of_waited_for(tmp_path: Path
         read_log(tmp_path / "x.mcap")
 
 
-@pytest.mark.parametrize("command", [["info"], ["score"], ["report"], ["replay"], ["view", "--save", "x.rrd"], ["export", "--to", "csv"]])
+@pytest.mark.parametrize(
+    "command", [["info"], ["score"], ["report"], ["replay"], ["view", "--save", "x.rrd"], ["export", "--to", "csv"]]
+)
 def test_an_output_of_rig_vote_is_called_what_it_is(tmp_path: Path, monkeypatch, capsys, command: list[str]):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "c.toml").write_text("[default]\nthreshold = 0.03\n")
