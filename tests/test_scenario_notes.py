@@ -10,8 +10,10 @@ from rig.assess.requirements import load_requirements
 from rig.assess.requirements.reach import decided_in
 from rig.assess.requirements.reach import notes as requirement_notes
 from rig.assess.requirements.requirement import names as sets
+from rig.cli.fly import long_flight
 from rig.errors import BadInput
 from rig.faults.reach import never_holding
+from rig.flight.assembly import fly
 from rig.scenario import load, names
 from rig.scenario_notes import notes
 
@@ -140,3 +142,14 @@ def test_a_number_with_a_unit_is_refused_with_what_it_is(number: str, message: s
     with pytest.raises(BadInput, match=r"a number has no unit, SI units are meant") as refused:
         load({"aircraft": "f16", "faults": [fault]})
     assert message in str(refused.value)
+
+
+def test_a_long_flight_tells_what_it_takes_before_it(tmp_path: Path):
+    size = fly(overrides={"duration_s": 5.0}, out=tmp_path).log.stat().st_size
+    [told, servos] = [
+        long_flight(load({"aircraft": "f16", "duration_s": 500.0, "actuators": {"model": model}}))
+        for model in ("lag", "servo")
+    ]
+    megabytes = [int(text.split("about ")[1].split(" MB")[0]) for text in (told, servos)]
+    assert megabytes[0] == pytest.approx(100 * size / 1e6, rel=0.2) and megabytes[1] > megabytes[0]
+    assert told.startswith("50000 frames of 500 s of flight") and long_flight(load({"aircraft": "f16"})) == ""
