@@ -92,7 +92,7 @@ def gaps(source: str, time_s: Floats) -> list[str]:
     if len(long) == 0:
         return []
     largest = long[np.argmax(steps[long])]
-    longest = f"gap of {steps[largest]:.6g} s at {of_rows(time_s[largest], time_s[0])}"
+    longest = f"gap of {steps[largest]:.6g} s at {of_rows(float(time_s[largest]), float(time_s[0]))}"
     gap = longest if len(long) == 1 else f"{len(long)} gaps of more than {GAP:g} rows, the largest a {longest}"
     return [f"{source}: {gap}: the rows before and after count as consecutive"]
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from rig.campaign.folder import Folder
 from rig.campaign.pool import Pool
 from rig.errors import BadInput, RigError
 from rig.overrides import parse_set, set_key
@@ -19,6 +20,7 @@ from rig.search.confirm import SEEDS, new_seeds
 from rig.search.flown import flown
 from rig.search.plan import ConfirmPlan, SearchPlan
 from rig.search.shrink import SEEDS as SHRINK_SEEDS
+from rig.util.files import is_file
 from rig.util.interrupt import Stop
 from rig.util.outputs import CAMPAIGN
 from rig.util.progress import tell
@@ -31,7 +33,8 @@ def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None
 
     A folder that is begun has passed.  Interrupted: asked to stop; RigError: such a flight cannot be flown.
     """
-    if (out / CAMPAIGN).exists():
+    Folder.of(out, plan)  # refuses another's before anything is flown
+    if is_file(out / CAMPAIGN):
         return
     tell("flying without faults")
     cases = list(_cases(plan))
