@@ -6,7 +6,9 @@ flight = rig.fly("faults/f16_pitch_rate_hardover.toml", seed=2)
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -31,8 +33,6 @@ __all__ = ["Flight", "Log", "Scenario", "fault", "fly", "load", "read_log", "rep
 
 def __getattr__(name: str) -> Any:
     """Import on first use: ``rig --help`` must not load numba and JSBSim."""
-    if name == "report":
-        return import_module("rig.report")  # which can be called
     if name not in _HOME:
         raise AttributeError(f"module 'rig' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)
@@ -41,3 +41,19 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """Return the public names, imported or not."""
     return sorted({*globals(), *__all__})
+
+
+class _Public(ModuleType):
+    """This package, whose ``report`` is the function, also when the folder of that name has been imported."""
+
+    @property
+    def report(self) -> Any:
+        """Return the function that writes the report of a flight."""
+        return import_module("rig.report.flight").write_report
+
+    @report.setter
+    def report(self, folder: ModuleType) -> None:
+        """Take no notice of the folder, which an import puts here; it stays in ``sys.modules``."""
+
+
+sys.modules[__name__].__class__ = _Public

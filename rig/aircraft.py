@@ -13,13 +13,14 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Final
 
-from rig.errors import BadInput
+from rig.errors import BadInput, RigError
 from rig.frame import INDEX
 from rig.sensors.classes import SensorClass, under
-from rig.settings import build, read_toml
+from rig.settings import build, read_own, read_toml
 from rig.text import choices, quoted
-from rig.util.files import bundled, is_file
+from rig.util.files import NOT_WHOLE, bundled, is_file
 
+DEFAULT: Final = "f16"  # of a scenario that names none
 DESIGNED_AT_HZ: Final = 100.0  # outlier thresholds: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
 BESIDE: Final = {"threshold", "threshold_triplex"}  # what outlier thresholds are designed beside
@@ -42,6 +43,8 @@ def folder(name: str) -> Path:
     for candidate in (bundled("aircraft") / name, Path(name)):
         if is_file(candidate / "aircraft.toml"):
             return candidate
+    if name == DEFAULT:
+        raise RigError(f"{bundled('aircraft') / name / 'aircraft.toml'}: {NOT_WHOLE}: no such file")
     raise BadInput(f"aircraft: unknown aircraft {quoted(name)}, {choices(name, names())} or a folder's path")
 
 
@@ -67,25 +70,25 @@ def tables(name: str) -> dict[str, Any]:
 
 def default_stale_frames() -> dict[str, int]:
     """Return the count of stale samples that all aircraft share, by signal."""
-    signals = read_toml(bundled("aircraft") / "defaults.toml")["redundancy"]["signals"]
+    signals = read_own(bundled("aircraft") / "defaults.toml")["redundancy"]["signals"]
     return {name: int(keys.get("stale_frames", 0)) for name, keys in signals.items()}
 
 
 def default_boxes() -> dict[str, list[str]]:
     """Return the sets of signals that one unit of each channel measures, as all aircraft share them."""
-    return read_toml(bundled("aircraft") / "defaults.toml")["redundancy"]["boxes"]
+    return read_own(bundled("aircraft") / "defaults.toml")["redundancy"]["boxes"]
 
 
 def own_tables(name: str) -> dict[str, Any]:
     """Return an aircraft's tables before anything is designed: the defaults and its own."""
     path = folder(name) / "aircraft.toml"
-    return lay_over(read_toml(bundled("aircraft") / "defaults.toml"), read_toml(path), str(path))
+    return lay_over(read_own(bundled("aircraft") / "defaults.toml"), read_toml(path), str(path))
 
 
 def sensor_classes() -> dict[str, SensorClass]:
     """Return the data-sheet classes of sensors, by name."""
     path = bundled("aircraft") / "sensor_classes.toml"
-    return {name: build(SensorClass, table, f"{path}: {name}") for name, table in read_toml(path).items()}
+    return {name: build(SensorClass, table, f"{path}: {name}") for name, table in read_own(path).items()}
 
 
 def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:

@@ -25,7 +25,8 @@ def named_manager(sets: Iterable[tuple[str, Any]]) -> str | None:
     """Return the ``redundancy.manager`` that dotted keys with their values name, if any: permission in itself."""
     data: dict[str, Any] = {}
     for key, value in sets:
-        data = set_key(data, key, value, f"--set {key}")
+        if key.partition(".")[0] == "redundancy":
+            data = set_key(data, key, value, f"--set {key}")
     table = data.get("redundancy")
     name = table.get("manager") if isinstance(table, dict) else None
     return name if isinstance(name, str) else None
@@ -67,6 +68,8 @@ def _set(node: Any, keys: list[str], value: Any, source: str, within: str = "") 
             allowed = f"must be an index from 0 to {len(node) - 1}" if node else "counts into an empty list"
             raise BadInput(f"{source}: {quoted(key)} {allowed}")
         return [_set(item, rest, value, source) if i == int(key) else item for i, item in enumerate(node)]
+    if node is None and _DIGITS.fullmatch(key):
+        raise BadInput(f"{source}: {quoted(key)} counts into an empty list{f', {within}' if within else ''}")
     table = node if isinstance(node, dict) else {}
     return {**table, key: _set(table.get(key), rest, value, source, f"{within}.{key}" if within else key)}
 

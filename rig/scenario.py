@@ -24,7 +24,7 @@ from rig.computer.control.autopilot import Config as Control
 from rig.computer.control.gains import Gains
 from rig.computer.redundancy import Config as Redundancy
 from rig.computer.redundancy.config import refuse_short_wait
-from rig.errors import BadInput
+from rig.errors import BadInput, RigError
 from rig.faults import Fault, check
 from rig.faults.fault import LiveFault, distinct_keys
 from rig.faults.places import OF_LANES, OF_SERVOS, needed_lanes, site
@@ -42,7 +42,7 @@ from rig.sensors.recorded import pin
 from rig.settings import Settings, build, read_toml
 from rig.text import nearest, quoted
 from rig.util.decimals import slack, slack_of_product
-from rig.util.files import bundled, is_file
+from rig.util.files import NOT_WHOLE, bundled, is_file
 from rig.util.trust import Trust
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
@@ -118,7 +118,7 @@ class Scenario(Settings):
         if self.flight_point is not None and self.flight_point not in points:
             raise ValueError(
                 f"flight_point: {self.aircraft} has no {self.flight_point!r}, allowed: {', '.join(points)}; "
-                f"for example --set flight_point={points[0]}"
+                f"for example --set flight_point={points[0]}; to add one: docs/aircraft.md"
             )
         refuse_unfit(self.actuators, self.airframe)
         self._servos_for_their_faults()
@@ -215,6 +215,8 @@ def find(name: str | Path | None = None) -> Path:
         if is_file(candidate):
             return candidate
     bundled_names = names()
+    if name is None:
+        raise RigError(f"{faults / inside}: {NOT_WHOLE}: no such file")
     near = ", ".join(nearest(wanted.stem, bundled_names))
     raise BadInput(f"{wanted}: no such file; nearest bundled: {near}; all {len(bundled_names)}: rig scenario list")
 
@@ -238,6 +240,16 @@ def load(
     allow_code : a manager class that the file names may be run; one that an override names may be in any case
     """
     sets = override_texts(overrides)
+    try:
+        return _loaded(name, sets, seed, allow_code)
+    except BadInput as error:
+        if not isinstance(overrides, Mapping):
+            raise
+        said = str(error).replace(" with --set", " with overrides", 1).replace("--set ", "overrides: ", 1)
+        raise BadInput(said) from None
+
+
+def _loaded(name: Given, sets: tuple[str, ...], seed: int | None, allow_code: bool) -> Scenario:
     if isinstance(name, Scenario):
         return _changed(name, sets, seed, allow_code)
     if isinstance(name, Mapping):

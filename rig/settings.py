@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from rig.errors import BadInput
+from rig.errors import BadInput, RigError
 from rig.text import LONGEST_LIST, choices, nearest, quoted, shorten
 from rig.util.files import read_bytes
 
@@ -101,6 +101,14 @@ def toml_text(path: Path) -> str:
         return read_bytes(path, LARGEST_TOML).decode("utf-8")
     except UnicodeDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
+
+
+def read_own(path: Path) -> dict[str, Any]:
+    """Return the TOML document of the rig's own file at ``path``; RigError when it cannot be read: it is not input."""
+    try:
+        return read_toml(path)
+    except BadInput as error:
+        raise RigError(f"{error}: a file of the rig, which is not installed as a whole") from None
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:

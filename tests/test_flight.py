@@ -35,8 +35,9 @@ def test_the_log_holds_every_frame_and_gives_arrays_by_signal(flight):
     assert (q.channels[100:, 2] == 1.5).all()
     assert np.abs(q.voted - q.truth).max() < 0.02
     assert (q.level[107:] == 3).all()
-    with pytest.raises(KeyError):
-        flight.signal("pitchrate")
+    for wrong in (flight.signal, flight.plot, flight.to_polars):
+        with pytest.raises(BadInput, match=r"unknown .*'pitchrate', nearest: pitch_rate"):
+            wrong("pitchrate")
 
 
 def test_the_log_alone_can_be_flown_again(flight, tmp_path):

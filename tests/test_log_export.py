@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from pyarrow.parquet import ParquetFile
+from pyarrow.parquet import ParquetFile, read_schema
+from test_log_writer import write
 
 import rig
 from rig.cli import main as cli
@@ -246,3 +247,58 @@ def test_unknown_owners_are_refused_before_anything_is_written(flown, tmp_path):
     with pytest.raises(BadInput, match="unknown 'mach'"):
         export(rig.read_log(flown), "csv", tmp_path / "a.csv", ["mach"])
     assert list(tmp_path.iterdir()) == []
+
+
+def exported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, str]:
+    monkeypatch.setattr(sys, "argv", ["rig", "export", *options])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    return int(end.value.code or 0), capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "npz"])
+def test_the_format_is_that_of_the_ending_and_units_are_with_the_columns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], ending: str
+):
+    write(tmp_path / "a.mcap", 40)
+    out = tmp_path / f"t.{ending}"
+    assert exported(monkeypatch, capsys, str(tmp_path / "a.mcap"), "--out", str(out))[0] == 0
+    if ending == "parquet":
+        schema = read_schema(out)
+        units = {name: (schema.field(name).metadata or {}).get(b"unit", b"").decode() for name in schema.names}
+    else:
+        units = json.loads(Path(f"{out}.units.json").read_text())
+    wanted = {"time_s": "s", "pitch_rate.voted": "rad/s", "heading.2": "rad", "static_pressure.ref": "Pa"}
+    assert {name: units[name] for name in wanted} == wanted
+    assert not units.get("pitch_rate.state.1") and not units.get("pitch_rate.level")
+    assert (tmp_path / f"t.{ending}.units.json").exists() == (ending != "parquet")
+
+
+def test_a_table_of_several_groups_keeps_units_and_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write(tmp_path / "a.mcap", 400)
+    monkeypatch.setattr(module, "GROUP_BYTES", 1 << 12)
+    export(tmp_path / "a.mcap", "parquet", tmp_path / "t.parquet", ["pitch_rate"])
+    assert ParquetFile(tmp_path / "t.parquet").num_row_groups > 1
+    assert read_schema(tmp_path / "t.parquet").field("pitch_rate.voted").metadata[b"unit"] == b"rad/s"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "--to, --out: one of them"),
+        (["--out", "t.txt"], "--out t.txt: its ending must be .csv, .parquet, .npz"),
+        (["--to", "csv", "--out", "t.parquet"], "--out t.parquet: its ending is not that of --to csv"),
+        (["--to", "csv", "--layout", "foxglove"], "--to, --layout: one of them"),
+    ],
+)
+def test_a_format_that_is_not_said_or_said_twice_is_refused(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: list[str],
+    message: str,
+):
+    write(tmp_path / "a.mcap", 4)
+    monkeypatch.chdir(tmp_path)
+    code, err = exported(monkeypatch, capsys, "a.mcap", *options)
+    assert code == 2 and message in err and [path.name for path in tmp_path.iterdir()] == ["a.mcap"]

@@ -1,5 +1,6 @@
 """``rig`` for programs: scenarios and overrides as tables, faults, scores, reports and votes; the page of the docs."""
 
+import inspect
 import re
 import subprocess
 import sys
@@ -127,3 +128,32 @@ def test_importing_rig_loads_none_of_its_rooms():
     program = f"import sys, rig; print({loaded}, set(rig.__all__) <= set(dir(rig)))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout.strip() == "[] True"
+
+
+def test_the_report_is_a_function_with_its_signature_also_when_its_folder_was_imported():
+    import rig.report.page
+    from rig import report
+
+    assert report is rig.report and list(inspect.signature(rig.report).parameters) == ["flight", "out", "requirements"]
+    assert inspect.isfunction(rig.report) and "Write one HTML file" in (inspect.getdoc(rig.report) or "")
+    assert sys.modules["rig.report.page"].number(None)
+
+
+@pytest.mark.parametrize("called", [rig.fly, rig.load])
+def test_a_program_hears_of_overrides_and_not_of_options(called: Any):
+    for overrides, message in (
+        ({"faults.0.offset": 1}, r"overrides: faults\.0\.offset=1: '0' counts into an empty list, faults"),
+        ({"faultss": 1}, "scenario with overrides: faultss: unknown key"),
+        ({"aircraft": 3}, "with overrides: aircraft: must be a name"),
+    ):
+        with pytest.raises(BadInput, match=message) as refused:
+            called({"aircraft": "f16"}, overrides=overrides)
+        assert "--set" not in str(refused.value)
+    with pytest.raises(BadInput, match="with --set: faultss"):
+        called({"aircraft": "f16"}, overrides=["faultss=1"])
+
+
+def test_load_and_fly_take_their_arguments_in_one_order():
+    for called in (rig.load, rig.fly):
+        names = [name for name in inspect.signature(called).parameters if name in ("overrides", "seed")]
+        assert names == ["overrides", "seed"]

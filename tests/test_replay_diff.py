@@ -240,3 +240,21 @@ def test_a_truncated_log_is_recovered_and_then_read(bad, tmp_path, capsys, monke
     found = json.loads(text)
     assert code == 0 and found["frames"] == len(read_log(out).rows) > 0
     assert found["damage"] is None and "recovered from a log that was truncated" in found["health"]
+
+
+def test_settings_that_differ_are_named_with_both_values(tmp_path, capsys, monkeypatch):
+    rows = random_block(4)
+    scenarios = (
+        {"seed": 1, "redundancy": {"persistence": 8, "boxes": {}}, "faults": [{"kind": "offset", "offset": 0.1}]},
+        {"seed": 1, "redundancy": {"persistence": 12, "boxes": {}}, "faults": [{"kind": "offset"}], "title": "T"},
+    )
+    logs = [logged(tmp_path / f"{i}.mcap", rows, scenario=json.dumps(each)) for i, each in enumerate(scenarios)]
+    code, out, _ = run(capsys, monkeypatch, "diff", *logs)
+    assert code == 0
+    for said in ("redundancy.persistence: 8 and 12", "faults.0.offset: 0.1 and not set", 'title: not set and "T"'):
+        assert said in out
+    assert "seed" not in out and "boxes" not in out
+    many = [
+        logged(tmp_path / f"m{i}.mcap", rows, scenario=json.dumps({f"k{n}": n + i for n in range(30)})) for i in (0, 1)
+    ]
+    assert "and 10 more settings that differ" in run(capsys, monkeypatch, "diff", *many)[1]

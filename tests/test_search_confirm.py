@@ -25,7 +25,7 @@ def row(margin: float | None, status: str, vote: float = 0.5, **others: float) -
 
 def test_the_least_requirement_counts_and_the_vote_settles_ties():
     both = row(-1.0, "violated", 0.4, b=2.0)
-    assert measured([both], ["a", "b"]) == Measured(-1.0, 0.4, True)
+    assert measured([both], ["a", "b"]) == Measured(-1.0, 0.4, True, ("a",))
     closer, farther = measured([row(1.0, "met", 0.1)], ["a"]), measured([row(1.0, "met", 0.9)], ["a"])
     assert closer.value < farther.value < measured([row(1.001, "met", -1.0)], ["a"]).value
 
@@ -37,7 +37,7 @@ def test_a_flight_that_tells_nothing_is_never_the_worst():
 
 def test_against_another_setting_the_difference_counts_and_the_other_must_meet():
     worse = measured([row(-2.0, "violated"), row(1.0, "met", 0.7)], ["a"])
-    assert worse == (-3.0, pytest.approx(-0.2), True)
+    assert worse == (-3.0, pytest.approx(-0.2), True, ("a",))
     assert not measured([row(-2.0, "violated"), row(-0.5, "violated")], ["a"]).violated
 
 

@@ -82,7 +82,9 @@ def content(out: Path) -> tuple[Any, ...]:
 
 def test_a_search_tells_what_it_found(whole: tuple[Path, Ended]):
     figures, at_random = whole[1].figures, whole[1].figures["random"]
-    assert set(figures) == {*("flights", "violated", "random", "least_margin", "worst", "scenario", "confirmed")}
+    assert set(figures) == {
+        *("flights", "violated", "random", "least_margin", "worst", "scenario", "confirmed", "violating", "left_out")
+    }
     assert 24 < figures["flights"] == whole[1].flights <= 44 and at_random["flights"] == 24
     assert figures["violated"] >= at_random["violated"] and figures["least_margin"] < 0.0
     runs = open_folder(whole[0]).tables["runs"]
@@ -185,3 +187,29 @@ def test_open_loop_trials_find_what_flies(tmp_path: Path):
 def test_what_open_loop_trials_do_not_have_is_refused(tmp_path: Path):
     with pytest.raises(BadInput, match=r"^--bench: .*x: formula: column 1: 'departure': an open-loop trial has no"):
         run(plan(bench=True, formula="departure >= 0.2"), tmp_path / "s", workers=1)
+
+
+def test_a_requirement_that_no_fault_is_needed_to_violate_is_refused_before_anything_is_written(tmp_path: Path):
+    with pytest.raises(BadInput, match=r"^--requirement x: violated without any fault, margin -1000 at 0.00 s"):
+        run(plan(formula="true.altitude_m >= 20000"), tmp_path / "s", workers=1)
+    assert not list(tmp_path.iterdir())
+
+
+def test_against_a_set_that_violates_without_faults_is_refused(tmp_path: Path):
+    formula = "level.pitch_rate >= 4"
+    with pytest.raises(BadInput, match=r"x: violated without any fault.*with sensors.pitch_rate.channels=3"):
+        run(plan(70, formula=formula, against="sensors.pitch_rate.channels=3"), tmp_path / "s", workers=1)
+
+
+def test_a_requirement_that_every_flight_violates_does_not_hide_another(tmp_path: Path):
+    always = Requirement(id="always", formula="always[0, 2.9] abs(error.pitch_rate.1) <= 0.025")
+    never = Requirement(id="never", formula="voted.pitch_rate < 100")
+    data = {"base": BASE, "sampling": "random", "runs": 1, "vary": VARY, "cases": {"signs": SIGNS}}
+    asked = [always, *chosen(["vote"]), never]
+    searched = SearchPlan(from_what(data, "c.toml"), "c.toml", Asked(tuple(e.id for e in asked), 30), asked)
+    figures = run(searched, tmp_path / "s", workers=1).figures
+    assert figures["left_out"] == ["always"] and figures["violated"] < figures["flights"]
+    assert figures["violating"] == {"vote": figures["confirmed"][0]}
+    text = (tmp_path / "s" / "worst.toml").read_text()
+    assert f"vote violated in {figures['confirmed'][0]} of 3 seeds" in text and "always" not in text.split("\n")[3]
+    assert "always:" not in text and "never" not in text

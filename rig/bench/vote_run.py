@@ -164,6 +164,7 @@ def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | N
     settings = asked.config
     if asked.flown is not None:
         return of_flight(recording, asked.flown.scenario)
+    settings.refuse_late_resets(recording.time_s, _named(config))
     trust, rules = Trust(str(_named(config)), options.allow_code), settings.rules
     signals = vote(recording, asked.signals, settings.resets, trust, settings.triads, rules, settings.rivals)
     return Result(signals, vote_discretes(recording, asked.discretes, settings.resets), rules=rules)

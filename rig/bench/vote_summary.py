@@ -11,7 +11,7 @@ from rig.bench.vote import Result, Voted, VotedDiscrete
 from rig.frame import Pattern, Resolver, State
 from rig.record.suspects import Suspect, is_many, share_text
 from rig.recordings.alignment import Alignment
-from rig.recordings.clock import Floats
+from rig.recordings.clock import Floats, of_rows
 from rig.recordings.recording import Recording
 from rig.recordings.settings import RecordedSignal
 
@@ -121,6 +121,6 @@ def _undecided(data: dict[str, Any]) -> list[str]:
         failures = [failure for channel in signal["channels"] for failure in channel["failed"]]
         given_up = [failure["time_s"] for failure in failures if failure["why"] == Resolver.GIVEN_UP.name.lower()]
         if is_many(rows, data["rows"]):
-            end = "".join(f", given up at {at_s:.6g} s" for at_s in dict.fromkeys(given_up))
+            end = "".join(f", given up at {of_rows(at_s, data['time_s'][0])}" for at_s in dict.fromkeys(given_up))
             lines.append(f"{name}: no majority, and no rule answered, {share_text(rows, data['rows'])}{end or _NEVER}")
     return lines

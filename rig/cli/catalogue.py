@@ -56,13 +56,20 @@ def scenario_schema() -> None:
 @scenario_app.command("check")
 def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     """Check a scenario without flying it."""
+    from rig.assess.requirements import load_requirements, recorder_of
+    from rig.assess.requirements.reach import notes as requirement_notes
     from rig.scenario import find, load
+    from rig.scenario_notes import notes
 
     loaded = load(scenario, sets or ())
+    requirements = load_requirements(loaded.requirements or ())
+    recorder_of(loaded, requirements, iter(()))  # refuses what the flight does not have
     manager = loaded.redundancy.manager
     code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
     counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
     echo(plain(f"{find(scenario)}: good, {counts}{code}"))
+    for note in (*notes(loaded), *requirement_notes(requirements, loaded)):
+        line(f"note: {note}", style="yellow")
 
 
 @faults_app.command("list")

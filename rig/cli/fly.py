@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from typer import Exit, Option, echo
 
 from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit, takes_options
-from rig.cli.requirements import Requirements, Strict, show_verdicts
+from rig.cli.requirements import Requirements, Strict, show_notes, show_verdicts
 from rig.cli.table import MOST_LINES, Column, counts, field, line, rest, table
 from rig.cli.working import working
 from rig.errors import BadInput
@@ -26,12 +26,18 @@ if TYPE_CHECKING:
     from rig.flight.assembly import Flight
     from rig.flight.frame_cost import Bench
     from rig.record.event import Event
+    from rig.scenario import Scenario
     from rig.util.interrupt import Stop
     from rig.view.stream import Stream
     from rig.view.watch.live import Watch
 
 FEW: Final = 3
 _OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (failed by \w+|readmitted)")
+LONG: Final = 30_000  # frames: five minutes at 100 a second
+LOG_BYTES: Final = 1_450  # of a frame in a log; what each lane, and what servos, add
+LANE_BYTES: Final = 60
+SERVO_BYTES: Final = 440
+FRAME_S: Final = 1.5e-4  # to fly and log one
 LOOK_S: Final = 0.1  # between two looks for a viewer, or for Ctrl-C
 
 
@@ -83,7 +89,16 @@ def fly(options: FlyOptions) -> None:
 
     if options.watch and options.as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
-    outcome = MeasuredConclusion(options.requirements or ())
+
+    class Told(MeasuredConclusion):
+        """The same, which says before a long flight what it takes."""
+
+        def begin(self, scenario: Scenario) -> None:
+            super().begin(scenario)
+            if (takes := long_flight(scenario)) and not quiet:
+                echo(takes, err=True)
+
+    outcome = Told(options.requirements or ())
     quiet = options.as_json or options.watch
     with watching(options.watch, options.realtime_factor) as page, working("starting", not quiet):
         flight = _fly(options, page, outcome)
@@ -98,9 +113,24 @@ def fly(options: FlyOptions) -> None:
             "next": next_commands(flight),
         }
 
-    emit(options.as_json, data, lambda: show_flight(flight, verdicts=verdicts))
+    def show() -> None:
+        show_flight(flight, verdicts=verdicts)
+        show_notes(outcome.requirements, flight.scenario)
+
+    emit(options.as_json, data, show)
     if options.strict and violated(verdicts):
         raise Exit(1)
+
+
+def long_flight(scenario: Scenario) -> str:
+    """Return what a long flight takes on the disk and in time, roughly; "" for a short one."""
+    frames = scenario.frames
+    if frames < LONG:
+        return ""
+    lanes = scenario.computers.count if scenario.computers.count > 1 else 0
+    bytes_a_frame = LOG_BYTES + LANE_BYTES * lanes + SERVO_BYTES * scenario.has_servos
+    takes = f"about {frames * bytes_a_frame / 1e6:.0f} MB of log and {frames * FRAME_S:.0f} s or more"
+    return f"{frames} frames of {scenario.duration_s:g} s of flight: {takes}"
 
 
 def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -> Flight:
@@ -208,6 +238,8 @@ def _verdict(flight: Flight) -> None:
         field("suspect", f"{one.signal} channel {one.channel} {one.text()}", style="yellow")
     if below := scenario.gains.below:
         field("gains", f"below the requirement, accepted: {'; '.join(below)}", style="yellow")
+    for note in flight.notes:
+        field("note", note, style="yellow")
     if flight.not_executed:
         field("faults", f"not executed: {'; '.join(flight.not_executed)}", style="yellow")
     field("peaks", _peaks(flight))

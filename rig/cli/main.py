@@ -106,6 +106,11 @@ def main() -> None:
     except RigError as error:
         typer.echo(f"failed: {error}", err=True)
         sys.exit(1)
+    except OSError as error:
+        if error.filename is None:  # not of a file: what is wrong is ours
+            raise
+        typer.echo(f"failed: {error.filename}: {error.strerror}", err=True)
+        sys.exit(1)
 
 
 @contextmanager

@@ -232,7 +232,7 @@ def _of_design(title: str, key: str, format: str = "", unit: str = "", worth: in
 
 _LEVELS: Final = (
     *(_of_design("", "chosen"), _of_design("filter", "filter_s", "g", "s"), _of_design("frames", "persistence")),
-    _of_design("bias", "bias_bound", ".3g", worth=8),
+    *(_of_design("bias", "bias_bound", ".3g", worth=8), _of_design("sum", "slow_limit", ".3g", worth=8)),
     *(Column("in use", "level"), Column("threshold", "threshold"), Column("point", "point", ".4g")),
     *(Column("clusters", "clusters", worth=6), Column("shape", "shape", ".2f", worth=5)),
     _of_design("extrapolation", "beyond", worth=7),

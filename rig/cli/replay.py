@@ -220,6 +220,8 @@ def _info(facts: dict[str, Any]) -> None:
     field("flown", f"{facts['frames']} frames, {facts['duration_s']:g} s{planned}, at {facts['rate_hz']:g} Hz")
     outcome = f"{'survived' if result.get('survived') == 'True' else 'lost'}: {result.get('end_reason', '')}"
     field("result", outcome if result else "none: the flight was not ended by the loop")
+    for note in facts["notes"]:
+        field("note", note, style="yellow")
     field("events", ", ".join(f"{count} {name}" for name, count in facts["events"].items()) or "none")
     field("topics", f"{len(facts['topics'])}, {sum(facts['topics'].values())} messages, {facts['bytes']} bytes")
     versions = ", ".join(f"{name} {version}" for name, version in facts["versions"].items())
@@ -231,7 +233,9 @@ def _info(facts: dict[str, Any]) -> None:
 
 def export(
     log: LogFile,
-    to: Annotated[str | None, Option(metavar="FORMAT", help="csv, parquet or npz.", show_default=False)] = None,
+    to: Annotated[
+        str | None, Option(metavar="FORMAT", help="csv, parquet or npz.", show_default="the ending of --out")
+    ] = None,
     layout: Annotated[
         str | None, Option(metavar="VIEWER", help="Not a table, a layout to open the log with: foxglove.")
     ] = None,
@@ -248,16 +252,35 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Write a log as a table, its columns named as rig vote names them; or a viewer's layout for it."""
-    if (to is None) == (layout is None):
+    if to is not None and layout is not None:
         raise BadInput("--to, --layout: one of them")
     if layout is not None:
         if signals is not None or for_vote:
             raise BadInput("--signals, --for-vote: are for --to")
         _export_layout(log, layout, out, as_json)
-    elif to is not None:
+    else:
         _export_table(
-            log, to, out, [part.strip() for part in (signals or "").split(",") if part.strip()], for_vote, as_json
+            log,
+            _format(to, out),
+            out,
+            [part.strip() for part in (signals or "").split(",") if part.strip()],
+            for_vote,
+            as_json,
         )
+
+
+def _format(to: str | None, out: Path | None) -> str:
+    """Return the format of a table: that of ``--to``, or of the ending of ``--out``.  BadInput: neither, or not one."""
+    from rig.log.export import ENDINGS
+
+    ending = "" if out is None else out.suffix.removeprefix(".")
+    if to is None and out is None:
+        raise BadInput(f"--to, --out: one of them, --to {'|'.join(ENDINGS)} or --out FILE with such an ending")
+    if to is None and ending not in ENDINGS:
+        raise BadInput(f"--out {out}: its ending must be {', '.join(f'.{each}' for each in ENDINGS)}, or --to given")
+    if to is not None and ending in ENDINGS and ending != to:
+        raise BadInput(f"--out {out}: its ending is not that of --to {to}")
+    return to or ending
 
 
 def _export_table(log: Path, to: str, out: Path | None, owners: list[str], for_vote: bool, as_json: bool) -> None:
@@ -267,8 +290,8 @@ def _export_table(log: Path, to: str, out: Path | None, owners: list[str], for_v
     target = out or Path(f"{log.with_suffix('')}.{to}")
     require_apart({"--out": target}, [log])
     with working("writing", not as_json, compiles=False):
-        names, rows = write(log, to, target, owners, for_vote)
-    data = {"log": str(log), "out": str(target), "rows": rows, "columns": names}
+        names, rows, units = write(log, to, target, owners, for_vote)
+    data = {"log": str(log), "out": str(target), "rows": rows, "columns": names, "units": units}
     text = f"{target}: {rows} rows, {len(names)} columns"
     emit(as_json, data, lambda: echo(plain(text)))
 

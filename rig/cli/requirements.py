@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from typer import Option
 
 from rig.cli import complete
-from rig.cli.table import MOST_LINES, Column, line, table
+from rig.cli.table import MOST_LINES, Column, field, line, table
 from rig.units.quantities import quantity
 
 if TYPE_CHECKING:
-    from rig.assess.requirements import Verdict
+    from rig.assess.requirements import Requirement, Verdict
+    from rig.scenario import Scenario
 
 FEW: Final = 4  # quantities of a line
 Requirements = Annotated[
@@ -41,6 +42,14 @@ def show_verdicts(verdicts: Sequence[Verdict]) -> None:
     order = ("violated", "met", "not applicable")
     listed = sorted(verdicts, key=lambda verdict: order.index(verdict.status))
     table([_row(verdict) for verdict in listed], _COLUMNS, MOST_LINES, lambda row: _STYLES[row[0]])
+
+
+def show_notes(requirements: Sequence[Requirement], scenario: Scenario) -> None:
+    """Print which comparisons of the requirements are decided before a flight of the scenario."""
+    from rig.assess.requirements.reach import notes
+
+    for note in notes(requirements, scenario):
+        field("note", note, style="yellow")
 
 
 def _row(verdict: Verdict) -> tuple[Any, ...]:

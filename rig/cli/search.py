@@ -132,7 +132,11 @@ def _show(ended: Ended, out: Path) -> None:
         f"run {worst['run']}, {worst['arm']}: {again}, median margin {_shown(worst['median_margin'])}",
         width=_WIDTH,
     )
+    for name in figures["left_out"]:
+        field("left out", f"{name}: every random flight violates it, and it would hide the others", width=_WIDTH)
     if figures["scenario"]:
+        violated = ", ".join(f"{name} in {count}" for name, count in figures["violating"].items())
+        field("violated", f"{violated} of {confirmed[1]} other seeds", width=_WIDTH)
         field("simplest", f"{figures['scenario']}: {confirmed[0]} of {confirmed[1]} other seeds violate", width=_WIDTH)
     else:
         line("no new seed violates: no scenario was written")

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from rig.cli.table import Column, line, table
+from rig.recordings.clock import LONG_AGO_S, digits, of_rows
 
 _SIGNALS = (
     *(Column("signal", "name"), Column("level", "level")),
@@ -28,7 +29,7 @@ _CHANNELS = (
 _INJECTED = (
     Column("injected", "fault"),
     Column("channel", lambda fault: f"{fault['signal']}.{fault['channel']}"),
-    Column("onset", lambda fault: None if fault["onset_s"] is None else f"{fault['onset_s']:.6g} s", worth=5),
+    Column("onset", "onset", worth=5),
     Column("outcome", "outcome"),
     Column("failed", lambda fault: fault["failed_channel"] and f"{fault['signal']}.{fault['failed_channel']}"),
     Column("delay", lambda fault: None if fault["delay_s"] is None else f"{fault['delay_s']:.3f} s", worth=7),
@@ -56,7 +57,9 @@ _REQUIREMENTS = (
 def vote(summary: dict[str, Any]) -> None:
     """Print the summary as tables, how long each step took, and where the votes are."""
     first, last = summary["time_s"]
-    line(f"{summary['rows']} rows from {first:g} to {last:g} s, {summary['rate_hz']:g} a second")
+    span = f"{digits(first)} to {of_rows(last, first)}"
+    since = ", +: since the first row" if abs(first) >= LONG_AGO_S else ""
+    line(f"{summary['rows']} rows from {span}{since}, {summary['rate_hz']:g} a second")
     for remark in summary["remarks"]:
         line(remark)
     for repair in summary["repaired"]:
@@ -66,9 +69,11 @@ def vote(summary: dict[str, Any]) -> None:
     table(_named(summary["signals"]), _SIGNALS)
     table(_named(summary["discretes"]), _DISCRETES)
     table(_channels(summary), _CHANNELS)
+    _latched(summary)
     for doubt in (*summary["suspects"], *summary["undecided"]):
         line(doubt, style="yellow")
-    table(summary.get("injected", {}).get("faults", ()), _INJECTED)
+    faults = summary.get("injected", {}).get("faults", ())
+    table(({**fault, "onset": _at(fault["onset_s"], first)} for fault in faults), _INJECTED)
     table(summary.get("requirements", ()), _REQUIREMENTS)
     if summary["not_voted"]:
         line(f"not voted, as CONFIG does not name them: {', '.join(summary['not_voted'])}")
@@ -76,6 +81,10 @@ def vote(summary: dict[str, Any]) -> None:
         line(f"warning: {warning}")
     line(", ".join(f"{stage} {taken:.2f} s" for stage, taken in summary["seconds"].items()))
     line(f"written  {summary['out']}")
+
+
+def _at(time_s: float | None, first_s: float) -> str | None:
+    return None if time_s is None else of_rows(time_s, first_s)
 
 
 def _named(groups: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -92,7 +101,10 @@ def _channels(summary: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield a row for each channel, and one more each time that it failed again."""
     for name, signal in {**summary["signals"], **summary["discretes"]}.items():
         for channel in signal["channels"]:
-            times = [{"frame": f["frame"], "at": f"{f['time_s']:.6g} s", "why": f["why"]} for f in channel["failed"]]
+            times = [
+                {"frame": f["frame"], "at": _at(f["time_s"], summary["time_s"][0]), "why": f["why"]}
+                for f in channel["failed"]
+            ]
             first, *again = times or [{"frame": "never", "at": "", "why": ""}]
             rows = channel["suspect_rows"]
             suspect = f"{rows} ({100 * channel['suspect_share']:.3g} %)" if rows else "never"
@@ -101,10 +113,22 @@ def _channels(summary: dict[str, Any]) -> Iterator[dict[str, Any]]:
             yield from ({**dict.fromkeys(head, ""), **later, "invalid": ""} for later in again)
 
 
+def _latched(summary: dict[str, Any]) -> None:
+    """Say how a channel that is failed at the end comes back: rows that are no samples are often over soon."""
+    groups = {**summary["signals"], **summary["discretes"]}.values()
+    out = [channel for group in groups for channel in group["channels"] if channel["state"] == "failed"]
+    if not out:
+        return
+    line("a failed channel stays out until a reset command readmits it: [[resets]] in CONFIG")
+    if any(channel["failed"] and channel["failed"][-1]["why"] == "invalid" for channel in out):
+        line("failed by invalid: that many rows in a row had no valid sample; a longer persistence bears longer gaps")
+
+
 def _alignments(summary: dict[str, Any]) -> None:
-    alignment = summary["alignment"]
+    alignment, first = summary["alignment"], summary["time_s"][0]
     chosen = ", as no --align-to is given" if alignment["by_default"] else ""
-    line(f"aligned by {alignment['rows']} rows from {alignment['from_s']:g} to {alignment['to_s']:g} s{chosen}")
+    begin, end = (_at(alignment[key], first) for key in ("from_s", "to_s"))
+    line(f"aligned by {alignment['rows']} rows from {begin} to {end}{chosen}")
     aligned = [
         {"name": f"{name}.{channel['channel']}", **channel["alignment"]}
         for name, signal in summary["signals"].items()

@@ -22,6 +22,8 @@ from itertools import pairwise
 from math import isfinite
 from typing import Final
 
+from rig.units.conversion import conversion
+
 LARGEST: Final = 1e300
 
 
@@ -76,6 +78,9 @@ _COMPARE: Final = {
 _JOIN: Final = {ast.And: Op.AND, ast.Or: Op.OR}
 _LEAST: Final = {"min": Op.MIN, "max": Op.MAX}
 _WINDOW: Final = re.compile(r"\b(always|eventually|once|until)\s*\[([^\[\]]*)\]")
+_UNIT: Final = re.compile(  # a number and a word behind it, or a sign
+    r"(?<![\w.])((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?!(?:and|or|not|until|e)\b)([^\W\d_]+(?:[/*^][\w^*]+)*|[°%])"
+)
 _CHANNEL: Final = re.compile(r"(?<![\w.])([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\.([0-9]+)\b")
 
 
@@ -123,10 +128,25 @@ def parse(text: str, grammar: Grammar) -> Parsed:
             tree = ast.parse(parser.python, mode="eval")
         steps = parser.condition(tree.body)
     except SyntaxError as error:
+        united = _UNIT.search(text)
+        if united is not None:
+            raise Refused(_without_unit(united), united.start(1) + 1) from None
         raise Refused(f"not a condition, such as {grammar.called}", error.offset or 1) from None
     except (RecursionError, MemoryError):
         raise Refused(f"not a condition, such as {grammar.called}") from None
     return Parsed(steps, parser.windows)
+
+
+def _without_unit(found: re.Match[str]) -> str:
+    """Say that a number has no unit, and what it is in SI units where the unit is known."""
+    number, unit = found[1], found[2]
+    known = {"°": "deg", "degs": "deg", "degree": "deg", "degrees": "deg"}
+    try:
+        factor, si = conversion(known.get(unit, unit))
+        meant = f"; {number} {unit} is {float(number) * factor:.6g} {si}".removesuffix(" 1")
+    except ValueError:
+        meant = ""
+    return f"{found[0].strip()!r}: a number has no unit, SI units are meant (rad, rad/s, Pa, m, g){meant}"
 
 
 class _Parser:

@@ -72,8 +72,8 @@ class Outcome(Protocol):
 def fly(
     scenario: Given = None,
     *,
-    seed: int | None = None,
     overrides: Overrides = (),
+    seed: int | None = None,
     out: str | Path = "logs",
     rerun: str = "off",
     realtime_factor: float | None = None,
@@ -90,7 +90,7 @@ def fly(
     """Fly a scenario and log every frame.
 
     scenario : a file or a bundled name; a table with the keys of such a file; or what ``rig.load`` returned
-    seed, overrides : laid over it, as ``--seed`` and ``--set``: texts ``key=value``, or a table of dotted keys
+    overrides, seed : laid over it, as ``--set`` and ``--seed``: texts ``key=value``, or a table of dotted keys
     out             : folder of the log; rerun : see view.stream.open_stream
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
     watch : given every block while it is recorded, on a thread of its own where a second core is free; it must be
@@ -105,7 +105,7 @@ def fly(
     raises: the log is then finished.
     """
     text, name, sets = *_file(scenario), override_texts(overrides)
-    scenario = load(scenario, sets, seed, allow_code=allow_code)
+    scenario = load(scenario, overrides, seed, allow_code=allow_code)
     pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
     scenario = scenario if live is None else scenario.armed()
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit

@@ -15,6 +15,7 @@ from rig.record.failures import failed_text
 from rig.record.flight_summary import Peaks
 from rig.record.suspects import Suspect, lasting_text
 from rig.scenario import Scenario
+from rig.scenario_notes import notes
 from rig.unit.settings import voter
 from rig.view.stream import StreamReport
 
@@ -62,6 +63,11 @@ class Flight:
         unit = self.unit or {}
         return voter(self.scenario.redundancy.manager, unit.get("name"), unit.get("lane"))
 
+    @property
+    def notes(self) -> list[str]:
+        """Return what in the scenario is hardly meant: a point that was not designed, a trigger that never holds."""
+        return notes(self.scenario)
+
     @cached_property
     def recorded(self) -> Log:
         """The log, read when it is first asked for."""
@@ -73,7 +79,7 @@ class Flight:
         return self.recorded.rows
 
     def signal(self, name: str) -> SignalArrays:
-        """Return the arrays of one signal; KeyError when there is no such signal."""
+        """Return the arrays of one signal; BadInput when there is no such signal."""
         return self.recorded.signal(name)
 
     def to_polars(self, *owners: str) -> pl.DataFrame:
@@ -111,6 +117,7 @@ class Flight:
             "failed": self.failed,
             "suspects": [suspect.as_dict() for suspect in self.suspects],
             "not_executed": self.not_executed,
+            "notes": self.notes,
             "peaks": asdict(self.peaks),
             "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],
             "timing": timing,

@@ -25,9 +25,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.errors import BadInput
 from rig.frame import FLAT, INDEX, LANE_FIELDS, SIGNALS, Block, Ilm, LaneBlock, LanePart, Pattern, State, parts_of
 from rig.frame.fields import FIELD
 from rig.log.schema import LANE_MESSAGES, LANE_TOPICS, MESSAGES, TOPICS_OF_ROWS, Field, Topic
+from rig.text import choices, quoted
 from rig.units.quantities import unit_of_name
 
 if TYPE_CHECKING:
@@ -167,12 +169,12 @@ def dataframe(
     """Return the table of ``rows`` (n,) at ``time_s`` (n,), s; SI units, enums as words.
 
     lanes : (n,) of its servos and computers, if there are any
-    KeyError: an owner that is no signal, discrete, topic, actuator or computer of the flight.
+    BadInput: an owner that is no signal, discrete, topic, actuator or computer of the flight.
     """
     allowed = [*OWNERS, *lane_owners(lanes)]
     for owner in owners:
         if owner not in allowed:
-            raise KeyError(f"unknown {owner!r}, allowed: {', '.join(allowed)}")
+            raise BadInput(f"unknown {quoted(owner)}, {choices(owner, allowed, 'rig signals')}")
     values = {column: column.of(rows) for column in chosen(rows, owners)}
     if lanes is not None:
         values |= {column: column.of(lanes) for column in chosen_lanes(lanes, owners)}

@@ -1,17 +1,20 @@
 """A log as a file: CSV, Parquet or NumPy's npz, with the columns of rig/log/columns.py.
 
-Enums are words in CSV and Parquet and numbers in npz.
+Enums are words in CSV and Parquet and numbers in npz.  Units are metadata of the columns in Parquet, ``unit``; CSV and
+npz have no place for them that every reader knows, so they stand beside, in ``<file>.units.json``.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Sequence
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
+import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow.parquet import ParquetWriter
 
@@ -30,13 +33,15 @@ from rig.log.columns import (
     lane_owners,
     name,
     of_columns,
+    unit_of,
 )
 from rig.log.scan import About
 from rig.text import choices, quoted
 from rig.util.blocks import in_blocks
-from rig.util.files import replaced
+from rig.util.files import replaced, write_text
 
 _FOR_VOTE: Final = ("channels", "ilm", "reference")
+UNITS: Final = ".units.json"  # behind the name of a CSV or npz
 ENDINGS: Final = ("csv", "parquet", "npz")
 GROUP_BYTES: Final = 1 << 24  # of columns that are written at once
 Group = dict[str, NDArray[Any]]  # (n,) columns by name, time first
@@ -51,6 +56,7 @@ class Exported(NamedTuple):
 
     columns: list[str]
     rows: int
+    units: dict[str, str]  # SI, of the columns that have one
 
 
 def export(log: Log | Path, to: str, out: Path, owners: Sequence[str] = (), for_vote: bool = False) -> Exported:
@@ -68,7 +74,16 @@ def export(log: Log | Path, to: str, out: Path, owners: Sequence[str] = (), for_
             rows = _WRITERS[to](part, groups, described)
         except (OSError, pl.exceptions.PolarsError) as error:
             raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
-    return Exported([TIME, *described], rows)
+    units = units_of(described)
+    if to != "parquet":
+        write_text(out.with_name(f"{out.name}{UNITS}"), f"{json.dumps(units, indent=1)}\n")
+    return Exported([TIME, *described], rows, units)
+
+
+def units_of(described: dict[str, Column]) -> dict[str, str]:
+    """Return the SI units of the columns that have one, by name; time first."""
+    of = {key: unit_of(column.path) for key, column in described.items()}
+    return {TIME: "s", **{key: unit for key, unit in of.items() if unit}}
 
 
 def _read(log: Log | Path, owners: Sequence[str], for_vote: bool) -> tuple[dict[str, Column], Iterator[Group]]:
@@ -137,18 +152,20 @@ def _write_csv(path: Path, groups: Iterator[Group], described: dict[str, Column]
 
 
 def _write_parquet(path: Path, groups: Iterator[Group], described: dict[str, Column]) -> int:
-    """Write a row group for each group; of a single one by polars, which cannot append."""
-    tables = (of_columns(group, described) for group in groups)
-    held, rows = list(islice(tables, 2)), 0
-    if len(held) == 1:
-        with path.open("wb") as opened:
-            held[0].write_parquet(opened)
-        return len(held[0])
-    with path.open("wb") as opened, ParquetWriter(opened, held[0].to_arrow().schema, compression="zstd") as file:
-        while (table := held.pop(0) if held else next(tables, None)) is not None:
-            file.write_table(table.to_arrow())
+    """Write a row group for each group; each column that has a unit has it in its metadata."""
+    units, rows = units_of(described), 0
+    tables = (of_columns(group, described).to_arrow() for group in groups)
+    first = next(tables)
+    schema = pa.schema([_with_unit(field, units.get(field.name)) for field in first.schema])
+    with path.open("wb") as opened, ParquetWriter(opened, schema, compression="zstd") as file:
+        for table in chain([first], tables):
+            file.write_table(table.cast(schema))
             rows += len(table)
     return rows
+
+
+def _with_unit(field: pa.Field, unit: str | None) -> pa.Field:
+    return field if unit is None else field.with_metadata({**(field.metadata or {}), "unit": unit})
 
 
 def _write_npz(path: Path, groups: Iterator[Group], described: dict[str, Column]) -> int:

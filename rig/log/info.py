@@ -11,7 +11,8 @@ from rig.errors import BadInput
 from rig.log.reader import scenario_of, unit_of
 from rig.log.scan import RECOVERED, Contents, contents
 from rig.log.schema import topics
-from rig.scenario import Scenario
+from rig.scenario import Scenario, from_resolved
+from rig.scenario_notes import notes
 from rig.settings import build, parse_toml
 
 FILE: Final = "scenario.toml"  # the attachment
@@ -57,6 +58,7 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
         "rate_hz": log.rate_hz,
         "planned_s": scenario.get("duration_s"),
         "faults": len(scenario.get("faults", ())),
+        "notes": _notes(scenario),
         "schema_version": int(metadata["schema_version"]),
         "versions": versions,
         "commit": metadata.get("git commit"),
@@ -64,6 +66,14 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
         "what_if": metadata.get("what if"),
         "what_if_of": metadata.get("what if of"),
     }
+
+
+def _notes(scenario: dict[str, Any]) -> list[str]:
+    """Return what of the scenario hardly anyone means; nothing of one that this version does not read."""
+    try:
+        return notes(from_resolved(scenario, FILE))
+    except BadInput:
+        return []
 
 
 def _health(log: Contents) -> str:
@@ -87,18 +97,18 @@ def overrides(text: str, resolved: dict[str, Any]) -> list[str] | None:
         filed = build(Scenario, aircraft.lay_over(tables, data, FILE), FILE).resolved()
     except BadInput:
         return None
-    before, flown = dict(_leaves(filed)), dict(_leaves(resolved))
+    before, flown = dict(leaves(filed)), dict(leaves(resolved))
     changed = [key for key in {**before, **flown} if before.get(key) != flown.get(key) and key != "seed"]
     return [f"{key}={flown[key]}" if key in flown else f"{key} not set" for key in changed]
 
 
-def _leaves(node: dict[str, Any], within: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(node: dict[str, Any], within: str = "") -> Iterator[tuple[str, Any]]:
     """Yield dotted keys and values of nested tables; a list is one value unless it is of tables."""
     for key, value in node.items():
         name = f"{within}{key}"
         if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
             value = {str(i): item for i, item in enumerate(value)}
         if isinstance(value, dict):
-            yield from _leaves(value, f"{name}.")
+            yield from leaves(value, f"{name}.")
         else:
             yield name, value

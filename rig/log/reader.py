@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import BadLog
+from rig.errors import BadInput, BadLog
 from rig.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, LaneBlock, has_part, lane_rows, links
 from rig.log.blocks import Frames
 from rig.log.scan import About, iter_parts
 from rig.record.event import Event
+from rig.text import choices, quoted
 from rig.util.blocks import cuts
 
 if TYPE_CHECKING:
@@ -114,11 +115,11 @@ class Log:
         return self.rows["frame"] / self.rate_hz
 
     def signal(self, name: str) -> SignalArrays:
-        """Return the arrays of one signal; KeyError when there is no such signal."""
+        """Return the arrays of one signal; BadInput when there is no such signal."""
         return SignalArrays(self.time_s, *self._columns(SignalArrays, "", _place(INDEX, name, "signal")))
 
     def discrete(self, name: str) -> DiscreteArrays:
-        """Return the arrays of one discrete; KeyError when there is no such discrete."""
+        """Return the arrays of one discrete; BadInput when there is no such discrete."""
         place = _place(DISCRETE_INDEX, name, "discrete")
         return DiscreteArrays(self.time_s, *self._columns(DiscreteArrays, "discrete_", place))
 
@@ -131,7 +132,7 @@ class Log:
 
         owners : signals, discretes, topics (control, flight, ...), what lanes have
         (``actuator.elevator``, ``computer.A``, ``ccdl``); all if none.
-        KeyError: one that does not exist.
+        BadInput: one that does not exist.
         """
         from rig.log.columns import dataframe
 
@@ -140,7 +141,7 @@ class Log:
 
 def _place(index: dict[str, int], name: str, kind: str) -> int:
     if name not in index:
-        raise KeyError(f"unknown {kind} {name!r}, allowed: {', '.join(index)}")
+        raise BadInput(f"unknown {kind} {quoted(name)}, {choices(name, index, 'rig signals')}")
     return index[name]
 
 

@@ -51,6 +51,7 @@ from rig.util.files import open_regular, replaced, reported
 _RATES_HZ: Final = (1.0, 1000.0)  # of a flight, as a scenario has them
 RECOVERED: Final = "recovered"  # name of the metadata record of a log that was mended
 R = TypeVar("R", Attachment, Channel, DataEnd, Footer, Metadata, Schema)
+_VOTED: Final = ("rig.Signal", "rig.Discrete")  # messages of an output of rig vote
 
 
 @dataclass(slots=True)
@@ -248,7 +249,7 @@ class _Descriptions:
         """Return the layout of the chunks; BadLog when the messages are not ours."""
         if self._layout is None:
             if not about.metadata:
-                raise BadLog(f"{self._path}: not a log of this rig (no metadata record {RIG!r})")
+                raise BadLog(f"{self._path}: {self._foreign()}")
             version = int(about.metadata["schema_version"])
             newest, by_topic = version == SCHEMA_VERSION, version >= BY_TOPIC
             fields_by_message: dict[str, tuple[Field, ...]] = {}
@@ -260,6 +261,15 @@ class _Descriptions:
                 fields_by_message.setdefault(name, fields)
             self._layout = layout_of(about.lanes) if by_topic else Layout(fields_by_message, rowwise=True)
         return self._layout
+
+    def _foreign(self) -> str:
+        """Say what a file without the metadata of a flight is, and what reads it."""
+        if any(schema.name in _VOTED for schema in self._schemas.values()):
+            return (
+                "an output of rig vote, no log of a flight: rig diff compares it, rig vote votes on its channels "
+                "again; for a plot, rig vote --out FILE.csv or .parquet writes a table"
+            )
+        return f"not a log of this rig (no metadata record {RIG!r})"
 
     def _schema(self, ours: Channel) -> Schema:
         """Return the schema of one of our channels in this log."""

@@ -23,13 +23,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Final
 
 from rig.errors import BadInput, RigError
 from rig.kernels import cache_root
 from rig.plant.airframe import Config, Surface
 from rig.plant.imperial import METRES_PER_FOOT, METRES_PER_INCH
 from rig.text import choices, quoted
-from rig.util.files import is_file
+from rig.util.files import is_file, reported
 
 THROTTLE_POSITION = "rig/throttle-position"  # 0 to 1, after the actuator
 
@@ -37,7 +38,8 @@ _DROPPED = ("flight_control", "autopilot", "system", "external_reactions", "inpu
 _SHAPING = {"base_model", "cg_x_shift_m", "elevator", "aileron", "rudder", "throttle", "properties"}
 _METRES = {"M": 1.0, "FT": METRES_PER_FOOT, "IN": METRES_PER_INCH}
 _READERS = ("property", "p", "independentVar")
-_READS_FILE = "reads.txt"
+_NOT_READ: Final = "a file of JSBSim's package, which is not installed as a whole, cannot be read"
+_READS_FILE: Final = "reads.txt"
 
 
 def folder(airframe: Config, root: Path, servos: bool = False) -> Path:
@@ -60,7 +62,8 @@ def folder(airframe: Config, root: Path, servos: bool = False) -> Path:
 
 def base_models(root: Path) -> list[str]:
     """Return the aircraft of the installed JSBSim, in alphabetical order."""
-    folders = sorted((root / "aircraft").iterdir())
+    with reported(root / "aircraft", what=_NOT_READ):
+        folders = sorted((root / "aircraft").iterdir())
     return [path.name for path in folders if is_file(path / f"{path.name}.xml")]
 
 
@@ -79,6 +82,8 @@ def parsed(path: Path) -> ET.Element:
         return ET.parse(path).getroot()
     except (ET.ParseError, ValueError, LookupError) as error:  # of the text, of its encoding
         raise BadInput(f"airframe.base_model: {path} cannot be read: {error}") from None
+    except OSError as error:
+        raise RigError(f"{path}: {_NOT_READ}: {error.strerror}") from None
 
 
 def read_by_equations(tree: ET.Element, root: Path, source: Path) -> list[str]:
@@ -90,7 +95,9 @@ def read_by_equations(tree: ET.Element, root: Path, source: Path) -> list[str]:
 
 def reads(folder: Path) -> list[str]:
     """Return the properties that the equations of this folder's aircraft and engines read."""
-    return (folder / _READS_FILE).read_text(encoding="utf-8").split()
+    path = folder / _READS_FILE
+    with reported(path, what=f"cannot be read; remove {folder}, it is made again"):
+        return path.read_text(encoding="utf-8").split()
 
 
 @cache
@@ -99,7 +106,8 @@ def _sources(source: Path) -> bytes:
     digest = hashlib.sha256(Path(__file__).read_bytes())
     for path in sorted(source.rglob("*")):
         if path.is_file():
-            digest.update(path.read_bytes())
+            with reported(path, what=_NOT_READ):
+                digest.update(path.read_bytes())
     return digest.digest()
 
 

@@ -104,7 +104,9 @@ class Shared(Settings):
             if name is None or point.name == name:
                 return point
         allowed = choices(str(name), (point.name for point in self.flight_points), "rig aircraft list")
-        raise BadInput(f"flight_point: {self.base_model} has no {quoted(name)}; {allowed}")
+        raise BadInput(
+            f"flight_point: {self.base_model} has no {quoted(name)}; {allowed}; to add one: docs/aircraft.md"
+        )
 
     @property
     def surface_limits(self) -> list[tuple[float, float]]:

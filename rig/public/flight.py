@@ -25,7 +25,7 @@ class Flight(result.Flight):
         return read_log(self.log)
 
     def plot(self, name: str) -> Figure:
-        """Return channels, vote and truth of one signal over the flight; KeyError when there is no such signal."""
+        """Return channels, vote and truth of one signal over the flight; BadInput when there is no such signal."""
         return self.recorded.plot(name)
 
     def _repr_html_(self) -> str:

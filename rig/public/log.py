@@ -19,7 +19,7 @@ class Log(log.Log):
     """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, events, metadata, result, attachments."""
 
     def plot(self, name: str) -> Figure:
-        """Return channels, vote and truth of one signal over the flight; KeyError when there is no such signal."""
+        """Return channels, vote and truth of one signal over the flight; BadInput when there is no such signal."""
         from rig.view.notebook import plot
 
         return plot(self, name)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadInput
-from rig.recordings.clock import Floats
+from rig.recordings.clock import Floats, digits
 from rig.recordings.delays import MAX_DELAY, bridged, delays, interpolated
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal
@@ -67,7 +67,10 @@ def _stretch(time_s: Floats, start_s: float | None, end_s: float | None) -> slic
     start = 0 if start_s is None else int(np.searchsorted(time_s, start_s))
     end = len(time_s) if end_s is None else int(np.searchsorted(time_s, end_s, side="right"))
     if end - start < MIN_ROWS:
-        raise BadInput(f"align: {max(end - start, 0)} rows from {start_s} to {end_s} s; at least {MIN_ROWS} are needed")
+        first, last = float(time_s[0]), float(time_s[-1])
+        asked = f"{digits(first if start_s is None else start_s)} to {digits(last if end_s is None else end_s)} s"
+        there = f"the recording is from {digits(first)} to {digits(last)} s"
+        raise BadInput(f"align: {max(end - start, 0)} rows from {asked}; at least {MIN_ROWS} are needed; {there}")
     return slice(start, end)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from rig.recordings.align import DEFAULT_S, MIN_ROWS, Corrections, align
 from rig.recordings.align_matrix import Matrix, take_off_matrices
+from rig.recordings.clock import of_rows
 from rig.recordings.injection_file import Injected
 from rig.recordings.offset_moves import OffsetMove, offset_moves
 from rig.recordings.recording import Recording
@@ -80,9 +81,10 @@ def _in_stretch(recording: Recording, injected: Sequence[Injected], start: float
         if fault.first is None or fault.last is None:
             continue
         first, last = float(recording.time_s[fault.first]), float(recording.time_s[fault.last])
+        onset = of_rows(first, float(recording.time_s[0]))
         if first <= end and last >= start:
             lines.append(
-                f"{fault.label}: {fault.signal}.{fault.channel} is faulty from {first:g} s, within the stretch that "
+                f"{fault.label}: {fault.signal}.{fault.channel} is faulty from {onset}, within the stretch that "
                 "the alignment is found in: a part of the fault is taken for its offset"
             )
     return lines

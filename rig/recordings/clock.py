@@ -20,6 +20,8 @@ LATEST_S: Final = 9e9  # a log's time stamps are nanoseconds in 64 bits
 SHORTEST_S: Final = 1e-9
 NAMED: Final = 5  # rows that a message names
 OPTION: Final = "--repair-time"
+LONG_AGO_S: Final = 1e5  # at the first row: the recorder counts from a date, not from its start
+_FEW_S: Final = 1e3
 GAP: Final = 5.0  # periods from which a pause is told
 _UNITS_S: Final = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _LOWEST_HZ, _HIGHEST_HZ = 1.0, 10_000.0  # rates that a recorder has
@@ -72,6 +74,17 @@ def clock(source: str, time_s: Floats, repair: bool = False) -> Clock:
     return Clock(time_s[kept], kept, repaired, source)
 
 
+def digits(time_s: float) -> str:
+    """Return a time in seconds with its milliseconds, however long ago the clock began."""
+    return f"{time_s:.6g}" if abs(time_s) < _FEW_S else f"{time_s:.3f}".rstrip("0").rstrip(".")
+
+
+def of_rows(time_s: float, first_s: float) -> str:
+    """Return a time of a recording; of one whose clock began long ago also since its first row, at ``first_s``."""
+    since = f" ({time_s - first_s:+.3f} s)" if abs(first_s) >= LONG_AGO_S else ""
+    return f"{digits(time_s)} s{since}"
+
+
 def gaps(source: str, time_s: Floats) -> list[str]:
     """Return a line on the pauses of more than GAP periods in the rising ``time_s``; none: an empty list."""
     steps = np.diff(time_s)
@@ -79,7 +92,7 @@ def gaps(source: str, time_s: Floats) -> list[str]:
     if len(long) == 0:
         return []
     largest = long[np.argmax(steps[long])]
-    longest = f"gap of {steps[largest]:.6g} s at {time_s[largest]:.6g} s"
+    longest = f"gap of {steps[largest]:.6g} s at {of_rows(float(time_s[largest]), float(time_s[0]))}"
     gap = longest if len(long) == 1 else f"{len(long)} gaps of more than {GAP:g} rows, the largest a {longest}"
     return [f"{source}: {gap}: the rows before and after count as consecutive"]
 

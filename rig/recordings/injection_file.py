@@ -16,6 +16,7 @@ from pydantic import Field
 from rig.errors import BadInput
 from rig.faults.places import site
 from rig.frame import MOST_FAULTS
+from rig.recordings.clock import digits
 from rig.recordings.recording import Recording
 from rig.scenario import Scenario, find
 from rig.settings import Settings, build, read_toml
@@ -122,10 +123,12 @@ def _check_times(i: int, fault: Table, recording: Recording) -> None:
     """Check ``start_s`` and ``end_s``, times of the recording, which may be those of a calendar."""
     first, last = float(recording.time_s[0]), float(recording.time_s[-1])
     start, end = number(fault, "start_s"), number(fault, "end_s")
-    if start is not None and not 0.0 <= start <= last:
-        raise ValueError(f"faults.{i}.start_s: the recording goes from {first:g} to {last:g} s, got {start:g}")
+    if start is not None and not first <= start <= last:
+        within = f"the recording goes from {digits(first)} to {digits(last)} s"
+        raise ValueError(f"faults.{i}.start_s: {within}, got {digits(start)}")
     if end is not None and end <= max(first, start or 0.0):
-        raise ValueError(f"faults.{i}.end_s: {end:g} is not after start_s or the first row, {max(first, start or 0):g}")
+        after = digits(max(first, start or 0.0))
+        raise ValueError(f"faults.{i}.end_s: {digits(end)} is not after start_s or the first row, {after}")
 
 
 def number(fault: Table, key: str) -> float | None:

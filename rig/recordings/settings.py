@@ -38,6 +38,7 @@ from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
 from rig.computer.redundancy.rivals.settings import Rivals
 from rig.errors import BadInput
 from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS
+from rig.recordings.clock import digits
 from rig.recordings.csv_file import TableFormat
 from rig.settings import Settings, build, read_toml
 from rig.text import choices, nearest, quoted, shorten
@@ -180,6 +181,18 @@ class VoteConfig(Settings):
         """BadInput where ``unresolved_s`` is given and shorter than an answer must stand; the default gives way."""
         if "unresolved_s" in self.model_fields_set and (short := short_wait(self.unresolved_s, signals, rate_hz)):
             raise BadInput(f"{source}: {short}")
+
+    def refuse_late_resets(self, time_s: NDArray[np.float64], source: str) -> None:
+        """BadInput for a reset before the first row of a recording or after its last."""
+        first, last = float(time_s[0]), float(time_s[-1])
+        for i, reset in enumerate(self.resets):
+            if not first <= reset.at_s <= last:
+                since = f"; {reset.at_s:g} s after the first row is {digits(first + reset.at_s)}"
+                hint = since if reset.at_s <= last - first else ""
+                raise BadInput(
+                    f"{source}: resets.{i}.at_s: must be from {digits(first)} to {digits(last)} s, the times of the "
+                    f"recording, got {digits(reset.at_s)}{hint}"
+                )
 
     def signals(self, present: Collection[str], source: str) -> dict[str, RecordedSignal]:
         """Return settings of the signals to be voted, those of ``present`` that a table or the default names."""

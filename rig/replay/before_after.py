@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,11 +15,15 @@ from rig.errors import BadLog
 from rig.frame import INDEX, SIGNALS
 from rig.log import foreign, read_log
 from rig.log.columns import COLUMNS, chosen_lanes
+from rig.log.info import leaves
+from rig.log.reader import scenario_of
 from rig.log.schema import MESSAGES
 from rig.replay.compare import Comparison, Field, of_column, tolerances
+from rig.text import shorten
 
 _SAMPLES: Final = ("truth", "voted", "reference", "channels")
 _ANGLES: Final = tuple(field.name for field in MESSAGES["rig.Signal"].fields if field.source in _SAMPLES)
+_MOST_KEYS: Final = 20  # settings that are told one by one
 _SAID: Final = ("seed", "scenario", "machine", "git commit")  # and all "version ..."
 
 
@@ -110,7 +115,21 @@ def _notes(a: dict[str, str], b: dict[str, str]) -> list[str]:
     """Return the origins of both logs that are not alike."""
     keys = [key for key in a if key in b and (key in _SAID or key.startswith("version "))]
     differ = [key for key in keys if a[key] != b[key]]
-    return ["the scenarios differ" if key == "scenario" else f"{key}: {a[key]} and {b[key]}" for key in differ]
+    of_settings = _settings(a["scenario"], b["scenario"]) if "scenario" in differ else []
+    return [*(f"{key}: {a[key]} and {b[key]}" for key in differ if key != "scenario"), *of_settings]
+
+
+def _settings(a: str, b: str) -> list[str]:
+    """Return the keys in which two scenarios of logs differ, with both values; the seed is told by itself."""
+    left, right = (dict(leaves(scenario_of({"scenario": text}, "scenario"))) for text in (a, b))
+    keys = [key for key in {**left, **right} if key != "seed" and left.get(key) != right.get(key)]
+    shown = [f"{key}: {_value(left, key)} and {_value(right, key)}" for key in keys[:_MOST_KEYS]]
+    more = len(keys) - len(shown)
+    return [*shown, *([f"and {more} more settings that differ: rig info --json has all of each log"] if more else [])]
+
+
+def _value(settings: dict[str, Any], key: str) -> str:
+    return shorten(json.dumps(settings[key])) if key in settings else "not set"
 
 
 def of_replay(old: dict[str, str], new: dict[str, str]) -> list[str]:

@@ -11,7 +11,7 @@ import jinja2
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
-from rig.util.files import write_text
+from rig.util.files import NOT_WHOLE, reported, write_text
 from rig.util.palette import CSS
 from rig.util.versions import versions
 
@@ -45,7 +45,7 @@ def write_page(
     Raise BadInput or RigError where the file cannot be written.
     """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("rig", "report"),
+        loader=jinja2.FunctionLoader(_template),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -56,6 +56,13 @@ def write_page(
     text = json.dumps(drawn, allow_nan=False).replace("<", "\\u003c")  # nothing in it can end the script element
     about = {"plotly": get_plotlyjs(), "versions": versions(), "palette": CSS}
     write_text(out, environment.get_template(template).render(figures=text, **about, **data))
+
+
+def _template(name: str) -> str:
+    """Return the text of a template of this folder.  RigError: it is not there, or cannot be read."""
+    path = Path(__file__).with_name(name)
+    with reported(path, what=NOT_WHOLE):
+        return path.read_text(encoding="utf-8")
 
 
 def percent(value: float | None) -> str:

@@ -14,9 +14,10 @@ from typing import Any, Final
 
 from rig.campaign.config import Campaign, from_what
 from rig.campaign.folder import write_whole
-from rig.campaign.plan import Plan
+from rig.campaign.plan import Plan, rig_identity
 from rig.campaign.run import Result, run
-from rig.errors import BadInput
+from rig.campaign.worker import Orders, fly_alone
+from rig.errors import BadInput, RigError
 from rig.frame import INDEX
 from rig.safety.sequences import CONDITIONS, Condition, Modes, flights, sequences
 from rig.text import choices, quoted
@@ -68,8 +69,7 @@ def require(asked: Asked, source: str = "--signal") -> None:
 def plan(asked: Asked, condition: str, wanted: Sequence[Modes] | None = None, source: str = "cutsets") -> Plan:
     """Return the campaign of a condition; ``wanted``: sequences instead of all up to the order."""
     when = CONDITIONS[condition]
-    base = _base(asked, when)
-    bare = Plan(_campaign(asked, base, [{"name": "healthy"}], when, source), source)
+    base, bare = _base(asked, when), _healthy(asked, when, source)
     channels = range(1, getattr(bare[0].scenario().sensors, asked.signal).channels + 1)
     cases = [
         {
@@ -80,6 +80,31 @@ def plan(asked: Asked, condition: str, wanted: Sequence[Modes] | None = None, so
         if sum("reference" not in mode for mode in each) <= len(channels)
     ]
     return Plan(_campaign(asked, base, cases, when, source), source)
+
+
+def _healthy(asked: Asked, when: Condition, source: str) -> Plan:
+    """Return the one flight of a condition without faults."""
+    return Plan(_campaign(asked, _base(asked, when), [{"name": "healthy"}], when, source), source)
+
+
+def refuse_lost(asked: Asked, out: Path) -> None:
+    """Raise BadInput where a flight without faults loses the signal or the aircraft: every sequence would be a cut set.
+
+    A folder that is begun has passed.  RigError: such a flight cannot be flown.
+    """
+    if is_file(out / CUTSETS):
+        return
+    for name in asked.conditions:
+        healthy = _healthy(asked, CONDITIONS[name], "cutsets")
+        orders = Orders("none", 1, "", healthy.campaign.run.timeout_s, twin=False, rig=rig_identity())
+        rows = fly_alone([healthy[0]], orders)
+        run = rows["runs"][0]
+        if run["outcome"] != "flown":
+            raise RigError(f"{name} without faults: {run['outcome']}: {run['reason']}")
+        lost_s = sum(row["lost_s"] or 0.0 for row in rows["signals"] if row["signal"] == asked.signal)
+        if lost_s > 0.0 or not run["survived"]:
+            what = "the aircraft" if not run["survived"] else f"{asked.signal}, for {lost_s:g} s,"
+            raise BadInput(f"--conditions {name}: {what} is lost without any fault: no sequence can be a cut set of it")
 
 
 def _base(asked: Asked, when: Condition) -> dict[str, Any]:
@@ -106,6 +131,7 @@ def fly(asked: Asked, out: Path, workers: int, report: Report | None = None) -> 
     BadInput, before anything is written: ``out`` holds something else, or was asked otherwise.
     """
     plans = {condition: plan(asked, condition) for condition in asked.conditions}
+    refuse_lost(asked, out)
     begin(out, asked.as_dict())
     return fly_all(plans, out, workers, report)
 

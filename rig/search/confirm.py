@@ -37,6 +37,12 @@ class Confirmed:
         return sum(result.violated for result in self.results)
 
     @property
+    def violating(self) -> dict[str, int]:
+        """Return the requirements that it violates: by id, on how many seeds."""
+        ids = [each for result in self.results for each in result.violating]
+        return {each: ids.count(each) for each in dict.fromkeys(ids)}
+
+    @property
     def median_margin(self) -> float:
         """Return the median of its margins."""
         return float(median(result.margin for result in self.results))

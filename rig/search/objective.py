@@ -27,6 +27,7 @@ class Measured(NamedTuple):
     margin: float  # least of the requirements; against another setting the difference of two
     vote: float  # least margin of the vote of the signals with faults
     violated: bool  # against another setting: here, and not there
+    violating: tuple[str, ...] = ()  # ids of the requirements that are violated here, and not there
 
     @property
     def value(self) -> float:
@@ -50,11 +51,30 @@ def chosen(ids: Sequence[str], files: Sequence[str] = (), own: Sequence[dict[str
 
 def measured(rows: Sequence[dict[str, Any]], ids: Iterable[str]) -> Measured:
     """Return what a draw is worth, by its rows of ``runs``: one, or two with the other setting's behind."""
-    ids = set(ids)
+    asked = list(ids)
     told = [json.loads(row.get("requirements") or "[]") for row in rows]
-    margins, votes = [_least(each, ids) for each in told], [_least(each, {VOTE.id}) for each in told]
-    violated = [any(one["status"] == "violated" for one in each if one["requirement"] in ids) for each in told]
-    return Measured(margins[0] - sum(margins[1:]), votes[0] - sum(votes[1:]), violated[0] and not any(violated[1:]))
+    margins, votes = [_least(each, set(asked)) for each in told], [_least(each, {VOTE.id}) for each in told]
+    here, *there = [_violated(each) for each in told]
+    found = bool(here.intersection(asked)) and not any(other.intersection(asked) for other in there)
+    violating = tuple(each for each in asked if each in here) if found else ()
+    return Measured(margins[0] - sum(margins[1:]), votes[0] - sum(votes[1:]), found, violating)
+
+
+def deciding(rows: Sequence[Sequence[dict[str, Any]]], ids: Sequence[str]) -> tuple[str, ...]:
+    """Return the requirements that a search decides by: those of ``ids`` that not every random draw violates.
+
+    One that all of them violate has its margin in each flight and would hide the others.  All of ``ids`` if no other
+    is left.
+
+    rows : of each random draw its flights, one in each setting
+    """
+    violated = [[_violated(json.loads(row.get("requirements") or "[]")) for row in draw] for draw in rows]
+    always = {each for each in ids if any(all(each in one for one in of) for of in zip(*violated, strict=True))}
+    return tuple(each for each in ids if each not in always) or tuple(ids)
+
+
+def _violated(told: Sequence[dict[str, Any]]) -> set[str]:
+    return {one["requirement"] for one in told if one["status"] == "violated"}
 
 
 def _least(told: Sequence[dict[str, Any]], ids: set[str]) -> float:

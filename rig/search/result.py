@@ -54,19 +54,21 @@ def figures(
         },
         "scenario": str(out / SCENARIO) if shrunk.violations else None,
         "confirmed": [shrunk.violations, SEEDS],
+        "violating": shrunk.violating,
     }
 
 
 def write_scenario(path: Path, plan: SearchPlan, shrunk: Confirmed) -> None:
     """Write the scenario of a worst case, with a seed that violates, and the bundled sets of its requirements."""
     asked = plan.asked
-    requirements = [each for each in plan.requirements if each.id in asked.requirements]
+    requirements = [each for each in plan.requirements if each.id in shrunk.violating]
     base = plan.campaign.title or str(shrunk.table.get("title", plan.source))
-    violated = f"violated in {shrunk.violations} of {len(shrunk.seeds)} seeds"
+    seeds = len(shrunk.seeds)
+    violated = ", ".join(f"{name} violated in {count} of {seeds} seeds" for name, count in shrunk.violating.items())
     other = "" if asked.against is None else f", and met with {asked.against}"
     texts = [f"#   {each.id}: {' '.join(each.formula.split())}" for each in requirements]
-    head = "\n".join([f"# Found by rig search, {violated}{other}. Requirement:", *texts])
-    table = {**shrunk.table, "title": f"{base}: {', '.join(asked.requirements)} {violated}", "seed": shrunk.seed}
+    head = "\n".join([f"# Found by rig search: {violated}{other}. Requirements that are violated:", *texts])
+    table = {**shrunk.table, "title": f"{base}: {violated}", "seed": shrunk.seed}
     asked_for = [dict(each) for each in requirements]
     sets = [name for name in names() if any(dict(each) in asked_for for each in load_requirements([name]))]
     if sets:

@@ -25,7 +25,8 @@ from rig.overrides import parse_set, set_key
 from rig.search import bench, picture, result
 from rig.search.confirm import SEEDS, Confirmed, Table, confirm, least_apart, new_seeds, worst
 from rig.search.flown import Flown, Interrupted, flown
-from rig.search.objective import Measured, measured
+from rig.search.healthy import refuse_violated
+from rig.search.objective import Measured, deciding, measured
 from rig.search.plan import ConfirmPlan, SearchPlan
 from rig.search.schedule import schedule
 from rig.search.shrink import SEEDS as SHRINK_SEEDS
@@ -60,6 +61,11 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
         if plan.asked.bench:
             bench.check(plan)
         with interruptible(again=True) as stop:
+            try:
+                refuse_violated(plan, out, pool, stop)
+            except Interrupted:
+                kill = stop.insisted
+                return Ended({}, "", 0, perf_counter() - began, interrupted=True, signal=stop.signal)
             with flown(plan, out, pool, stop, batch) as flights:
                 found, figures = None, {}
                 try:
@@ -76,31 +82,41 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
         pool.close(kill)
 
 
-def _searched(plan: SearchPlan, flights: Flown) -> list[Measured]:
-    """Return what each draw is worth, in their order."""
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What a search measured, and by which of the requirements that are asked for."""
+
+    ids: tuple[str, ...]
+    results: list[Measured]  # of each draw, in their order
+
+
+def _searched(plan: SearchPlan, flights: Flown) -> _Found:
+    """Fly the draws; return what each is worth."""
     results: list[Measured] = []
+    ids: tuple[str, ...] = ()
     coming = schedule(plan.arms, plan.most_draws, plan.asked.seed, plan.asked.method)
     asked = next(coming)
     numbers = list(range(len(plan.choices)))  # the random flights are in the plan already
     while True:
-        ids = plan.asked.requirements
         rows = flights.rows(numbers)
         together = plan.of_one_draw
-        new = [measured(rows[i : i + together], ids) for i in range(0, len(rows), together)]
+        draws = [rows[i : i + together] for i in range(0, len(rows), together)]
+        ids = ids or deciding(draws, plan.asked.requirements)  # the random draws come first
+        new = [measured(draw, ids) for draw in draws]
         results += new
         least = margin_text(min(result.margin for result in results)) or "none yet"
         tell(f"{len(plan.choices)} flights, least margin {least}", len(plan.choices) - 1, len(plan))
         try:
             asked = coming.send([each.value for each in new])
         except StopIteration:
-            return results
+            return _Found(ids, results)
         numbers = plan.add(asked)
 
 
-def _finished(plan: SearchPlan, found: list[Measured], others: Flown, out: Path) -> dict[str, Any]:
+def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> dict[str, Any]:
     """Confirm, shrink, write scenario and picture; return the figures."""
     tell("confirming on new seeds")
-    fly = _Fly(plan, others)
+    fly, found = _Fly(plan, others, searched.ids), searched.results
     places = least_apart(plan.draws, [each.value for each in found])
     first = len(plan)
     seeds = new_seeds(plan.campaign, first, SEEDS)
@@ -114,6 +130,7 @@ def _finished(plan: SearchPlan, found: list[Measured], others: Flown, out: Path)
         last = new_seeds(plan.campaign, first + SEEDS + SHRINK_SEEDS, SEEDS)
         shrunk = simplest(kept, last, fly)
     figures = result.figures(plan, found, places, candidates, chosen, shrunk, out)
+    figures["left_out"] = [each for each in plan.asked.requirements if each not in searched.ids]
     if shrunk.violations:
         result.write_scenario(out / result.SCENARIO, plan, shrunk)
     write_whole(out / result.FIGURES, json.dumps(figures, indent=1, allow_nan=False).encode())
@@ -124,8 +141,8 @@ def _finished(plan: SearchPlan, found: list[Measured], others: Flown, out: Path)
 class _Fly:
     """Flies scenario tables that are none of the search's own, each in both settings where it is against another."""
 
-    def __init__(self, plan: SearchPlan, flights: Flown) -> None:
-        self._plan, self._flights, self._confirming = plan, flights, flights.plan
+    def __init__(self, plan: SearchPlan, flights: Flown, ids: tuple[str, ...]) -> None:
+        self._plan, self._flights, self._confirming, self._ids = plan, flights, flights.plan, ids
         assert isinstance(self._confirming, ConfirmPlan)
 
     def __call__(self, tables: Sequence[Table]) -> list[Measured]:
@@ -138,4 +155,4 @@ class _Fly:
             pairs = [[each, set_key(each, key, value, "--against")] for each in tables]
         rows = self._flights.rows(plan.add([each for pair in pairs for each in pair]))
         count = self._plan.of_one_draw
-        return [measured(rows[i : i + count], asked.requirements) for i in range(0, len(rows), count)]
+        return [measured(rows[i : i + count], self._ids) for i in range(0, len(rows), count)]

@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from rig.frame import DISCRETES, SIGNALS, UnitStatus
 from rig.unit.layout import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, SINCE, Said
 from rig.unit.port import RECEIVED, complete
 from rig.unit.unit import UnitUnderTest
+from rig.util.files import NOT_WHOLE, reported
 
 FILE: Final = Path(__file__).with_name("vectors.npz")
 BODY: Final = tuple(  # that all versions have
@@ -47,12 +49,15 @@ class Case:
 
 
 def load(path: Path = FILE) -> list[Case]:
-    """Read the cases of a file.  RigError: of other records than ours."""
-    with np.load(path) as held:
-        if int(held["layout"]) != LAYOUT:
-            raise RigError(f"{path}: vectors of another layout: write them again with tests/tools/unit_vectors.py")
-        requirement, config, case = held["requirement"], held["config"], held["case"]
-        inputs, expected = held["input"], held["expected"]
+    """Read the cases of a file.  RigError: of other records than ours, or it cannot be read."""
+    try:
+        with reported(path, what=NOT_WHOLE), path.open("rb") as file, np.load(file) as held:
+            if int(held["layout"]) != LAYOUT:
+                raise RigError(f"{path}: vectors of another layout: write them again with tests/tools/unit_vectors.py")
+            requirement, config, case = held["requirement"], held["config"], held["case"]
+            inputs, expected = held["input"], held["expected"]
+    except (BadZipFile, KeyError, EOFError) as error:
+        raise RigError(f"{path}: {NOT_WHOLE}: {error}") from None
     return [
         Case(str(requirement[i]), config[i : i + 1].copy(), inputs[case == i], expected[case == i])
         for i in range(len(config))

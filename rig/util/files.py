@@ -22,13 +22,20 @@ _KEPT = 40  # characters of a file's name that its draft has too; a name may not
 DRAFT = ".part"
 _AT_ONCE: Final = getattr(os, "O_NONBLOCK", 0)  # a pipe that has come meanwhile is not waited for
 _KINDS: Final = {stat.S_IFIFO: "a pipe", stat.S_IFDIR: "a folder", stat.S_IFSOCK: "a socket"}  # others: a device
+NOT_WHOLE = "a file of the rig, which is not installed as a whole, cannot be read"
 
 
 def bundled(kind: str) -> Path:
-    """Return the bundled ``aircraft`` or ``faults`` folder: inside the installed package, else in the checkout."""
+    """Return the bundled ``aircraft`` or ``faults`` folder: inside the installed package, else in the checkout.
+
+    RigError: neither is there.
+    """
     package = Path(__file__).parents[1]
-    installed = package / "bundled" / kind
-    return installed if installed.is_dir() else package.parent / kind
+    installed, checkout = package / "bundled" / kind, package.parent / kind
+    for folder in (installed, checkout):
+        if folder.is_dir():
+            return folder
+    raise RigError(f"{installed}: {NOT_WHOLE}: no such folder")
 
 
 def is_file(path: Path) -> bool:

@@ -82,7 +82,7 @@ def _failed(log: Log) -> str:
 def plot(log: Log, name: str) -> Figure:
     """Return a figure of channels, vote with its threshold, and truth of a signal; shaded while a fault on it acts.
 
-    The axis follows vote and truth: a channel that is further off leaves the picture.  KeyError: no such signal.
+    The axis follows vote and truth: a channel that is further off leaves the picture.  BadInput: no such signal.
     """
     import matplotlib.pyplot as plt  # noqa: F401 # makes notebooks draw figures
     from matplotlib.figure import Figure

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
+from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, Block, State
+from rig.text import choices, quoted
 from rig.units.angles import near, unwrapped
 from rig.units.quantities import scale_shown, unit_shown
 
@@ -32,12 +34,12 @@ class Series(NamedTuple):
 
 
 def series(rows: Block, rate_hz: float, name: str, last: float = np.nan) -> Series:
-    """Return the signal ``name`` of ``rows`` (n,); KeyError when there is none.
+    """Return the signal ``name`` of ``rows`` (n,); BadInput when there is none.
 
     last : the truth in the rows before, as shown, which an angle goes on from; NaN: there are none
     """
     if name not in INDEX:
-        raise KeyError(f"unknown signal {name!r}, allowed: {', '.join(INDEX)}")
+        raise BadInput(f"unknown signal {quoted(name)}, {choices(name, INDEX, 'rig signals')}")
     signal, s = SIGNALS[INDEX[name]], INDEX[name]
     truth, voted, channels = rows["truth"][:, s], rows["voted"][:, s], rows["channels"][:, s, : signal.channels]
     scale = scale_shown(signal.unit)

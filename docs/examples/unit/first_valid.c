@@ -1,4 +1,6 @@
-/* The smallest unit: votes the first channel that says it is valid and is in range, else holds the last vote. */
+/* The smallest unit: votes the first channel that says it is valid and is in range, else holds the last vote.
+ * It compares no channels. A unit that does takes differences of heading and roll angle the short way round, where
+ * config.signal[i].wraps is 1: 359 and 1 degree are 2 degrees apart, see median.c. */
 #include <string.h>
 
 #include "rig_unit.h"

@@ -74,7 +74,7 @@ def _neighbours(quantity: Quantity) -> tuple[bool, str, bool, int, int]:
 def _bind(requirement: Requirement, subject: Subject, about: _About, quantities: dict[str, Quantity]) -> list[Over]:
     """Return the formulas of a requirement on the subject's signals; their ``quantities`` are added."""
     bound_to: list[Over] = []
-    for signal, text in _texts(requirement, subject):
+    for signal, text in texts_of(requirement, subject):
         try:
             bound = _bound(text, about)
         except Refused as refused:
@@ -103,7 +103,7 @@ def _signals(requirement: Requirement, subject: Subject) -> list[str]:
     return named if SIGNAL in requirement.formula else [""]
 
 
-def _texts(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, str]]:
+def texts_of(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, str]]:
     """Yield signal and text of the formulas of a requirement: of each signal, and of each of its channels."""
     fitted = {watched.name: watched.channels for watched in subject.signals}
     for signal in _signals(requirement, subject):

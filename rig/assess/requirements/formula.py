@@ -160,7 +160,7 @@ def split(name: str) -> Name | None:
     return Name("truth" if family == "true" else family, rest, twin=twin)
 
 
-def _may_hold(name: str) -> bool:
+def may_hold(name: str) -> bool:
     """Return True if a name may be a yes or no, whatever the signals are."""
     parts = split(name)
     return parts is not None and (
@@ -191,4 +191,4 @@ def check_formula(text: str) -> None:
     if CHANNEL in text and SIGNAL not in text:
         raise Refused(f"{CHANNEL} goes with {SIGNAL}", text.index(CHANNEL) + 1)
     text = text.replace(SIGNAL, "signal").replace(CHANNEL, "1")
-    read_formula(text, lambda name: split(name) is not None, _may_hold, unknown_family)
+    read_formula(text, lambda name: split(name) is not None, may_hold, unknown_family)

@@ -1,0 +1,113 @@
+"""Times of a recording: readable where its clock began long ago, and refused in its settings where it has no row."""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from rig.cli import main as cli
+from rig.recordings.clock import digits, gaps, of_rows
+
+EPOCH = 1764166800.0
+N = 400
+
+
+@pytest.fixture
+def vote(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    """vote(first time, settings, options) -> exit code, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def voted(first_s: float, settings: str = "", *options: str) -> tuple[int, str, str]:
+        rng = np.random.default_rng(1)
+        time_s = first_s + np.arange(N) / 100 + np.where(np.arange(N) > 300, 0.5, 0.0)
+        x = {f"x.{c}": rng.normal(0.0, 0.001, N) for c in range(1, 5)}
+        x["x.2"][100:120] = np.nan
+        x["x.3"][200:] += 1.0
+        pl.DataFrame({"time_s": time_s, **x}).write_csv("in.csv")
+        Path("c.toml").write_text(f"{settings}\n[default]\nthreshold = 0.1\npersistence = 8\n")
+        monkeypatch.setattr(sys, "argv", ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", *options])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        printed = capsys.readouterr()
+        return int(end.value.code or 0), printed.out, printed.err
+
+    return voted
+
+
+def test_times_of_a_recording_of_a_calendar_have_all_digits_and_seconds_since_its_first_row(vote: Any):
+    code, out, _ = vote(EPOCH)
+    assert code == 0 and "e+09" not in out
+    assert "from 1764166800 to 1764166804.49 s (+4.490 s), +: since the first row" in out
+    assert "1764166801.07 s (+1.070 s)" in out and "1764166802.07 s (+2.070 s)" in out
+    assert "gap of 0.51 s at 1764166803 s (+3.000 s)" in out
+
+
+def test_times_of_a_recording_that_begins_at_zero_stay_short(vote: Any):
+    _, out, _ = vote(0.0)
+    assert "400 rows from 0 to 4.49 s, 100 a second" in out and "1.07 s " in out and "(+" not in out
+
+
+def test_an_aligned_recording_tells_its_stretch_as_well(vote: Any):
+    _, out, _ = vote(EPOCH, "", "--align", "--align-to", str(EPOCH + 3.0))
+    assert re.search(r"from 1764166800(\.\d+)? s \([+-]0\.\d{3} s\) to 1764166803 s \(\+(2\.9|3\.0)\d\d s\)", out)
+
+
+@pytest.mark.parametrize("at_s", [EPOCH + 4.0, EPOCH, EPOCH + 4.49])
+def test_a_reset_within_the_recording_acts(vote: Any, at_s: float):
+    code, out, _ = vote(EPOCH, f"[[resets]]\nsignal = 'x'\nat_s = {at_s!r}")
+    assert code == 0 and ("ok" in next(line for line in out.splitlines() if " x.2 " in line)) == (at_s > EPOCH)
+
+
+@pytest.mark.parametrize(
+    ("first_s", "at_s", "hint"),
+    [
+        (EPOCH, 1.5, "; 1.5 s after the first row is 1764166801.5"),
+        (EPOCH, EPOCH + 5, ""),
+        (0.0, 4.5, ""),
+        (9.0, 8.99, ""),
+    ],
+)
+def test_a_reset_outside_the_recording_is_refused(vote: Any, first_s: float, at_s: float, hint: str):
+    code, _, err = vote(
+        first_s, f"[[resets]]\nsignal = 'x'\nat_s = {first_s + 1.5!r}\n[[resets]]\nsignal='x'\nat_s = {at_s!r}"
+    )
+    assert code == 2 and not Path("o.csv").exists()
+    allowed = f"must be from {digits(first_s)} to {digits(first_s + 4.49)} s, the times of the recording"
+    assert err == f"error: c.toml: resets.1.at_s: {allowed}, got {digits(at_s)}{hint}\n"
+
+
+@pytest.mark.parametrize("start_s", [1.0, EPOCH - 0.01, EPOCH + 5])
+def test_a_fault_that_begins_outside_the_recording_is_refused(vote: Any, start_s: float):
+    fault = f"[[faults]]\nkind = 'offset'\nsignal = 'x'\nchannels = [1]\noffset = 1.0\nstart_s = {start_s!r}\n"
+    Path("f.toml").write_text(fault)
+    code, _, err = vote(EPOCH, "", "--inject", "f.toml")
+    assert code == 2 and f"the recording goes from 1764166800 to 1764166804.49 s, got {digits(start_s)}" in err
+
+
+def test_a_stretch_that_has_no_rows_is_refused_with_the_times_that_there_are(vote: Any):
+    code, _, err = vote(EPOCH, "", "--align", "--align-to", "20")
+    assert code == 2 and "the recording is from 1764166800 to 1764166804.49 s" in err and "None" not in err
+
+
+def test_how_a_channel_comes_back_is_told(vote: Any):
+    _, out, _ = vote(0.0)
+    assert "[[resets]] in CONFIG" in out and "failed by invalid" in out and "persistence" in out
+    _, mended, _ = vote(0.0, "[[resets]]\nsignal = 'x'\nat_s = 4.0")
+    assert "failed by invalid" not in mended and "[[resets]] in CONFIG" in mended  # channel 3 is out by comparison
+
+
+@pytest.mark.parametrize(
+    ("time_s", "text"), [(0.0, "0"), (20.15, "20.15"), (12345.678, "12345.678"), (1.764e9, "1764000000")]
+)
+def test_digits_have_milliseconds(time_s: float, text: str):
+    assert digits(time_s) == text
+
+
+def test_a_gap_is_told_where_it_is():
+    time_s = EPOCH + np.array([0.0, 0.01, 0.02, 0.03, 1.0, 1.01])
+    assert "1764166800.03 s (+0.030 s)" in gaps("a", time_s)[0] and of_rows(3.0, 1.0) == "3 s"
