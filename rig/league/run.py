@@ -6,7 +6,8 @@
     flights/...                  flights of a combination in closed loop
     result.json                  levels, tables, differences and verdict
 
-Each file is written beside and renamed; those that are read again have a checksum.  None depends on the number of processes, their order or the time it took.
+Each file is written beside and renamed; those that are read again have a checksum.  None depends on the number of
+processes, their order or the time it took.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ def _identity(plan: Plan, seed: int) -> dict[str, Any]:
 
 
 def _require_new(out: Path) -> None:
-    """Raise BadInput unless nothing is at ``out``, an empty folder, or what a killed command left: no ``trials.json``."""
+    """Raise BadInput unless nothing is at ``out``, or what a killed command left: no ``trials.json``."""
     if not is_unused(out, _is_left):
         raise BadInput(f"--out {out}: folder exists and is not empty")
 

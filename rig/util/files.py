@@ -21,9 +21,9 @@ from rig.errors import BadInput, RigError
 _KEPT = 40  # characters of a file's name that its draft has too; a name may not have more than 255 bytes
 DRAFT = ".part"
 LOCK: Final = "lock"  # an empty file in a folder, locked by the command that writes into the folder
-_DRAFT_NAME: Final = re.compile(r"\..{1,%d}\.[0-9a-f]{8}\%s" % (_KEPT, DRAFT), re.DOTALL)
+_DRAFT_NAME: Final = re.compile(rf"\..{{1,{_KEPT}}}\.[0-9a-f]{{8}}\{DRAFT}", re.DOTALL)
 _DEVICES: Final = ("/dev", "/proc", "/sys")
-_SHARED_MEMORY: Final = "/dev/shm"  # noqa: S108 # a folder of files among the devices
+_SHARED_MEMORY: Final = "/dev/shm"  # a folder of files among the devices
 _MOST_LINKS: Final = 40  # in a row, as of the system
 
 
