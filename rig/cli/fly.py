@@ -99,6 +99,8 @@ def fly(options: FlyOptions) -> None:
         }
 
     emit(options.as_json, data, lambda: show_flight(flight, verdicts=verdicts))
+    if options.rerun == "save" and flight.stream is not None and flight.stream.error:
+        raise RigError(f"{flight.stream.where}: cannot be written: {flight.stream.error}")
     if options.strict and violated(verdicts):
         raise Exit(1)
 
