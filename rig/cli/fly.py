@@ -17,7 +17,7 @@ from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitF
 from rig.cli.requirements import Requirements, Strict, show_verdicts
 from rig.cli.table import MOST_LINES, Column, counts, field, line, rest, table
 from rig.cli.working import working
-from rig.errors import BadInput
+from rig.errors import BadInput, RigError
 from rig.units.quantities import moment
 from rig.util.progress import tell
 

@@ -32,7 +32,7 @@ class PipedFile:
             raise self._error
 
     def close(self) -> None:
-        """Wait until the writer has closed its end and all is in the file.  OSError as ``check``: the file is removed."""
+        """Wait until the writer has closed its end; OSError as ``check``: the file is removed."""
         self._thread.join()
         if self._error is not None:
             self._path.unlink(missing_ok=True)
