@@ -176,9 +176,7 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
 
 def _read(path: Path) -> dict[str, Any]:
     """Read ``campaign.json``; BadInput when it is nothing of ours."""
-    content = sealed.read_json(path, _REMEDY, unsealed=_UNSEALED)
-    if content.get("format") not in (_FORMAT, _UNSEALED):
-        raise BadInput(f"{path}: not of this version of the rig")
+    content = sealed.read_json(path, _REMEDY, formats=(_FORMAT, _UNSEALED))
     if not isinstance(content.get("campaign"), dict):
         raise BadInput(f"{path}: is damaged: it has no table 'campaign'; {_REMEDY}")
     return content

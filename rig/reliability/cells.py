@@ -132,9 +132,9 @@ def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
 def read_trials(folder: Path) -> Cells:
     """Read the cells of a folder of trials.  BadInput names the file that is damaged or missing."""
     path = folder / TRIALS
-    about = sealed.read_json(path, _REMEDY, unsealed=_UNSEALED)
-    if about.get("format") not in (FORMAT, _UNSEALED) or not isinstance(about.get("manager"), str):
-        raise BadInput(f"{path}: is damaged, or not of this version of the rig")
+    about = sealed.read_json(path, _REMEDY, formats=(FORMAT, _UNSEALED))
+    if not isinstance(about.get("manager"), str):
+        raise BadInput(f"{path}: is damaged: it names no manager; {_REMEDY}")
     if about["format"] == _UNSEALED:
         note(f"{folder}: was written by an earlier version of the rig: its tables have no checksum")
     return Cells(about["manager"], *(_table(folder, about, name, columns) for name, columns in TABLES.items()))

@@ -153,9 +153,8 @@ def _require_same(out: Path, about: dict[str, Any]) -> None:
 
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON file of a folder of cut sets.  BadInput: it is damaged, or of another version."""
-    about = sealed.read_json(path, "the command that wrote it writes it again once it is removed", unsealed=_UNSEALED)
-    if about.get("format") not in (FORMAT, _UNSEALED):
-        raise BadInput(f"{path}: is damaged, or not of this version of the rig")
+    remedy = "the command that wrote it writes it again once it is removed"
+    about = sealed.read_json(path, remedy, formats=(FORMAT, _UNSEALED))
     if about["format"] == _UNSEALED:
         note(f"{path}: was written by an earlier version of the rig: it has no checksum")
     return about

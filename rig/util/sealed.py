@@ -68,10 +68,11 @@ def to_json(data: dict[str, Any], place: str = "") -> bytes:
     return _sealed(json.dumps({**data, _PLACE: place, _SEAL: _BLANK}, indent=1, allow_nan=False).encode())
 
 
-def read_json(path: Path, remedy: str, place: str = "", unsealed: int | None = None) -> dict[str, Any]:
+def read_json(path: Path, remedy: str, place: str = "", formats: tuple[int, int] | None = None) -> dict[str, Any]:
     """Read the JSON object that ``to_json`` wrote.  BadInput: it cannot be read, is none, or has other bytes.
 
-    remedy : follows what is wrong;  unsealed : the ``format`` of an earlier version, whose files have no checksum
+    remedy : follows what is wrong
+    formats : the ``format`` that it may have: this version's, and an earlier one's, whose files have no checksum
     """
     data = read_bytes(path, MOST_BYTES)
     try:
@@ -80,8 +81,11 @@ def read_json(path: Path, remedy: str, place: str = "", unsealed: int | None = N
         raise BadInput(f"{path}: cannot be read: {' '.join(str(error).split())[:120]}; {remedy}") from None
     if not isinstance(content, dict):
         raise BadInput(f"{path}: is damaged: it is no table; {remedy}")
-    if unsealed is not None and content.get("format") == unsealed and _SEAL not in content:
-        return content
+    if formats is not None:
+        if content.get("format") not in formats:
+            raise BadInput(f"{path}: is damaged, or not of this version of the rig; {remedy}")
+        if content["format"] == formats[1] and _SEAL not in content:
+            return content
     wrong = fault(data) or (ELSEWHERE if content.get(_PLACE) != place else "")
     if wrong:
         raise BadInput(f"{path}: is damaged: {wrong}; {remedy}")
