@@ -307,7 +307,7 @@ def test_trials_of_an_earlier_version_are_read_with_a_note(tmp_path: Path, capsy
         ),
         (
             lambda folder: rewrite(
-                folder / "cells.parquet", lambda f: f.with_columns(good_before=pl.lit(None, pl.Int64))
+                folder / "cells.parquet", lambda f: f.with_columns(good_before=pl.col("trials") // 0)
             ),
             "cells.parquet: a value of good_before is missing",
         ),

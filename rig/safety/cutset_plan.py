@@ -154,10 +154,7 @@ def _require_same(out: Path, about: dict[str, Any]) -> None:
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON file of a folder of cut sets.  BadInput: it is damaged, or of another version."""
     remedy = "the command that wrote it writes it again once it is removed"
-    about = sealed.read_json(path, remedy, formats=(FORMAT, _UNSEALED))
-    if about["format"] == _UNSEALED:
-        note(f"{path}: was written by an earlier version of the rig: it has no checksum")
-    return about
+    return sealed.read_json(path, remedy, formats=(FORMAT, _UNSEALED))
 
 
 def read_asked(out: Path) -> Asked:
@@ -171,4 +168,6 @@ def read_asked(out: Path) -> Asked:
             raise BadInput(f"{path}: is damaged: {key} is missing, or not a {kind.__name__}")
     asked = Asked(**{**{key: about[key] for key in _TYPES}, "conditions": tuple(map(str, about["conditions"]))})
     require(asked, str(path))
+    if about["format"] == _UNSEALED:
+        note(f"{out}: was written by an earlier version of the rig: its files have no checksum")
     return asked
