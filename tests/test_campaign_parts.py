@@ -1,5 +1,6 @@
 """A campaign's folder that was copied, cut, mixed or made by somebody else: one line, and what heals it."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -208,6 +209,41 @@ def test_parts_that_overlap_and_runs_that_are_none_of_the_campaigns_are_named(ou
         rewrite(beyond, lambda frame: frame.with_columns(run=pl.col("run") + 6), f"{name}/{beyond.name}")
     with pytest.raises(BadInput, match=r"000006-000008.parquet: a run twice, or none of the campaign's 6"):
         folder.done()
+
+
+@pytest.mark.parametrize("left", ["lock", ".campaign.json.0123abcd.part", ".worst.toml.0123abcd.part"])
+def test_a_folder_that_a_kill_left_in_its_first_moment_is_flown_into(tmp_path: Path, left: str):
+    (tmp_path / "c.toml").write_text(CAMPAIGN)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / left).touch()
+    folder = Folder.of(tmp_path / "out", Plan(read(tmp_path / "c.toml"), "c.toml"))
+    with folder.held():
+        folder.write(rows(range(3)))
+    assert not list(tmp_path.rglob("*.part")) and open_folder(folder.path).done() == {0, 1, 2}
+
+
+def test_a_part_of_another_campaign_is_refused(out: Path, tmp_path: Path):
+    other = Folder.of(tmp_path / "other", Plan(read(tmp_path / "c.toml").model_copy(update={"seed": 5}), "c.toml"))
+    with other.held():
+        other.write(rows(range(3)))
+    shutil.copy(other.path / "faults" / f"{FIRST}.parquet", out / "faults" / f"{FIRST}.parquet")
+    with pytest.raises(BadInput, match="it was written for another place: a copy"):
+        open_folder(out).done()
+
+
+def test_a_campaign_of_an_earlier_version_is_read_with_a_note_and_not_flown_into(
+    out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    table_sha256 = open_folder(out).status()["table_sha256"]
+    about = json.loads((out / "campaign.json").read_text())
+    del about["seal"], about["place"]
+    (out / "campaign.json").write_text(json.dumps({**about, "format": 1}))
+    for path in out.rglob("*.parquet"):
+        pl.read_parquet(path).write_parquet(path)
+    assert open_folder(out).status()["table_sha256"] == table_sha256
+    assert "its tables have no checksum" in " ".join(capsys.readouterr().err.split())
+    with pytest.raises(BadInput, match="was flown by an earlier version of the rig; fly into another folder"):
+        Folder.of(out, Plan(read(tmp_path / "c.toml"), "c.toml"))
 
 
 def test_every_command_that_reads_the_tables_says_the_same(out: Path, tmp_path: Path):
