@@ -4,8 +4,9 @@ numba's own cache looks at the file of a kernel alone, not at kernels that it ca
 a kernel is a hash of its bytecode and constants and, recursively, of all that its names lead to: other kernels,
 constants, record types, enums.  An edit compiles again what it reaches and nothing else; checkouts share what is
 equal.  One file holds one kernel with one signature and replaces the old one whole (numba keeps one index file for
-all signatures, which processes overwrite).  Of processes that need the same kernel one compiles it and the others wait
-(kernel_locks.py).
+all signatures, which processes overwrite), behind the SHA-256 of its name and bytes: machine code that was damaged on
+the disk is never run.  Where the folder cannot be written, each process compiles.  Of processes that need the same
+kernel one compiles it and the others wait (kernel_locks.py).
 """
 
 from __future__ import annotations
@@ -31,10 +32,14 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
 
 from rig.kernel_locks import give_back, take
+from rig.util.notes import note
 
 # Modules of which no edit is expected: their version, or that of Python, stands for them.
 _FOREIGN: Final = frozenset({"numpy", "numba", "scipy", "llvmlite", *sys.stdlib_module_names})
 _PLAIN: Final = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice)
+_FORMAT: Final = "2"  # of the files
+_DIGEST: Final = 32  # bytes
+REMEDY: Final = "RIG_CACHE_DIR or XDG_CACHE_HOME can name another folder"
 _BY_REPR: Final = ("numba.", "llvmlite.")
 
 
@@ -64,10 +69,12 @@ class KernelCache(FunctionCache):
 
     def _read(self, path: Path, target_context: Any) -> Any:
         try:
-            data = pickle.loads(path.read_bytes())
-        except (OSError, EOFError, pickle.UnpicklingError, ImportError, AttributeError):
-            return None  # not compiled yet, damaged, or of a type that has moved: it is compiled now
-        return self._impl.rebuild(target_context, data)
+            held = path.read_bytes()
+            if held[:_DIGEST] != _digest(path, view := memoryview(held)[_DIGEST:]):
+                return None  # damaged, or of another kernel: it is compiled now
+            return self._impl.rebuild(target_context, pickle.loads(view))
+        except (OSError, EOFError, pickle.UnpicklingError, ImportError, AttributeError, TypeError, ValueError):
+            return None  # not compiled yet, or of a type that has moved
 
     def _save_overload(self, sig: Any, data: Any) -> None:
         if not self._enabled:
@@ -76,21 +83,30 @@ class KernelCache(FunctionCache):
         try:
             if not data.library.has_dynamic_globals and all(lifted.can_cache for lifted in data.lifted):
                 _replace(path, dumps(self._impl.reduce(data)))  # else an address in it is of this process alone
+        except OSError as error:
+            note(f"{self._folder}: cannot be written ({error.strerror}): compiled code is not kept; {REMEDY}")
         finally:
             give_back(path.name)
 
     def _path(self, sig: Any, codegen: Any) -> Path:
         """Return the file of the kernel for a signature on this kind of processor."""
-        parts = (reach(self._py_func), str(sig), str(codegen.magic_tuple()), self._options)
+        parts = (_FORMAT, reach(self._py_func), str(sig), str(codegen.magic_tuple()), self._options)
         key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
         return self._folder / key[:2] / f"{self._py_func.__name__}-{key[2:34]}"
+
+
+def _digest(path: Path, data: bytes | memoryview) -> bytes:
+    """Return what stands before the pickle of the kernel at ``path``."""
+    digest = hashlib.sha256(path.name.encode() + b"\0")
+    digest.update(data)
+    return digest.digest()
 
 
 def _replace(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}")
     try:
-        draft.write_bytes(data)
+        draft.write_bytes(_digest(path, data) + data)
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)

@@ -16,7 +16,8 @@ import numpy as np
 from numba.core import config
 from numba.core.types import BaseTuple, NamedTuple
 
-from rig.kernel_cache import KernelCache, folder
+from rig.errors import RigError
+from rig.kernel_cache import REMEDY, KernelCache, folder
 from rig.kernel_locks import give_all_back
 
 _config: Any = config
@@ -28,7 +29,10 @@ def cache_root() -> Path:
     named = os.environ.get("RIG_CACHE_DIR")
     if named:
         return Path(named)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jsbsim-rig"
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jsbsim-rig"
+    except RuntimeError:  # this user has none
+        raise RigError(f"no home folder for files that are kept between flights; {REMEDY}") from None
 
 
 class Kernel:

@@ -1,5 +1,6 @@
 """A campaign's folder that was copied, cut, mixed or made by somebody else: one line, and what heals it."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -21,6 +22,7 @@ from rig.campaign.summary import by_resolver, compare, headline
 from rig.campaign.table import ADDED, RUNS
 from rig.errors import BadInput
 from rig.frame import SIGNALS
+from rig.util import sealed
 
 CAMPAIGN = """
 base = "f16_pitch_rate_hardover"
@@ -64,8 +66,17 @@ def test_whole_parts_are_all_runs_once(out: Path):
     assert [len(frame) for frame in open_folder(out).tables.values()] == [6, 6, 2, 2, 6 * len(SIGNALS)]
 
 
-def rewrite(path: Path, change: Callable[[pl.DataFrame], pl.DataFrame]) -> None:
-    change(pl.read_parquet(path)).write_parquet(path)
+def rewrite(path: Path, change: Callable[[pl.DataFrame], pl.DataFrame], place: str = "") -> None:
+    """Change a table, under a new checksum; ``place``: that of another file."""
+    of_file = pl.read_parquet_metadata(path)["place"]
+    of_campaign, _ = of_file.split(" ")
+    path.write_bytes(sealed.table(change(pl.read_parquet(path)), f"{of_campaign} {place}" if place else of_file))
+
+
+def flip(path: Path, bit: int) -> None:
+    data = bytearray(path.read_bytes())
+    data[bit // 8] ^= 1 << bit % 8
+    path.write_bytes(bytes(data))
 
 
 def cut(path: Path) -> None:
@@ -83,8 +94,14 @@ def folder_there(path: Path) -> None:
 
 DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "missing": (Path.unlink, "is missing"),
-    "cut": (cut, "cannot be read"),
-    "empty": (empty, "cannot be read"),
+    "cut": (cut, "its bytes are not those that were written"),
+    "empty": (empty, "it has no checksum"),
+    "a bit": (lambda path: flip(path, 300), "its bytes are not those that were written"),
+    "without a checksum": (lambda path: pl.read_parquet(path).write_parquet(path), "it has no checksum"),
+    "of another place": (
+        lambda path: shutil.copy(path.with_name("000003-000005.parquet"), path),
+        "it was written for another place",
+    ),
     "a folder": (folder_there, "is not a file"),
     "a column renamed": (lambda path: rewrite(path, lambda f: f.rename({"run": "flight"})), "column 'run' is not"),
     "a column more": (lambda path: rewrite(path, lambda f: f.with_columns(more=1)), "column 'more' is not"),
@@ -121,7 +138,7 @@ def test_a_damaged_part_is_named_and_flown_again_when_its_runs_are_removed(out: 
     assert open_folder(out).done() == set(range(6))
 
 
-@pytest.mark.parametrize("damage", ["cut", "empty", "a folder", "a column renamed"])
+@pytest.mark.parametrize("damage", ["cut", "empty", "a bit", "a folder", "a column renamed"])
 def test_a_damaged_part_of_runs_is_named(out: Path, damage: str):
     act, says = DAMAGES[damage]
     path = out / "runs" / f"{FIRST}.parquet"
@@ -143,7 +160,7 @@ def test_a_number_that_is_not_finite_is_named_and_one_that_is_absent_is_not(out:
 
 def test_a_part_of_a_version_without_these_columns_has_none_and_the_same_hash(out: Path):
     path, table_sha256 = out / "runs" / f"{FIRST}.parquet", open_folder(out).status()["table_sha256"]
-    pl.read_parquet(path).drop(ADDED, strict=False).write_parquet(path)
+    rewrite(path, lambda frame: frame.drop(ADDED, strict=False))
     assert all(open_folder(out).tables["runs"][name].null_count() == 6 for name in ADDED if name in RUNS)
     assert open_folder(out).status()["table_sha256"] == table_sha256
     assert headline(open_folder(out).tables)["failed_with_box"] == 0
@@ -164,7 +181,7 @@ def test_channels_that_a_rule_failed_are_counted_with_the_alarms_and_blame_no_re
 
 def test_reply_times_that_are_not_in_these_bins_are_named(out: Path):
     path = out / "runs" / f"{FIRST}.parquet"
-    pl.read_parquet(path).with_columns(pl.Series("replies", [[1, 2]] * 3)).write_parquet(path)
+    rewrite(path, lambda frame: frame.with_columns(pl.Series("replies", [[1, 2]] * 3)))
     with pytest.raises(BadInput, match="reply times are not counted in the bins of this version"):
         _ = open_folder(out).tables
 
@@ -172,7 +189,7 @@ def test_reply_times_that_are_not_in_these_bins_are_named(out: Path):
 def test_a_part_copied_under_another_name_is_not_counted_but_named(out: Path):
     for name in ("runs", "faults", "alarms", "episodes", "signals"):
         shutil.copy(out / name / f"{FIRST}.parquet", out / name / "copy.parquet")
-    with pytest.raises(BadInput, match=f"copy.parquet: its name is not that of the runs in it.*rm {out}/runs/copy"):
+    with pytest.raises(BadInput, match=f"copy.parquet: it was written for another place: a copy.*rm {out}/runs/copy"):
         open_folder(out).done()
     (out / "runs" / "copy.parquet").unlink()
     folder = open_folder(out)
@@ -189,9 +206,44 @@ def test_parts_that_overlap_and_runs_that_are_none_of_the_campaigns_are_named(ou
     (out / "runs" / "000002-000003.parquet").unlink()
     for name in ("runs", "faults", "alarms", "episodes", "signals"):
         beyond = Path(shutil.copy(out / name / f"{FIRST}.parquet", out / name / "000006-000008.parquet"))
-        rewrite(beyond, lambda frame: frame.with_columns(run=pl.col("run") + 6))
+        rewrite(beyond, lambda frame: frame.with_columns(run=pl.col("run") + 6), f"{name}/{beyond.name}")
     with pytest.raises(BadInput, match=r"000006-000008.parquet: a run twice, or none of the campaign's 6"):
         folder.done()
+
+
+@pytest.mark.parametrize("left", ["lock", ".campaign.json.0123abcd.part", ".worst.toml.0123abcd.part"])
+def test_a_folder_that_a_kill_left_in_its_first_moment_is_flown_into(tmp_path: Path, left: str):
+    (tmp_path / "c.toml").write_text(CAMPAIGN)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / left).touch()
+    folder = Folder.of(tmp_path / "out", Plan(read(tmp_path / "c.toml"), "c.toml"))
+    with folder.held():
+        folder.write(rows(range(3)))
+    assert not list(tmp_path.rglob("*.part")) and open_folder(folder.path).done() == {0, 1, 2}
+
+
+def test_a_part_of_another_campaign_is_refused(out: Path, tmp_path: Path):
+    other = Folder.of(tmp_path / "other", Plan(read(tmp_path / "c.toml").model_copy(update={"seed": 5}), "c.toml"))
+    with other.held():
+        other.write(rows(range(3)))
+    shutil.copy(other.path / "faults" / f"{FIRST}.parquet", out / "faults" / f"{FIRST}.parquet")
+    with pytest.raises(BadInput, match="it was written for another place: a copy"):
+        open_folder(out).done()
+
+
+def test_a_campaign_of_an_earlier_version_is_read_with_a_note_and_not_flown_into(
+    out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    table_sha256 = open_folder(out).status()["table_sha256"]
+    about = json.loads((out / "campaign.json").read_text())
+    del about["seal"], about["place"]
+    (out / "campaign.json").write_text(json.dumps({**about, "format": 1}))
+    for path in out.rglob("*.parquet"):
+        pl.read_parquet(path).write_parquet(path)
+    assert open_folder(out).status()["table_sha256"] == table_sha256
+    assert "its tables have no checksum" in " ".join(capsys.readouterr().err.split())
+    with pytest.raises(BadInput, match="was flown by an earlier version of the rig; fly into another folder"):
+        Folder.of(out, Plan(read(tmp_path / "c.toml"), "c.toml"))
 
 
 def test_every_command_that_reads_the_tables_says_the_same(out: Path, tmp_path: Path):
@@ -212,7 +264,8 @@ def test_every_command_that_reads_the_tables_says_the_same(out: Path, tmp_path: 
     ("text", "says"),
     [
         ("", "cannot be read"),
-        ("5", "is damaged: it has no 'format'"),
+        ("5", "is damaged: it is no table"),
+        ('{"format": 2, "campaign": {}}', "is damaged: it has no checksum"),
         ('{"format": 1}', "is damaged: it has no table 'campaign'"),
         ('{"format": 1, "campaign": 5}', "is damaged: it has no table 'campaign'"),
         ('{"format": 1, "campaign": {}}', "base: field required"),

@@ -1,12 +1,13 @@
 """Output files: whole or as before, never through a link, never two in one name."""
 
 import os
+import socket
 from pathlib import Path
 
 import pytest
 
 from rig.errors import BadInput, RigError
-from rig.util.files import draft, is_file, new_folder, numbered, publish, replaced, write_text
+from rig.util.files import draft, is_file, is_unused, new_folder, numbered, publish, replaced, sweep, write_text
 
 
 def test_a_file_is_there_only_when_its_block_ended_well(tmp_path: Path):
@@ -98,3 +99,78 @@ def test_a_new_folder_goes_when_its_block_fails_and_stays_with_what_others_put_t
     with pytest.raises(RuntimeError), new_folder(tmp_path / "a" / "c"):
         raise RuntimeError
     assert (tmp_path / "a" / "c").is_dir()
+
+
+def _socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as one:
+        one.bind(str(path))
+
+
+@pytest.mark.parametrize(
+    "target", ["/proc/self/fd/{fd}", "/dev/fd/{fd}", "/dev/null", "/dev/nothing", "fifo", "socket"]
+)
+@pytest.mark.parametrize("links", [1, 3])
+def test_a_link_to_what_is_no_file_is_refused_and_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str, links: int
+):
+    """Also where the system says that a regular file is there: a descriptor whose output goes to one."""
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("fifo")
+    _socket(Path("socket"))
+    with (tmp_path / "output").open("w") as output:
+        led = target.format(fd=output.fileno())
+        for number in range(links):
+            Path(f"link{number}").symlink_to(led if number == 0 else f"link{number - 1}")
+        path = tmp_path / f"link{links - 1}"
+        with pytest.raises(BadInput, match="not a regular file") as error:
+            write_text(path, "text")
+        assert str(error.value).startswith(str(path)) and path.is_symlink()
+        if target.startswith("/dev/fd"):
+            with pytest.raises(BadInput, match="not a regular file"):
+                write_text(Path(led), "text")
+    assert (tmp_path / "output").read_text() == ""
+
+
+def test_a_link_to_nothing_and_a_file_of_shared_memory_are_written(tmp_path: Path):
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    write_text(tmp_path / "link", "text")
+    assert not (tmp_path / "link").is_symlink() and not (tmp_path / "nothing").exists()
+
+
+DRAFTS = (".campaign.json.0123abcd.part", f".{'x' * 40}.00000000.part", ".levels.json.ffffffff.part")
+
+
+@pytest.mark.parametrize("names", [(), ("lock",), *((name,) for name in DRAFTS), ("lock", *DRAFTS)])
+def test_a_folder_that_a_kill_left_in_its_first_moment_is_unused(tmp_path: Path, names: tuple[str, ...]):
+    for name in names:
+        (tmp_path / name).write_text("" if name == "lock" else "half")
+    assert is_unused(tmp_path) and is_unused(tmp_path / "new")
+    sweep(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [name for name in names if name == "lock"]
+
+
+@pytest.mark.parametrize("name", ["a.txt", "locks", ".part", "a.0123abcd.part", ".a.0123abc.part", ".a.0123abcd.tmp"])
+def test_a_folder_with_a_file_of_somebody_is_not_unused(tmp_path: Path, name: str):
+    (tmp_path / name).write_text("")
+    assert not is_unused(tmp_path) and not is_unused(tmp_path / name)
+    sweep(tmp_path)
+    assert (tmp_path / name).exists()
+
+
+def test_a_lock_that_holds_text_is_a_link_or_a_folder_is_nobodys_lock(tmp_path: Path):
+    lock = tmp_path / "lock"
+    lock.write_text("a key")
+    assert not is_unused(tmp_path)
+    lock.unlink()
+    lock.mkdir()
+    assert not is_unused(tmp_path)
+    lock.rmdir()
+    lock.symlink_to(os.devnull)
+    assert not is_unused(tmp_path)
+
+
+def test_drafts_of_other_files_are_not_swept_where_names_are_given(tmp_path: Path):
+    for name in DRAFTS:
+        (tmp_path / name).touch()
+    sweep(tmp_path, "campaign.json", "x" * 60)
+    assert [path.name for path in tmp_path.iterdir()] == [".levels.json.ffffffff.part"]

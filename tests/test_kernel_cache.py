@@ -1,10 +1,13 @@
 """Compiled kernels on disk: an edit compiles what it reaches and nothing else."""
 
+import hashlib
 import json
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -112,6 +115,34 @@ def test_a_file_that_is_cut_short_is_compiled_again(tmp_path: Path):
         path.write_bytes(path.read_bytes()[:100])
     assert _run(tmp_path) == ([3.0, 3.0], {"apart"})
     assert _run(tmp_path) == ([3.0, 3.0], set())
+
+
+@pytest.mark.long
+def test_a_file_that_is_damaged_in_any_way_is_compiled_again_and_never_run(tmp_path: Path):
+    _run(tmp_path)
+    (path,), (other,) = ([*(tmp_path / "cache").glob(f"*/{name}-*")] for name in ("apart", "other"))
+    whole = path.read_bytes()
+    rng = Random(1)
+    flipped = bytearray(whole)
+    flipped[rng.randrange(len(whole))] ^= 1 << rng.randrange(8)
+    something_else = pickle.dumps([1, 2, 3])
+    checked = hashlib.sha256(path.name.encode() + b"\0" + something_else).digest() + something_else
+    for data in (bytes(flipped), bytes(len(whole)), b"", something_else, whole[32:], checked, other.read_bytes()):
+        path.write_bytes(data)
+        assert _run(tmp_path) == ([3.0, 3.0], {"apart"})
+    assert _run(tmp_path) == ([3.0, 3.0], set())
+
+
+def test_where_the_folder_cannot_be_written_kernels_are_compiled_with_a_note(tmp_path: Path):
+    (tmp_path / "module.py").write_text(_MODULE)
+    (tmp_path / "helper.py").write_text(_HELPER)
+    (tmp_path / "cache").write_text("a file")
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache" / "below"), "PYTHONPATH": str(tmp_path)}
+    env.pop("NUMBA_DISABLE_JIT", None)
+    command = [sys.executable, "-c", "import module; print(module.outer(1.0), module.apart(1.0))"]
+    done = subprocess.run(command, env=env, capture_output=True, check=True, text=True)
+    assert done.stdout == "3.0 3.0\n" and done.stderr.count("\n") == 1
+    assert "cannot be written" in done.stderr and "RIG_CACHE_DIR or XDG_CACHE_HOME" in done.stderr
 
 
 @pytest.mark.long

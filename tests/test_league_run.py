@@ -21,7 +21,7 @@ from rig.cli.main import app
 from rig.errors import BadInput
 from rig.league.entrants import entrants
 from rig.league.prepared import Asked
-from rig.league.run import run
+from rig.league.run import _require_ours, run
 from rig.league.trials import STATES
 from rig.util.progress import listening
 
@@ -126,12 +126,38 @@ def test_another_league_in_the_folder_is_refused_and_left_alone(whole: tuple[Pat
 def test_a_damaged_unit_is_named_with_its_remedy(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
     out = shutil.copytree(whole[0], tmp_path / "copy")
     unit = sorted((out / "units").iterdir())[1]
-    unit.write_bytes(b"no parquet")
-    with pytest.raises(BadInput, match=rf"{unit.name}: cannot be read .*remove it"):
-        run(small(), asked(healthy, second=healthy), out)
+    other = (out / "units" / sorted((out / "units").iterdir())[0].name).read_bytes()
+    flipped = bytearray(unit.read_bytes())
+    flipped[len(flipped) // 3] ^= 4
+    flown = next((out / "flights").iterdir()).read_bytes()
+    for data in (b"no parquet", bytes(flipped), other, flown):
+        unit.write_bytes(data)
+        with pytest.raises(BadInput, match=rf"{unit.name}: (it has no|its bytes|it was written).*remove it"):
+            run(small(), asked(healthy, second=healthy), out)
     unit.unlink()
     run(small(), asked(healthy, second=healthy), out)
     assert content(out) == content(whole[0])
+
+
+@pytest.mark.parametrize("name", ["league.json", "levels.json"])
+@pytest.mark.parametrize("text", ["[1]", "{}", "1", "[" * 100_000, '{"a": 1e999}', None])
+def test_a_damaged_league_or_its_edited_levels_are_refused_in_one_line(
+    whole: tuple[Path, Any], healthy: Path, tmp_path: Path, name: str, text: str | None
+):
+    """None: one digit of a number is edited."""
+    path = shutil.copytree(whole[0], tmp_path / "copy") / name
+    data = path.read_text()
+    at = data.index(": 0.") + 4 if name == "levels.json" else data.index('"trials": ') + 10
+    path.write_text(text if text is not None else data[:at] + str((int(data[at]) + 1) % 10) + data[at + 1 :])
+    with pytest.raises(BadInput, match=rf"{name}|holds another league") as error:
+        run(small(), asked(healthy, second=healthy), path.parent)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("left", ["lock", ".league.json.0123abcd.part", ".levels.json.0123abcd.part"])
+def test_a_folder_of_a_first_moment_is_a_leagues(tmp_path: Path, left: str):
+    (tmp_path / left).touch()
+    _require_ours(tmp_path)
 
 
 def test_what_is_not_a_league_or_too_short_is_refused_before_anything_is_written(healthy: Path, tmp_path: Path):

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rig.errors import BadInput
+from rig.errors import BadInput, RigError
 from rig.frame import SURFACES
 from rig.plant import actuated, airframe, jsbsim
 from rig.settings import build, read_toml
@@ -120,6 +120,35 @@ def test_a_lost_cache_is_made_again_and_changed_settings_get_their_own(
     load(config())
     load(config(cg_x_shift_m=0.17))
     assert len(list((tmp_path / "second" / "airframes").iterdir())) == 2
+
+
+@pytest.mark.parametrize("name", ["f16/f16.xml", "reads.txt", "sha256.txt"])
+@pytest.mark.parametrize("damage", ["cut", "empty", "zeros", "edited", "missing"])
+def test_a_damaged_copy_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, damage: str) -> None:
+    monkeypatch.setenv("RIG_CACHE_DIR", str(tmp_path))
+    load(config())
+    (copy,) = (tmp_path / "airframes").iterdir()
+    before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
+    path = copy / name
+    whole = path.read_bytes()
+    if damage == "missing":
+        path.unlink()
+    else:
+        of = {"cut": whole[:-20], "empty": b"", "zeros": bytes(len(whole)), "edited": bytes([whole[0] ^ 1]) + whole[1:]}
+        path.write_bytes(of[damage])
+    monkeypatch.setattr(actuated, "_whole", set())  # as another process
+    load(config())
+    assert {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()} == before
+    assert list((tmp_path / "airframes").iterdir()) == [copy]
+
+
+def test_a_cache_that_cannot_be_written_is_one_line_with_the_variable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("x")
+    monkeypatch.setenv("RIG_CACHE_DIR", str(tmp_path / "file" / "below"))
+    with pytest.raises(RigError, match="cannot be written: Not a directory; RIG_CACHE_DIR or XDG_CACHE_HOME"):
+        load(config())
 
 
 def test_a_slower_process_leaves_the_copy_of_the_faster_one(tmp_path: Path) -> None:

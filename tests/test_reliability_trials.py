@@ -5,16 +5,19 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 from trial_vs_flight import trial_vs_flight
 from typer.testing import CliRunner
 
 from rig.campaign.config import read
+from rig.campaign.folder import locked
 from rig.campaign.plan import Plan
 from rig.cli.main import app
 from rig.errors import BadInput
@@ -28,6 +31,7 @@ from rig.reliability.trials import SHARES, Batch, Tally, TrialRunner, added_up, 
 from rig.reliability.trials import fly_trials as run_trials
 from rig.reliability.trials_folder import fly_trials
 from rig.scenario import load
+from rig.util import sealed
 
 RELIABILITY = "faults/campaigns/reliability.toml"
 
@@ -245,11 +249,69 @@ def test_a_folder_that_is_there_is_not_written_to(tmp_path: Path):
     assert isinstance(done.exception, BadInput) and "folder exists and is not empty" in str(done.exception)
 
 
+def flip(path: Path, bit: int) -> None:
+    data = bytearray(path.read_bytes())
+    data[bit // 8] ^= 1 << bit % 8
+    path.write_bytes(bytes(data))
+
+
+def rewrite(path: Path, change: Callable[[pl.DataFrame], pl.DataFrame]) -> None:
+    """Change a table, under a new checksum."""
+    place = pl.read_parquet_metadata(path)["place"]
+    path.write_bytes(sealed.table(change(pl.read_parquet(path)), place))
+
+
+def test_two_at_once_are_not_both_taken_and_a_killed_one_goes_on(tmp_path: Path):
+    (tmp_path / "c.toml").write_text(SMALL)
+    out, made = tmp_path / "out", Plan(read(tmp_path / "c.toml"), "c.toml")
+    with locked(out), pytest.raises(BadInput, match="another rig reliability trials is running into it"):
+        fly_trials(made, out, 4, 1, 1, [4])
+    assert [path.name for path in out.iterdir()] == ["lock"]
+    (out / ".cells.parquet.0123abcd.part").write_text("half")
+    fly_trials(made, out, 4, 1, 1, [4])
+    whole = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert set(whole) == {"lock", "cells.parquet", "false_isolations.parquet", "trials.json"}
+    (out / "trials.json").unlink()  # as a kill before the last file leaves it
+    fly_trials(made, out, 4, 1, 1, [4])
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == whole
+    (out / "trials.json").unlink()
+    (out / "cells.parquet").write_text("of the user")
+    with pytest.raises(BadInput, match="folder exists and is not empty"):
+        fly_trials(made, out, 4, 1, 1, [4])
+
+
+def test_trials_of_an_earlier_version_are_read_with_a_note(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (tmp_path / "c.toml").write_text(SMALL)
+    out = tmp_path / "out"
+    fly_trials(Plan(read(tmp_path / "c.toml"), "c.toml"), out, 4, 1, 1, [4])
+    before = cells(out)
+    about = json.loads((out / "trials.json").read_text())
+    del about["seal"], about["place"]
+    (out / "trials.json").write_text(json.dumps({**about, "format": 1}))
+    for name in ("cells", "false_isolations"):
+        pl.read_parquet(out / f"{name}.parquet").write_parquet(out / f"{name}.parquet")
+    assert cells(out).counts.equals(before.counts)
+    assert "earlier version of the rig: its tables have no checksum" in " ".join(capsys.readouterr().err.split())
+
+
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
         (lambda folder: (folder / "cells.parquet").unlink(), "cells.parquet: is missing"),
-        (lambda folder: (folder / "cells.parquet").write_bytes(b"x"), "cells.parquet: cannot be read"),
+        (lambda folder: (folder / "cells.parquet").write_bytes(b"x"), "cells.parquet: it has no checksum"),
+        (lambda folder: flip(folder / "cells.parquet", 700), "cells.parquet: its bytes are not those that were"),
+        (lambda folder: flip(folder / "false_isolations.parquet", 90), "isolations.parquet: its bytes are not those"),
+        (
+            lambda folder: (folder / "false_isolations.parquet").write_bytes((folder / "cells.parquet").read_bytes()),
+            "false_isolations.parquet: it was written for another place",
+        ),
+        (
+            lambda folder: rewrite(
+                folder / "cells.parquet", lambda f: f.with_columns(good_before=pl.col("trials") // 0)
+            ),
+            "cells.parquet: a value of good_before is missing",
+        ),
+        (lambda folder: flip(folder / "trials.json", 8 * 20), "trials.json: (is damaged|cannot be read)"),
         (lambda folder: (folder / "trials.json").write_text("{}"), "trials.json: is damaged"),
         (lambda folder: (folder / "trials.json").write_text("{"), "trials.json: cannot be read"),
     ],

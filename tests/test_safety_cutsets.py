@@ -16,10 +16,11 @@ from rig.campaign.folder import open_folder
 from rig.campaign.table import sha256
 from rig.errors import BadInput
 from rig.safety import confirm
-from rig.safety.cutset_plan import Asked, begin, plan, read_asked
+from rig.safety.cutset_plan import Asked, begun, plan, read_asked
 from rig.safety.cutset_plan import fly as fly_sequences
 from rig.safety.cutsets import ANNOUNCED, WRONG, Counted, jeffreys, lost_flights, minimal, subsets
 from rig.safety.sequences import CONDITIONS, KINDS, LARGEST, LEAST, NEAR_S, REFERENCE, flights, sequences
+from rig.util import sealed
 from rig.util.outputs import CUTSETS, SETS
 
 LATENT = "level-then-manoeuvre-settled"
@@ -150,17 +151,20 @@ def test_an_interrupted_enumeration_gives_the_same_tables_with_any_workers(tmp_p
 
 
 def test_a_folder_that_was_asked_otherwise_is_refused(tmp_path: Path):
-    begin(tmp_path / "out", small().as_dict())
+    with begun(tmp_path / "out", small().as_dict()):
+        pass
     for other, named in (
         (small(aircraft="b747"), "aircraft was f16, is b747"),
         (small(set={"redundancy.manager": "mean"}), "set was {}, is {'redundancy.manager': 'mean'}"),
     ):
-        with pytest.raises(BadInput, match=f"holds other flights: {named}"):
-            begin(tmp_path / "out", other.as_dict())
+        of_other = begun(tmp_path / "out", other.as_dict())
+        with pytest.raises(BadInput, match=f"holds other flights: {named}"), of_other:
+            pass
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "notes.txt").write_text("mine")
-    with pytest.raises(BadInput, match="not a folder of cut sets, and not empty"):
-        begin(tmp_path / "x", small().as_dict())
+    of_user = begun(tmp_path / "x", small().as_dict())
+    with pytest.raises(BadInput, match="not a folder of cut sets, and not empty"), of_user:
+        pass
 
 
 @pytest.mark.parametrize(
@@ -192,7 +196,8 @@ def test_a_damaged_folder_is_one_line(rig_command, tmp_path: Path, text: str):
 def test_a_foreign_folder_and_an_enumeration_that_did_not_end_are_refused(rig_command, tmp_path: Path):
     code, _, err = rig_command("reliability", "confirm", str(tmp_path))
     assert code == 2 and "no folder of cut sets" in err
-    begin(tmp_path / "out", small().as_dict())
+    with begun(tmp_path / "out", small().as_dict()):
+        pass
     code, _, err = rig_command("reliability", "confirm", str(tmp_path / "out"))
     assert code == 2 and "sets.json is missing" in err
 
@@ -262,11 +267,17 @@ def test_flights_of_an_aircraft_of_ones_own_stay_in_the_folder(tmp_path: Path):
 
 def test_damaged_sets_are_one_line(tmp_path: Path):
     whole = {"format": 1, "flown": {}, "sets": [dict.fromkeys(confirm.SHOWN, 0)]}
-    for text in ('{"format": 1}', '{"format": 1, "flown": {}, "sets": [{"orders": 3}]}', json.dumps(whole)):
-        (tmp_path / SETS).write_text(text)
+    for data in ({"format": 1}, {"format": 1, "flown": {}, "sets": [{"orders": 3}]}, whole, {**whole, "format": 2}):
+        (tmp_path / SETS).write_text(json.dumps(data))
         with pytest.raises(BadInput, match=r"sets\.json: is damaged"):
             confirm.claims(tmp_path)
     assert json.loads((tmp_path / SETS).read_text())  # left as it was
+    of_this_version = sealed.to_json({"format": 2, "flown": {}, "sets": []})
+    (tmp_path / SETS).write_bytes(of_this_version)
+    assert confirm.claims(tmp_path) == []
+    (tmp_path / SETS).write_bytes(of_this_version.replace(b"flown", b"flowm"))
+    with pytest.raises(BadInput, match=r"sets\.json: is damaged: its bytes are not those that were written"):
+        confirm.claims(tmp_path)
 
 
 RATES = """
@@ -280,7 +291,8 @@ kinds = { stuck = 0.5, offset = 0.5 }
 def test_the_tree_of_a_folder_of_cut_sets_is_of_its_minimal_sets(rig_command, tmp_path: Path):
     folder, rates = tmp_path / "sets", tmp_path / "rates.toml"
     rates.write_text(RATES)
-    begin(folder, ASKED.as_dict())
+    with begun(folder, ASKED.as_dict()):
+        pass
     claimed(folder, {"stuck, offset": [15, 20], "offset, stuck": [5, 20]}, {"stuck": [0, 20], "offset": [0, 20]})
     command = ("reliability", "tree", str(folder), "--rates", str(rates), "--out", str(tmp_path / "tree.xml"))
     code, out, err = rig_command(*command, "--json")
@@ -294,7 +306,8 @@ def test_the_tree_of_a_folder_of_cut_sets_is_of_its_minimal_sets(rig_command, tm
 def test_a_top_event_that_nothing_reaches_is_refused(rig_command, tmp_path: Path):
     folder, rates = tmp_path / "sets", tmp_path / "rates.toml"
     rates.write_text(RATES)
-    begin(folder, ASKED.as_dict())
+    with begun(folder, ASKED.as_dict()):
+        pass
     claimed(folder, {"stuck, offset": [0, 20], "offset, stuck": [0, 20]}, {})
     command = ("reliability", "tree", str(folder), "--rates", str(rates), "--out", str(tmp_path / "tree.xml"))
     code, _, err = rig_command(*command)

@@ -11,7 +11,7 @@ import pytest
 from rig.assess.requirements import Requirement
 from rig.campaign import table
 from rig.campaign.config import from_what
-from rig.campaign.folder import open_folder
+from rig.campaign.folder import Folder, open_folder
 from rig.campaign.run import again
 from rig.errors import BadInput
 from rig.scenario import load
@@ -108,10 +108,9 @@ def test_any_workers_and_interruption_give_the_same(
 
 
 def _confirmed(folder: Path) -> dict[str, Any]:
-    from rig.campaign import parts
     from rig.search.plan import ConfirmPlan
 
-    return parts.read(folder / "confirmed", ConfirmPlan(plan()))
+    return Folder(folder / "confirmed", ConfirmPlan(plan())).tables
 
 
 def test_an_interruption_while_it_confirms_costs_no_flight(whole: tuple[Path, Ended], tmp_path: Path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import subprocess
 import sys
 import threading
@@ -177,6 +178,20 @@ def test_a_recording_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "log.rrd").mkdir()
     with pytest.raises(BadInput, match=r"log\.rrd: cannot be written"):
         open_stream("save", "t", 100.0, tmp_path / "log.mcap")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the size of a file")
+def test_a_recording_on_a_full_disk_ends_with_the_reason_and_leaves_no_file(tmp_path: Path) -> None:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
+    try:
+        stream = open_stream("save", "a flight", 100.0, tmp_path / "log.mcap")
+        assert stream is not None
+        put_blocks(stream, 3)
+        report = stream.close(10.0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert report.error == "File too large" and list(tmp_path.iterdir()) == []
 
 
 def test_servers_listen_on_this_machine_alone_and_report_no_usage(

@@ -5,12 +5,12 @@
     logs/run_000012.mcap        the logs that are kept
 
 A part is written beside and renamed, the one in ``runs`` last: a run is done when its row is there.
+Every file but the logs has a checksum of its bytes (util/sealed.py); those of format 1, an earlier version, have none.
 One command flies into a folder at a time, on every system: it holds the file ``lock``.
 """
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import sys
@@ -29,11 +29,14 @@ from rig.campaign.rows import TABLES, Rows
 from rig.campaign.searched import SearchedPlan
 from rig.errors import BadInput, RigError
 from rig.unit.settings import Unit
-from rig.util.files import DRAFT, is_file, replaced, reported
-from rig.util.outputs import CAMPAIGN
+from rig.util import sealed
+from rig.util.files import DRAFT, LOCK, is_file, is_unused, replaced, reported, sweep
+from rig.util.notes import note
+from rig.util.outputs import BESIDE_RUNS, CAMPAIGN
 from rig.util.trust import Trust
 
-_FORMAT: Final = 1
+_FORMAT: Final = 2
+_UNSEALED: Final = 1  # its files have no checksum
 _REMEDY: Final = "take it from a copy, or fly into another folder"
 _FLAGS: Final = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)  # no child process inherits what os.open gives
 
@@ -60,13 +63,15 @@ class Folder:
         """
         folder, file = cls(path, plan, unit), path / CAMPAIGN
         if is_file(file):
-            differs = difference(_read(file), folder.about())
+            was = _read(file)
+            if was["format"] == _UNSEALED:
+                raise BadInput(f"--out {path}: was flown by an earlier version of the rig; fly into another folder")
+            differs = difference(was, folder.about())
             if differs:
                 raise BadInput(f"--out {path}: holds runs of another campaign: {differs[0]}")
             return folder
-        with reported(f"--out {path}", BadInput, "cannot be read"):
-            if path.exists() and (not path.is_dir() or any(path.iterdir())):
-                raise BadInput(f"--out {path}: not a campaign's folder, and not empty")
+        if not is_unused(path):
+            raise BadInput(f"--out {path}: not a campaign's folder, and not empty")
         return folder
 
     def about(self) -> dict[str, Any]:
@@ -89,12 +94,13 @@ class Folder:
         with locked(self.path):
             self._sweep()
             if not is_file(self.path / CAMPAIGN):
-                write_whole(self.path / CAMPAIGN, json.dumps(self.about(), indent=1).encode())
+                write_whole(self.path / CAMPAIGN, sealed.to_json(self.about()))
             yield
             self._sweep()  # a worker that died leaves its draft
 
     def _sweep(self) -> None:
         """Remove drafts, and files of parts whose ``runs`` is not there; nothing else, and nothing behind a link."""
+        sweep(self.path, *([CAMPAIGN, *BESIDE_RUNS] if is_file(self.path / CAMPAIGN) else []))
         whole = set(parts.names(self.path))
         for name in (*TABLES, "logs"):
             folder = self.path / name
@@ -108,20 +114,31 @@ class Folder:
 
     def done(self) -> set[int]:
         """Return the runs that are whole in all tables. BadInput names a part that is not, and the remedy."""
-        return set(parts.read(self.path, self.plan)["runs"]["run"].to_list())
+        return set(self._read()["runs"]["run"].to_list())
+
+    def _read(self) -> dict[str, pl.DataFrame]:
+        return parts.read(self.path, self.plan, self._identity)
+
+    @cached_property
+    def _identity(self) -> str | None:
+        """Return what the parts of this campaign are marked with; None where they have no checksum."""
+        about = _read(self.path / CAMPAIGN)
+        if about["format"] == _UNSEALED:
+            note(f"{self.path}: was flown by an earlier version of the rig: its tables have no checksum")
+            return None
+        return sealed.identity(json.dumps(about, sort_keys=True).encode())
 
     def write(self, rows: Rows) -> None:
         """Write one part: all tables, ``runs`` last. RigError when the disk does not take it."""
         name = f"{parts.name_of([row['run'] for row in rows['runs']])}.parquet"
         for kind in sorted(TABLES, key=lambda kind: kind == "runs"):
-            memory = io.BytesIO()
-            table.frame(self.plan, kind, rows[kind]).write_parquet(memory)
-            write_whole(self.path / kind / name, memory.getvalue())
+            place = f"{self._identity} {kind}/{name}"
+            write_whole(self.path / kind / name, sealed.table(table.frame(self.plan, kind, rows[kind]), place))
 
     @cached_property
     def tables(self) -> dict[str, pl.DataFrame]:
         """Read all tables, sorted by run; a part whose ``runs`` is missing does not count. BadInput as ``done``."""
-        return parts.read(self.path, self.plan)
+        return self._read()
 
     def status(self) -> dict[str, Any]:
         """Return how far the campaign is: runs, what is done, the result, the hash of the tables so far."""
@@ -159,14 +176,7 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
 
 def _read(path: Path) -> dict[str, Any]:
     """Read ``campaign.json``; BadInput when it is nothing of ours."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}; {_REMEDY}") from None
-    if not isinstance(content, dict) or "format" not in content:
-        raise BadInput(f"{path}: is damaged: it has no 'format'; {_REMEDY}")
-    if content["format"] != _FORMAT:
-        raise BadInput(f"{path}: not of this version of the rig")
+    content = sealed.read_json(path, _REMEDY, formats=(_FORMAT, _UNSEALED))
     if not isinstance(content.get("campaign"), dict):
         raise BadInput(f"{path}: is damaged: it has no table 'campaign'; {_REMEDY}")
     return content
@@ -220,12 +230,15 @@ def locked(folder: Path, who: str = "rig campaign run is flying") -> Iterator[No
     The system releases the lock of a process that ends, whatever ends it.
     BadInput: another process holds the lock, it is a link, or the folder is not writable.
     """
-    file = _opened(folder, folder / "lock")
+    file = _opened(folder, folder / LOCK)
     try:
         try:
             _lock(file, hold=True)
-        except OSError:
+            now = (folder / LOCK).lstat()
+        except OSError:  # held by another, or removed since
             raise BadInput(f"--out {folder}: another {who} into it") from None
+        if not os.path.samestat(now, os.fstat(file)):  # another has removed it, and a third has made a new one
+            raise BadInput(f"--out {folder}: another {who} into it")
         try:
             yield
         finally:

@@ -17,7 +17,7 @@ from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitF
 from rig.cli.requirements import Requirements, Strict, show_notes, show_verdicts
 from rig.cli.table import MOST_LINES, Column, counts, field, line, rest, table
 from rig.cli.working import working
-from rig.errors import BadInput
+from rig.errors import BadInput, RigError
 from rig.units.quantities import moment
 from rig.util.progress import tell
 
@@ -118,6 +118,8 @@ def fly(options: FlyOptions) -> None:
         show_notes(outcome.requirements, flight.scenario)
 
     emit(options.as_json, data, show)
+    if options.rerun == "save" and flight.stream is not None and flight.stream.error:
+        raise RigError(f"{flight.stream.where}: cannot be written: {flight.stream.error}")
     if options.strict and violated(verdicts):
         raise Exit(1)
 

@@ -6,13 +6,14 @@
     flights/...                  flights of a combination in closed loop
     result.json                  levels, tables, differences and verdict
 
-Each file is written beside and renamed.  None depends on the number of processes, their order or the time it took.
+Each file is written beside and renamed; those that are read again have a checksum.  None depends on the number of
+processes, their order or the time it took.
 """
 
 from __future__ import annotations
 
-import io
 import json
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from math import isfinite
 from pathlib import Path
@@ -34,12 +35,14 @@ from rig.league.prepared import Asked, costs, prepare, told
 from rig.league.trials import STATES, Runner, Told, joined, of_signals, shared_out
 from rig.league.verdict import verdict
 from rig.reliability.trials import Batch
-from rig.util.files import DRAFT, is_file, reported
+from rig.util import sealed
+from rig.util.files import is_file, is_unused, read_bytes, sweep
 from rig.util.outputs import LEAGUE
 from rig.util.progress import tell
 
-FORMAT: Final = 2
+FORMAT: Final = 3
 UNITS, FLIGHTS = "units", "flights"  # folders
+LEVELS: Final = "levels.json"
 Where = Literal["units", "flights"]
 Work = Callable[[Batch], pl.DataFrame]
 
@@ -58,17 +61,18 @@ def run(plan: Plan, asked: Asked, out: Path, workers: int = 1) -> dict[str, Any]
     require_time(asked.budget_per_h, healthy.hours)
     second = None if asked.second is None else read(asked.second, aircraft, signals, "--second")
     about = _about(plan, asked, healthy, second)
+    of = sealed.identity(_json(about))
     begun = _begun(out, about)
-    prepared = _read(out / "levels.json") if begun else prepare(asked, signals, healthy, second, workers)
+    prepared = _levels(out, of) if begun else prepare(asked, signals, healthy, second, workers)
     # What is flown is what the file says: a number that is written and read is the same.
     prepared, units = json.loads(_json(prepared)), shared_out(plan, asked.trials, asked.seed)
     with locked(out, "rig league is writing"):
         _sweep(out)
         write_whole(out / LEAGUE, _json(about))
-        write_whole(out / "levels.json", _json(prepared))
-        orders = told(asked, prepared)
-        rows = _all(plan, orders, out, UNITS, units, workers)
-        flown = _all(plan, orders, out, FLIGHTS, flights.shared_out(units, asked.flights), workers)
+        write_whole(out / LEVELS, sealed.to_json(prepared, of))
+        orders, of = told(asked, prepared), sealed.identity(_json(about), _json(prepared))
+        rows = _all(plan, orders, out, UNITS, units, workers, of)
+        flown = _all(plan, orders, out, FLIGHTS, flights.shared_out(units, asked.flights), workers, of)
         result = _result(asked, signals, prepared, rows, flown)
         write_whole(out / "result.json", _json(result))
     return {**result, "microseconds": costs(asked, signals, orders, healthy)}
@@ -91,63 +95,71 @@ def _about(plan: Plan, asked: Asked, healthy: Healthy, second: Healthy | None) -
 
 def _require_ours(out: Path) -> None:
     """Raise BadInput unless ``out`` is new, empty, or a league's."""
-    with reported(f"--out {out}", BadInput, "cannot be read"):
-        others = [] if not out.is_dir() else [path for path in out.iterdir() if path.name != "lock"]
-        if (out.exists() and not out.is_dir()) or (others and not is_file(out / LEAGUE)):
-            raise BadInput(f"--out {out}: not a league's folder, and not empty")
+    if not is_file(out / LEAGUE) and not is_unused(out):
+        raise BadInput(f"--out {out}: not a league's folder, and not empty")
 
 
 def _begun(out: Path, about: dict[str, Any]) -> bool:
     """Return whether the folder holds the levels of the same league.  BadInput: it holds another."""
-    if not is_file(out / LEAGUE):
+    path = out / LEAGUE
+    if not is_file(path):
         return False
-    differs = difference(_read(out / LEAGUE), json.loads(_json(about)))
+    try:
+        was = json.loads(read_bytes(path, sealed.MOST_BYTES).decode())
+    except (ValueError, RecursionError) as error:
+        raise BadInput(f"{path}: cannot be read: {' '.join(str(error).split())[:120]}") from None
+    differs = difference(was if isinstance(was, dict) else {}, json.loads(_json(about)))
     if differs:
         raise BadInput(f"--out {out}: holds another league: {differs[0]}")
-    return is_file(out / "levels.json")
+    return is_file(out / LEVELS)
+
+
+def _levels(out: Path, of: str) -> dict[str, Any]:
+    path = out / LEVELS
+    return sealed.read_json(path, f"remove it, and the same command computes it again: rm {shlex.quote(str(path))}", of)
 
 
 def _sweep(out: Path) -> None:
-    for path in (
-        *out.glob(f".*{DRAFT}"),
-        *(path for name in (UNITS, FLIGHTS) for path in (out / name).glob(f".*{DRAFT}")),
-    ):
-        path.unlink()
-
-
-def _read(path: Path) -> dict[str, Any]:
-    with reported(path, BadInput, "cannot be read"):
-        return dict(json.loads(path.read_text(encoding="utf-8")))
+    for folder in (out, out / UNITS, out / FLIGHTS):
+        sweep(folder)
 
 
 def _json(data: Any) -> bytes:
     return json.dumps(data, indent=1, allow_nan=False).encode()
 
 
-def _all(plan: Plan, orders: Told, out: Path, where: Where, units: Sequence[Batch], workers: int) -> pl.DataFrame:
-    """Return the rows of all units, those that are kept read, the others run and kept."""
+def _all(
+    plan: Plan, orders: Told, out: Path, where: Where, units: Sequence[Batch], workers: int, of: str
+) -> pl.DataFrame:
+    """Return the rows of all units, those that are kept read, the others run and kept.
+
+    of : the league's identity, with which its files are marked
+    """
     folder = out / where
     if units:
         folder.mkdir(exist_ok=True)
-    todo = [unit for unit in units if not is_file(_path(folder, unit))]
+    done = [unit for unit in units if is_file(_path(folder, unit))]
+    for unit in done:
+        _unit(_path(folder, unit), of)  # one that is damaged is refused before others are run
+    todo = [unit for unit in units if unit not in done]
     for unit, rows in zip(todo, _flown(plan, orders, where, todo, workers), strict=True):
         tell("trials" if where == UNITS else where, sum(is_file(_path(folder, of)) for of in units), len(units))
-        memory = io.BytesIO()
-        rows.write_parquet(memory)
-        write_whole(_path(folder, unit), memory.getvalue())
-    return joined([_unit(_path(folder, unit)) for unit in units])
+        path = _path(folder, unit)
+        write_whole(path, sealed.table(rows, _place(of, path)))
+    return joined([_unit(_path(folder, unit), of) for unit in units])
 
 
 def _path(folder: Path, unit: Batch) -> Path:
     return folder / f"{unit.number:06d}-{unit.chunk:06d}.parquet"
 
 
-def _unit(path: Path) -> pl.DataFrame:
-    try:
-        return pl.read_parquet(path.read_bytes())
-    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise BadInput(f"{path}: cannot be read ({reason}): remove it, and the same command runs it again") from None
+def _place(of: str, path: Path) -> str:
+    return f"{of} {path.parent.name}/{path.name}"
+
+
+def _unit(path: Path, of: str) -> pl.DataFrame:
+    remedy = f"remove it, and the same command runs it again: rm {shlex.quote(str(path))}"
+    return sealed.read_table(path, _place(of, path), remedy)
 
 
 def _work(plan: Plan, orders: Told, where: Where) -> Work:

@@ -11,21 +11,26 @@ With servos (rig/actuators/) the command is the position: lag and rate limit of 
 
 JSBSim's normalised commands (``fcs/elevator-cmd-norm`` and so on) carry **radians** here, so that
 trim, linearisation and flight share one input.  With the copy goes a list of the properties that
-its equations read: JSBSim ends the whole process when one of them is missing.
+its equations read: JSBSim ends the whole process when one of them is missing.  And a SHA-256 of all
+its files: a copy that was damaged is made again.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
+import secrets
 import shutil
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput, RigError
+from rig.kernel_cache import REMEDY
 from rig.kernels import cache_root
 from rig.plant.airframe import Config, Surface
 from rig.plant.imperial import METRES_PER_FOOT, METRES_PER_INCH
@@ -40,6 +45,7 @@ _METRES = {"M": 1.0, "FT": METRES_PER_FOOT, "IN": METRES_PER_INCH}
 _READERS = ("property", "p", "independentVar")
 _NOT_READ: Final = "a file of JSBSim's package, which is not installed as a whole, cannot be read"
 _READS_FILE: Final = "reads.txt"
+_DIGEST_FILE: Final = "sha256.txt"  # written last
 
 
 def folder(airframe: Config, root: Path, servos: bool = False) -> Path:
@@ -52,7 +58,7 @@ def folder(airframe: Config, root: Path, servos: bool = False) -> Path:
     source = model.parent
     key = hashlib.sha256(_sources(source) + airframe.model_dump_json(include=_SHAPING).encode() + b"servos" * servos)
     target = cache_root() / "airframes" / key.hexdigest()[:24]
-    if not (target / _READS_FILE).is_file():
+    if not _is_whole(target):
         tree = _actuated(parsed(model), airframe, servos)
         reads = sorted(_reads(tree, root, source))
         _check_positions(airframe, reads)
@@ -111,6 +117,34 @@ def _sources(source: Path) -> bytes:
     return digest.digest()
 
 
+_whole: set[Path] = set()  # copies that this process has found to be as they were written
+
+
+def _is_whole(copy: Path) -> bool:
+    """Return True if a copy is there, with the bytes that were written; they are read once in a process."""
+    file = copy / _DIGEST_FILE
+    if not is_file(file):
+        return False
+    if copy not in _whole:
+        try:
+            if file.read_bytes() != _digest(copy):
+                return False
+        except OSError:
+            return False
+        _whole.add(copy)
+    return True
+
+
+def _digest(copy: Path) -> bytes:
+    """Return what ``_DIGEST_FILE`` holds: a hash of the names and bytes of all other files."""
+    digest = hashlib.sha256()
+    for path in sorted(copy.rglob("*")):
+        if path.name != _DIGEST_FILE and path.is_file():
+            data = path.read_bytes()
+            digest.update(f"{path.relative_to(copy).as_posix()}\0{len(data)}\0".encode() + data)
+    return digest.hexdigest().encode()
+
+
 def _publish(tree: ET.Element, reads: list[str], source: Path, target: Path) -> None:
     """Write beside, then rename: another process either sees all of it or nothing."""
     try:
@@ -119,14 +153,32 @@ def _publish(tree: ET.Element, reads: list[str], source: Path, target: Path) -> 
         shutil.copytree(source, draft / source.name)
         ET.ElementTree(tree).write(draft / source.name / f"{source.name}.xml", encoding="utf-8")
         (draft / _READS_FILE).write_text("\n".join(reads), encoding="utf-8")
+        (draft / _DIGEST_FILE).write_bytes(_digest(draft))
         try:
+            if not _is_whole(target):
+                _set_aside(target)
             draft.rename(target)
         except OSError:
-            shutil.rmtree(draft)
-            if not target.is_dir():  # else another process was faster, with the same result
+            if not _is_whole(target):  # else another process was faster, with the same result
                 raise
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
     except OSError as error:
-        raise RigError(f"{target.parent}: cannot be written: {error}") from None
+        reason = error.strerror or error
+        raise RigError(f"{target.parent}: cannot be written: {reason}; {REMEDY}") from None
+
+
+def _set_aside(target: Path) -> None:
+    """Remove a copy that is damaged, or whatever else has its name."""
+    if not os.path.lexists(target):
+        return
+    aside = target.with_name(f".draft-{secrets.token_hex(8)}")
+    with suppress(FileNotFoundError):  # another process was faster
+        target.rename(aside)
+    if aside.is_dir() and not aside.is_symlink():
+        shutil.rmtree(aside, ignore_errors=True)
+    else:
+        aside.unlink(missing_ok=True)
 
 
 def _actuated(tree: ET.Element, airframe: Config, servos: bool) -> ET.Element:

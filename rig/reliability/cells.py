@@ -19,11 +19,27 @@ from rig.campaign.folder import open_folder
 from rig.campaign.rows import by_level
 from rig.errors import BadInput
 from rig.frame import CHANNELS
-from rig.reliability.tally import CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, SECOND, TESTED, Cells, counted, of_kinds
+from rig.reliability.tally import (
+    CELL,
+    COUNTS,
+    DESIGNS,
+    FALSE_ISOLATIONS,
+    OUTCOMES,
+    SECOND,
+    TESTED,
+    Cells,
+    counted,
+    of_kinds,
+)
+from rig.util import sealed
 from rig.util.files import is_file
+from rig.util.notes import note
 from rig.util.outputs import TRIALS
 
-FORMAT: Final = 1
+FORMAT: Final = 2
+_SUMS: Final = ("trials", *OUTCOMES, "announced", "level", "channel_hours", "events")
+_UNSEALED: Final = 1  # of an earlier version: its files have no checksum
+_REMEDY: Final = "the trials are run again into another folder"
 TABLES: Final = {"cells": COUNTS, "false_isolations": FALSE_ISOLATIONS}
 
 
@@ -115,22 +131,27 @@ def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
 
 def read_trials(folder: Path) -> Cells:
     """Read the cells of a folder of trials.  BadInput names the file that is damaged or missing."""
-    try:
-        about = json.loads((folder / TRIALS).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadInput(f"{folder / TRIALS}: cannot be read: {' '.join(str(error).split())}") from None
-    if not isinstance(about, dict) or about.get("format") != FORMAT or not isinstance(about.get("manager"), str):
-        raise BadInput(f"{folder / TRIALS}: is damaged, or not of this version of the rig")
-    return Cells(about["manager"], *(_table(folder / f"{name}.parquet", columns) for name, columns in TABLES.items()))
+    path = folder / TRIALS
+    about = sealed.read_json(path, _REMEDY, formats=(FORMAT, _UNSEALED))
+    if not isinstance(about.get("manager"), str):
+        raise BadInput(f"{path}: is damaged: it names no manager; {_REMEDY}")
+    if about["format"] == _UNSEALED:
+        note(f"{folder}: was written by an earlier version of the rig: its tables have no checksum")
+    return Cells(about["manager"], *(_table(folder, about, name, columns) for name, columns in TABLES.items()))
 
 
-def _table(path: Path, columns: dict[str, Any]) -> pl.DataFrame:
+def place(about: dict[str, Any], name: str) -> str:
+    """Return the mark of a table of the trials that ``about`` describes."""
+    return f"{sealed.identity(json.dumps(about, sort_keys=True).encode())} {name}"
+
+
+def _table(folder: Path, about: dict[str, Any], name: str, columns: dict[str, Any]) -> pl.DataFrame:
+    path = folder / f"{name}.parquet"
     if not is_file(path):
-        raise BadInput(f"{path}: is missing; the trials are run again into another folder")
-    try:
-        table = pl.read_parquet(path.read_bytes(), hive_partitioning=False)
-    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        raise BadInput(f"{path}: cannot be read ({' '.join(str(error).split())[:120]})") from None
+        raise BadInput(f"{path}: is missing; {_REMEDY}")
+    table = sealed.read_table(path, place(about, name), _REMEDY, under_seal=about["format"] != _UNSEALED)
     if dict(table.schema) != {name: kind() if isinstance(kind, type) else kind for name, kind in columns.items()}:
-        raise BadInput(f"{path}: its columns are not those of trials")
+        raise BadInput(f"{path}: its columns are not those of trials; {_REMEDY}")
+    if absent := [column for column in (*CELL, *_SUMS) if column in columns and table[column].null_count()]:
+        raise BadInput(f"{path}: a value of {absent[0]} is missing; {_REMEDY}")
     return table

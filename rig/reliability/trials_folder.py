@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from rig.campaign.config import from_what
+from rig.campaign.folder import locked, write_whole
 from rig.campaign.plan import Plan, rig_identity
 from rig.campaign.pool import each
 from rig.errors import BadInput
-from rig.reliability.cells import FORMAT, TABLES
+from rig.reliability.cells import FORMAT, TABLES, place
 from rig.reliability.tally import Cells
 from rig.reliability.trials import Batch, Tally, TrialRunner, added_up, shared_out
-from rig.util.files import new_folder, replaced, reported
+from rig.util import sealed
+from rig.util.files import LOCK, is_file, is_unused, new_folder, reported, sweep
 from rig.util.outputs import TRIALS
 
 Report = Callable[[int, int], None]  # trials done, of how many
@@ -29,17 +31,18 @@ def fly_trials(
 
     BadInput before the first trial; RigError: the disk.
     """
-    _new(out)
+    _require_new(out)
     units = shared_out(plan, runs, seed, good)
     manager = plan[units[0].number].scenario().redundancy.manager
     count, done, tallies = sum(unit.trials for unit in units), 0, []
-    for unit, tally in zip(units, _tallies(plan, units, workers), strict=True):
-        tallies.append(tally)
-        done += unit.trials
-        if report is not None:
-            report(done, count)
-    about = {"format": FORMAT, **_identity(plan, seed), "manager": manager, "trials": count, "good_before": good}
-    _write(out, added_up(tallies, manager), about)
+    with _held(out):
+        for unit, tally in zip(units, _tallies(plan, units, workers), strict=True):
+            tallies.append(tally)
+            done += unit.trials
+            if report is not None:
+                report(done, count)
+        about = {"format": FORMAT, **_identity(plan, seed), "manager": manager, "trials": count, "good_before": good}
+        _write(out, added_up(tallies, manager), about)
     return about
 
 
@@ -70,19 +73,41 @@ def _identity(plan: Plan, seed: int) -> dict[str, Any]:
     return {"campaign": plan.campaign.title, "campaign_sha256": sha256, "seed": seed, "rig": rig_identity()}
 
 
-def _new(out: Path) -> None:
-    """Raise BadInput unless a folder can be made at ``out``: nothing there, or an empty folder."""
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+def _require_new(out: Path) -> None:
+    """Raise BadInput unless nothing is at ``out``, or what a killed command left: no ``trials.json``."""
+    if not is_unused(out, _is_left):
         raise BadInput(f"--out {out}: folder exists and is not empty")
+
+
+def _is_left(path: Path) -> bool:
+    """Return True for a table of trials, whole."""
+    return path.stem in TABLES and path.suffix == ".parquet" and is_file(path) and not sealed.fault(path.read_bytes())
+
+
+@contextmanager
+def _held(out: Path) -> Iterator[None]:
+    """Make the folder and hold it alone; after an error it is as it was."""
+    with ExitStack() as stack:
+        with reported(f"--out {out}", BadInput):
+            stack.enter_context(new_folder(out))
+        stack.enter_context(locked(out, "rig reliability trials is running"))
+        _require_new(out)  # another command may have been faster
+        sweep(out)
+        try:
+            yield
+        except BaseException:
+            for name in (*map(_file, TABLES), LOCK):
+                with suppress(OSError):  # of a system that does not remove what is open
+                    (out / name).unlink(missing_ok=True)
+            raise
+
+
+def _file(name: str) -> str:
+    return f"{name}.parquet"
 
 
 def _write(out: Path, cells: Cells, about: dict[str, Any]) -> None:
     """Write tables first, ``trials.json`` last."""
-    with reported(f"--out {out}"), new_folder(out):
-        for name, table in zip(TABLES, (cells.counts, cells.false_isolations), strict=True):
-            memory = io.BytesIO()
-            table.write_parquet(memory)
-            with replaced(out / f"{name}.parquet") as draft:
-                draft.write_bytes(memory.getvalue())
-        with replaced(out / TRIALS) as draft:
-            draft.write_text(json.dumps(about, indent=1), encoding="utf-8")
+    for name, table in zip(TABLES, (cells.counts, cells.false_isolations), strict=True):
+        write_whole(out / _file(name), sealed.table(table, place(about, name)))
+    write_whole(out / TRIALS, sealed.to_json(about))

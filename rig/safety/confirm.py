@@ -7,7 +7,6 @@ Source: docs/safety.md, 'Confirming'; Fisher (1922).
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,13 +15,14 @@ from typing import Any, Final
 
 from scipy.stats import fisher_exact
 
-from rig.campaign.folder import write_whole
+from rig.campaign.folder import locked, write_whole
 from rig.campaign.plan import Plan
 from rig.campaign.run import Result
 from rig.errors import BadInput
-from rig.safety.cutset_plan import Asked, Report, fly_all, plan, read_json
+from rig.safety.cutset_plan import FORMAT, Asked, Report, fly_all, plan, read_json
 from rig.safety.cutsets import Counted, jeffreys, of_campaign
 from rig.safety.sequences import CONDITIONS, Modes
+from rig.util import sealed
 from rig.util.files import is_file
 from rig.util.outputs import CONFIRMED, SETS
 
@@ -70,7 +70,7 @@ class Claim:
 
 def write_sets(out: Path, found: dict[str, Any]) -> None:
     """Write the minimal sets of an enumeration, which ``confirm`` flies again."""
-    write_whole(out / SETS, json.dumps(found, indent=1).encode())
+    write_whole(out / SETS, sealed.to_json(found))
 
 
 def read_sets(out: Path) -> dict[str, Any]:
@@ -144,7 +144,8 @@ def _folder(aircraft: str, point: str, condition: str) -> str:
 
 def fly(out: Path, made: dict[str, Plan], workers: int, report: Report | None = None) -> list[Result]:
     """Fly what is missing of the campaigns, in folders below ``out``/confirm."""
-    return fly_all(made, out / "confirm", workers, report)
+    with locked(out, "rig reliability command is flying"):
+        return fly_all(made, out / "confirm", workers, report)
 
 
 def rows(out: Path, signal: str, found: Sequence[Claim], made: dict[str, Plan]) -> list[Row]:
@@ -176,5 +177,5 @@ def _row(aircraft: str, point: str, claim: Claim, modes: Modes, before: tuple[in
 
 def write_rows(out: Path, found: Sequence[Row]) -> None:
     """Write the comparison beside the sets."""
-    data = {"format": 1, "rows": [row.as_dict() for row in found]}
-    write_whole(out / CONFIRMED, json.dumps(data, indent=1).encode())
+    data = {"format": FORMAT, "rows": [row.as_dict() for row in found]}
+    write_whole(out / CONFIRMED, sealed.to_json(data))

@@ -6,14 +6,14 @@ DIR/<condition>-<gap>/        that campaign (campaign/folder.py)
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from rig.campaign.config import Campaign, from_what
-from rig.campaign.folder import write_whole
+from rig.campaign.folder import locked, write_whole
 from rig.campaign.plan import Plan, rig_identity
 from rig.campaign.run import Result, run
 from rig.campaign.worker import Orders, fly_alone
@@ -21,10 +21,13 @@ from rig.errors import BadInput, RigError
 from rig.frame import INDEX
 from rig.safety.sequences import CONDITIONS, Condition, Modes, flights, sequences
 from rig.text import choices, quoted
-from rig.util.files import is_file
+from rig.util import sealed
+from rig.util.files import is_file, is_unused, sweep
+from rig.util.notes import note
 from rig.util.outputs import CUTSETS
 
-FORMAT: Final = 1
+FORMAT: Final = 2
+_UNSEALED: Final = 1  # of an earlier version: its files have no checksum
 BATCH: Final = 40
 LATERAL: Final = ("roll_rate", "yaw_rate", "lateral_load_factor", "angle_of_sideslip", "stick_roll", "pedal",
                   "roll_angle", "heading")  # fmt: skip
@@ -132,8 +135,8 @@ def fly(asked: Asked, out: Path, workers: int, report: Report | None = None) -> 
     """
     plans = {condition: plan(asked, condition) for condition in asked.conditions}
     refuse_lost(asked, out)
-    begin(out, asked.as_dict())
-    return fly_all(plans, out, workers, report)
+    with begun(out, asked.as_dict()):
+        return fly_all(plans, out, workers, report)
 
 
 def fly_all(plans: Mapping[str, Plan], out: Path, workers: int, report: Report | None) -> list[Result]:
@@ -149,30 +152,35 @@ def fly_all(plans: Mapping[str, Plan], out: Path, workers: int, report: Report |
     return results
 
 
-def begin(out: Path, about: dict[str, Any]) -> None:
-    """Make the folder, or find that it was asked the same before.  BadInput names what differs."""
+@contextmanager
+def begun(out: Path, about: dict[str, Any]) -> Iterator[None]:
+    """Make the folder, or find that it was asked the same before, and hold it alone.  BadInput names what differs."""
+    path = out / CUTSETS
+    _require_same(out, about)
+    with locked(out, "rig reliability command is flying"):
+        _require_same(out, about)  # another command may have been faster
+        sweep(out)
+        if not is_file(path):
+            write_whole(path, sealed.to_json(about))
+        yield
+
+
+def _require_same(out: Path, about: dict[str, Any]) -> None:
+    """Raise BadInput unless nothing is in the folder, or what was asked the same."""
     path = out / CUTSETS
     if is_file(path):
         was = read_json(path)
         for key, value in about.items():
             if was.get(key) != value:
                 raise BadInput(f"--out {out}: holds other flights: {key} was {was.get(key)}, is {value}")
-        return
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+    elif not is_unused(out):
         raise BadInput(f"--out {out}: not a folder of cut sets, and not empty")
-    out.mkdir(parents=True, exist_ok=True)
-    write_whole(path, json.dumps(about, indent=1).encode())
 
 
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON file of a folder of cut sets.  BadInput: it is damaged, or of another version."""
-    try:
-        about = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadInput(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
-    if not isinstance(about, dict) or about.get("format") != FORMAT:
-        raise BadInput(f"{path}: is damaged, or not of this version of the rig")
-    return about
+    remedy = "the command that wrote it writes it again once it is removed"
+    return sealed.read_json(path, remedy, formats=(FORMAT, _UNSEALED))
 
 
 def read_asked(out: Path) -> Asked:
@@ -186,4 +194,6 @@ def read_asked(out: Path) -> Asked:
             raise BadInput(f"{path}: is damaged: {key} is missing, or not a {kind.__name__}")
     asked = Asked(**{**{key: about[key] for key in _TYPES}, "conditions": tuple(map(str, about["conditions"]))})
     require(asked, str(path))
+    if about["format"] == _UNSEALED:
+        note(f"{out}: was written by an earlier version of the rig: its files have no checksum")
     return asked

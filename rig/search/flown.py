@@ -14,7 +14,9 @@ from rig.campaign.rows import Rows
 from rig.campaign.run import Batch, Flying, Progress, orders_of
 from rig.campaign.worker import fly_batch
 from rig.errors import RigError
+from rig.util.files import is_file
 from rig.util.interrupt import Stop
+from rig.util.outputs import CAMPAIGN
 
 
 class Interrupted(Exception):
@@ -52,6 +54,13 @@ class Flown:
         if any(number not in kept for number in numbers):
             raise Interrupted
         return [kept[number] for number in numbers]
+
+
+def require_known(plan: Plan, out: Path) -> None:
+    """Raise BadInput unless ``out`` is a new folder, or one of the same plan whose parts are whole.  Writes nothing."""
+    folder = Folder.of(out, plan)
+    if is_file(out / CAMPAIGN):
+        folder.done()
 
 
 @contextmanager

@@ -15,10 +15,9 @@ from rig.campaign.folder import write_whole
 from rig.search.confirm import SEEDS, Confirmed
 from rig.search.objective import Measured
 from rig.search.plan import SearchPlan
+from rig.util.outputs import BESIDE_RUNS
 
-SCENARIO: Final = "worst.toml"
-FIGURES: Final = "search.json"
-PICTURE: Final = "search.html"
+FIGURES, SCENARIO, PICTURE = BESIDE_RUNS
 CONFIDENCE: Final = 0.95
 
 

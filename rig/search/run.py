@@ -24,14 +24,16 @@ from rig.campaign.worker import fly_batch
 from rig.overrides import parse_set, set_key
 from rig.search import bench, picture, result
 from rig.search.confirm import SEEDS, Confirmed, Table, confirm, least_apart, new_seeds, worst
-from rig.search.flown import Flown, Interrupted, flown
+from rig.search.flown import Flown, Interrupted, flown, require_known
 from rig.search.healthy import refuse_violated
 from rig.search.objective import Measured, deciding, measured
 from rig.search.plan import ConfirmPlan, SearchPlan
 from rig.search.schedule import schedule
 from rig.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.search.shrink import shrink, simplest
+from rig.util.files import require_place
 from rig.util.interrupt import interruptible
+from rig.util.outputs import BESIDE_RUNS
 from rig.util.progress import tell
 
 CONFIRMED: Final = "confirmed"
@@ -60,6 +62,7 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
         plan.check()
         if plan.asked.bench:
             bench.check(plan)
+        _require_begun_or_new(plan, out)
         with interruptible(again=True) as stop:
             try:
                 refuse_violated(plan, out, pool, stop)
@@ -88,6 +91,14 @@ class _Found:
 
     ids: tuple[str, ...]
     results: list[Measured]  # of each draw, in their order
+
+
+def _require_begun_or_new(plan: SearchPlan, out: Path) -> None:
+    """Raise BadInput, before the first flight, where the flights on new seeds or a result could not be written."""
+    require_known(ConfirmPlan(plan), out / CONFIRMED)
+    if out.is_dir():
+        for name in BESIDE_RUNS:
+            require_place(out / name)
 
 
 def _searched(plan: SearchPlan, flights: Flown) -> _Found:

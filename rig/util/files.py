@@ -7,9 +7,10 @@ file is whole.  A file that is named here takes the next free number.
 from __future__ import annotations
 
 import os
+import re
 import secrets
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import BufferedReader
 from itertools import count
@@ -23,6 +24,11 @@ DRAFT = ".part"
 _AT_ONCE: Final = getattr(os, "O_NONBLOCK", 0)  # a pipe that has come meanwhile is not waited for
 _KINDS: Final = {stat.S_IFIFO: "a pipe", stat.S_IFDIR: "a folder", stat.S_IFSOCK: "a socket"}  # others: a device
 NOT_WHOLE = "a file of the rig, which is not installed as a whole, cannot be read"
+LOCK: Final = "lock"  # an empty file in a folder, locked by the command that writes into the folder
+_DRAFT_NAME: Final = re.compile(rf"\..{{1,{_KEPT}}}\.[0-9a-f]{{8}}\{DRAFT}", re.DOTALL)
+_DEVICES: Final = ("/dev", "/proc", "/sys")
+_SHARED_MEMORY: Final = "/dev/shm"  # a folder of files among the devices
+_MOST_LINKS: Final = 40  # in a row, as of the system
 
 
 def bundled(kind: str) -> Path:
@@ -93,6 +99,33 @@ def read_bytes(path: Path, most: int, where: str = "") -> bytes:
 
 def _larger(most: int) -> str:
     return f"larger than {most >> 20} MiB"
+def is_unused(folder: Path, is_left: Callable[[Path], bool] = lambda path: False) -> bool:
+    """Return True if no folder is there, or one that is empty but for a lock and drafts of ours.
+
+    So a folder is left by a command that was killed in its first moment: the same command goes on.
+    is_left : says of any other file whether the command may have left it
+    BadInput: the folder, which ``--out`` named, cannot be read.
+    """
+    with reported(f"--out {folder}", BadInput, "cannot be read"):
+        if not os.path.isdir(folder):  # noqa: PTH112 # Path.is_dir raises for a name that is too long
+            return not os.path.lexists(folder)
+        with os.scandir(folder) as entries:
+            return all(_is_ours(entry) or is_left(Path(entry.path)) for entry in entries)
+
+
+def _is_ours(entry: os.DirEntry[str]) -> bool:
+    """Return True for a lock, which is empty, and for a draft."""
+    if not entry.is_file(follow_symlinks=False):
+        return False
+    return _DRAFT_NAME.fullmatch(entry.name) is not None or (entry.name == LOCK and not entry.stat().st_size)
+
+
+def sweep(folder: Path, *names: str) -> None:
+    """Remove what killed commands left half written in ``folder``: drafts of the files ``names``, or all drafts."""
+    begin = tuple(f".{name[:_KEPT]}." for name in names)
+    for path in folder.glob(f".*{DRAFT}"):
+        if _DRAFT_NAME.fullmatch(path.name) and (not names or path.name.startswith(begin)) and not path.is_dir():
+            path.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -109,13 +142,32 @@ def new_folder(path: Path) -> Iterator[None]:
         raise
 
 
+def require_place(path: Path) -> None:
+    """Raise BadInput unless a file can be written to ``path``: a regular one is there, or none.
+
+    A link among the devices is neither.
+    """
+    with reported(path, BadInput):
+        _require_no_device(path)
+        try:
+            mode = path.stat().st_mode
+        except FileNotFoundError:
+            if not path.parent.is_dir():
+                raise BadInput(f"{path}: no such folder: {path.parent}") from None
+            return
+    if stat.S_ISDIR(mode):
+        raise BadInput(f"{path}: is a folder")
+    if not stat.S_ISREG(mode):
+        raise BadInput(f"{path}: not a regular file")
+
+
 @contextmanager
 def draft(path: Path) -> Iterator[Path]:
     """Yield a new empty file beside ``path``, under a name of its own; it is removed at the end.
 
     BadInput: ``path`` is a folder or a device, cannot be a file's name, or its folder is not there or not writable.
     """
-    _check(path)
+    require_place(path)
     made = path.with_name(f".{path.name[:_KEPT]}.{secrets.token_hex(4)}{DRAFT}")
     with reported(path, BadInput):
         made.touch(exist_ok=False)
@@ -129,7 +181,8 @@ def draft(path: Path) -> Iterator[Path]:
 def replaced(path: Path) -> Iterator[Path]:
     """Yield a draft, which becomes ``path`` when the block ends well; after an error ``path`` is as before.
 
-    A link at ``path`` is replaced, not followed.  BadInput as of ``draft``; RigError when it cannot be renamed.
+    A link at ``path`` to a file, or to nothing, is replaced, not followed: what it leads to stays as it is.
+    BadInput as of ``draft``; RigError when it cannot be renamed.
     """
     with draft(path) as made:
         yield made
@@ -170,16 +223,17 @@ def publish(made: Path, paths: Iterable[Path]) -> Path:
     raise RigError(f"{made.parent}: no free name")
 
 
-def _check(path: Path) -> None:
-    """Raise BadInput unless a regular file is at ``path``, or none."""
-    with reported(path, BadInput):
-        try:
-            mode = path.stat().st_mode
-        except FileNotFoundError:
-            if not path.parent.is_dir():
-                raise BadInput(f"{path}: no such folder: {path.parent}") from None
+def _require_no_device(path: Path) -> None:
+    """Raise BadInput if ``path`` is a link, or a chain of links, to a name among the devices.
+
+    The system may say of such a name that it is a regular file: /dev/stdout, of a command whose output goes to one.
+    """
+    at, seen = path, 0
+    while seen < _MOST_LINKS:
+        place, is_link = os.path.join(os.path.realpath(at.parent), at.name), at.is_symlink()  # noqa: PTH118 # normal
+        among = place.startswith(tuple(f"{each}/" for each in _DEVICES)) and not place.startswith(f"{_SHARED_MEMORY}/")
+        if among and (is_link or seen):
+            raise BadInput(f"{path}: is a link among the devices ({place}), not a regular file")
+        if not is_link:
             return
-    if stat.S_ISDIR(mode):
-        raise BadInput(f"{path}: is a folder")
-    if not stat.S_ISREG(mode):
-        raise BadInput(f"{path}: not a regular file")
+        at, seen = Path(place).parent / at.readlink(), seen + 1

@@ -16,7 +16,7 @@ from typing import Final
 from rig.errors import BadInput, BadLog, RigError
 from rig.log import Log, read_log, scenario_of
 from rig.text import plain
-from rig.util.files import replaced
+from rig.util.files import replaced, reported
 from rig.view import viewer
 from rig.view.facts import TAGS, Facts, Layout, of_log, together
 from rig.view.sink import SERVER_MEMORY, About, Sink, open_sink
@@ -113,13 +113,15 @@ def send(opened: Opened, sink: Sink) -> None:
 
 
 def save(opened: Opened, rrd: Path) -> None:
-    """Write ``rrd``, with the layout in it; BadInput when it cannot be written."""
+    """Write ``rrd``, with the layout in it; BadInput when it cannot be opened, RigError: the disk."""
     if rrd.suffix != ".rrd":
         raise BadInput(f"{rrd}: must end in .rrd")
-    with replaced(rrd) as part:
+    with replaced(rrd) as part, reported(rrd):
         sink = open_sink("save", opened.about, part)
         try:
             send(opened, sink)
+        except RuntimeError as error:  # of Rerun
+            raise RigError(f"{rrd}: cannot be written: {error}") from None
         finally:
             sink.close()
 

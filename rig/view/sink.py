@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,9 +13,10 @@ from numpy.typing import NDArray
 from rig.errors import BadInput, RigError
 from rig.frame import Block, LaneBlock
 from rig.record.event import Event
-from rig.text import is_utf8
+from rig.util.files import reported
 from rig.view import viewer
 from rig.view.facts import Facts, Layout
+from rig.view.piped import DESCRIPTORS, PipedFile
 from rig.view.story import Story
 
 if TYPE_CHECKING:
@@ -65,14 +67,16 @@ class Sink:
         browser: str = "",
         connect: Callable[[], None] | None = None,
         also: Callable[[], None] | None = None,
+        check: Callable[[], None] | None = None,
     ) -> None:
-        """Keep the recording; ``connect`` is called first of all, ``also`` last."""
+        """Keep the recording; ``connect`` is called first of all, ``also`` last, ``check`` before anything is sent."""
         self.where = where
         self.browser = browser
         self._recording = recording
         self._about = about
         self._connect = connect
         self._also = also
+        self._check = check
         self._columns: list[Columns | None] = [None] * len(about.layout.shown)
         [*_, top] = about.layout.shown
         self._live = top.facts if top.facts.seen is None else None  # of a flight that is under way
@@ -102,6 +106,8 @@ class Sink:
         from rig.view.columns import Columns
         from rig.view.style import FLIGHT_COLORS
 
+        if self._check is not None:
+            self._check()
         columns = self._columns[flight]
         if columns is None:
             shown = self._about.layout.shown[flight]
@@ -132,7 +138,7 @@ class Sink:
         self._recording.flush(timeout_sec=timeout_s)
 
     def close(self) -> None:
-        """Close the file, the connection or the servers."""
+        """Close the file, the connection or the servers.  OSError: the file could not be written, and is removed."""
         self._recording.disconnect()
         if self._also is not None:
             self._also()
@@ -161,18 +167,20 @@ def open_sink(where: str, about: About, out_path: Path, server_memory: str = SER
 
 
 def _save(recording: rr.RecordingStream, layout: rrb.Blueprint, path: Path, about: About) -> Sink:
-    try:
+    with reported(path, BadInput):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("wb") as file:  # an error of ours, rather than a line in Rerun's log
-            recording.save(_utf8_name(path, file.fileno()), default_blueprint=layout)
-    except (OSError, RuntimeError) as error:
-        raise BadInput(f"{path}: cannot be written: {error}") from None
-    return Sink(recording, str(path), about)
-
-
-def _utf8_name(path: Path, descriptor: int) -> Path:
-    """Return the path, or where it is not UTF-8, which Rerun needs, the name of the open file in this process."""
-    return path if is_utf8(str(path)) else Path(f"/dev/fd/{descriptor}")
+        if not DESCRIPTORS.is_dir():
+            path.open("wb").close()  # an error of ours, rather than a line in Rerun's log
+            recording.save(path, default_blueprint=layout)
+            return Sink(recording, str(path), about)
+        file = PipedFile(path)
+    try:
+        recording.save(file.pipe, default_blueprint=layout)
+    except RuntimeError as error:
+        raise RigError(f"{path}: cannot be written: {error}") from None
+    finally:
+        os.close(file.writing)
+    return Sink(recording, str(path), about, also=file.close, check=file.check)
 
 
 def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, server_memory: str) -> Sink:

@@ -163,6 +163,7 @@ class Stream:
             action()
         except Exception as error:  # noqa: BLE001
             with self._changed:
-                self._error = self._error or f"{type(error).__name__}: {error}".splitlines()[0]
+                reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+                self._error = self._error or reason.splitlines()[0]
             return False
         return True

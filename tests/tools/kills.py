@@ -1,0 +1,139 @@
+"""Kill each study in its first second, many times, and compare what it goes on to with an uninterrupted run.
+
+python tests/tools/kills.py FOLDER [--kills 20] [--seed 1] [--only campaign,search,league,trials,cutsets]
+
+Each kill is of a new run: SIGKILL to all its processes, at a time drawn from the second after its folder appears; every
+fourth at once.  Then the same command runs to its end.  Prints a line a study; exit code 1 where one differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+from rig.campaign import table
+from rig.campaign.folder import open_folder
+from rig.campaign.rows import TABLES
+
+ROOT: Final = Path(__file__).parents[2]
+RIG: Final = (sys.executable, "-m", "rig")
+PATIENCE_S: Final = 600.0
+CAMPAIGN: Final = """
+sampling = "random"
+runs = 6
+[base]
+aircraft = "f16"
+duration_s = 2.0
+redundancy = { manager = "median" }
+faults = [{ kind = "offset", signal = "pitch_rate", channels = [1], start_s = 0.5, offset = 0.1 }]
+[vary]
+"faults.0.offset" = { low = 0.03, high = 0.3 }
+[run]
+batch = 1
+"""
+EXAMPLES: Final = ROOT / "docs" / "examples"
+STUDIES: Final[dict[str, tuple[str, ...]]] = {
+    "campaign": ("campaign", "run", "../campaign.toml", "--workers", "2"),
+    "search": ("search", "../campaign.toml", "--requirement", "vote", "--flights", "24", "--workers", "2"),
+    "league": (
+        *("league", str(EXAMPLES / "league_small.toml"), "--managers", "cusum,median", "--budget", "20"),
+        *("--healthy", "../healthy", "--trials", "4", "--workers", "2"),
+    ),
+    "trials": ("reliability", "trials", "reliability", "--runs", "2000", "--good-before", "4", "--workers", "2"),
+    "cutsets": (
+        *("reliability", "cutsets", "--order", "1", "--flights", "1", "--conditions", "manoeuvre-near"),
+        *("--workers", "2"),
+    ),
+}
+
+
+def run(command: tuple[str, ...], where: Path) -> None:
+    """Run a study to its end in the folder ``where``."""
+    done = subprocess.run([*RIG, *command, "--out", "out"], cwd=where, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"{where}: exit code {done.returncode}: {done.stderr.strip()}")
+
+
+def kill(command: tuple[str, ...], where: Path, delay_s: float) -> bool:
+    """Begin a study and kill it ``delay_s`` after its folder appears; return False where it had ended before."""
+    process = subprocess.Popen(
+        [*RIG, *command, "--out", "out"],
+        cwd=where,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    began = time.monotonic()
+    while process.poll() is None and not (where / "out").exists() and time.monotonic() - began < PATIENCE_S:
+        time.sleep(0.0005)
+    time.sleep(delay_s)
+    ended = process.poll() is not None
+    if not ended:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    return not ended
+
+
+def content(out: Path) -> str:
+    """Return a hash of a study's files; of a campaign that of its tables, which leaves out the wall clock."""
+    digest = hashlib.sha256()
+    for path in sorted(out.rglob("*")):
+        name = path.relative_to(out).as_posix()
+        if path.name == "campaign.json":
+            digest.update(f"{name} {table.sha256(open_folder(path.parent).tables)}\n".encode())
+        elif path.is_file() and path.parent.name not in TABLES and path.name != "lock" and path.suffix != ".html":
+            digest.update(f"{name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return digest.hexdigest()
+
+
+def study(name: str, folder: Path, kills: int, rng: random.Random) -> bool:
+    """Run a study whole and killed; print and return whether all are the same."""
+    whole, killed, differ = folder / f"{name}_whole", 0, []
+    whole.mkdir()
+    run(STUDIES[name], whole)
+    expected = content(whole / "out")
+    for number in range(kills):
+        where, delay_s = folder / f"{name}_{number:02d}", 0.0 if number % 4 == 0 else rng.random()
+        where.mkdir()
+        killed += kill(STUDIES[name], where, delay_s)
+        left = sorted(path.relative_to(where).as_posix() for path in (where / "out").rglob("*"))
+        run(STUDIES[name], where)
+        if content(where / "out") != expected or any(where.rglob("*.part")):
+            differ.append(f"killed after {delay_s:.3f} s, with {left}")
+        else:
+            shutil.rmtree(where)
+    print(f"{name}: {kills} runs, {killed} killed, {len(differ)} differ, hash {expected[:16]}", flush=True)
+    print("\n".join(differ), end="\n" if differ else "", flush=True)
+    return not differ
+
+
+def main() -> None:
+    """Run the studies that are asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default=",".join(STUDIES))
+    given = parser.parse_args()
+    folder = given.folder.resolve()
+    folder.mkdir(parents=True)
+    (folder / "campaign.toml").write_text(CAMPAIGN)
+    names = given.only.split(",")
+    if "league" in names:
+        healthy = (*RIG, "campaign", "run", str(EXAMPLES / "league_healthy.toml"), "--out", "healthy", "--runs", "12")
+        subprocess.run([*healthy, "--set", "duration_s=20"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    same = [study(name, folder, given.kills, random.Random(f"{given.seed} {name}")) for name in names]
+    sys.exit(0 if all(same) else 1)
+
+
+if __name__ == "__main__":
+    main()
