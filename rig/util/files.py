@@ -99,6 +99,8 @@ def read_bytes(path: Path, most: int, where: str = "") -> bytes:
 
 def _larger(most: int) -> str:
     return f"larger than {most >> 20} MiB"
+
+
 def is_unused(folder: Path, is_left: Callable[[Path], bool] = lambda path: False) -> bool:
     """Return True if no folder is there, or one that is empty but for a lock and drafts of ours.
 
