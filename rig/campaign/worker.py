@@ -21,9 +21,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from multiprocessing.util import Finalize
 from pathlib import Path
@@ -37,7 +37,8 @@ from rig.campaign.plan import Run, rig_identity
 from rig.campaign.pool import leave_interrupts_to_parent
 from rig.campaign.requirements import run_columns
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row, signal_rows
-from rig.errors import RigError, UnitDead, UnitRefused
+from rig.campaign.sources import first_sources
+from rig.errors import BadInput, RigError, UnitDead, UnitRefused
 from rig.scenario import load
 from rig.unit.settings import Unit
 from rig.unit.unit import UnitUnderTest
@@ -63,6 +64,7 @@ class Orders:
     unit: Unit | None = None  # under test, and the hash of its build
     unit_sha256: str = ""
     requirements: tuple[Requirement, ...] = ()
+    sources: Mapping[str, dict[str, str]] = field(default_factory=dict)  # of managers of the user's own, by file
 
 
 def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
@@ -77,12 +79,20 @@ def _joined(parts: Sequence[Rows]) -> Rows:
 
 
 def check_rig(orders: Orders) -> None:
-    """Raise RigError when what flies here is not what the campaign is flown with, or the unit is another build."""
+    """Raise RigError when what flies here is not what the campaign is flown with: rig, unit, or the user's managers."""
     if rig_identity() != orders.rig:
         raise RigError("a worker flies another version of the rig than this one; install the same everywhere")
     if orders.unit is not None and orders.unit.sha256() != orders.unit_sha256:
         source = orders.unit.source
         raise RigError(f"{source}: a worker has another build of it than this one; install the same everywhere")
+    for manager, files in orders.sources.items():
+        try:
+            here = first_sources(manager)
+        except BadInput as error:
+            raise RigError(f"a worker cannot fly it: {error}; start the workers where it is found") from None
+        for name in sorted(name for name in {*files, *here} if files.get(name) != here.get(name)):
+            what = f"another {name} of {manager!r} than this command"
+            raise RigError(f"a worker has {what}; install the same everywhere, and start the workers again")
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:
@@ -263,6 +273,7 @@ def fly_for_parent() -> None:
     runs, orders = pickle.load(sys.stdin.buffer)  # our own parent
     _send(out, READY)
     try:
+        check_rig(orders)
         for run in runs:
             _send(out, fly_run(run, orders))
     except Exception as error:  # noqa: BLE001 # handed to the parent, which raises it

@@ -97,6 +97,9 @@ def run(
     if result.interrupted:
         echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
         raise Exit(CODE + result.signal)
+    if result.not_flown:
+        echo(f"failed: {show.unflown(result.not_flown, result.first_reason)}; the same command flies them again", err=True)
+        raise Exit(1)
 
 
 @app.command()

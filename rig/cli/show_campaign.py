@@ -72,6 +72,11 @@ def _trouble(outcomes: dict[str, int]) -> str:
     return "".join(f", {count} {name}" for name, count in outcomes.items() if count and name != "flown")
 
 
+def unflown(count: int, first_reason: str | None) -> str:
+    """Return how many runs could not be flown, and why the first could not."""
+    return f"{count} {'run' if count == 1 else 'runs'} could not be flown; {first_reason}"
+
+
 def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:
     """Return every run of a plan: number, seed, what varies."""
     listed = (planned[number] for number in range(planned.count(runs)))
