@@ -119,12 +119,12 @@ def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit |
     """Fly the runs of a campaign; of each requirement the run with the least margin counts."""
     plan = Plan(config.read(case.path, case.set), str(case.path))
     plan.check()
-    sha256 = "" if unit is None else unit.sha256()
+    build = "" if unit is None else unit.build()
     asked = (
         *requirements,
         *(each for each in plan.requirements if each.id not in {requirement.id for requirement in requirements}),
     )
-    orders = Orders("none", len(plan), "", TIMEOUT_S, plan.campaign.twin, rig_identity(), unit, sha256, asked)
+    orders = Orders("none", len(plan), "", TIMEOUT_S, plan.campaign.twin, rig_identity(), unit, build, asked)
     least: dict[tuple[str, str], tuple[Verdict, str]] = {}
     decided: list[str] = []
     for number in range(plan.count(case.runs)):

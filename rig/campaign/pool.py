@@ -134,7 +134,7 @@ class Cluster:
         return self._executor.submit(function, *arguments)
 
     def everywhere(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Call a function on every worker, before there is work for it.  RigError: what it raises, or cannot be called."""
+        """Call a function on every worker, before there is work for it.  RigError: it raises, or is not there."""
         try:
             with _quiet():
                 self._client.run(function, *arguments)

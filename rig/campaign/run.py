@@ -52,6 +52,11 @@ class Progress:
         """Return the rate of this call."""
         return self.flown / max(time.perf_counter() - self.began, 1e-9)
 
+    @property
+    def told_per_s(self) -> float:
+        """Return the rate of this call, of runs that could not be flown too."""
+        return (self.flown + self.not_flown) / max(time.perf_counter() - self.began, 1e-9)
+
     def add(self, rows: Rows) -> None:
         """Count the runs of a batch."""
         flown = sum(row["outcome"] == "flown" for row in rows["runs"])
@@ -154,7 +159,7 @@ def orders_of(folder: Folder, logs: str | None = None) -> Orders:
         twin=plan.campaign.twin,
         rig=rig_identity(),
         unit=unit,
-        unit_sha256="" if unit is None else unit.sha256(),
+        unit_build="" if unit is None else unit.build(),
         requirements=plan.requirements,
         sources=plan.identity().get(SOURCES, {}),
     )

@@ -1,4 +1,4 @@
-"""The source of a manager of the user's own, as a campaign's identity: its file, and the files beside it that it imports.
+"""The source of a manager of the user's own: its file, and the files beside it that it imports, for an identity.
 
 Files are found and read as the import would find them; no code of theirs is run.  Not followed: what is installed (but
 the package that the manager itself is of), what a program imports by a name that it computes, and data files.
