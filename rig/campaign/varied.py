@@ -52,30 +52,34 @@ def _is_name(key: str, types: set[type]) -> bool:
 def by_varied(tables: Tables, plan: Plan) -> list[dict[str, Any]]:
     """Return detection, delay, survival and false alarms at every level of what varies by name or by few numbers.
 
+    Of several managers each has its own rows: ``of``.
     detection is of the faults whose error left the threshold, which a manager may choose; detection_of_all of every
     one that acted, the same faults for each level where the campaign is a grid.
     """
     runs, named = flown(tables), by_name(plan, tables["runs"])
     columns = dict.fromkeys([*named, *(key for key in varied(plan) if key != "redundancy.manager")])
     columns = [column for column in columns if column in runs.columns]
-    faults = acted(tables, columns)
-    rows = []
+    faults = acted(tables, [*columns, *([] if "manager" in columns else ["manager"])])
+    several, rows = "manager" in named, []
     for column in columns:
         levels = runs[column].drop_nulls().unique().sort()
         if len(levels) < 2 or (len(levels) > MOST_LEVELS and column not in named):
             continue
-        for level in levels:
-            part, of = runs.filter(pl.col(column) == level), faults.filter(pl.col(f"{OF_RUN}{column}") == level)
-            found = of.filter(pl.col("outcome") == "detected")
-            rows.append(
-                {
-                    "key": column,
-                    "level": level,
-                    "runs": len(part),
-                    "survival": share_of(part["survived"]),
-                    "false_alarms": alarm_rate(part),
-                    **fault_rates(of),
-                    **{name: quantiles(found[name].drop_nulls()) for name in DELAYS},
-                }
+        by = [column, "manager"] if several and column != "manager" else [column]
+        for (level, *of), part in runs.filter(pl.col(column).is_not_null()).sort(by).group_by(by, maintain_order=True):
+            here = pl.all_horizontal(
+                pl.col(f"{OF_RUN}{name}") == value for name, value in zip(by, (level, *of), strict=True)
             )
+            rows.append({"key": column, "level": level, "of": "".join(of), **_at_level(part, faults.filter(here))})
     return rows
+
+
+def _at_level(runs: pl.DataFrame, faults: pl.DataFrame) -> dict[str, Any]:
+    found = faults.filter(pl.col("outcome") == "detected")
+    return {
+        "runs": len(runs),
+        "survival": share_of(runs["survived"]),
+        "false_alarms": alarm_rate(runs),
+        **fault_rates(faults),
+        **{name: quantiles(found[name].drop_nulls()) for name in DELAYS},
+    }

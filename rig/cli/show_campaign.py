@@ -62,7 +62,8 @@ _DELAYS: Final = (
 )
 _DELAY_NAMES: Final = {"delay_from_onset_s": "from the onset", "delay_from_exceeded_s": "from the threshold"}
 _VARIED: Final = (
-    *(Column("what varies", "key"), Column("level", lambda row: f"{_shown(row['level'])}"), Column("runs", "runs")),
+    *(Column("what varies", "key"), Column("level", lambda row: _shown(row["level"]))),
+    *(Column("of", "of", worth=8), Column("runs", "runs", worth=5)),
     Column("detected of acted", lambda row: _count(row["detection_of_all"])),
     Column("of detectable", lambda row: _count(row["detection"])),
     Column("delay, median s", "delay_from_onset_s.median", ".3f"),
