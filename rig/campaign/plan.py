@@ -13,9 +13,8 @@ from rig import aircraft
 from rig.assess.requirements import Requirement, recorder_of
 from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
-from rig.campaign.sources import sources
+from rig.campaign.sources import sources, try_import
 from rig.computer.redundancy.managers import DEFAULT
-from rig.computer.redundancy.own import find_manager
 from rig.errors import BadInput
 from rig.overrides import set_key
 from rig.scenario import Scenario
@@ -166,7 +165,7 @@ class Plan:
     def _find(self, manager: str) -> None:
         """Import a manager of the user's own, once, before the first flight.  BadInput: it cannot be."""
         if ":" in manager:
-            find_manager(manager, self.trust)
+            try_import(manager)
 
     def identity(self) -> dict[str, Any]:
         """Return all that decides the table: the campaign, the tables of every aircraft in it, the user's own code."""

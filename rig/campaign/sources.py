@@ -1,13 +1,15 @@
-"""The source of a manager of the user's own: its file, and the files beside it that it imports, for an identity.
+"""The source of a manager of the user's own: its file, and the files beside it that it imports or names.
 
-Files are found and read as the import would find them; no code of theirs is run.  Not followed: what is installed (but
-the package that the manager itself is of), what a program imports by a name that it computes, and data files.
+Files are found and read as the import would find them; no code of theirs is run here.  Not followed: what is installed,
+but for the package of the manager itself, and what a program imports or reads by a name that it computes.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import os
+import subprocess
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
@@ -19,7 +21,17 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput
+from rig.util.files import is_file
 
+_IMPORT: Final = """
+import importlib, sys
+sys.path.insert(0, "")
+try:
+    getattr(importlib.import_module(sys.argv[1]), sys.argv[2])
+except BaseException as error:
+    sys.exit(" ".join(f"{type(error).__name__}: {error}".split()))
+"""
+_LONGEST: Final = 255  # name of a file
 _OURS: Final = "rig"  # its sources are in the identity of the rig
 _INSTALLED: Final = ("stdlib", "platstdlib", "purelib", "platlib")
 
@@ -27,6 +39,24 @@ _INSTALLED: Final = ("stdlib", "platstdlib", "purelib", "platlib")
 def sources(managers: Iterable[str]) -> dict[str, dict[str, str]]:
     """Return the SHA-256 of each file by its name, of every manager that is the user's own, sorted.  BadInput."""
     return {name: dict(sorted(_files(name))) for name in sorted({*managers}) if ":" in name}
+
+
+def try_import(manager: str) -> None:
+    """Import the module of a manager in a process of its own, as a worker will.  BadInput: it cannot be."""
+    ended = subprocess.run(
+        [sys.executable, "-P", "-c", _IMPORT, *manager.split(":", 1)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    if ended.returncode:
+        last = ended.stderr.strip().rpartition("\n")[2]
+        why = last if ended.returncode == 1 and last else f"its import ended a process with code {ended.returncode}"
+        raise BadInput(f"redundancy.manager: {manager!r} cannot be made: {why}")
 
 
 @cache
@@ -53,8 +83,10 @@ def _files(manager: str) -> Iterator[tuple[str, str]]:
             seen.add(name)
             data = _read(manager, path)
             yield path.relative_to(root).as_posix(), hashlib.sha256(data).hexdigest()
-            package = name if is_package else name.rpartition(".")[0]
-            waiting += [each for each in _imported(data, package) if _is_followed(each, only)]
+            tree, package = _parsed(data), name if is_package else name.rpartition(".")[0]
+            waiting += [each for each in _imported(tree, package) if _is_followed(each, only)]
+            for beside in _named(tree, path.parent):
+                yield beside.relative_to(root).as_posix(), hashlib.sha256(_read(manager, beside)).hexdigest()
 
 
 def _spec(name: str, paths: list[str]) -> ModuleSpec | None:
@@ -108,12 +140,24 @@ def _read(manager: str, path: Path) -> bytes:
         raise BadInput(f"redundancy.manager: {manager!r}: {path} cannot be read: {error.strerror}") from None
 
 
-def _imported(source: bytes, package: str) -> Iterator[str]:
-    """Yield every module that a source may import, its package given; none of one that is no Python text."""
+def _parsed(source: bytes) -> ast.AST:
+    """Return the tree of a source; an empty one of what is no Python text."""
     try:
-        tree = ast.parse(source)
+        return ast.parse(source)
     except (SyntaxError, ValueError, RecursionError):  # a library, say; its import tells what is wrong
-        return
+        return ast.Module([], [])
+
+
+def _named(tree: ast.AST, folder: Path) -> Iterator[Path]:
+    """Yield the files in ``folder`` that a source names, such as the weights of what was trained."""
+    texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    for text in sorted(text for text in texts if 0 < len(text) <= _LONGEST and "." in text and text == Path(text).name):
+        if is_file(folder / text):
+            yield folder / text
+
+
+def _imported(tree: ast.AST, package: str) -> Iterator[str]:
+    """Yield every module that a source may import, its package given."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

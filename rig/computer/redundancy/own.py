@@ -85,8 +85,13 @@ def load_manager(name: str, params: NDArray[np.void], trust: Trust) -> OwnManage
 
     BadInput when ``trust`` does not permit it, when it cannot be imported, made or compiled, or has another form.
     """
-    module, manager = find_manager(name, trust)
+    trust.require(name)
+    module_name, _, attribute = name.partition(":")
+    if "" not in sys.path:
+        sys.path.insert(0, "")  # the folder in which the command was given
     try:
+        module = import_module(module_name)
+        manager = getattr(module, attribute)
         step = (
             _of_class(name, manager, params)
             if inspect.isclass(manager)
@@ -95,30 +100,8 @@ def load_manager(name: str, params: NDArray[np.void], trust: Trust) -> OwnManage
     except (KeyboardInterrupt, BadInput):
         raise
     except BaseException as error:  # noqa: BLE001 # whatever the user's module raises, SystemExit too
-        raise _unmade(name, error) from None
+        raise BadInput(f"redundancy.manager: {name!r} cannot be made: {_in_words(error)}") from None
     return OwnManager(name, step, params["fitted"].copy())
-
-
-def find_manager(name: str, trust: Trust) -> tuple[ModuleType, Any]:
-    """Import the module of ``module:name``; return it and what it has of that name, not made yet.
-
-    BadInput when ``trust`` does not permit it, or when it cannot be imported.
-    """
-    trust.require(name)
-    module_name, _, attribute = name.partition(":")
-    if "" not in sys.path:
-        sys.path.insert(0, "")  # the folder in which the command was given
-    try:
-        module = import_module(module_name)
-        return module, getattr(module, attribute)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # noqa: BLE001 # whatever the user's module raises, SystemExit too
-        raise _unmade(name, error) from None
-
-
-def _unmade(name: str, error: BaseException) -> BadInput:
-    return BadInput(f"redundancy.manager: {name!r} cannot be made: {_in_words(error)}")
 
 
 def _of_class(name: str, manager: Any, params: NDArray[np.void]) -> Step:
