@@ -82,6 +82,8 @@ def test_both_hydraulic_systems_cost_every_surface_at_once():
     assert all(one.bypassed_frame == ONSET for one in scored.actuators.values())
     assert scored.faults[0].bypassed == MOVED and "elevator, aileron and rudder bypassed at once" in told[0]
     assert "elevator bypassed from 1.00 s on, aileron bypassed" in told[-1]
+    assert [fault.outcome for fault in scored.faults] == ["missed", "missed"], "who took every surface is to be found"
+    assert "0 of 2 detectable faults detected" in told[-1] and "no monitor left its threshold" in told[0]
 
 
 def test_a_jam_fails_all_channels_and_costs_the_surface_when_the_last_one_is_shut_off():

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import pytest
 from junitparser import Failure, JUnitXml, Skipped
 
-from rig.campaign.check import DECISIONS, difference
+from rig.campaign.check import DECISIONS, FAULTS, difference
 from rig.campaign.suite import read_suite
+from rig.util.files import bundled
 
 OWN = """
 [[requirements]]
@@ -146,3 +147,44 @@ def test_the_bundled_suite_keeps_decisions_of_every_case():
 
 def test_what_moved_is_what_is_gone_and_what_is_new():
     assert difference(["a", "b"], ["b", "c"]) == ["- a", "+ c"]
+
+
+NOT_ACTING = """
+[[cases]]
+name = "late"
+scenario = "f16_pitch_rate_hardover"
+set = { duration_s = 1.0, "faults.0.start_s" = 8.0 }
+KEY
+[[cases]]
+name = "of a campaign"
+campaign = "c.toml"
+KEY
+[[cases]]
+name = "a log"
+log = "logs/late.mcap"
+KEY
+"""
+
+
+def test_a_fault_that_is_not_executed_fails_its_case_unless_it_may_not_act(rig_command, tmp_path):
+    (tmp_path / "c.toml").write_text(
+        'base = "f16_pitch_rate_hardover"\nruns = 2\n[set]\nduration_s = 1.0\n[vary]\n"faults.0.start_s" = [0.5, 8.0]\n'
+    )
+    late = ("--set", "duration_s=1.0", "--set", "faults.0.start_s=8.0", "--set", "title=late")
+    (tmp_path / "late.toml").write_text((bundled("faults") / "f16_pitch_rate_hardover.toml").read_text())
+    rig_command("fly", "late.toml", *late, "--out", "logs")
+    (log,) = (tmp_path / "logs").glob("*.mcap")
+    log.rename(tmp_path / "logs" / "late.mcap")
+    (tmp_path / "suite.toml").write_text(NOT_ACTING.replace("KEY", ""))
+    code, out, err = rig_command("check", "suite.toml", "--junit", "out.xml")
+    assert code == 1 and "3 of 6 tests failed" in out, out + err
+    faults = [test for suite in JUnitXml.fromfile("out.xml") for test in suite if test.name == FAULTS]
+    assert [test.classname for test in faults] == ["late", "of a campaign", "a log"]
+    assert all(isinstance(test.result[0], Failure) and test.result[0].type == "not executed" for test in faults)
+    assert "never triggered; may_not_act = true permits it" in faults[0].result[0].message
+    assert "run 1: hardover pitch_rate.3; may" in faults[1].result[0].message  # run 0 has its fault
+    (tmp_path / "suite.toml").write_text(NOT_ACTING.replace("KEY", "may_not_act = true"))
+    code, out, err = rig_command("check", "suite.toml", "--junit", "out.xml")
+    assert code == 0, out + err
+    faults = [test for suite in JUnitXml.fromfile("out.xml") for test in suite if test.name == FAULTS]
+    assert len(faults) == 3 and all(isinstance(test.result[0], Skipped) for test in faults)

@@ -15,8 +15,9 @@ from rig.campaign.campaign_page import delay_curves, level_shown, magnitude_show
 from rig.campaign.config import from_what
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
+from rig.campaign.rates import acted, smallest
 from rig.campaign.rows import Rows
-from rig.campaign.summary import acted, compare, summary
+from rig.campaign.summary import compare, summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
 from rig.frame import SIGNALS
@@ -117,7 +118,8 @@ def counted(found: dict[str, Any]) -> tuple[int, float]:
 
 def test_the_headline_counts_what_the_table_was_made_of(folder: Folder):
     head = summary(folder)["headline"]
-    assert (head["done"], head["outcomes"]) == (40, {"crashed": 1, "flown": 39})
+    assert (head["done"], head["outcomes"]) == (39, {"crashed": 1, "flown": 39})
+    assert (head["not_flown"], head["first_reason"]) == (1, "run 39: crashed: killed by signal 6 (SIGABRT)")
     assert counted(head["survival"]) == (38, 39)
     assert (head["undetectable"], head["not_executed"], head["faults"]) == (10, 1, 42)
     assert counted(head["detection"]) == (25, 31)  # 24 offsets and the dropout
@@ -161,7 +163,8 @@ def test_the_truth_table_of_the_resolvers_counts_who_was_asked_and_right(folder:
 
 def test_the_smallest_magnitude_and_the_delays(folder: Folder):
     found = summary(folder)
-    (row,) = [row for row in found["detectable"] if row["kind"] == "offset"]
+    assert [row["of"] for row in found["detectable"] if row["kind"] == "offset"] == ["light", "none"]  # never pooled
+    (row,) = [row for row in smallest(acted(folder.tables)) if row["kind"] == "offset"]
     assert (row["acted"], row["detected"], row["fit"]["separated"]) == (40, 24, True)
     assert [m["value"] for m in row["fit"]["magnitudes"]] == pytest.approx([0.1, 0.1])  # all that is known
     delays = {row["kind"]: row for row in found["delays"]}
@@ -319,10 +322,43 @@ def test_pairs_of_two_managers_on_the_same_seeds(tmp_path: Path):
     b = made(tmp_path / "b", {**second, **empty}, set={"redundancy.manager": "mean"})
     found = compare(a, b)
     assert found["differs"] == ['campaign.set.redundancy.manager was not there, is "mean"']
+    assert (found["detectable"], found["runs_with_faults"]) == ({"first": 20, "second": 20, "both": 20}, 20)
     by = {row["outcome"]: row["pairs"] for row in found["outcomes"]}
     assert (by["survived"]["only_first"], by["survived"]["only_second"]) == (6, 0)
     assert by["survived"]["p_value"] == pytest.approx(2 * 0.5**6)
     assert by["fault detected"]["p_value"] == pytest.approx(2 * 0.5**9)
+    assert by["every fault detected"] == by["fault detected"]
+
+
+def test_delays_are_paired_and_every_share_of_faults_is_of_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    """Ten faults: nine that both find, 30 ms apart; one that the second manager cannot see, which is none it missed."""
+    from rig.cli.show_campaign import compare as show
+
+    monkeypatch.delenv("COLUMNS", raising=False)
+    late = [fault(n, 0.1, "detected", delay_from_onset_s=0.04 + 0.001 * n) for n in range(10)]
+    later = [fault(n, 0.1, "detected", delay_from_onset_s=0.07 + 0.001 * n) for n in range(9)]
+    runs, empty = [flown(n) for n in range(10)], {"alarms": [], "episodes": []}
+    a = made(tmp_path / "a", {"runs": runs, "faults": late, **empty})
+    b = made(tmp_path / "b", {"runs": runs, "faults": [*later, fault(9, 0.1, "undetectable")], **empty})
+    found = compare(a, b)
+    onset, exceeded = found["delays"]
+    assert (onset["faults"], onset["sooner_first"], onset["sooner_second"]) == (9, 9, 0)
+    assert (onset["first_median_s"], onset["second_median_s"]) == pytest.approx((0.044, 0.074))
+    assert list(onset["difference_s"].values()) == pytest.approx([-0.03] * 3)
+    assert exceeded["difference_s"]["value"] == 0.0
+    shares = {
+        row["outcome"]: (row["first"]["count"], row["second"]["count"], row["second"]["of"])
+        for row in found["outcomes"]
+    }
+    assert shares["every fault detected"] == shares["fault detected"] == (10, 9, 10)
+    assert found["detectable"] == {"first": 10, "second": 9, "both": 9}
+    show(found)
+    said = capsys.readouterr().out
+    head = next(text for text in said.split("\n") if " outcome" in text)
+    assert all(title in head for title in ("only first", "only second", " p "))
+    assert "the same 10 that acted in both" in said and "-0.030 (-0.030 to -0.030)" in said
 
 
 def test_campaigns_of_other_seeds_are_not_paired(tmp_path: Path):

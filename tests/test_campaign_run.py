@@ -283,7 +283,8 @@ def test_a_flight_that_ends_the_process_is_recorded_as_crashed_among_twenty_othe
     head, _, tail = CAMPAIGN.replace("runs = 48\n", "").replace("8.0", "2.0").partition("[vary]")
     path = write(tmp_path, head + varied + tail[tail.index("[run]") :] + 'logs = "all"\n')
     result = run(planned(path, allow_code=True), tmp_path / "out")
-    assert result.outcomes == {"flown": 19, "crashed": 1, "failed": 1} and result.done == 21
+    assert result.outcomes == {"flown": 19, "crashed": 1, "failed": 1} and result.done == 19
+    assert result.not_flown == 2 and result.first_reason == "run 10: crashed: killed by signal 6 (SIGABRT)"
     rows = open_folder(result.out).tables["runs"].filter(pl.col("outcome") != "flown")
     crashed, failed = rows.sort("run").select("run", "outcome", "reason").rows()
     assert crashed == (10, "crashed", "killed by signal 6 (SIGABRT)")

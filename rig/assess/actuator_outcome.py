@@ -61,11 +61,14 @@ class ActuatorOutcome:
         """Return what became of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""
         for placed in self.records.placed[self.records.placed["fault"] == n]:
             wrong, surfaces = self._wrongly_failed(fault.onset_frame, int(placed["surfaces"])), int(placed["bypassed"])
+            unseen = surfaces != 0 and fault.outcome == "undetectable"  # who loses a surface has something to find
+            outcome, word = ("missed", "missed") if unseen else (fault.outcome, fault.word)
             return replace(
                 fault,
+                outcome=outcome,
                 peak_error=None,
                 tolerated=fault.outcome == "missed" and fault.exceeded_run_frames < self.persistence,
-                word="wrong channel" if wrong else fault.word,
+                word="wrong channel" if wrong else word,
                 bypassed=tuple(_named(surfaces)),
                 bypassed_frame=int(placed["bypassed_at"]) if surfaces else None,
             )

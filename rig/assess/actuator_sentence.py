@@ -46,6 +46,8 @@ def _failed_for(fault: FaultScore, context: Context) -> str:
 def _missed(fault: FaultScore, context: Context) -> str:
     if not context.scenario.actuators.monitors:
         return "was not found: the monitors are switched off"
+    if fault.exceeded_frame is None:  # it cost a surface
+        return _silent(fault, context)
     longest = duration(fault.exceeded_run_frames, context.rate_hz)
     why = ", shorter than the persistence" if fault.tolerated else ""
     return f"was not found: a threshold of its monitors was left for {longest} at most{why}"

@@ -13,7 +13,8 @@ import plotly.graph_objects as go
 import polars as pl
 
 from rig.campaign.folder import Folder
-from rig.campaign.summary import acted, summary
+from rig.campaign.rates import OF_RUN, acted, groups
+from rig.campaign.summary import summary
 from rig.errors import BadInput
 from rig.faults.fault import KINDS
 from rig.frame import INDEX, SIGNALS
@@ -34,7 +35,7 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
         raise BadInput(f"{folder.path}: no run is done yet, there is nothing to report")
     results = summary(folder)
     maps = {f"map-{i}": figure for i, figure in enumerate(heat_maps(results["by_place"]))}
-    delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables)))}
+    delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables, ["manager"])))}
     replies = {} if results["replies"] is None else {"replies-0": reply_times(results["replies"])}
     filters = {
         "magnitude": lambda *of: magnitude_shown(*of) or DASH,
@@ -48,11 +49,14 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
 
 
 def heat_maps(rows: Rows) -> list[go.Figure]:
-    """Draw detection over magnitude and flight point, a map a signal and kind; ``rows`` as summary's ``by_place``."""
-    groups: dict[tuple[str, str], Rows] = {}
+    """Draw detection over magnitude and flight point, and manager where several vote, a map a signal and kind.
+
+    rows : as summary's ``by_place``
+    """
+    by_kind: dict[tuple[str, str], Rows] = {}
     for row in rows:
-        groups.setdefault((row["signal"], row["kind"]), []).append(row)
-    return [_heat_map(*key, part) for key, part in list(groups.items())[:MOST_MAPS]]
+        by_kind.setdefault((row["signal"], row["kind"]), []).append(row)
+    return [_heat_map(*key, part) for key, part in list(by_kind.items())[:MOST_MAPS]]
 
 
 def _heat_map(signal: str, kind: str, rows: Rows) -> go.Figure:
@@ -115,7 +119,7 @@ def _hover_text(cell: dict[str, Any]) -> str:
 
 
 def delay_curves(faults: pl.DataFrame) -> list[go.Figure]:
-    """Draw the share of detections that took no longer, by signal and kind, from either beginning."""
+    """Draw the share of detections that took no longer, by signal, kind and manager, from either beginning."""
     detected = faults.filter(pl.col("outcome") == "detected")
     columns = {"delay_from_exceeded_s": "from leaving the threshold", "delay_from_onset_s": "from the onset"}
     return [_curves(detected, column, title) for column, title in columns.items() if len(detected)]
@@ -125,8 +129,8 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
     figure = go.Figure()
     all_delays = [0.0, *detected[column].drop_nulls().to_list()]
     begin, end = 1.1 * min(all_delays), 1.1 * max(all_delays)  # below 0: failed before it left the threshold
-    groups = detected.sort("signal", "kind").group_by(["signal", "kind"], maintain_order=True)
-    for i, ((signal, kind), part) in enumerate(groups):
+    managers = ["manager"] if f"{OF_RUN}manager" in detected.columns else []
+    for i, (key, part) in enumerate(groups(detected, ["signal", "kind"], managers)):
         counts = part[column].drop_nulls().value_counts().sort(column)
         if counts.is_empty():
             continue
@@ -137,7 +141,7 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
             y=[0.0, *share, share[-1]],
             mode="lines",
             line={"shape": "hv", "color": series_colour(i), "width": 2},
-            name=f"{kind} of {signal} ({len(part)})",
+            name=" ".join(filter(None, (f"{key['kind']} of {key['signal']}", key.get("of"), f"({len(part)})"))),
             hovertemplate="%{x:.2f} s: %{y:.3f}<extra>%{fullData.name}</extra>",
         )
     lay_out(figure, f"Delay {title}", 340)

@@ -22,23 +22,26 @@ from rig.flight.assembly import managed
 from rig.log import LogFile
 from rig.overrides import override_texts
 from rig.record.event import Event
+from rig.record.events import NOT_EXECUTED
 from rig.scenario import load
 from rig.unit.settings import Unit
 from rig.units.quantities import quantity, seconds
 
-Result = Literal["met", "violated", "not applicable", "equal", "differs", "no reference", "failed"]
+Result = Literal["met", "violated", "not applicable", "equal", "differs", "no reference", "failed", "not executed"]
 GOOD: Final = ("met", "not applicable", "equal", "no reference")
 DECISIONS: Final = "decisions"
+FAULTS: Final = "faults"
+_TOLD: Final = 3  # faults of a case that were not executed, by name
 TIMEOUT_S: Final = 300.0  # of one flight of a campaign
 # Names of the events that are decisions: who was failed, when and by whom.
 _DECIDED: Final = ("channel failed", "actuator channel failed", "shut-off valve", "lane failed")
 
 
 class Checked(NamedTuple):
-    """One test: a requirement of a case on one signal, or its decisions."""
+    """One test: a requirement of a case on one signal, its decisions, or that its faults acted where one did not."""
 
     case: str
-    id: str  # of the requirement; DECISIONS
+    id: str  # of the requirement; DECISIONS, FAULTS
     signal: str
     result: Result
     margin: float | None
@@ -64,6 +67,7 @@ class CaseResult:
 class _Outcome(NamedTuple):
     verdicts: list[tuple[Verdict, str]]  # and where: "", or the run of a campaign
     decisions: list[str]
+    idle: list[str]  # faults that were not executed, and why
 
 
 def check(suite: Suite, unit: Unit | None, tell: Callable[[str], None] = lambda _: None) -> Iterator[CaseResult]:
@@ -86,6 +90,7 @@ def check(suite: Suite, unit: Unit | None, tell: Callable[[str], None] = lambda 
             yield CaseResult(case.called, [failed], None, time.perf_counter() - began)
             continue
         tests = [_checked(case.called, verdict, where, command) for verdict, where in outcome.verdicts]
+        tests += _acted(case, outcome.idle, command)
         tests.append(_compared(case.called, outcome.decisions, reference, command))
         yield CaseResult(case.called, tests, outcome.decisions, time.perf_counter() - began)
 
@@ -101,13 +106,14 @@ def _measured(case: Case, requirements: tuple[Requirement, ...], unit: Unit | No
     with flown_with(unit) as tested:
         flight = fly(scenario, tested)
         verdicts = check_rows(flight.rows, flight.scenario, requirements, None, tested)
-    return _Outcome([(verdict, "") for verdict in verdicts], _decided(flight.events, scenario.rate_hz))
+    events = [*flight.events, *flight.ended]
+    return _Outcome([(verdict, "") for verdict in verdicts], _decided(events, scenario.rate_hz), _idle(events))
 
 
 def _of_log(path: Path, requirements: tuple[Requirement, ...]) -> _Outcome:
     log = LogFile.open(path)
     verdicts = check_log(path, requirements)
-    return _Outcome([(verdict, "") for verdict in verdicts], _decided(log.events, log.rate_hz))
+    return _Outcome([(verdict, "") for verdict in verdicts], _decided(log.events, log.rate_hz), _idle(log.events))
 
 
 def _decided(events: list[Event], rate_hz: float) -> list[str]:
@@ -115,18 +121,24 @@ def _decided(events: list[Event], rate_hz: float) -> list[str]:
     return [f"{seconds(event.frame, rate_hz)} {event.text}" for event in events if event.name in _DECIDED]
 
 
+def _idle(events: list[Event]) -> list[str]:
+    """Return the faults that were not executed, and why."""
+    return [event.text for event in events if event.name == NOT_EXECUTED]
+
+
 def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit | None) -> _Outcome:
     """Fly the runs of a campaign; of each requirement the run with the least margin counts."""
     plan = Plan(config.read(case.path, case.set), str(case.path))
     plan.check()
-    sha256 = "" if unit is None else unit.sha256()
+    build = "" if unit is None else unit.build()
     asked = (
         *requirements,
         *(each for each in plan.requirements if each.id not in {requirement.id for requirement in requirements}),
     )
-    orders = Orders("none", len(plan), "", TIMEOUT_S, plan.campaign.twin, rig_identity(), unit, sha256, asked)
+    orders = Orders("none", len(plan), "", TIMEOUT_S, plan.campaign.twin, rig_identity(), unit, build, asked)
     least: dict[tuple[str, str], tuple[Verdict, str]] = {}
     decided: list[str] = []
+    idle: list[str] = []
     for number in range(plan.count(case.runs)):
         rows = fly_run(plan[number], orders)
         row = rows["runs"][0]
@@ -138,7 +150,8 @@ def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit |
             if key not in least or _before(verdict, least[key][0]):
                 least[key] = verdict, f"run {number}"
         decided += _decided_in(number, rows)
-    return _Outcome(list(least.values()), decided)
+        idle += _idle_in(number, rows)
+    return _Outcome(list(least.values()), decided, idle)
 
 
 def _told(fields: dict[str, Any]) -> Verdict:
@@ -159,6 +172,24 @@ def _decided_in(number: int, rows: dict[str, list[dict[str, Any]]]) -> list[str]
     failed += [(each["time_s"], each) for each in rows["alarms"]]
     named = [(at_s, f"{each['signal']}.{each['channel']} failed by {each['resolver']}") for at_s, each in failed]
     return [f"run {number}: {at_s:.3f} s {text}" for at_s, text in sorted(named)]
+
+
+def _idle_in(number: int, rows: dict[str, list[dict[str, Any]]]) -> list[str]:
+    """Return the faults of a run that were not executed on any of their channels."""
+    acted = {each["fault"] for each in rows["faults"] if each["outcome"] != "not executed"}
+    idle = {each["fault"]: each["id"] for each in rows["faults"] if each["fault"] not in acted}
+    return [f"run {number}: {name}" for name in idle.values()]
+
+
+def _acted(case: Case, idle: list[str], command: str) -> list[Checked]:
+    """Return the test that a case has whose faults were not all executed: a flight without its fault shows nothing."""
+    if not idle:
+        return []
+    more = f" and {len(idle) - _TOLD} more" if len(idle) > _TOLD else ""
+    text = f"not executed: {'; '.join(idle[:_TOLD])}{more}"
+    if case.may_not_act:
+        return [Checked(case.called, FAULTS, "", "not applicable", None, f"{text}; it may not act", command)]
+    return [Checked(case.called, FAULTS, "", "not executed", None, f"{text}; may_not_act = true permits it", command)]
 
 
 def _checked(case: str, verdict: Verdict, where: str, command: str) -> Checked:

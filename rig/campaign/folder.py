@@ -76,15 +76,20 @@ class Folder:
 
     def about(self) -> dict[str, Any]:
         """Return the content of ``campaign.json``."""
-        unit = {} if self.unit is None else {"unit": self.unit.about()}
+        unit = {} if self.unit is None else {"unit": self.unit.identity()}
         return {"format": _FORMAT, "rig": rig_identity(), **self.plan.identity(), **unit}
+
+    @property
+    def kept(self) -> dict[str, Any]:
+        """Return the content of ``campaign.json``, as it was when the first run was flown.  BadInput."""
+        return _read(self.path / CAMPAIGN)
 
     def require(self, unit: Unit | None) -> None:
         """Raise BadInput when the campaign was flown with another unit than ``unit``, or another build of it."""
         was = _read(self.path / CAMPAIGN).get("unit")
         if was is None and unit is not None:
             raise BadInput(f"{self.path}: was flown without a unit under test")
-        if was is not None and (unit is None or unit.sha256() != was.get("sha256")):
+        if was is not None and (unit is None or unit.build() != was.get("sha256")):
             given = "give its file by --unit" if unit is None else f"{unit.source} is another build"
             raise BadInput(f"{self.path}: was flown with the unit under test {was.get('name')!r}: {given}")
 
@@ -147,7 +152,7 @@ class Folder:
             "folder": str(self.path),
             "title": self.plan.campaign.title,
             "runs": len(self.plan),
-            "done": len(runs),
+            "done": int((runs["outcome"] == "flown").sum()),
             "outcomes": dict(runs["outcome"].value_counts().iter_rows()),
             "aircraft_lost": int((~runs["survived"].fill_null(value=True)).sum()),
             "logs": sum(1 for _ in self.logs.glob("*.mcap")),

@@ -13,6 +13,8 @@ from rig import aircraft
 from rig.assess.requirements import Requirement, recorder_of
 from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
+from rig.campaign.sources import sources, try_import
+from rig.computer.redundancy.managers import DEFAULT
 from rig.errors import BadInput
 from rig.overrides import set_key
 from rig.scenario import Scenario
@@ -20,6 +22,7 @@ from rig.settings import build
 from rig.util.trust import Trust
 from rig.util.versions import versions
 
+SOURCES: Final = "sources"  # of an identity: the user's own managers, file by file
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
 # What looks at flights, or hands them out, decides nothing in them.
 ROOMS = (
@@ -76,6 +79,7 @@ class Plan:
         self.campaign = campaign
         self.source = source
         self._tables = cache(aircraft.tables)
+        self._import = cache(self._find)
         self._base = campaign.base
         for key, value in campaign.set.items():
             self._base = set_key(self._base, key, value, f"{source}: set")
@@ -148,18 +152,44 @@ class Plan:
             reason = str(error).removeprefix(f"run {run.number}: ")
             raise BadInput(f"{self.source}: run {run.number}: {reason}") from None
         self.trust.require(scenario.redundancy.manager)
+        try:
+            self._import(scenario.redundancy.manager)
+        except BadInput as error:
+            raise BadInput(f"{self.source}: run {run.number}: {error}") from None
         if self.requirements and run.number in self._combinations:
             try:
                 recorder_of(scenario, self.requirements, iter(()))
             except BadInput as error:
                 raise BadInput(f"{self.source}: run {run.number}: {error}") from None
 
+    def _find(self, manager: str) -> None:
+        """Import a manager of the user's own, once, before the first flight.  BadInput: it cannot be."""
+        if ":" in manager:
+            try_import(manager)
+
     def identity(self) -> dict[str, Any]:
-        """Return all that decides the table: the campaign, and the tables of every aircraft in it."""
+        """Return all that decides the table: the campaign, the tables of every aircraft in it, the user's own code."""
         names = sorted({self[number].aircraft for number in self._combinations})
         texts = {name: json.dumps(self._tables(name), sort_keys=True) for name in names}
         hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
-        return {"campaign": self.campaign.what(), "aircraft": hashes}
+        own = self.sources
+        return {"campaign": self.campaign.what(), "aircraft": hashes, **({SOURCES: own} if own else {})}
+
+    @cached_property
+    def sources(self) -> dict[str, dict[str, str]]:
+        """Return the files of every manager of the user's own that is flown, each with its hash.  BadInput."""
+        return sources(map(self.manager, self._named))
+
+    def manager(self, number: int) -> str:
+        """Return the manager of a run."""
+        of_aircraft = self._tables(self[number].aircraft).get("redundancy", {}).get("manager", DEFAULT)
+        given = self.data(number).get("redundancy", {})
+        return str(given.get("manager", of_aircraft) if isinstance(given, dict) else of_aircraft)
+
+    @property
+    def _named(self) -> list[int]:
+        """Return runs that together have every manager."""
+        return self._combinations
 
     @cached_property
     def _combinations(self) -> list[int]:

@@ -91,6 +91,9 @@ class Local:
             lost.set_exception(error)
             return lost
 
+    def everywhere(self, function: Callable[..., object], *arguments: Any) -> None:
+        """Do nothing: a worker of this machine has what this process has."""
+
     def renew(self) -> None:
         """Replace the executor after a worker died."""
         self._executor.shutdown(wait=True, cancel_futures=True)
@@ -134,6 +137,17 @@ class Cluster:
     def submit(self, function: Any, *arguments: Any) -> Future[Any]:
         """Hand out one task."""
         return self._executor.submit(function, *arguments)
+
+    def everywhere(self, function: Callable[..., object], *arguments: Any) -> None:
+        """Call a function on every worker, before there is work for it.  RigError: it raises, or is not there."""
+        try:
+            with _quiet():
+                self._client.run(function, *arguments)
+        except RigError:
+            raise
+        except Exception as error:
+            text = " ".join(str(error).split())
+            raise RigError(f"a worker failed: {type(error).__name__}: {text}") from error
 
     def renew(self) -> None:
         """Do nothing: the cluster replaces its workers itself."""

@@ -19,17 +19,17 @@ import polars as pl
 from rig.assess.of_log import FlightConclusion
 from rig.campaign import table
 from rig.campaign.folder import Folder
-from rig.campaign.plan import Plan, Run, rig_identity
+from rig.campaign.plan import SOURCES, Plan, Run, rig_identity
 from rig.campaign.pool import Cluster, Local, Pool
 from rig.campaign.rows import Rows
-from rig.campaign.worker import Orders, fly_alone, fly_batch
+from rig.campaign.unflown import OUTCOMES, not_flown, take_out
+from rig.campaign.worker import Orders, check_rig, fly_alone, fly_batch
 from rig.errors import BadInput, RigError
 from rig.flight.assembly import Flight, fly
 from rig.unit.settings import Unit
 from rig.util.interrupt import Stop, interruptible
 
 AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
-NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")
 PATIENCE: Final = 10  # workers that may die in a row without a single batch coming in
 
 Batch = Callable[[Sequence[Run], Orders], Rows]
@@ -43,6 +43,7 @@ class Progress:
     runs: int
     done: int
     flown: int = 0  # in this call
+    not_flown: int = 0  # in this call: they could not be
     outcomes: Counter[str] = field(default_factory=Counter)  # of this call's runs, and of them the lost aircraft
     began: float = field(default_factory=time.perf_counter)
 
@@ -51,10 +52,17 @@ class Progress:
         """Return the rate of this call."""
         return self.flown / max(time.perf_counter() - self.began, 1e-9)
 
+    @property
+    def told_per_s(self) -> float:
+        """Return the rate of this call, of runs that could not be flown too."""
+        return (self.flown + self.not_flown) / max(time.perf_counter() - self.began, 1e-9)
+
     def add(self, rows: Rows) -> None:
         """Count the runs of a batch."""
-        self.done += len(rows["runs"])
-        self.flown += len(rows["runs"])
+        flown = sum(row["outcome"] == "flown" for row in rows["runs"])
+        self.done += flown
+        self.flown += flown
+        self.not_flown += len(rows["runs"]) - flown
         self.outcomes.update(row["outcome"] for row in rows["runs"])
         self.outcomes["lost"] += sum(row.get("survived") is False for row in rows["runs"])
 
@@ -68,9 +76,11 @@ class Result:
 
     out: Path
     runs: int
-    done: int
+    done: int  # of these runs: those that were flown, now or before
     flown: int
-    outcomes: dict[str, int]  # of all runs that are done
+    outcomes: dict[str, int]  # of all runs in the tables
+    not_flown: int  # of all runs in the tables, and why the first was not
+    first_reason: str | None
     table_sha256: str
     flights_per_s: float
     wall_s: float
@@ -82,7 +92,9 @@ class Result:
         return {
             "out": str(self.out),
             **{name: getattr(self, name) for name in ("runs", "done")},
-            **{name.replace(" ", "_"): self.outcomes.get(name, 0) for name in NOT_FLOWN},
+            "not_flown": self.not_flown,
+            **{name.replace(" ", "_"): self.outcomes.get(name, 0) for name in OUTCOMES},
+            "first_reason": self.first_reason,
             "table_sha256": self.table_sha256,
             "flown_now": self.flown,
             **{name: getattr(self, name) for name in ("flights_per_s", "wall_s", "interrupted")},
@@ -104,6 +116,7 @@ def run(
 
     workers, logs : in place of the campaign file's; scheduler : a Dask scheduler's address
     unit : under test; each worker has one of its own
+    Runs that could not be flown before are flown again.
     BadInput before anything is written; RigError when the disk is full or workers keep dying.
     """
     count = plan.count(runs)
@@ -113,8 +126,9 @@ def run(
         plan.check()
         folder = Folder.of(out, plan, unit)
         orders = orders_of(folder, logs)
+        pool.everywhere(check_rig, orders)
         with folder.held(), interruptible(again=True) as stop:
-            done = folder.done()
+            done = take_out(folder, count)
             missing = [number for number in range(count) if number not in done]
             progress = Progress(count, count - len(missing))
             try:
@@ -145,8 +159,9 @@ def orders_of(folder: Folder, logs: str | None = None) -> Orders:
         twin=plan.campaign.twin,
         rig=rig_identity(),
         unit=unit,
-        unit_sha256="" if unit is None else unit.sha256(),
+        unit_build="" if unit is None else unit.build(),
         requirements=plan.requirements,
+        sources=plan.identity().get(SOURCES, {}),
     )
 
 
@@ -246,20 +261,22 @@ def _result(folder: Folder, count: int, progress: Progress, before: set[int], st
         tables = folder.tables
     except BadInput as error:
         raise RigError(str(error)) from None
-    flown = len(before) + progress.flown
-    lost = flown - len(tables["runs"])
+    runs = tables["runs"]
+    told = len(before) + progress.flown + progress.not_flown
+    lost = told - len(runs)
     if lost:
-        text = f"{lost} of {flown} runs that were flown are no longer in the tables"
+        text = f"{lost} of {told} runs that were flown are no longer in the tables"
         raise RigError(f"{folder.path}: {text}; the same command flies them again")
     return Result(
         out=folder.path,
         runs=count,
         done=progress.done,
         flown=progress.flown,
-        outcomes=dict(Counter(tables["runs"]["outcome"].to_list())),
+        outcomes=dict(Counter(runs["outcome"].to_list())),
+        **not_flown(runs),
         table_sha256=table.sha256(tables),
         flights_per_s=progress.flights_per_s,
         wall_s=time.perf_counter() - progress.began,
-        interrupted=stop.requested and progress.done < count,
+        interrupted=stop.requested and progress.done + progress.not_flown < count,
         signal=stop.signal,
     )

@@ -1,8 +1,8 @@
 """Exact intervals, the smallest detectable magnitude, a paired comparison. Plain numbers in, plain numbers out.
 
 Sources: Clopper and Pearson, Biometrika 26 (1934); Garwood, Biometrika 28 (1936), for Poisson counts; McNemar,
-Psychometrika 12 (1947), in its exact conditional form.  tests/test_campaign_statistics.py holds all of them to
-published figures.
+Psychometrika 12 (1947), in its exact conditional form; Thompson, Annals of
+Mathematical Statistics 7 (1936), for a median.  tests/test_campaign_statistics.py holds them to published figures.
 """
 
 from __future__ import annotations
@@ -211,3 +211,22 @@ def paired_difference(
     spread = float(np.sqrt(max((b + c + 1.0) - (b - c) ** 2 / whole, 0.0)) / whole)
     half = float(scipy.stats.norm.ppf((1.0 + confidence) / 2.0)) * spread
     return Difference(value, max(apart - half, -1.0), min(apart + half, 1.0))
+
+
+class Median(NamedTuple):
+    """A median, and its interval; None where there are too few values for one."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+def median_interval(values: NDArray[np.float64], confidence: float = CONFIDENCE) -> Median:
+    """Return the median of values (n,), n above 0, with the interval between two of them; at 95 % from six values on.
+
+    It holds whatever the distribution: so many of n values lie below its median as of n throws of a coin.
+    """
+    ordered = np.sort(values)
+    first = int(scipy.stats.binom.ppf((1.0 - confidence) / 2.0, len(ordered), 0.5))
+    ends = (float(ordered[first - 1]), float(ordered[-first])) if first > 0 else (None, None)
+    return Median(float(np.median(ordered)), *ends)

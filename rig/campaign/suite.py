@@ -34,6 +34,7 @@ class Case(Settings):
     seed: int | None = Field(default=None, ge=0, lt=2**63)  # of a scenario
     requirements: list[str] | None = None  # those of the suite when not given
     without: list[str] = []  # ids that are not measured here
+    may_not_act: bool = False  # a fault that is not executed is no failure
     _path: Path = PrivateAttr(default=Path())
 
     @model_validator(mode="after")

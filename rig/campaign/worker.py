@@ -21,9 +21,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from multiprocessing.util import Finalize
 from pathlib import Path
@@ -37,9 +37,10 @@ from rig.campaign.plan import Run, rig_identity
 from rig.campaign.pool import leave_interrupts_to_parent
 from rig.campaign.requirements import run_columns
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row, signal_rows
-from rig.errors import RigError, UnitDead, UnitRefused
+from rig.campaign.sources import first_sources
+from rig.errors import BadInput, RigError, UnitDead, UnitRefused
 from rig.scenario import load
-from rig.unit.settings import Unit
+from rig.unit.settings import Unit, voted_by
 from rig.unit.unit import UnitUnderTest
 from rig.util.interrupt import signal_name
 
@@ -61,9 +62,14 @@ class Orders:
     timeout_s: float
     twin: bool
     rig: str  # sources and packages that fly; a worker with others refuses
-    unit: Unit | None = None  # under test, and the hash of its build
-    unit_sha256: str = ""
+    unit: Unit | None = None  # under test, and its build
+    unit_build: str = ""
     requirements: tuple[Requirement, ...] = ()
+    sources: Mapping[str, dict[str, str]] = field(default_factory=dict)  # of managers of the user's own, by file
+
+    def voter(self, manager: str) -> str:
+        """Return who votes flights of this manager: it, or the unit under test with the beginning of its build."""
+        return voted_by(manager, None if self.unit is None else {**self.unit.model_dump(), "sha256": self.unit_build})
 
 
 def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
@@ -78,12 +84,20 @@ def _joined(parts: Sequence[Rows]) -> Rows:
 
 
 def check_rig(orders: Orders) -> None:
-    """Raise RigError when what flies here is not what the campaign is flown with, or the unit is another build."""
+    """Raise RigError when what flies here is not what the campaign is flown with: rig, unit, or the user's managers."""
     if rig_identity() != orders.rig:
         raise RigError("a worker flies another version of the rig than this one; install the same everywhere")
-    if orders.unit is not None and orders.unit.sha256() != orders.unit_sha256:
+    if orders.unit is not None and orders.unit.build() != orders.unit_build:
         source = orders.unit.source
         raise RigError(f"{source}: a worker has another build of it than this one; install the same everywhere")
+    for manager, files in orders.sources.items():
+        try:
+            here = first_sources(manager)
+        except BadInput as error:
+            raise RigError(f"a worker cannot fly it: {error}; start the workers where it is found") from None
+        for name in sorted(name for name in {*files, *here} if files.get(name) != here.get(name)):
+            what = f"another {name} of {manager!r} than this command"
+            raise RigError(f"a worker has {what}; install the same everywhere, and start the workers again")
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:
@@ -99,6 +113,7 @@ def fly_run(run: Run, orders: Orders) -> Rows:
             asked = orders.requirements
             verdicts = check_rows(flight.rows, flight.scenario, asked, twin, tested) if asked else ()
         rows = _rows(run.number, flight, scored, verdicts)
+        rows["runs"][0]["manager"] = orders.voter(flight.scenario.redundancy.manager)
     except (UnitDead, UnitRefused) as error:
         return not_flown(run, "unit dead" if isinstance(error, UnitDead) else "unit refused", str(error))
     except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure
@@ -265,6 +280,7 @@ def fly_for_parent() -> None:
     runs, orders = pickle.load(sys.stdin.buffer)  # our own parent
     _send(out, READY)
     try:
+        check_rig(orders)
         for run in runs:
             _send(out, fly_run(run, orders))
     except Exception as error:  # noqa: BLE001 # handed to the parent, which raises it

@@ -97,14 +97,21 @@ def run(
     if result.interrupted:
         echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
         raise Exit(CODE + result.signal)
+    if result.not_flown:
+        told = show.unflown(result.not_flown, result.first_reason)
+        echo(f"failed: {told}; the same command flies them again", err=True)
+        raise Exit(1)
 
 
 @app.command()
 def status(folder: Dir, as_json: Json = False) -> None:
-    """Print how far a campaign is, and the results of its runs."""
+    """Print how far a campaign is, who votes, and the results of its runs."""
     from rig.campaign.folder import open_folder
+    from rig.campaign.unflown import not_flown
+    from rig.campaign.voters import named, voters
 
-    state = open_folder(folder).status()
+    held = open_folder(folder)
+    state = {**held.status(), "by": named(voters(held)), **not_flown(held.tables["runs"])}
     emit(as_json, state, lambda: show.status(state))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,14 +11,16 @@ from typing import TYPE_CHECKING, Any, Final
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from rig.cli.table import Column, field, file_size, line, rest, rough_duration, share, table
+from rig.cli.table import MOST_LINES, Column, field, file_size, line, rest, rough_duration, share, table
 from rig.cli.working import bar
+from rig.util.console import Screen
 
 if TYPE_CHECKING:
     from rig.campaign.estimate import Estimate
     from rig.campaign.plan import Plan
     from rig.campaign.run import Progress, Report, Result
 
+_APART_S: Final = 2.0  # two lines in a pipe
 MOST_ROWS: Final = 60  # of a plan on a terminal; --json has all
 _WIDTH: Final = 19  # of a report's labels
 _SHARES: Final = {
@@ -43,19 +46,46 @@ _REQUIREMENTS: Final = (
     *(Column("on", "signal", worth=5), Column("at s", "instant_s", ".2f", worth=4)),
 )
 _OUTCOMES: Final = (
-    *(Column("outcome", "outcome"), Column("first", lambda row: share(row["first"]))),
-    Column("second", lambda row: share(row["second"])),
-    *(Column("only first", "pairs.only_first", worth=7), Column("only second", "pairs.only_second", worth=7)),
+    *(Column("outcome", "outcome"), Column("first", lambda row: _count(row["first"]))),
+    Column("second", lambda row: _count(row["second"])),
+    *(Column("only first", "pairs.only_first"), Column("only second", "pairs.only_second")),
     Column("p", "pairs.p_value", ".3g"),
+    Column("first less second", lambda row: _interval(row["difference"], "{:+.3f}"), worth=7),
+    Column("first 95 %", lambda row: _interval(row["first"]), worth=5),
+    Column("second 95 %", lambda row: _interval(row["second"]), worth=5),
+)
+_DELAYS: Final = (
+    *(Column("delay", lambda row: _DELAY_NAMES[row["delay"]]), Column("faults", "faults")),
+    *(Column("sooner first", "sooner_first"), Column("sooner second", "sooner_second")),
+    *(Column("first", "first_median_s", ".3f", unit="s"), Column("second", "second_median_s", ".3f", unit="s")),
+    Column("first less second, s", lambda row: _interval(row["difference_s"], "{:+.3f}")),
+)
+_DELAY_NAMES: Final = {"delay_from_onset_s": "from the onset", "delay_from_exceeded_s": "from the threshold"}
+_VARIED: Final = (
+    *(Column("what varies", "key"), Column("level", lambda row: _shown(row["level"]))),
+    *(Column("of", "of", worth=8), Column("runs", "runs", worth=5)),
+    Column("detected of acted", lambda row: _count(row["detection_of_all"])),
+    Column("of detectable", lambda row: _count(row["detection"])),
+    Column("delay, median s", "delay_from_onset_s.median", ".3f"),
+    Column("survived", lambda row: _count(row["survival"]), worth=7),
+    Column("false alarms an h", "false_alarms.value", ".3g", worth=6),
+)
+_DETECTABLE: Final = (
+    *(
+        Column("smallest detectable", lambda row: f"{row['kind']} of {row['signal']}"),
+        Column("of", lambda row: row.get("of"), worth=8),
+    ),
+    *(Column("acted", "acted", worth=5), Column("detected", "detected", worth=6)),
+    *(Column(title, lambda row, i=i: _smallest(row, i)) for i, title in enumerate(("50 %", "99 %"))),
 )
 
 
 @contextmanager
 def progress(enabled: bool) -> Iterator[Report | None]:
-    """Show runs done, rate, time left and failures on a terminal; nothing in a pipe."""
+    """Show runs done, rate, time left and failures: a bar on a terminal, in a pipe a line for each tenth at most."""
     parts = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"), TimeRemainingColumn())
     with bar(enabled, *parts) as shown:
-        yield None if shown is None else _reporter(shown)
+        yield _reporter(shown) if shown is not None else _Lines().report if enabled else None
 
 
 def _reporter(shown: Bar) -> Report:
@@ -63,13 +93,38 @@ def _reporter(shown: Bar) -> Report:
 
     def report(state: Progress) -> None:
         text = f"{state.flights_per_s:.1f} flights/s{_trouble(state.outcomes)}"
-        shown.update(task, completed=state.done, total=state.runs, text=text)
+        shown.update(task, completed=state.done + state.not_flown, total=state.runs, text=text)
 
     return report
 
 
+class _Lines:
+    """A line on standard error when a batch came in: of the first one, then a tenth of the runs and some time later."""
+
+    def __init__(self) -> None:
+        self._next, self._due = 0, 0.0
+
+    def report(self, state: Progress) -> None:
+        """Print how far the campaign is, where a line is due."""
+        told, now = state.flown + state.not_flown, time.monotonic()
+        if told == 0 or told < self._next or now < self._due:
+            return
+        self._next, self._due = told + max(1, state.runs // 10), now + _APART_S
+        handled = state.done + state.not_flown
+        left = (
+            f", about {rough_duration((state.runs - handled) / state.told_per_s)} left" if handled < state.runs else ""
+        )
+        text = f"{handled} of {state.runs} runs{_trouble(state.outcomes)}, {state.told_per_s:.1f} a second{left}"
+        Screen(stderr=True).print(text, soft_wrap=True)
+
+
 def _trouble(outcomes: dict[str, int]) -> str:
     return "".join(f", {count} {name}" for name, count in outcomes.items() if count and name != "flown")
+
+
+def unflown(count: int, first_reason: str | None) -> str:
+    """Return how many runs could not be flown, and why the first could not."""
+    return f"{count} {'run' if count == 1 else 'runs'} could not be flown; {first_reason}"
 
 
 def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:
@@ -113,6 +168,10 @@ def status(state: dict[str, Any]) -> None:
     line((state["title"] or state["folder"], "bold"))
     outcomes = ", ".join(f"{count} {name}" for name, count in state["outcomes"].items()) or "none"
     field("runs", f"{state['done']} of {state['runs']} done: {outcomes}; {state['aircraft_lost']} aircraft lost")
+    if state.get("by"):
+        field("voted by", state["by"])
+    if state.get("not_flown"):
+        field("failed", unflown(state["not_flown"], state["first_reason"]), style="red")
     field("logs", f"{state['logs']} kept")
     field("table", state["table_sha256"])
 
@@ -121,6 +180,13 @@ def report(summary: dict[str, Any], target: Path) -> None:
     """Print the headline of a report, the resolvers, and where the rest is."""
     head = summary["headline"]
     line((summary["title"], "bold"), f"  {head['done']} of {summary['runs']} runs")
+    if summary.get("by"):
+        field("voted by", summary["by"], width=_WIDTH)
+    if head.get("not_flown"):
+        field("not flown", unflown(head["not_flown"], head["first_reason"]), width=_WIDTH, style="red")
+    if summary.get("by_name"):
+        text = f"{', '.join(summary['by_name'])}: the figures of all runs are of no one population, see below"
+        field("vary by name", text, width=_WIDTH)
     field("faults", _accounted(head), width=_WIDTH)
     for name, label in _SHARES.items():
         field(label, share(head[name]), width=_WIDTH)
@@ -135,6 +201,8 @@ def report(summary: dict[str, Any], target: Path) -> None:
     if head.get("suspect_channels"):
         text = f"{head['suspect_channels']} channels in {head['suspect_runs']} runs: in many frames, never failed"
         field("suspect", text, width=_WIDTH, style="yellow")
+    table(summary.get("by_varied", ()), _VARIED, MOST_LINES)
+    table(summary.get("detectable", ()), _DETECTABLE, MOST_LINES)
     table(summary["resolvers"], _RESOLVERS)
     table(summary["requirements"], _REQUIREMENTS)
     table(summary["servos"], _SERVOS)
@@ -155,8 +223,45 @@ def _accounted(head: dict[str, Any]) -> str:
 
 
 def compare(pairs: dict[str, Any]) -> None:
-    """Print paired outcomes of two campaigns."""
+    """Print who voted, what differs, and the paired outcomes of two campaigns."""
+    first, second = pairs["by"]["first"], pairs["by"]["second"]
+    line(f"voted by {first}" + (", in both" if first == second else f"; in the second by {second}"))
     line(f"{pairs['runs']} runs and {pairs['faults']} faults that both flew; what differs:")
     for difference in pairs["differs"] or ["nothing"]:
         line(f"  {difference}")
+    detectable = pairs["detectable"]
+    line(
+        f"of faults: the same {pairs['faults']} that acted in both, detectable or not; their error left the threshold "
+        f"of {detectable['first']} in the first, {detectable['second']} in the second, {detectable['both']} in both"
+    )
     table(pairs["outcomes"], _OUTCOMES)
+    table([row for row in pairs["delays"] if row["faults"]], _DELAYS)
+
+
+def _count(rate: dict[str, Any]) -> str:
+    """Return a share as a count alone: its interval has a column of its own."""
+    return "none" if rate["value"] is None else f"{rate['count']} of {rate['of']:.0f}"
+
+
+def _interval(rate: dict[str, Any], number: str = "") -> str | None:
+    """Return an interval; with ``number``, a format, behind its value."""
+    if rate["value"] is None or rate["low"] is None:
+        return None if rate["value"] is None or not number else number.format(rate["value"])
+    form = number or "{:.3f}"
+    interval = f"{form.format(rate['low'])} to {form.format(rate['high'])}"
+    return f"{number.format(rate['value'])} ({interval})" if number else interval
+
+
+def _shown(level: Any) -> str:
+    return f"{level:.6g}" if isinstance(level, float) else str(level)
+
+
+def _smallest(row: dict[str, Any], i: int) -> str:
+    """Return a magnitude of the fit of smallest magnitudes with its interval, as the report; in words where none is."""
+    if row["fit"] is None:
+        return "all detected" if row["detected"] else "none detected"
+    from rig.campaign.campaign_page import magnitude_shown, magnitude_unit
+
+    found, place = row["fit"]["magnitudes"][i], (row["signal"], row["kind"])
+    low, high = (magnitude_shown(found[end], *place) or "?" for end in ("low", "high"))
+    return f"{magnitude_shown(found['value'], *place)} ({low} to {high}) {magnitude_unit(*place)}".rstrip()

@@ -23,8 +23,9 @@ import polars as pl
 
 from rig.campaign.config import from_what
 from rig.campaign.folder import difference, locked, write_whole
-from rig.campaign.plan import Plan, rig_identity
+from rig.campaign.plan import SOURCES, Plan, rig_identity
 from rig.campaign.pool import context, each
+from rig.campaign.sources import sources
 from rig.errors import BadInput
 from rig.league import flights
 from rig.league.calibration import require_time
@@ -79,10 +80,12 @@ def run(plan: Plan, asked: Asked, out: Path, workers: int = 1) -> dict[str, Any]
 
 
 def _about(plan: Plan, asked: Asked, healthy: Healthy, second: Healthy | None) -> dict[str, Any]:
+    own = plan.sources | sources(entrant.manager for entrant in asked.entrants)
     return {
         "format": FORMAT,
         "rig": rig_identity(),
         **plan.identity(),
+        **({SOURCES: own} if own else {}),
         "managers": [entrant.name for entrant in asked.entrants],
         "budget_per_h": asked.budget_per_h,
         "healthy": {"hours": healthy.hours, "sha256": healthy.sha256},

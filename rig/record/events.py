@@ -31,11 +31,12 @@ from rig.record.failures import COMPARISON, decided_by
 
 _LEVELS: Final = {"level": "state", "discrete_level": "discrete_state"}  # with the states that they are counted from
 MISSED: Final = "unit missed"  # an event's name
+NOT_EXECUTED: Final = "fault not executed"  # another
 
 
 def not_executed(frame: int, missing: Sequence[tuple[str, str]]) -> list[Event]:
     """Return the events of faults that did nothing, at the end of a flight: ``missing``, names and reasons."""
-    return [Event(frame, "warning", "fault not executed", f"{name}: {reason}") for name, reason in missing]
+    return [Event(frame, "warning", NOT_EXECUTED, f"{name}: {reason}") for name, reason in missing]
 
 
 class EventFinder:

@@ -101,6 +101,11 @@ class SearchPlan(Plan):
                 raise BadInput(f"--against {self.asked.against}: {reason}") from None
         super().check()
 
+    @property
+    def _named(self) -> list[int]:
+        """Return runs that together have every manager: the second of a draw has that of ``against``."""
+        return [number + i for number in super()._named for i in range(self.of_one_draw)]
+
     def identity(self) -> dict[str, Any]:
         """Return all that decides the table."""
         return {**super().identity(), SEARCH: {**asdict(self.asked), "requirements": list(self.asked.requirements)}}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Final, Literal
 
@@ -18,6 +19,7 @@ LARGEST_FILE: Final = 1 << 30  # bytes of a library, an FMU or a program
 LOOPBACK: Final = re.compile(r"127\.\d+\.\d+\.\d+|localhost")
 _ADDRESS: Final = re.compile(r"([\w.-]+):(\d{1,5})")
 _IS: Final = {"library": "a library", "fmu": "an FMU, one file"}
+_BUILD: Final = 12  # characters of a hash that are shown
 _NEEDS: Final = {"library": "path", "fmu": "path", "python": "manager"}
 
 
@@ -132,9 +134,29 @@ class Unit(Settings):
         with open_regular(self.file, LARGEST_FILE, where=where) as file, reported(where, BadInput, "cannot be read"):
             return hashlib.file_digest(file, "sha256").hexdigest()
 
+    def build(self) -> str:
+        """Return what changes with the unit: its hash; of a command also that of the files which it names.  BadInput.
+
+        What the command finds elsewhere, such as an interpreter, is the machine's.
+        """
+        beside = [word for word in (self.command or [])[1:] if is_file(self._folder / word)]
+        if not beside:
+            return self.sha256()
+        digest = hashlib.sha256(self.sha256().encode())
+        for word in beside:
+            where = f"{self.source}: {word}"
+            with open_regular(self._folder / word, LARGEST_FILE, where=where) as file:
+                with reported(where, BadInput, "cannot be read"):
+                    digest.update(word.encode() + hashlib.file_digest(file, "sha256").digest())
+        return digest.hexdigest()
+
     def about(self) -> dict[str, Any]:
         """Return what a log keeps of it."""
         return {**self.model_dump(exclude_none=True), "sha256": self.sha256()}
+
+    def identity(self) -> dict[str, Any]:
+        """Return what decides the flights of a campaign: the settings, and its build.  BadInput."""
+        return {**self.model_dump(exclude_none=True), "sha256": self.build()}
 
 
 def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str:
@@ -145,6 +167,17 @@ def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str
     if lane is not None:
         return f"manager {manager}, unit {unit} as lane {lane}"
     return f"manager {manager}" if unit is None else f"unit {unit}"
+
+
+def voted_by(manager: str, unit: Mapping[str, Any] | None) -> str:
+    """Return who voted, as the column ``manager`` of ``runs`` has it: ``mean``, or ``unit mvs 0a1b2c3d4e5f``.
+
+    unit : its settings, and its build as ``sha256``; a box at an address has none
+    """
+    if unit is None:
+        return manager
+    named = f"{unit['name']} {unit.get('sha256', '')[:_BUILD]}".rstrip()
+    return voter(manager, named, unit.get("lane"))
 
 
 def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
