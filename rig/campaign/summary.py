@@ -31,8 +31,8 @@ from rig.campaign.unflown import not_flown
 from rig.campaign.varied import by_name, by_varied, varied
 from rig.campaign.voters import named, voters
 from rig.errors import BadInput
-from rig.util.files import is_file
 from rig.unit.settings import voted_by
+from rig.util.files import is_file
 
 WORST: Final = 10
 _SEEN: Final = ("patterns", "levels", "pattern_transitions", "level_transitions")

@@ -145,9 +145,9 @@ class Unit(Settings):
         digest = hashlib.sha256(self.sha256().encode())
         for word in beside:
             where = f"{self.source}: {word}"
-            with open_regular(self._folder / word, LARGEST_FILE, where=where) as file:
-                with reported(where, BadInput, "cannot be read"):
-                    digest.update(word.encode() + hashlib.file_digest(file, "sha256").digest())
+            path = self._folder / word
+            with open_regular(path, LARGEST_FILE, where=where) as file, reported(where, BadInput, "cannot be read"):
+                digest.update(word.encode() + hashlib.file_digest(file, "sha256").digest())
         return digest.hexdigest()
 
     def about(self) -> dict[str, Any]:
