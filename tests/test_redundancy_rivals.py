@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.bench.vote import vote
+from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.managers import KINDS, RIVALS, Manager, manager_kind, with_settings
-from rig.computer.redundancy.rivals.settings import Rivals
+from rig.computer.redundancy.rivals.settings import RIVAL_PARAMS, Rivals, extended
 from rig.frame import Resolver, State
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import VoteConfig
@@ -82,7 +83,7 @@ def test_a_burst_of_less_than_the_persistence_fails_nobody(rival: str, bad: int,
         assert out.failed_at() == [None] * 4, begin
 
 
-@pytest.mark.parametrize("rival", ["cusum", "glr", "parity"])
+@pytest.mark.parametrize("rival", ["cusum", "glr", "parity", "bayes"])
 def test_as_published_one_bad_sample_is_enough(rival: str):
     samples = healthy()
     samples[100, 2] += 100.0
@@ -112,6 +113,13 @@ def test_an_even_split_that_nothing_settles_holds_or_guesses(rival: str, split: 
     begun = int(np.argmax(held.resolver == Resolver.UNRESOLVED))
     assert (held.voted[begun:] == held.voted[begun - 1]).all()
     assert (guessed.state[-1] == State.FAILED).sum() >= 1
+
+
+def test_parity_fails_the_farthest_of_the_half_that_the_reference_contradicts():
+    samples = np.vstack([constant(0, 0, 0, 0), constant(0.0, 0.1, 8.0, 8.1, frames=100)])
+    out = flown(samples, "parity", {}, reference=0.0)
+    first = min((at, c) for c, at in enumerate(out.failed_at()) if at is not None)
+    assert first[1] == 3
 
 
 @monitors
@@ -189,6 +197,28 @@ def test_a_recording_is_voted_with_settings_of_single_signals():
 def test_bad_settings_are_one_line(rig_command: Any, set_to: str, said: str):
     code, out, err = rig_command("fly", "--set", f"redundancy.rivals.{set_to}", "--set", "duration_s=1")
     assert (code, out, err.count("\n")) == (2, "", 1) and said in err
+
+
+def test_a_table_of_a_signal_has_no_tables_of_signals():
+    with pytest.raises(ValueError, match=r"signals\.pitch_rate\.signals: unknown key"):
+        Rivals.model_validate({"cusum": {"signals": {"pitch_rate": {"signals": {}}}}})
+
+
+def test_records_that_have_the_settings_of_rivals_stay_as_they_are():
+    params = with_settings(np.zeros(1, PARAMS), "cusum")
+    assert extended(params, RIVAL_PARAMS) is params
+
+
+@pytest.mark.parametrize(
+    ("samples", "voted"),
+    [
+        ((0.5, np.nan, np.nan, np.nan), 0.5),  # one alone
+        ((-1e300, -1e300, 1e300, 1e300), 0.0),  # no distance is a number: the median
+    ],
+)
+def test_weights_that_vanish_leave_the_median(samples: tuple[float, ...], voted: float):
+    out = vote_samples(constant(*samples, frames=3), manager="weighted", limits=(-1e308, 1e308))
+    assert (out.voted == voted).all()
 
 
 @pytest.mark.parametrize("rival", ["cusum", "bayes"])

@@ -173,7 +173,7 @@ def vote_chosen(bus, fcc, data, rival):
             cross_voter(bus, fcc, data)
         elif choice == _SELECTION:
             select(bus, fcc, data)
-        elif choice == _UNIT:
+        else:  # _UNIT
             select_unit(bus, fcc, 0, len(data.params), data)
 
 
