@@ -180,7 +180,7 @@ def test_a_fault_that_is_not_executed_fails_its_case_unless_it_may_not_act(rig_c
     assert code == 1 and "3 of 6 tests failed" in out, out + err
     faults = [test for suite in JUnitXml.fromfile("out.xml") for test in suite if test.name == FAULTS]
     assert [test.classname for test in faults] == ["late", "of a campaign", "a log"]
-    assert all(isinstance(test.result[0], Failure) and test.result[0].type == "not executed" for test in faults)
+    assert all(isinstance(test.result[0], Failure) and test.result[0].type == "did not act" for test in faults)
     assert "never triggered; may_not_act = true permits it" in faults[0].result[0].message
     assert "run 1: hardover pitch_rate.3; may" in faults[1].result[0].message  # run 0 has its fault
     (tmp_path / "suite.toml").write_text(NOT_ACTING.replace("KEY", "may_not_act = true"))

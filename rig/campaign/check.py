@@ -27,7 +27,7 @@ from rig.scenario import load
 from rig.unit.settings import Unit
 from rig.units.quantities import quantity, seconds
 
-Result = Literal["met", "violated", "not applicable", "equal", "differs", "no reference", "failed", "not executed"]
+Result = Literal["met", "violated", "not applicable", "equal", "differs", "no reference", "failed", "did not act"]
 GOOD: Final = ("met", "not applicable", "equal", "no reference")
 DECISIONS: Final = "decisions"
 FAULTS: Final = "faults"
@@ -189,7 +189,7 @@ def _acted(case: Case, idle: list[str], command: str) -> list[Checked]:
     text = f"not executed: {'; '.join(idle[:_TOLD])}{more}"
     if case.may_not_act:
         return [Checked(case.called, FAULTS, "", "not applicable", None, f"{text}; it may not act", command)]
-    return [Checked(case.called, FAULTS, "", "not executed", None, f"{text}; may_not_act = true permits it", command)]
+    return [Checked(case.called, FAULTS, "", "did not act", None, f"{text}; may_not_act = true permits it", command)]
 
 
 def _checked(case: str, verdict: Verdict, where: str, command: str) -> Checked:

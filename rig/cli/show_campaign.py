@@ -75,7 +75,7 @@ _DETECTABLE: Final = (
         Column("smallest detectable", lambda row: f"{row['kind']} of {row['signal']}"),
         Column("of", lambda row: row.get("of"), worth=8),
     ),
-    *(Column("acted", "acted", worth=5), Column("detected", "detected", worth=6)),
+    *(Column("acted", "acted", worth=5), Column("found", lambda row: row["detected"], worth=6)),
     *(Column(title, lambda row, i=i: _smallest(row, i)) for i, title in enumerate(("50 %", "99 %"))),
 )
 

@@ -28,17 +28,19 @@ ROOT: Final = Path(__file__).parents[2]
 RIG: Final = (sys.executable, "-m", "rig")
 PATIENCE_S: Final = 600.0
 CAMPAIGN: Final = """
+base = "scenario.toml"
 sampling = "random"
 runs = 6
-[base]
-aircraft = "f16"
-duration_s = 2.0
-redundancy = { manager = "median" }
-faults = [{ kind = "offset", signal = "pitch_rate", channels = [1], start_s = 0.5, offset = 0.1 }]
 [vary]
 "faults.0.offset" = { low = 0.03, high = 0.3 }
 [run]
 batch = 1
+"""
+SCENARIO: Final = """
+aircraft = "f16"
+duration_s = 2.0
+redundancy = { manager = "median" }
+faults = [{ kind = "offset", signal = "pitch_rate", channels = [1], start_s = 0.5, offset = 0.1 }]
 """
 EXAMPLES: Final = ROOT / "docs" / "examples"
 STUDIES: Final[dict[str, tuple[str, ...]]] = {
@@ -127,6 +129,7 @@ def main() -> None:
     folder = given.folder.resolve()
     folder.mkdir(parents=True)
     (folder / "campaign.toml").write_text(CAMPAIGN)
+    (folder / "scenario.toml").write_text(SCENARIO)
     names = given.only.split(",")
     if "league" in names:
         healthy = (*RIG, "campaign", "run", str(EXAMPLES / "league_healthy.toml"), "--out", "healthy", "--runs", "12")
