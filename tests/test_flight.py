@@ -35,7 +35,7 @@ def test_the_log_holds_every_frame_and_gives_arrays_by_signal(flight):
     assert (q.channels[100:, 2] == 1.5).all()
     assert np.abs(q.voted - q.truth).max() < 0.02
     assert (q.level[107:] == 3).all()
-    for wrong in (flight.signal, flight.plot, flight.to_polars):
+    for wrong in (flight.signal, flight.to_polars):
         with pytest.raises(BadInput, match=r"unknown .*'pitchrate', nearest: pitch_rate"):
             wrong("pitchrate")
 

@@ -93,8 +93,8 @@ def fly(options: FlyOptions) -> None:
     class Told(MeasuredConclusion):
         """The same, which says before a long flight what it takes."""
 
-        def begin(self, scenario: Scenario) -> None:
-            super().begin(scenario)
+        def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
+            super().begin(scenario, unit_lane)
             if (takes := long_flight(scenario)) and not quiet:
                 echo(takes, err=True)
 
