@@ -144,7 +144,7 @@ def test_a_log_without_a_scenario_is_refused(flight: Flight, tmp_path: Path):
 
 def test_what_is_no_log_is_one_line_and_exit_code_2(tmp_path: Path):
     (tmp_path / "notes.mcap").write_text("not a log")
-    for name, says in (("notes.mcap", "not an MCAP file"), ("nowhere.mcap", "No such file")):
+    for name, says in (("notes.mcap", "not an MCAP file"), ("nowhere.mcap", "no such file")):
         command = [sys.executable, "-m", "rig", "score", name, "--json"]
         out = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
         assert (out.returncode, out.stdout) == (2, "")

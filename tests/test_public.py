@@ -4,6 +4,7 @@ import inspect
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -131,12 +132,12 @@ def test_importing_rig_loads_none_of_its_rooms():
 
 
 def test_the_report_is_a_function_with_its_signature_also_when_its_folder_was_imported():
-    import rig.report.page
+    page = import_module("rig.report.page")
     from rig import report
 
     assert report is rig.report and list(inspect.signature(rig.report).parameters) == ["flight", "out", "requirements"]
     assert inspect.isfunction(rig.report) and "Write one HTML file" in (inspect.getdoc(rig.report) or "")
-    assert sys.modules["rig.report.page"].number(None)
+    assert page.number(None)
 
 
 @pytest.mark.parametrize("called", [rig.fly, rig.load])

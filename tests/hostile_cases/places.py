@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from hostile_cases.readers import Reader
 
-Thing = Callable[[Path, Path, str, Random], None]  # where, the sound file or folder, the folder's own file, choices
+Thing = Callable[[Path, Path, str, Random], object]  # where, the sound file or folder, the folder's own file, choices
 NAME: Final = "a name that is not UTF-8"
 SPARSE_BYTES: Final = 20 << 30  # of ``sparse`` in the store
 _ABSURD: Final = ("1e999", "-1e308", "nan", "9" * 400, "-0.0", "1e-320", "18446744073709551616")
