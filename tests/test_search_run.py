@@ -212,3 +212,33 @@ def test_a_requirement_that_every_flight_violates_does_not_hide_another(tmp_path
     text = (tmp_path / "s" / "worst.toml").read_text()
     assert f"vote violated in {figures['confirmed'][0]} of 3 seeds" in text and "always" not in text.split("\n")[3]
     assert "always:" not in text and "never" not in text
+
+
+@pytest.mark.parametrize("damage", ["a loop", "deep", "another's", "a bit"])
+def test_what_could_not_be_written_at_the_end_is_refused_before_the_first_flight(
+    whole: tuple[Path, Ended], tmp_path: Path, damage: str
+):
+    out = cut(whole[0], tmp_path / "out", 1)
+    (out / "confirmed").mkdir(exist_ok=True)
+    if damage == "a loop":
+        (out / "search.json").unlink(missing_ok=True)
+        (out / "search.json").symlink_to("search.json")
+    elif damage == "deep":
+        (out / "confirmed" / "campaign.json").write_text("[" * 100_000)
+    elif damage == "another's":
+        (out / "confirmed" / "campaign.json").unlink(missing_ok=True)
+        (out / "confirmed" / "notes.txt").write_text("mine")
+    else:
+        part = sorted((whole[0] / "confirmed" / "faults").iterdir())[0]
+        for path in (whole[0] / "confirmed").rglob("*"):
+            if path.is_file():
+                to = out / "confirmed" / path.relative_to(whole[0] / "confirmed")
+                to.parent.mkdir(exist_ok=True)
+                to.write_bytes(path.read_bytes())
+        flipped = bytearray(part.read_bytes())
+        flipped[len(flipped) // 2] ^= 8
+        (out / "confirmed" / "faults" / part.name).write_bytes(bytes(flipped))
+    before = len(list((out / "runs").iterdir()))
+    with pytest.raises(BadInput, match=r"search\.json|confirmed") as error:
+        run(plan(), out, workers=1)
+    assert "\n" not in str(error.value) and len(list((out / "runs").iterdir())) == before

@@ -45,7 +45,7 @@ faults = [{ kind = "offset", signal = "pitch_rate", channels = [1], start_s = 0.
 EXAMPLES: Final = ROOT / "docs" / "examples"
 STUDIES: Final[dict[str, tuple[str, ...]]] = {
     "campaign": ("campaign", "run", "../campaign.toml", "--workers", "2"),
-    "search": ("search", "../campaign.toml", "--requirement", "vote", "--flights", "24", "--workers", "2"),
+    "search": ("search", "../campaign.toml", "--requirement", "vote", "--flights", "32", "--workers", "2"),
     "league": (
         *("league", str(EXAMPLES / "league_small.toml"), "--managers", "cusum,median", "--budget", "20"),
         *("--healthy", "../healthy", "--trials", "4", "--workers", "2"),
