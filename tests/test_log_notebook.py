@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 
 import rig
+from rig.errors import BadInput
 from rig.frame import INDEX, State, new_block
 from rig.log.export import export
 from rig.view.series import limits, series
@@ -30,7 +31,7 @@ def test_the_table_is_the_one_of_rig_export(flight: rig.Flight, tmp_path: Path):
     assert table["pitch_rate.state.3"][[99, 110]].to_list() == ["ok", "failed"]
     some = flight.to_polars("pitch_rate", "control")
     assert {name.split(".")[0] for name in some.columns} == {"time_s", "pitch_rate", "control"}
-    with pytest.raises(KeyError, match="unknown 'pich_rate', allowed: pitch_rate"):
+    with pytest.raises(BadInput, match="unknown .pich_rate., nearest: pitch_rate"):
         flight.to_polars("pich_rate")
 
 
@@ -40,7 +41,7 @@ def test_a_plot_follows_the_vote_and_not_the_hardover(flight: rig.Flight):
     assert labels == ["vote", "truth", "channel 1", "channel 2", "channel 3", "channel 4"]
     assert axes.get_ylabel() == "pitch_rate, deg/s" and axes.get_ylim()[1] < 10.0
     assert np.max(np.asarray(axes.get_lines()[4].get_ydata())) == pytest.approx(np.degrees(1.5))
-    with pytest.raises(KeyError, match="unknown signal"):
+    with pytest.raises(BadInput, match="unknown signal"):
         flight.plot("pich_rate")
 
 

@@ -49,6 +49,7 @@ NAMED = {
     *(("cli/league.py", word) for word in ("isolated", "wrong channel")),  # headings
     *(("campaign/campaign_page.py", "detected"), ("cli/score.py", "failed by rule")),
     ("cli/show_campaign.py", "wrong isolation"),
+    ("thresholds/thresholds_page.py", "isolated"),  # a heading
     ("faults/trigger.py", "isolated"),  # a pattern
     ("faults/systems.py", "false alarm"),  # of an in-line monitor
 }
@@ -102,7 +103,7 @@ def test_one_kernel_over_rows_and_one_word_decide_what_became_of_a_fault():
     assert set(_calls({"add_rows"})) == {"assess/flight_outcome.py"}
     inner = {"mark_failed", "mark_wrong", "count_healthy"}
     assert set(_calls(inner)) == {"assess/outcome_rows.py", "bench/trials.py", "thresholds/monitored.py"}
-    of_faults = {f"assess/{name}.py" for name in ("flight_outcome", "lane_outcome", "scoring")}
+    of_faults = {f"assess/{name}.py" for name in ("flight_outcome", "lane_outcome", "law_outcome", "scoring")}
     assert set(_calls({"fault_word"})) == of_faults
     assert set(_calls({"fault_words"})) == {"assess/outcome.py", "thresholds/tradeoff.py"}
     assert set(_calls({"trial_words"})) == {"league/recorded.py", "league/trials.py"}

@@ -105,6 +105,7 @@ def test_no_draft_is_left(raced: tuple[Path, list[Path]]):
     folder, _ = raced
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
         "o.csv",
+        "o.csv.units.json",
         "o.txt",
         "recovered.mcap",
         "run_000001.mcap",

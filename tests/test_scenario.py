@@ -241,7 +241,9 @@ def test_the_toml_is_what_tomllib_reads():
 
 def test_a_scenario_on_an_aircraft_without_its_flight_point_names_the_key_and_what_is_allowed():
     wanted = r"history_qf72.toml with --set: flight_point: f16 has no '35000ft_m084', allowed: 20000ft_m06, .*"
-    with pytest.raises(BadInput, match=wanted + r"; for example --set flight_point=20000ft_m06$"):
+    with pytest.raises(
+        BadInput, match=wanted + r"; for example --set flight_point=20000ft_m06; to add one: docs/aircraft.md$"
+    ):
         load("history_qf72", ["aircraft=f16"])
     assert load("history_qf72", ["aircraft=f16", "flight_point=20000ft_m06"]).aircraft == "f16"
 

@@ -234,7 +234,7 @@ def test_the_command_writes_it_beside_the_log_or_where_it_is_told(hardover, layo
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ([], "--to, --layout: one of them"),
+        ([], "--to csv|parquet|npz or --out FILE"),
         (["--to", "csv", "--layout", "foxglove"], "--to, --layout: one of them"),
         (["--layout", "plotjuggler"], "--layout plotjuggler: allowed: foxglove"),
         (["--layout", "foxglove", "--signals", "heading"], "--signals, --for-vote: are for --to"),

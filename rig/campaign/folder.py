@@ -119,9 +119,10 @@ class Folder:
 
     def done(self) -> set[int]:
         """Return the runs that are whole in all tables. BadInput names a part that is not, and the remedy."""
-        return set(self._read()["runs"]["run"].to_list())
+        return set(self.read()["runs"]["run"].to_list())
 
-    def _read(self) -> dict[str, pl.DataFrame]:
+    def read(self) -> dict[str, pl.DataFrame]:
+        """Read all tables as they are now; BadInput as ``done``."""
         return parts.read(self.path, self.plan, self._identity)
 
     @cached_property
@@ -143,7 +144,7 @@ class Folder:
     @cached_property
     def tables(self) -> dict[str, pl.DataFrame]:
         """Read all tables, sorted by run; a part whose ``runs`` is missing does not count. BadInput as ``done``."""
-        return self._read()
+        return self.read()
 
     def status(self) -> dict[str, Any]:
         """Return how far the campaign is: runs, what is done, the result, the hash of the tables so far."""

@@ -24,9 +24,9 @@ def take_out(folder: Folder, below: int) -> set[int]:
     """Take the rows of runs that were not flown out of the tables, those ``below`` a number; return the runs that stay.
 
     The folder is held.  A part that has others too is written again with the others; a kill between the two costs the
-    time of these.  BadInput as ``parts.read``.
+    time of these.  BadInput as ``Folder.done``.
     """
-    tables = parts.read(folder.path, folder.plan)
+    tables = folder.read()
     runs = tables["runs"]
     again = set(runs.filter((pl.col("outcome") != "flown") & (pl.col("run") < below))["run"].to_list())
     for name in parts.names(folder.path) if again else ():

@@ -77,8 +77,8 @@ def decided(steps: Steps, operand: Callable[[Step], Operand]) -> list[Decided]:
             stack.append(_Value(known.span, known.text, (known,)))
         elif op in (Op.NEGATE, Op.ABS, Op.NOT):
             stack.append(_of_one(op, stack.pop()))
-        elif op in (Op.ALWAYS, Op.EVENTUALLY, Op.ONCE):
-            continue  # over time nothing else holds
+        elif op in (Op.ALWAYS, Op.EVENTUALLY, Op.ONCE, Op.STATE):
+            continue  # over time, or without a distance, nothing else holds
         else:
             b, a = stack.pop(), stack.pop()
             made = _of_two(op, a, b)
