@@ -31,7 +31,7 @@ def test_the_table_is_the_one_of_rig_export(flight: rig.Flight, tmp_path: Path):
     assert table["pitch_rate.state.3"][[99, 110]].to_list() == ["ok", "failed"]
     some = flight.to_polars("pitch_rate", "control")
     assert {name.split(".")[0] for name in some.columns} == {"time_s", "pitch_rate", "control"}
-    with pytest.raises(BadInput, match="unknown .pich_rate., nearest: pitch_rate"):
+    with pytest.raises(BadInput, match=r"unknown .pich_rate., nearest: pitch_rate"):
         flight.to_polars("pich_rate")
 
 

@@ -282,10 +282,10 @@ def test_workers_have_the_permission_of_the_command_and_a_folder_grants_none(pla
     refused(place, command, "campaign.json", "campaign", "fly", "out", "--run", "1")
 
 
-def test_a_run_whose_class_raises_is_recorded_as_failed(place: Path, command: Command):
+def test_a_run_whose_class_raises_is_recorded_as_failed_and_the_command_ends_with_1(place: Path, command: Command):
     campaign(place, "base")
     sets = ["--set", "duration_s=1.5", "--set", "redundancy.manager=strange:Raises"]
-    assert command("campaign", "run", "c.toml", "--out", "out", *sets)[0] == 0
+    assert command("campaign", "run", "c.toml", "--out", "out", *sets)[0] == 1
     import polars as pl
 
     rows = pl.read_parquet(next((place / "out" / "runs").glob("*.parquet")))
