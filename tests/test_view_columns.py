@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 import rerun as rr
 from rerun.chunk import Chunk, McapReader, RrdReader
 
-from rig.errors import BadInput, BadLog
+from rig.errors import BadInput, BadLog, RigError
 from rig.frame import COMMANDS, FLAT, INDEX, SURFACES, TIMING, Block, Ilm, Pattern, Resolver, State, new_block
 from rig.frame.fields import FIELD, places
 from rig.log import LogWriter
@@ -127,6 +128,19 @@ def test_a_log_shows_what_was_streamed(files: tuple[Path, Path], tmp_path: Path)
     for key in opened:
         for one, other in zip(opened[key], streamed[key], strict=True):
             assert str(one) == str(other), key  # as text, for NaN is there to be equal to NaN
+
+
+def test_a_file_on_a_full_disk_is_one_line_and_leaves_what_was_there(files: tuple[Path, Path], tmp_path: Path) -> None:
+    opened, path, before = read(files[:1]), tmp_path / "opened.rrd", resource.getrlimit(resource.RLIMIT_FSIZE)
+    path.write_text("of before")
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        with pytest.raises(RigError, match=r"opened\.rrd: cannot be written: File too large$") as error:
+            save(opened, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not isinstance(error.value, BadInput)  # exit code 1
+    assert list(tmp_path.iterdir()) == [path] and path.read_text() == "of before"
 
 
 @pytest.mark.parametrize("contents", [b"", b"no log\n"])
