@@ -16,6 +16,7 @@ from rig.settings import DEEPEST, NotToml, Settings, parse_toml
 from rig.text import quoted, shorten
 
 Overrides = Sequence[str] | Mapping[str, Any]  # ``key=value``, or values by key
+OPTION, TABLE = "--set ", "overrides: "  # how a message names an override: of the command line, of a program
 EVERY: Final = "*"  # in a key of --set: all items of a list, all signals of a table of signals
 _OF_SIGNALS: Final = ("redundancy.signals", "sensors")
 _DIGITS: Final = re.compile("[0-9]{1,9}")
@@ -32,18 +33,21 @@ def named_manager(sets: Iterable[tuple[str, Any]]) -> str | None:
     return name if isinstance(name, str) else None
 
 
-def override(data: dict[str, Any], text: str) -> dict[str, Any]:
-    """Return ``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
-    key, value = parse_set(text)
-    return set_key(data, key, value, f"--set {shorten(text)}")
+def override(data: dict[str, Any], text: str, given: str = OPTION) -> dict[str, Any]:
+    """Return ``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0.
+
+    given : how a message names what set it
+    """
+    key, value = parse_set(text, given)
+    return set_key(data, key, value, f"{given}{shorten(text)}")
 
 
-def parse_set(text: str) -> tuple[str, Any]:
-    """Return key and value of ``dotted.key=value``."""
+def parse_set(text: str, given: str = OPTION) -> tuple[str, Any]:
+    """Return key and value of ``dotted.key=value``; ``given`` as of ``override``."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
-        raise BadInput(f"--set {shorten(text)}: must be key=value")
-    return key.strip(), _parse(value.strip(), f"--set {shorten(key.strip())}")
+        raise BadInput(f"{given}{shorten(text)}: must be key=value")
+    return key.strip(), _parse(value.strip(), f"{given}{shorten(key.strip())}")
 
 
 def set_key(data: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:

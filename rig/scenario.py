@@ -31,7 +31,7 @@ from rig.faults.places import OF_LANES, OF_SERVOS, needed_lanes, site
 from rig.frame import CHANNELS, COMPUTERS, DISCRETES, MOST_FAULTS, SIGNALS, LanePart, LaneParts
 from rig.lanes.config import Config as Computers
 from rig.lanes.config import refuse_long_offsets
-from rig.overrides import Overrides, named_manager, override, override_texts, parse_set, plain_data
+from rig.overrides import OPTION, TABLE, Overrides, named_manager, override, override_texts, parse_set, plain_data
 from rig.plant.airframe import AirframeField
 from rig.plant.pilot import Config as Pilot
 from rig.plant.wind import Config as Wind
@@ -239,26 +239,16 @@ def load(
     overrides  : texts ``key=value`` as of ``--set``, or a table of dotted keys: ``{"faults.0.offset": 0.01}``
     allow_code : a manager class that the file names may be run; one that an override names may be in any case
     """
-    sets = override_texts(overrides)
-    try:
-        return _loaded(name, sets, seed, allow_code)
-    except BadInput as error:
-        if not isinstance(overrides, Mapping):
-            raise
-        said = str(error).replace(" with --set", " with overrides", 1).replace("--set ", "overrides: ", 1)
-        raise BadInput(said) from None
-
-
-def _loaded(name: Given, sets: tuple[str, ...], seed: int | None, allow_code: bool) -> Scenario:
+    sets, given = override_texts(overrides), TABLE if isinstance(overrides, Mapping) else OPTION
     if isinstance(name, Scenario):
-        return _changed(name, sets, seed, allow_code)
+        return _changed(name, sets, seed, allow_code, given)
     if isinstance(name, Mapping):
         data, source, home = plain_data(name, "scenario"), "scenario", Path()
     else:
         path = find(name)
         data, source, home = read_toml(path), str(path), path.parent
-    data = _beside(_overridden(data, sets, seed), home)
-    within = source if not sets else f"{source} with --set"
+    data = _beside(_overridden(data, sets, seed, given), home)
+    within = source if not sets else f"{source} with {given.strip(': ')}"
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
         raise BadInput(f"{within}: aircraft: must be a name, got {quoted(chosen)}")
@@ -267,9 +257,9 @@ def _loaded(name: Given, sets: tuple[str, ...], seed: int | None, allow_code: bo
     return made.trusted(Trust(source, allow_code, named_manager(map(parse_set, sets))))
 
 
-def _overridden(data: dict[str, Any], sets: Iterable[str], seed: int | None) -> dict[str, Any]:
+def _overridden(data: dict[str, Any], sets: Iterable[str], seed: int | None, given: str) -> dict[str, Any]:
     for text in sets:
-        data = override(data, text)
+        data = override(data, text, given)
     return data if seed is None else {**data, "seed": seed}
 
 
@@ -285,14 +275,14 @@ def _path_beside(name: str, home: Path) -> str:
     return str(home / name) if not is_file(Path(name)) and is_file(home / name) else name
 
 
-def _changed(scenario: Scenario, sets: Sequence[str], seed: int | None, allow_code: bool) -> Scenario:
+def _changed(scenario: Scenario, sets: Sequence[str], seed: int | None, allow_code: bool, given: str) -> Scenario:
     """Return a loaded scenario with overrides laid over all of its settings."""
     trust = scenario.trust.allowing(allow_code)
     if not sets and seed is None:
         return scenario.trusted(trust)
     if any(parse_set(text)[0] == "aircraft" for text in sets):
         raise BadInput("aircraft: a loaded scenario has one already: load it again with this aircraft")
-    made = build(Scenario, _overridden(scenario.resolved(), sets, seed), "scenario with overrides")
+    made = build(Scenario, _overridden(scenario.resolved(), sets, seed, given), "scenario with overrides")
     return made.trusted(replace(trust, named=named_manager(map(parse_set, sets)) or trust.named))
 
 

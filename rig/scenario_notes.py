@@ -26,9 +26,11 @@ def _undesigned(scenario: Scenario) -> Iterator[str]:
     here = f"flight point {point.name}"
     remedy = f"rig aircraft design {scenario.aircraft}"
     files = (("gains.toml", scenario.gains.points), ("references.toml", scenario.references.points))
-    missing = [file for file, points in files if point.name not in [each.name for each in points]]
+    missing = [(file, points) for file, points in files if point.name not in [each.name for each in points]]
     if missing:
-        yield f"{here} was not designed (not in {' and '.join(missing)}): {_beyond(point, files[0][1])}; {remedy}"
+        names = " and ".join(file for file, _ in missing)
+        flown = " and ".join(file.removesuffix(".toml") for file, _ in missing)
+        yield f"{here} was not designed (not in {names}): {flown} {_beyond(point, missing[0][1])}; {remedy}"
         return
     moved = [
         f"at {_kilo(each.dynamic_pressure_pa)} in {file}"
@@ -45,9 +47,9 @@ def _beyond(point: FlightPoint, points: Sequence[Point]) -> str:
     low, high = points[0].dynamic_pressure_pa, points[-1].dynamic_pressure_pa
     at = _pressure(point)
     if low <= at <= high:
-        return f"gains and references between those of {_kilo(low)} and {_kilo(high)}"
+        return f"between those of {_kilo(low)} and {_kilo(high)}"
     end = high if at > high else low
-    return f"gains and references held at those of {_kilo(end)}, and it is at {_kilo(at)}"
+    return f"held at those of {_kilo(end)}, and it is at {_kilo(at)}"
 
 
 def _pressure(point: FlightPoint) -> float:

@@ -171,7 +171,7 @@ def resolvers(episodes: pl.DataFrame) -> list[dict[str, Any]]:
     """Return the truth table of the resolvers, over all patterns and for each.
 
     asked: episodes in which it was asked; answered: in whose last frame its answer stood; right: it failed only
-    faulty channels; wrong: it failed a healthy one; open: nobody was failed before the pattern went away.
+    faulty channels; wrong: it failed a healthy one; open: no channel was failed before the pattern went away.
     """
     rows = []
     for pattern in ["all", *sorted(episodes["pattern"].unique())]:

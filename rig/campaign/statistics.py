@@ -1,8 +1,8 @@
 """Exact intervals, the smallest detectable magnitude, a paired comparison. Plain numbers in, plain numbers out.
 
 Sources: Clopper and Pearson, Biometrika 26 (1934); Garwood, Biometrika 28 (1936), for Poisson counts; McNemar,
-Psychometrika 12 (1947), in its exact conditional form; Thompson, Annals of
-Mathematical Statistics 7 (1936), for a median.  tests/test_campaign_statistics.py holds them to published figures.
+Psychometrika 12 (1947), in its exact conditional form; Thompson, Annals of Mathematical Statistics 7 (1936), for a
+median.  tests/test_campaign_statistics.py holds them to published figures.
 """
 
 from __future__ import annotations

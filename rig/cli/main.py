@@ -107,7 +107,7 @@ def main() -> None:
         typer.echo(f"failed: {error}", err=True)
         sys.exit(1)
     except OSError as error:
-        if error.filename is None:  # not of a file: what is wrong is ours
+        if error.filename is None:  # not of a file: an error of the rig
             raise
         typer.echo(f"failed: {error.filename}: {error.strerror}", err=True)
         sys.exit(1)

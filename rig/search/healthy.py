@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from rig.assess.requirements import margin_text
 from rig.campaign.folder import Folder
 from rig.campaign.pool import Pool
 from rig.errors import BadInput, RigError
@@ -55,10 +56,11 @@ def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None
         if violated:
             least = min(violated, key=lambda one: one["margin"])
             which = ", ".join(dict.fromkeys(one["requirement"] for one in violated))
+            shown = margin_text(least["margin"])
+            margin = f", margin {shown}" if shown else ""
             raise BadInput(
-                f"--requirement {which}: violated without any fault, margin {least['margin']:.4g} at "
-                f"{least['instant_s']:.2f} s ({name}): there is nothing to search for; change the requirement or leave "
-                "it out"
+                f"--requirement {which}: violated without any fault{margin} at {least['instant_s']:.2f} s ({name}): "
+                "there is nothing to search for; change the requirement or leave it out"
             )
 
 

@@ -154,7 +154,7 @@ def _end_like(status: int) -> None:
 
         number = os.WTERMSIG(status)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # the unit's own core is enough
-        with suppress(OSError, ValueError):  # SIGKILL has no handler, the signals of the C library none of ours
+        with suppress(OSError, ValueError):  # SIGKILL has no handler, nor have the signals that the C library keeps
             signal.signal(number, signal.SIG_DFL)
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
         os.kill(os.getpid(), number)

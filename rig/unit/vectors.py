@@ -49,7 +49,7 @@ class Case:
 
 
 def load(path: Path = FILE) -> list[Case]:
-    """Read the cases of a file.  RigError: of other records than ours, or it cannot be read."""
+    """Read the cases of a file.  RigError: of another layout, or it cannot be read."""
     try:
         with reported(path, what=NOT_WHOLE), path.open("rb") as file, np.load(file) as held:
             if int(held["layout"]) != LAYOUT:

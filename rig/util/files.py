@@ -102,7 +102,7 @@ def _larger(most: int) -> str:
 
 
 def is_unused(folder: Path, is_left: Callable[[Path], bool] = lambda path: False) -> bool:
-    """Return True if no folder is there, or one that is empty but for a lock and drafts of ours.
+    """Return True if no folder is there, or one that is empty but for the rig's lock and drafts.
 
     So a folder is left by a command that was killed in its first moment: the same command goes on.
     is_left : says of any other file whether the command may have left it
