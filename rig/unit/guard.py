@@ -22,10 +22,12 @@ from contextlib import suppress
 from pathlib import Path
 
 MOST_SHOWN = 4096  # bytes of what a process printed that are shown
-MOST_KEPT = 1 << 16  # bytes of it that are kept meanwhile
+MOST_KEPT = 1 << 16  # bytes of it that are kept
 END_S = 1.0  # to end by itself when it is asked to
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 _HELD = {signal.SIGTERM, signal.SIGCHLD}
+_KEEP_SIZE, _PUNCH_HOLE = 1, 2  # of fallocate
+_CUT_S = 0.01  # between two looks at how much was printed
 _LOOKS = 2000  # for what is left, a millisecond each
 
 
@@ -37,24 +39,20 @@ def main(arguments: list[str]) -> None:
     if os.getppid() != int(parent):
         raise SystemExit(1)
     signal.pthread_sigmask(signal.SIG_BLOCK, _HELD)
-    printed, prints = os.pipe()
+    import fcntl
+
+    fcntl.fcntl(1, fcntl.F_SETFL, fcntl.fcntl(1, fcntl.F_GETFL) | os.O_APPEND)  # where it is cut, it goes on
     unit = os.fork()
     if unit == 0:
-        os.dup2(prints, 1)
-        os.dup2(prints, 2)
-        os.close(printed)
-        os.close(prints)
         _set_process(_PR_SET_PDEATHSIG, signal.SIGKILL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _HELD)
         _run(kind, rest)
         return
-    for first, end in ((3, printed), (printed + 1, 256)):
-        os.closerange(first, end)  # the unit's own socket, which must close when the unit ends
-    keeping = threading.Thread(target=_keep_end, args=(printed,), daemon=True)
-    keeping.start()
+    os.closerange(3, 256)  # the unit's own socket, which must close when the unit ends
+    threading.Thread(target=_keep_cutting, daemon=True).start()
     status = _watch(unit)
     _end_all()
-    keeping.join(END_S)  # all that could still print is killed
+    _cut()
     _end_like(status)
 
 
@@ -76,16 +74,25 @@ def _run(kind: str, arguments: list[str]) -> None:
         sys.exit(f"{arguments[0]}: {cause}")
 
 
-def _keep_end(printed: int) -> None:
-    """Write what comes from a pipe to standard output, a file, and there the end of it alone when it is long."""
-    end, size = b"", 0
-    while data := os.read(printed, MOST_KEPT):
-        end = (end + data)[-MOST_SHOWN:]
-        if size + len(data) > MOST_KEPT:
-            os.lseek(1, 0, os.SEEK_SET)
-            data, size = end, 0
-        size += os.write(1, data)
-        os.ftruncate(1, size)
+def _keep_cutting() -> None:
+    """Give back the disk of what a unit printed long ago, for as long as it prints.
+
+    The unit writes into the file itself, so that what it has printed is there when it answers.
+    """
+    while True:
+        _cut()
+        time.sleep(_CUT_S)
+
+
+def _cut() -> None:
+    """Make a hole of all but the end of standard output, a file; empty it where the file system makes none."""
+    status = os.fstat(1)
+    if status.st_blocks * 512 <= MOST_KEPT:
+        return
+    hole = ctypes.c_int64(0), ctypes.c_int64(status.st_size - MOST_KEPT)
+    fallocate = getattr(ctypes.CDLL(None), "fallocate", None)  # Linux alone has it
+    if fallocate is None or fallocate(1, _KEEP_SIZE | _PUNCH_HOLE, *hole) != 0:
+        os.ftruncate(1, 0)
 
 
 def _watch(unit: int) -> int:
