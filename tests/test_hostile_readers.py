@@ -152,7 +152,7 @@ def test_a_header_without_an_end_is_no_table_and_one_of_a_megabyte_is_cut_betwee
 def test_a_name_that_is_not_utf8_is_opened(tmp_path: Path):
     sound = tmp_path / "x.csv"
     sound.write_text("time_s,a.1\n0,1.5\n1,2.5\n")
-    path = sound.rename(tmp_path / "caf\udce9.csv")
+    path = sound.rename(tmp_path / "odd\udce9.csv")
     assert Table(path).column("a.1").tolist() == [1.5, 2.5]
     with open_regular(path) as file:
         assert file.readline() == b"time_s,a.1\n"

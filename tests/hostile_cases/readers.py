@@ -368,7 +368,7 @@ def reader(draw: Draw, store: Store) -> Case:
 def case_of(draw: Draw, store: Store, key: str, number: int, thing: str) -> Case:
     """The case of a pair."""
     one = {**READERS, **KEYS}[key][number]
-    name = f"caf\udce9{one.ending}" if thing == NAME else f"hostile{one.ending}"
+    name = f"odd\udce9{one.ending}" if thing == NAME else f"hostile{one.ending}"
     argv, seed = (
         tuple(name if w == "X" else w.replace("=X", f"={name}") for w in shlex.split(one.argv)),
         draw.rng.random(),
