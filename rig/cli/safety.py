@@ -266,7 +266,7 @@ def report(options: ReportOptions) -> None:
     """Write sets, tree, chain, FMEA and confirmation as one page."""
     from rig.reliability.rates import read_rates
     from rig.safety.assumptions import assumptions
-    from rig.safety.case_page import write_case
+    from rig.safety.case_page import read_flown, write_case
     from rig.safety.fmea import lines
 
     file, out = str(options.rates), options.out
@@ -277,9 +277,10 @@ def report(options: ReportOptions) -> None:
     if options.fly:
         _fly_missing(options, name)
     with working("writing the safety case", enabled=True):
+        flown = read_flown(options.folder, name)  # first: the tree takes a while
         result = _tree(options.cells, options.rates, name, options.channels, options.hours)
         fmea_lines = lines(options.faults, rates, file)
-        write_case(options.folder, name, result, fmea_lines, assumptions(rates, name, result), out)
+        write_case(flown, result, fmea_lines, assumptions(rates, name, result), out)
     line(f"safety case: {out}")
 
 

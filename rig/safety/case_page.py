@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from rig.errors import BadInput
 from rig.report.page import write_page
@@ -15,33 +16,40 @@ from rig.safety.tree_picture import picture
 from rig.safety.tree_result import TreeResult
 
 
-def write_case(
-    sets: Path, signal: str, tree: TreeResult, lines: Sequence[Line], assumptions: Sequence[str], out: Path
-) -> None:
-    """Write the page.
+class Flown(NamedTuple):
+    """What a folder of cut sets holds."""
 
-    sets : a folder of cut sets of ``signal``, confirmed or not; BadInput where it is of another, or not whole
-    """
+    of: str  # signal and aircraft
+    found: dict[str, Any]
+    again: list[dict[str, Any]]  # empty if they were not flown again
+
+
+def read_flown(sets: Path, signal: str) -> Flown:
+    """Read a folder of cut sets, confirmed or not.  BadInput: it is not of ``signal``, or not whole."""
     asked = read_asked(sets)
     if asked.signal != signal:
         raise BadInput(f"{sets}: cut sets of {asked.signal}, the tree is of {signal}")
-    found, again = read_sets(sets), read_rows(sets)
+    return Flown(f"{signal}, {asked.aircraft}", read_sets(sets), read_rows(sets))
+
+
+def write_case(sets: Flown, tree: TreeResult, lines: Sequence[Line], assumptions: Sequence[str], out: Path) -> None:
+    """Write the page."""
     flown = ", ".join(
-        f"{name}: {of['flights']} flights of {of['sequences']} sequences" for name, of in found["flown"].items()
+        f"{name}: {of['flights']} flights of {of['sequences']} sequences" for name, of in sets.found["flown"].items()
     )
     write_page(
         out,
         "safety.html",
         {},
         {},
-        signal=f"{signal}, {asked.aircraft}",
+        signal=sets.of,
         assumptions=assumptions,
         flown=flown,
-        sets=found["sets"],
+        sets=sets.found["sets"],
         tree=tree,
         picture=picture(tree.tree, tree.at[0].hours),
         lines=[line.as_dict() for line in lines],
         groups=groups(),
         shown=shown(lines),
-        rows=again,
+        rows=sets.again,
     )
