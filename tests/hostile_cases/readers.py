@@ -43,6 +43,7 @@ class Reader:
 RATES, CHAIN, HANDLING, SUITE = "rates.toml", "chain.toml", "handling.toml", "suite.toml"
 _FLY, _VOTE = "--out logs", "--config vote.toml --out o.csv"
 _CAMPAIGN: Final[dict[str, Any]] = {"sound": "camp", "mark": "campaign.json"}
+_CELLS: Final[dict[str, Any]] = {"sound": "cells", "mark": "campaign.json"}  # of the campaign `reliability`
 _SCENARIO: Final = "everything.toml"
 _OWN: Final = "aircraft.toml"
 _NAMES: Final = 'name = "u"\npath = "X"\n', 'name = "u"\ncarrier = "udp"\ncommand = ["X"]\n'
@@ -119,51 +120,51 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "reliability chain file": (Reader("reliability chain X", CHAIN),),
     "reliability confirm folder": (Reader("reliability confirm X", "cuts", mark="cutsets.json", long=True),),
     "reliability cutsets --out": (Reader("reliability cutsets --out X", "cuts", mark="cutsets.json", long=True),),
-    "reliability fmea --rates": (Reader("reliability fmea camp --rates X --out f.csv", RATES, ("camp",)),),
+    "reliability fmea --rates": (Reader("reliability fmea cells --rates X --out f.csv", RATES, ("cells",)),),
     "reliability fmea folders": (
-        Reader(f"reliability fmea X --rates {RATES} --out f.csv", **_CAMPAIGN, needs=(RATES,)),
-        Reader(f"reliability fmea X --rates {RATES} --out f.html", **_CAMPAIGN, needs=(RATES,)),
+        Reader(f"reliability fmea X --rates {RATES} --out f.csv", **_CELLS, needs=(RATES,)),
+        Reader(f"reliability fmea X --rates {RATES} --out f.html", **_CELLS, needs=(RATES,)),
     ),
     "reliability margin --scenario": (Reader("reliability margin pitch_rate --scenario X", _SCENARIO, long=True),),
     "reliability plan --rates": (Reader("reliability plan --target 1e-7 --rates X", RATES),),
     "reliability report --cells": (
         Reader(
-            f"reliability report cuts --cells X --faults camp --rates {RATES} --signal pitch_rate --out r.html",
-            **_CAMPAIGN,
-            needs=("camp", "cuts", RATES),
+            f"reliability report cuts --cells X --faults cells --rates {RATES} --signal pitch_rate --out r.html",
+            **_CELLS,
+            needs=("cells", "cuts", RATES),
         ),
     ),
     "reliability report --faults": (
         Reader(
-            f"reliability report cuts --cells camp --faults X --rates {RATES} --signal pitch_rate --out r.html",
-            **_CAMPAIGN,
-            needs=("camp", "cuts", RATES),
+            f"reliability report cuts --cells cells --faults X --rates {RATES} --signal pitch_rate --out r.html",
+            **_CELLS,
+            needs=("cells", "cuts", RATES),
         ),
     ),
     "reliability report --rates": (
         Reader(
-            "reliability report cuts --cells camp --faults camp --rates X --signal pitch_rate --out r.html",
+            "reliability report cuts --cells cells --faults cells --rates X --signal pitch_rate --out r.html",
             RATES,
-            ("camp", "cuts"),
+            ("cells", "cuts"),
         ),
     ),
     "reliability report folder": (
         Reader(
-            f"reliability report X --cells camp --faults camp --rates {RATES} --signal pitch_rate --out r.html",
+            f"reliability report X --cells cells --faults cells --rates {RATES} --signal pitch_rate --out r.html",
             "cuts",
-            ("camp", RATES),
-            mark="sets.json",
+            ("cells", RATES),
+            mark="cutsets.json",
         ),
     ),
-    "reliability run --rates": (Reader("reliability run camp --signal pitch_rate --rates X", RATES, ("camp",)),),
+    "reliability run --rates": (Reader("reliability run cells --signal pitch_rate --rates X", RATES, ("cells",)),),
     "reliability run folders": (
-        Reader(f"reliability run X --signal pitch_rate --rates {RATES}", **_CAMPAIGN, needs=(RATES,)),
+        Reader(f"reliability run X --signal pitch_rate --rates {RATES}", **_CELLS, needs=(RATES,)),
     ),
     "reliability tree --rates": (
-        Reader("reliability tree camp --rates X --signal pitch_rate --out t.xml", RATES, ("camp",)),
+        Reader("reliability tree cells --rates X --signal pitch_rate --out t.xml", RATES, ("cells",)),
     ),
     "reliability tree folders": (
-        Reader(f"reliability tree X --rates {RATES} --signal pitch_rate --out t.xml", **_CAMPAIGN, needs=(RATES,)),
+        Reader(f"reliability tree X --rates {RATES} --signal pitch_rate --out t.xml", **_CELLS, needs=(RATES,)),
     ),
     "reliability trials --out": (
         Reader("reliability trials smoke --runs 9 --out X", "trials", mark="trials.json", long=True),

@@ -110,6 +110,9 @@ class Store:
             self._rig("export", "log.mcap", "--to", ending, "--for-vote", "--signals", names, "--out", f"in.{ending}")
         self._fork(_foreign)
         self._rig("campaign", "run", "campaign.toml", "--out", "camp", "--logs", "all", "--json")
+        self._rig("campaign", "run", "reliability", "--out", "cells", "--runs", "2", "--workers", "1", "--json")
+        few = ("--flights", "1", "--order", "1", "--conditions", "level-settled", "--workers", "1")
+        self._rig("reliability", "cutsets", "--out", "cuts", *few, "--json")
 
     def _plain(self) -> None:
         """Write what no command makes."""
@@ -123,10 +126,8 @@ class Store:
         (self.folder / "redundancy.toml").write_text('[redundancy]\nmanager = "median"\n')
         (self.folder / "unit.toml").write_text('name = "u"\ncarrier = "python"\nmanager = "evilmod:M"\n')
         shutil.copytree(_CHECKOUT / "aircraft" / "f16", self.folder / "own")
-        for folder, files in {"cuts": ("cutsets.json", "sets.json"), "trials": ("trials.json",)}.items():
-            (self.folder / folder).mkdir()
-            for name in files:
-                (self.folder / folder / name).write_text('{"format": 1, "sets": []}')
+        (self.folder / "trials").mkdir()
+        (self.folder / "trials" / "trials.json").write_text('{"format": 1}')
         with (self.folder / "sparse").open("wb") as file:
             file.truncate(SPARSE_BYTES)
 
