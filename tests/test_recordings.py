@@ -205,6 +205,22 @@ def test_a_row_number_a_time_and_a_reason_are_on_the_terminal(rig: Any):
     assert "not voted, as CONFIG does not name them: gyro.left" in said
 
 
+@pytest.mark.parametrize("ending", ["csv", "parquet", "mcap"])
+def test_a_table_of_votes_has_the_units_of_the_signals_that_have_one(rig: Any, ending: str):
+    """In its columns, or where they have no place for it beside it; a log has them in its own metadata."""
+    config(signal={"x": {"threshold": 1.0, "unit": "deg/s"}, "gyro.left": {"threshold": 1.0}})
+    as_frame(recording()).write_csv("in.csv")
+    assert rig("in.csv", "--config", "c.toml", "--out", f"o.{ending}")[0] == 0
+    beside = Path(f"o.{ending}.units.json")
+    assert beside.exists() == (ending == "csv")
+    units = {"time_s": "s", "x.voted": "deg/s"}
+    if ending == "csv":
+        assert json.loads(beside.read_text()) == units
+    if ending == "parquet":
+        schema = pq.read_schema("o.parquet")
+        assert {f.name: f.metadata[b"unit"].decode() for f in schema if b"unit" in (f.metadata or {})} == units
+
+
 def test_the_mcap_opens_with_the_stock_reader(tmp_path: Path):
     recorded = recording(9000)
     voted = vote(recorded, VoteConfig(**ONE).signals(list(recorded.signals), ""), [])

@@ -83,6 +83,27 @@ def test_departure_is_one_in_trim_and_minus_the_share_not_flown_of_a_lost_aircra
     assert verdict.status == "violated" and verdict.margin <= -1.0
 
 
+def test_an_onset_is_the_first_frame_of_each_fault_and_acting_every_frame_of_one():
+    """So the transients of all onsets can be excused in one formula."""
+    once = {"kind": "offset", "signal": "yaw_rate", "channels": [2], "offset": 0.5, "start_s": 3.0, "duration_s": 0.5}
+    repeated = {**once, "start_s": 1.0, "duration_s": 0.2, "repeat_every_s": 1.0, "repeats": 1}
+    scenario = load("f16_pitch_rate_hardover", {"duration_s": 4.0, "faults": [repeated, once]})
+    rows = fly_rows(scenario)
+    required = [
+        _required("onset").model_copy(update={"id": "onset"}),
+        _required("acting").model_copy(update={"id": "acting"}),
+        _required("always[0, 4] state(once[0, 0.1] onset) or not acting or level.yaw_rate == 3", signals=["yaw_rate"]),
+    ]
+    recorder = RequirementsRecorder(required, of_flight(scenario), lines=True)
+    for k in range(0, len(rows), 64):  # blocks
+        recorder.record(rows[k : k + 64])
+    verdicts, lines = recorder.finish(), recorder.lines()
+    assert np.flatnonzero(lines["onset", ""] > 0).tolist() == [100, 300]
+    acts = [*range(100, 120), *range(200, 220), *range(300, 350)]
+    assert np.flatnonzero(lines["acting", ""] > 0).tolist() == acts
+    assert verdicts[2].status == "met"  # in 70 ms, and the first fault's channel stays out
+
+
 def _required(formula, **keys):
     from rig.assess.requirements import Requirement
 

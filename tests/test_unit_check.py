@@ -39,6 +39,10 @@ WRONG = {
     "fills what its form needs, with values of the enums": (OPENING, "out->state[3][1] = 9;"),
     "ends without failing": (OPENING + " atexit(abort);", ""),
     "answers every frame": (OPENING, "if (in->frame == 5) return 1;"),
+    "votes healthy channels of an angle through the end of its circle": (
+        OPENING,
+        "out->voted[15] = 0.5 * (in->channels[15][0] + in->channels[15][1]);",
+    ),
     "answers NaN, infinities, denormals, all invalid, every monitor value": (
         OPENING,
         "if (in->channels[0][0] > 1e300) abort();",
@@ -127,7 +131,7 @@ def test_of_a_class_is_tested_what_it_writes_and_what_it_decides(tmp_path: Path,
     (tmp_path / "checked_classes.py").write_text(CLASSES)
     monkeypatch.syspath_prepend(tmp_path)
     seam = of_class(tmp_path, "First", seam_only=True)
-    assert seam.grade == "seam" and [one.part for one in seam.requirements] == ["seam", "seam"]
+    assert seam.grade == "seam" and [one.part for one in seam.requirements] == ["seam"] * 3
     assert of_class(tmp_path, "Votes", seam_only=True).passed
     decided = of_class(tmp_path, "First", seam_only=False)
     wrong = [one for one in decided.requirements if not one.passed]

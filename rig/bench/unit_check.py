@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.bench import unit_second_rig
+from rig.bench import unit_circle, unit_second_rig
 from rig.bench.run import Stages, run
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
 from rig.bench.vote import by_class
@@ -36,6 +36,7 @@ from rig.util.trust import Trust
 
 PAUSE_S: Final = 1.0
 HOSTILE_FRAMES: Final = 200
+_CIRCLE: Final = "votes healthy channels of an angle through the end of its circle"
 VOTES: Final = ("voted", "state", "level")  # of a manager class, written or assumed
 
 
@@ -103,6 +104,9 @@ def _of_class(unit: Unit, cases: list[Case], seam_only: bool) -> Iterator[Requir
         yield _line("answers every frame, with a vote", "seam", "")
         same = all(first[name].tobytes() == again[name].tobytes() for name in VOTES)
         yield _line("from new twice, the same votes", "seam", "" if same else "another vote, state or level")
+        angles, turning = unit_circle.session(longest.config)
+        voted = _output(our_answers(angles, turning, unit.manager, trust))
+        yield _line(_CIRCLE, "seam", unit_circle.wrong(angles, turning, voted))
         answer_of = lambda case: _output(our_answers(case.config, case.inputs, unit.manager, trust))  # noqa: E731
         requirements = [] if seam_only else _counted((case, answer_of(case)) for case in cases)
         yield from requirements
@@ -124,6 +128,8 @@ def _seam(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
         again = answers(tested, config, inputs)
         yield _line("a session after another begins as if it were the first", "seam", _same(first, again))
         yield _line("fills what its form needs, with values of the enums", "seam", _allowed(tested, config, inputs))
+        angles, turning = unit_circle.session(config)
+        yield _line(_CIRCLE, "seam", unit_circle.wrong(angles, turning, answers(tested, angles, turning)))
         paused = _with_pause(tested, config, inputs)
         yield _line("a pause between two frames changes nothing", "seam", _same(first, paused))
         yield _line("a frame of another session is not stepped", "seam", _foreign(tested, config, inputs))

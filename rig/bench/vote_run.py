@@ -16,7 +16,7 @@ from rig.bench.injection_score import summary as scores
 from rig.bench.requirements import measure_votes
 from rig.bench.vote import Result, of_flight, settings_of, vote, vote_discretes
 from rig.bench.vote_summary import summary
-from rig.bench.write_votes import output, table, write
+from rig.bench.write_votes import output, table, write, write_units_beside
 from rig.errors import BadInput
 from rig.log import read_log
 from rig.recordings.alignment import AlignOptions, run_alignment
@@ -77,6 +77,7 @@ def run(recorded: Path, config: Path | None, out: Path, options: Options) -> dic
         measured = measure_votes(made.recording, made.voted, asked) if asked else ()
         write(part, out, made.recording, made.voted)
         lap("write")
+    write_units_beside(out, made.voted)
     requirements = {"requirements": [plain(verdict) for verdict in measured]} if asked else {}
     return {"out": str(out), **made.summary, **requirements, "seconds": lap.seconds}
 

@@ -9,16 +9,17 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 import numpy as np
 import polars as pl
+from pyarrow.parquet import write_table
 
 from rig.bench.sources import FIELDS
 from rig.bench.vote import Result, Voted, VotedDiscrete
 from rig.errors import BadInput, RigError
 from rig.frame import CHANNELS, Ilm, Pattern, Resolver, State
-from rig.log.export import TABLE_WRITERS
+from rig.log.export import parquet_with_units, write_units
 from rig.log.signals import write_topics
 from rig.recordings.clock import TIME
 from rig.recordings.recording import Bytes, Recording
@@ -53,9 +54,28 @@ def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
             _mcap(part, recording, voted)
         else:
             with part.open("wb") as file:
-                TABLE_WRITERS[path.suffix](table(recording, voted), file)
+                _table(file, path.suffix, table(recording, voted), units(voted))
     except (OSError, pl.exceptions.PolarsError) as error:
         raise RigError(f"{path}: cannot be written: {' '.join(str(error).split())[:200]}") from None
+
+
+def write_units_beside(path: Path, voted: Result) -> None:
+    """Write the units of OUTPUT beside it, if it is a table that has no place for them."""
+    if path.suffix in TABLES:
+        write_units(path, units(voted))
+
+
+def units(voted: Result) -> dict[str, str]:
+    """Return the unit of each column of OUTPUT that has a known one."""
+    known = {name: signal.settings.unit or signal.settings.si for name, signal in voted.signals.items()}
+    return {TIME: "s", **{f"{name}.voted": unit for name, unit in known.items() if unit}}
+
+
+def _table(file: IO[bytes], ending: str, votes: pl.DataFrame, known: dict[str, str]) -> None:
+    if ending == ".csv":
+        votes.write_csv(file)
+    else:
+        write_table(parquet_with_units(votes.to_arrow(), known), file, compression="zstd")
 
 
 def table(recording: Recording, voted: Result) -> pl.DataFrame:

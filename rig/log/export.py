@@ -7,10 +7,10 @@ npz have no place for them that every reader knows, so they stand beside, in ``<
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -45,10 +45,6 @@ UNITS: Final = ".units.json"  # behind the name of a CSV or npz
 ENDINGS: Final = ("csv", "parquet", "npz")
 GROUP_BYTES: Final = 1 << 24  # of columns that are written at once
 Group = dict[str, NDArray[Any]]  # (n,) columns by name, time first
-TABLE_WRITERS: Final[dict[str, Callable[[pl.DataFrame, IO[bytes]], None]]] = {
-    ".csv": pl.DataFrame.write_csv,
-    ".parquet": pl.DataFrame.write_parquet,
-}
 
 
 class Exported(NamedTuple):
@@ -75,9 +71,19 @@ def export(log: Log | Path, to: str, out: Path, owners: Sequence[str] = (), for_
         except (OSError, pl.exceptions.PolarsError) as error:
             raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
     units = units_of(described)
-    if to != "parquet":
-        write_text(out.with_name(f"{out.name}{UNITS}"), f"{json.dumps(units, indent=1)}\n")
+    write_units(out, units)
     return Exported([TIME, *described], rows, units)
+
+
+def write_units(out: Path, units: Mapping[str, str]) -> None:
+    """Write the units of a table beside it, unless it has them in itself."""
+    if out.suffix != ".parquet":
+        write_text(out.with_name(f"{out.name}{UNITS}"), f"{json.dumps(units, indent=1)}\n")
+
+
+def parquet_with_units(table: pa.Table, units: Mapping[str, str]) -> pa.Table:
+    """Return the table with the unit of each column that has one in the column's metadata."""
+    return table.cast(pa.schema([_with_unit(field, units.get(field.name)) for field in table.schema]))
 
 
 def units_of(described: dict[str, Column]) -> dict[str, str]:
@@ -155,11 +161,10 @@ def _write_parquet(path: Path, groups: Iterator[Group], described: dict[str, Col
     """Write a row group for each group; each column that has a unit has it in its metadata."""
     units, rows = units_of(described), 0
     tables = (of_columns(group, described).to_arrow() for group in groups)
-    first = next(tables)
-    schema = pa.schema([_with_unit(field, units.get(field.name)) for field in first.schema])
-    with path.open("wb") as opened, ParquetWriter(opened, schema, compression="zstd") as file:
+    first = parquet_with_units(next(tables), units)
+    with path.open("wb") as opened, ParquetWriter(opened, first.schema, compression="zstd") as file:
         for table in chain([first], tables):
-            file.write_table(table.cast(schema))
+            file.write_table(table.cast(first.schema))
             rows += len(table)
     return rows
 

@@ -9,7 +9,7 @@ from typing import Any
 from rig.assess.of_log import Scored, score_log
 from rig.assess.record import Yardstick
 from rig.bench.vote_run import Laps, Options, Votes, vote_file
-from rig.bench.write_votes import output, write
+from rig.bench.write_votes import output, write, write_units_beside
 from rig.flight.result import Flight
 from rig.recordings.alignment import AlignOptions
 from rig.scenario import plain_data
@@ -68,6 +68,7 @@ def vote(
     with output(Path(out), files) as part:
         votes = vote_file(path, settings, options, Laps())
         write(part, Path(out), votes.recording, votes.voted)
+    write_units_beside(Path(out), votes.voted)
     return votes
 
 

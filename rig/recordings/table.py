@@ -12,14 +12,13 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from rig.errors import BadInput
-from rig.log.export import TABLE_WRITERS
 from rig.log.messages import most_bytes
 from rig.recordings.clock import Floats
 from rig.recordings.csv_file import LARGEST_TABLE, Read, TableFormat, once_each, read_csv
 from rig.units.conversion import conversion
 from rig.util.files import open_regular
 
-TABLES: Final = tuple(TABLE_WRITERS)
+TABLES: Final = (".csv", ".parquet")
 _FAULTS: Final = (pa.ArrowException, OSError, ValueError, csv.Error)
 
 

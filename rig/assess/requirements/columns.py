@@ -72,6 +72,10 @@ class Columns:
                 return _Departure(self._subject).of
             case "lost":
                 return lambda rows: rows["end"] != End.FLYING
+            case "acting":
+                return lambda rows: rows["acting"].any(axis=1)
+            case "onset":
+                return Onsets().of
         return lambda rows: np.isin(rows["unit"], _LATE)  # unit.late
 
 
@@ -111,6 +115,28 @@ def _nothing_acts(rows: Block, faults: list[list[int]]) -> NDArray[np.bool_]:
             if numbers:
                 free[i] = ~bits[:, numbers].any(axis=1)
     return free
+
+
+class Onsets:
+    """Finds the frames in which a fault of the scenario acts for the first time."""
+
+    def __init__(self) -> None:
+        self._acted = np.zeros(64, np.uint8)
+
+    def find(self, rows: Block) -> list[int]:
+        """Return the places of such frames in ``rows`` (n,)."""
+        if not rows["acting"].any():
+            return []
+        acts = np.unpackbits(np.bitwise_or.reduce(rows["acting"], axis=0), bitorder="little")
+        new = np.flatnonzero(acts & (self._acted == 0)).tolist()
+        self._acted |= acts
+        return sorted({int(np.argmax(rows["acting"][:, fault // 8] & (1 << fault % 8) != 0)) for fault in new})
+
+    def of(self, rows: Block) -> NDArray[np.bool_]:
+        """Return (n,) whether a row is one."""
+        out = np.zeros(len(rows), np.bool_)
+        out[self.find(rows)] = True
+        return out
 
 
 class _Counts:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.requirements.columns import Onsets
 from rig.assess.requirements.formula import Node
 from rig.assess.requirements.margins import Held
 from rig.assess.requirements.requirement import Requirement
@@ -79,7 +80,7 @@ class Instants:
 
     def __init__(self, measured: Sequence[Measured], subject: Subject) -> None:
         self._measured, self._subject = measured, subject
-        self._acted = np.zeros(64, np.uint8)
+        self._begun = Onsets()
         self._were_lost: NDArray[Any] | None = None  # lost in the last row; None: no signal
         kinds = {formula.over.requirement.at for formula in measured}
         self._onsets, self._losses = "each onset" in kinds, "each loss" in kinds
@@ -88,7 +89,7 @@ class Instants:
 
     def find(self, rows: Block, first: int) -> None:
         """Add the instants in ``rows`` (n,), from frame ``first`` on, to what is pending."""
-        onsets = self._onsets_in(rows) if self._onsets else []
+        onsets = self._begun.find(rows) if self._onsets else []
         losses = self._losses_in(rows) if self._losses else {}
         for formula in self._measured:
             match formula.over.requirement.at:
@@ -100,15 +101,6 @@ class Instants:
                     signals = [formula.over.signal] if formula.over.signal else _signals_of_loss(formula, self._subject)
                     lost = {k for name in signals for k in losses.get(self._places[name], ())}
                     formula.pending += [first + k for k in sorted(lost)]
-
-    def _onsets_in(self, rows: Block) -> list[int]:
-        """Return the rows in which a fault acts for the first time."""
-        if not rows["acting"].any():
-            return []
-        acts = np.unpackbits(np.bitwise_or.reduce(rows["acting"], axis=0), bitorder="little")
-        new = np.flatnonzero(acts & (self._acted == 0)).tolist()
-        self._acted |= acts
-        return sorted({int(np.argmax(rows["acting"][:, fault // 8] & (1 << fault % 8) != 0)) for fault in new})
 
     def _losses_in(self, rows: Block) -> dict[int, list[int]]:
         """Return, by signal, the rows in which its level becomes 0; where no state is said, no level is."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 from rig.assess.monitored import channels_of, settings_of
-from rig.assess.requirements.formula import CHANNEL_ERROR, OF_CHANNELS, YES_NO, Name, split, unknown_family
+from rig.assess.requirements.formula import CHANNEL_ERROR, OF_CHANNELS, OTHERS, YES_NO, Name, split, unknown_family
 from rig.faults.places import SURFACE_NAMES
 from rig.frame import CHANNELS, DISCRETES, FLIGHT_INDEX, SIGNALS
 from rig.plant.airframe import Limits
@@ -17,7 +17,7 @@ from rig.units.quantities import unit_of_name
 
 OF_RECORDINGS: Final = frozenset(("voted", "channel", "reference", "threshold", "level", "count", "failed"))
 WITH_TRUTH: Final = frozenset((*OF_RECORDINGS, "truth", "error", CHANNEL_ERROR))
-EVERYTHING: Final = frozenset((*WITH_TRUTH, "healthy", "surface", "flight", "departure", "lost", "unit.late"))
+EVERYTHING: Final = frozenset((*WITH_TRUTH, "healthy", "surface", "flight", *OTHERS))
 
 _SETTINGS: Final = ("fitted", "threshold", "persistence")  # of config.PARAMS
 _SAMPLED: Final = ("channel", CHANNEL_ERROR)
