@@ -325,14 +325,40 @@ def test_a_damaged_folder_is_refused_in_one_line(tmp_path: Path, damage: Any, sa
     assert "\n" not in str(caught.value)
 
 
+_HEEDS = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background it is ignored from the first
+from rig.cli.main import main
+main()
+"""
+
+
 @pytest.mark.long
 def test_ctrl_c_leaves_nothing(tmp_path: Path):
-    argv = [sys.executable, "-m", "rig", "reliability", "trials", "reliability", "--runs", "100000000"]
-    process = subprocess.Popen([*argv, "--out", str(tmp_path / "out")], stderr=subprocess.PIPE, stdout=subprocess.PIPE)
-    time.sleep(3.0)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
-    assert process.returncode == 130 and b"Traceback" not in said and not (tmp_path / "out").exists()
+    out = tmp_path / "out"
+    argv = [
+        sys.executable,
+        "-c",
+        _HEEDS,
+        "reliability",
+        "trials",
+        "reliability",
+        "--runs",
+        "100000000",
+        "--out",
+        str(out),
+    ]
+    process = subprocess.Popen(argv, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        for _ in range(1200):
+            if out.exists():
+                break
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130 and b"Traceback" not in said and not out.exists()
 
 
 def test_combinations_of_the_same_settings_share_no_memory_and_other_settings_have_parameters_of_their_own():
