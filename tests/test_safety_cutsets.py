@@ -16,12 +16,13 @@ from rig.campaign.folder import open_folder
 from rig.campaign.table import sha256
 from rig.errors import BadInput
 from rig.safety import confirm
-from rig.safety.cutset_plan import Asked, begun, plan, read_asked
+from rig.safety.cutset_plan import NO_CODE, Asked, begun, plan, read_asked
 from rig.safety.cutset_plan import fly as fly_sequences
 from rig.safety.cutsets import ANNOUNCED, WRONG, Counted, jeffreys, lost_flights, minimal, subsets
 from rig.safety.sequences import CONDITIONS, KINDS, LARGEST, LEAST, NEAR_S, REFERENCE, flights, sequences
 from rig.util import sealed
 from rig.util.outputs import CUTSETS, SETS
+from rig.util.trust import Trust
 
 LATENT = "level-then-manoeuvre-settled"
 ASKED = Asked("f16", "pitch_rate", 3, 20, (LATENT,), 0, {})
@@ -51,14 +52,14 @@ def test_a_flight_depends_on_the_seed_and_its_sequence_alone():
         "pitch_rate", modes, range(1, 5), CONDITIONS[LATENT], 3, seed
     )
     assert draw(1, "stuck") == draw(1, "stuck") != draw(2, "stuck")
-    of_plan = plan(replace(ASKED, order=1, flights=3, seed=1), LATENT)
+    of_plan = plan(replace(ASKED, order=1, flights=3, seed=1), LATENT, NO_CODE)
     assert of_plan.choices[3]["sequence"] == "stuck" and [of_plan.data(n)["faults"] for n in (3, 4, 5)] == draw(
         1, "stuck"
     )
 
 
 def test_a_duplex_signal_has_no_sequences_of_three_channels():
-    made = plan(replace(ASKED, flights=1, set={"sensors.pitch_rate.channels": 2}), LATENT)
+    made = plan(replace(ASKED, flights=1, set={"sensors.pitch_rate.channels": 2}), LATENT, NO_CODE)
     longest = [choice["sequence"].split(", ") for choice in made.choices if choice["sequence"].count(",") == 2]
     assert longest and all(sum(mode in REFERENCE for mode in each) == 1 for each in longest)
 
@@ -167,6 +168,60 @@ def test_a_folder_that_was_asked_otherwise_is_refused(tmp_path: Path):
         pass
 
 
+FALLS = """
+class Falls:
+    \"\"\"Fails where a sample is far off, so no healthy flight shows it.\"\"\"
+    def __init__(self, params):
+        pass
+
+    def step(self, bus, fcc, k):
+        if abs(bus[k]["channels"][0]).max() > 1.0:
+            raise RuntimeError("far off")
+        fcc[k]["voted"][:] = bus[k]["channels"][:, 0]
+        fcc[k]["level"][:] = 4
+"""
+
+
+def test_sequences_that_could_not_be_flown_are_told_and_flown_again(rig_command: Any, tmp_path: Path):
+    (tmp_path / "falls.py").write_text(FALLS)
+    asked = ("--order", "1", "--flights", "1", "--conditions", "level-settled", "--workers", "1", "--out", "out")
+    for _ in range(2):
+        code, out, err = rig_command("reliability", "cutsets", *asked, "--set", "redundancy.manager=falls:Falls")
+        assert code == 1 and "sequences" not in out
+        assert "could not be flown; run " in err and "far off" in err
+        assert err.endswith("the same command flies them again\n")
+    outcomes = set(open_folder(tmp_path / "out" / "level-settled").tables["runs"]["outcome"])
+    assert outcomes == {"flown", "failed"} and not (tmp_path / "out" / SETS).exists()
+
+
+def test_a_class_that_a_folder_names_flies_again_with_permission_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "permitted.py").write_text(FALLS)
+    monkeypatch.syspath_prepend(tmp_path)
+    found = claimed(tmp_path, {"stuck": [20, 20]}, {})
+    asked = replace(ASKED, set={"redundancy.manager": "permitted:Falls"})
+    with pytest.raises(BadInput, match=r"cutsets.json: redundancy.manager: 'permitted:Falls' is code, .* --allow-code"):
+        confirm.plans(asked, found, ["f16"], [], 5, 7, Trust("cutsets.json"))[f"f16-{LATENT}"].check()
+    confirm.plans(asked, found, ["f16"], [], 5, 7, Trust("cutsets.json", allow_code=True))[f"f16-{LATENT}"].check()
+
+
+def test_a_condition_that_loses_the_signal_without_a_fault_is_refused_before_the_first_flight(
+    rig_command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    asked = ("--order", "1", "--flights", "1", "--conditions", "level-settled", "--out", "out")
+    noisy = ("--set", "sensors.pitch_rate.noise_std=0.5")
+    code, _, err = rig_command("reliability", "cutsets", *asked, *noisy)
+    assert code == 2 and "error: --conditions level-settled: without any fault the vote of pitch_rate is off for" in err
+    run, signal = {"outcome": "flown", "survived": True}, {"signal": "pitch_rate", "vote_above_threshold_s": 0.0}
+    for rows, what in (
+        ({"runs": [run], "signals": [{**signal, "lost_s": 2.5}]}, "pitch_rate is lost for 2.5 s"),
+        ({"runs": [{**run, "survived": False}], "signals": [{**signal, "lost_s": 0.0}]}, "the aircraft is lost"),
+    ):
+        monkeypatch.setattr("rig.safety.cutset_plan.fly_alone", lambda *_, rows=rows: rows)
+        code, _, err = rig_command("reliability", "cutsets", *asked)
+        assert code == 2 and f"level-settled: without any fault {what}: no sequence can be" in err
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -250,7 +305,7 @@ def test_new_flights_are_of_every_order_and_subset_on_every_aircraft_and_point(t
     assert {choice["sequence"] for choice in made[f"b747-{LATENT}"].choices} == {
         "stuck", "offset", "stuck, offset", "offset, stuck"
     }  # fmt: skip
-    assert made[f"f16-{LATENT}"][0].data["faults"] != plan(ASKED, LATENT)[20].data["faults"]
+    assert made[f"f16-{LATENT}"][0].data["faults"] != plan(ASKED, LATENT, NO_CODE)[20].data["faults"]
     with pytest.raises(BadInput, match="is the seed of the enumeration"):
         confirm.plans(ASKED, found, ["f16"], [], 5, ASKED.seed)
     (at_point,) = confirm.plans(ASKED, found, ["f16"], ["10000ft_m08"], 5, 7).values()

@@ -11,9 +11,8 @@ from typer import Argument, Exit, Option, Typer, echo
 from rig.cli import complete
 from rig.cli import show_campaign as show
 from rig.cli.catalogue import of_file
-from rig.cli.common import GROUP, AllowCode, AllowCodeOrSet, Json, Logs, Sets, UnitFile, emit
+from rig.cli.common import GROUP, AllowCode, AllowCodeOrSet, Json, Logs, Sets, UnitFile, emit, require_ended
 from rig.cli.fly import show_flight
-from rig.util.interrupt import CODE
 from rig.util.outputs import require_apart, require_page
 
 app = Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
@@ -94,13 +93,7 @@ def run(
     with show.progress(enabled=not as_json) as report:
         result = fly(planned, out, report=report, **how)
     emit(as_json, result.as_dict, lambda: show.result(result))
-    if result.interrupted:
-        echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
-        raise Exit(CODE + result.signal)
-    if result.not_flown:
-        told = show.unflown(result.not_flown, result.first_reason)
-        echo(f"failed: {told}; the same command flies them again", err=True)
-        raise Exit(1)
+    require_ended(result, f"{result.done} of {result.runs} runs done")
 
 
 @app.command()

@@ -9,12 +9,13 @@ from functools import wraps
 from inspect import Parameter, Signature
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol, TypeVar, get_type_hints
 
-from typer import Argument, Option, echo
+from typer import Argument, Exit, Option, echo
 
 from rig.cli import complete
 from rig.errors import BadInput
+from rig.util.interrupt import CODE
 
 if TYPE_CHECKING:
     from rig.recordings.alignment import AlignOptions
@@ -129,6 +130,45 @@ def emit(as_json: bool, data: Any, text: Callable[[], object]) -> None:
         echo(json.dumps(data() if callable(data) else data, allow_nan=False))
     else:
         text()
+
+
+class Ending(Protocol):
+    """How a call that flies many runs ended."""
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether it was asked to stop."""
+        ...
+
+    @property
+    def signal(self) -> int:
+        """Return by which signal."""
+        ...
+
+    @property
+    def not_flown(self) -> int:
+        """Return how many runs could not be flown."""
+        ...
+
+    @property
+    def first_reason(self) -> str | None:
+        """Return why the first of them could not."""
+        ...
+
+
+def unflown(count: int, first_reason: str | None) -> str:
+    """Return how many runs could not be flown, and why the first could not."""
+    return f"{count} {'run' if count == 1 else 'runs'} could not be flown; {first_reason}"
+
+
+def require_ended(ended: Ending, done: str, again: str = "the same command flies them again") -> None:
+    """Exit with a line unless all runs are flown.  done : how far a call that was stopped came"""
+    if ended.interrupted:
+        echo(f"stopped: {done}; the same command goes on", err=True)
+        raise Exit(CODE + ended.signal)
+    if ended.not_flown:
+        echo(f"failed: {unflown(ended.not_flown, ended.first_reason)}; {again}", err=True)
+        raise Exit(1)
 
 
 def comma_list(

@@ -5,20 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from typer import Argument, Exit, Option, echo
+from typer import Argument, Option
 
-from rig.cli.common import Json, Seed, Sets, Workers, comma_list, emit, takes_options
+from rig.cli.common import AllowCode, Json, Seed, Sets, Workers, comma_list, emit, require_ended, takes_options
 from rig.cli.reliability import RatesFile, SignalName, reliability_app
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
-from rig.util.interrupt import CODE
-from rig.util.outputs import SETS, require_apart, require_page
+from rig.util.outputs import CUTSETS, SETS, require_apart, require_page
 from rig.util.progress import tell
+from rig.util.trust import Trust
 
 if TYPE_CHECKING:
     from rig.campaign.run import Result
@@ -82,7 +83,6 @@ def _tree(folders: Sequence[Path], rates: Path, signal: str, channels: int, hour
     from rig.safety.tree_input import read_model
     from rig.safety.tree_result import solve
     from rig.util.files import is_file
-    from rig.util.outputs import CUTSETS
 
     allowed = f"hours above 0 and at most {MOST_HOURS:g}"
     flights = comma_list("--hours", hours, allowed, float, lambda h: isfinite(h) and 0.0 < h <= MOST_HOURS)
@@ -124,14 +124,16 @@ class CutsetOptions:
 
 def cutsets(options: CutsetOptions) -> None:
     """Fly all sequences of up to three faults of a signal, and print the sets that lose it."""
+    from rig.overrides import named_manager
     from rig.safety.confirm import write_sets
     from rig.safety.cutset_plan import fly
     from rig.safety.cutsets import minimal, of_folder
 
     asked = _asked(options)
+    trust = Trust("cutsets", named=named_manager(asked.set.items()))
     with working("flying the sequences", not options.as_json, steps=True):
-        results = fly(asked, options.out, options.workers, report=lambda done, count: tell("flights", done, count))
-    _stop_if_interrupted(results)
+        results = fly(asked, options.out, options.workers, partial(tell, "flights"), trust)
+    _require_flown(results)
     _, counted = of_folder(options.out)
     cut_sets = minimal(asked, counted)
     whole = {**asked.as_dict(), **_sets_of(counted, cut_sets)}
@@ -175,6 +177,7 @@ def confirm(
     flights: Annotated[int, Option(metavar="N", help="Of each sequence.", min=1, max=10_000)] = 20,
     seed: Annotated[int, Option(metavar="N", help="Other than the enumeration's.", min=0, max=2**63 - 1)] = 1,
     workers: Workers = 2,
+    allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Fly every order and subset of the minimal sets again, with new seeds, and print what disagrees first."""
@@ -185,12 +188,11 @@ def confirm(
     if not cut_sets:
         raise BadInput(f"{folder}: no minimal set to confirm")
     names = [part.strip() for part in (aircraft or asked.aircraft).split(",")]
-    made = again.plans(
-        asked, cut_sets, names, [part.strip() for part in points.split(",") if part.strip()], flights, seed
-    )
+    at = [part.strip() for part in points.split(",") if part.strip()]
+    made = again.plans(asked, cut_sets, names, at, flights, seed, Trust(str(folder / CUTSETS), allow_code))
     with working("flying the sets again", not as_json, steps=True):
-        results = again.fly(folder, made, workers, report=lambda done, count: tell("flights", done, count))
-    _stop_if_interrupted(results)
+        results = again.fly(folder, made, workers, partial(tell, "flights"))
+    _require_flown(results)
     compared = again.rows(folder, asked.signal, cut_sets, made)
     again.write_rows(folder, compared)
     data = {"folder": str(folder), "rows": [row.as_dict() for row in compared]}
@@ -299,7 +301,7 @@ def _fly_missing(options: ReportOptions, signal: str) -> None:
         )
     )
     if json.loads((options.folder / SETS).read_text())["sets"]:
-        confirm(options.folder, flights=options.flights, workers=options.workers)
+        confirm(options.folder, flights=options.flights, workers=options.workers, allow_code=True)  # of these --set
 
 
 def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) -> None:
@@ -307,19 +309,17 @@ def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) ->
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
     from rig.campaign.run import run
-    from rig.overrides import parse_set
+    from rig.overrides import named_manager, parse_set
 
-    plan = Plan(read(name, dict(map(parse_set, sets or ()))), str(find(name)))
+    given, source = dict(map(parse_set, sets or ())), str(find(name))
+    plan = Plan(read(name, given), source, Trust(source, named=named_manager(given.items())))
     with working(f"flying {name}", enabled=True, steps=True):
-        tell_progress = lambda progress: tell(f"flights of {name}", progress.done, progress.runs)  # noqa: E731
-        _stop_if_interrupted([run(plan, out, workers=workers, report=tell_progress)])
+        _require_flown([run(plan, out, workers=workers, report=lambda p: tell(f"flights of {name}", p.done, p.runs))])
 
 
-def _stop_if_interrupted(results: Sequence[Result]) -> None:
-    last = results[-1]
-    if last.interrupted:
-        echo(f"stopped: {last.done} of {last.runs} flights of {last.out.name}; the same command goes on", err=True)
-        raise Exit(CODE + last.signal)
+def _require_flown(results: Sequence[Result]) -> None:
+    for each in (results[-1], *results):  # only the last can be interrupted
+        require_ended(each, f"{each.done} of {each.runs} flights of {each.out.name}")
 
 
 def _sets_of(counted: Mapping[str, Counts], cut_sets: Sequence[CutSet]) -> dict[str, Any]:

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Argument, Exit, Option, echo
+from typer import Argument, Option
 
 from rig.cli import complete
-from rig.cli.common import AllowCodeOrSet, Json, Seed, Sets, Workers, emit, takes_options
+from rig.cli.common import AllowCodeOrSet, Json, Seed, Sets, Workers, emit, require_ended, takes_options
 from rig.cli.table import field, line
 from rig.cli.working import working
 from rig.errors import BadInput
-from rig.util.interrupt import CODE
 
 if TYPE_CHECKING:
     from rig.search.plan import SearchPlan
@@ -79,10 +78,9 @@ def search(options: SearchOptions) -> None:
     plan = _plan(options)
     with working("the search", not options.as_json, steps=True):
         ended = run(plan, options.out, workers=options.workers, scheduler=options.scheduler)
-    if ended.interrupted:
-        echo(f"stopped: {ended.flights} of {options.flights} flights; the same command goes on", err=True)
-        raise Exit(CODE + ended.signal)
-    emit(options.as_json, ended.figures, lambda: _show(ended, options.out))
+    if not ended.interrupted:
+        emit(options.as_json, ended.figures, lambda: _show(ended, options.out))
+    require_ended(ended, f"{ended.flights} of {options.flights} flights", "they have no margin")
 
 
 def _plan(options: SearchOptions) -> SearchPlan:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
+from rig.cli.common import unflown
 from rig.cli.table import MOST_LINES, Column, field, file_size, line, rest, rough_duration, share, table
 from rig.cli.working import bar
 from rig.util.console import Screen
@@ -120,11 +121,6 @@ class _Lines:
 
 def _trouble(outcomes: dict[str, int]) -> str:
     return "".join(f", {count} {name}" for name, count in outcomes.items() if count and name != "flown")
-
-
-def unflown(count: int, first_reason: str | None) -> str:
-    """Return how many runs could not be flown, and why the first could not."""
-    return f"{count} {'run' if count == 1 else 'runs'} could not be flown; {first_reason}"
 
 
 def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:

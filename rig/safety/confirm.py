@@ -19,12 +19,13 @@ from rig.campaign.folder import locked, write_whole
 from rig.campaign.plan import Plan
 from rig.campaign.run import Result
 from rig.errors import BadInput
-from rig.safety.cutset_plan import FORMAT, Asked, Report, fly_all, plan, read_json
+from rig.safety.cutset_plan import FORMAT, NO_CODE, Asked, Report, fly_all, plan, read_json
 from rig.safety.cutsets import Counted, jeffreys, of_campaign
 from rig.safety.sequences import CONDITIONS, Modes
 from rig.util import sealed
 from rig.util.files import is_file
 from rig.util.outputs import CONFIRMED, SETS
+from rig.util.trust import Trust
 
 LEVEL: Final = 0.01
 _NO_NAME: Final = re.compile(r"\W")
@@ -115,7 +116,13 @@ def _claim(data: dict[str, Any]) -> Claim:
 
 
 def plans(
-    asked: Asked, found: Sequence[Claim], aircraft: Sequence[str], points: Sequence[str], flights: int, seed: int
+    asked: Asked,
+    found: Sequence[Claim],
+    aircraft: Sequence[str],
+    points: Sequence[str],
+    flights: int,
+    seed: int,
+    trust: Trust = NO_CODE,
 ) -> dict[str, Plan]:
     """Return the campaigns by the name of their folder: one a condition, aircraft and flight point."""
     if seed == asked.seed:
@@ -133,7 +140,7 @@ def plans(
             for condition in dict.fromkeys(claim.condition for claim in found):
                 of_condition = [claim for claim in found if claim.condition == condition]
                 wanted = sorted({each for claim in of_condition for each in claim.sequences}, key=lambda s: (len(s), s))
-                made[_folder(name, point, condition)] = plan(new, condition, wanted, "confirm")
+                made[_folder(name, point, condition)] = plan(new, condition, trust, wanted)
     return made
 
 

@@ -12,19 +12,23 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from rig.assess.monitored import allowed_frames, settings_of
 from rig.campaign.config import Campaign, from_what
 from rig.campaign.folder import locked, write_whole
 from rig.campaign.plan import Plan, rig_identity
+from rig.campaign.rows import Rows
 from rig.campaign.run import Result, run
 from rig.campaign.worker import Orders, fly_alone
 from rig.errors import BadInput, RigError
 from rig.frame import INDEX
 from rig.safety.sequences import CONDITIONS, Condition, Modes, flights, sequences
+from rig.scenario import Scenario
 from rig.text import choices, quoted
 from rig.util import sealed
 from rig.util.files import is_file, is_unused, sweep
 from rig.util.notes import note
 from rig.util.outputs import CUTSETS
+from rig.util.trust import Trust
 
 FORMAT: Final = 2
 _UNSEALED: Final = 1  # of an earlier version: its files have no checksum
@@ -38,6 +42,7 @@ _TYPES: Final = {
     "conditions": list,
     "set": dict,
 }
+NO_CODE: Final = Trust("cutsets")
 Report = Callable[[int, int], None]  # flights done, of how many
 
 
@@ -69,10 +74,10 @@ def require(asked: Asked, source: str = "--signal") -> None:
             raise BadInput(f"--conditions: unknown {quoted(name)}, {choices(name, CONDITIONS)}")
 
 
-def plan(asked: Asked, condition: str, wanted: Sequence[Modes] | None = None, source: str = "cutsets") -> Plan:
+def plan(asked: Asked, condition: str, trust: Trust, wanted: Sequence[Modes] | None = None) -> Plan:
     """Return the campaign of a condition; ``wanted``: sequences instead of all up to the order."""
-    when = CONDITIONS[condition]
-    base, bare = _base(asked, when), _healthy(asked, when, source)
+    when, source = CONDITIONS[condition], trust.source
+    base, bare = _base(asked, when), _healthy(asked, when, trust)
     channels = range(1, getattr(bare[0].scenario().sensors, asked.signal).channels + 1)
     cases = [
         {
@@ -82,15 +87,16 @@ def plan(asked: Asked, condition: str, wanted: Sequence[Modes] | None = None, so
         for each in (sequences(asked.order) if wanted is None else wanted)
         if sum("reference" not in mode for mode in each) <= len(channels)
     ]
-    return Plan(_campaign(asked, base, cases, when, source), source)
+    return Plan(_campaign(asked, base, cases, when, source), source, trust)
 
 
-def _healthy(asked: Asked, when: Condition, source: str) -> Plan:
+def _healthy(asked: Asked, when: Condition, trust: Trust) -> Plan:
     """Return the one flight of a condition without faults."""
-    return Plan(_campaign(asked, _base(asked, when), [{"name": "healthy"}], when, source), source)
+    campaign = _campaign(asked, _base(asked, when), [{"name": "healthy"}], when, trust.source)
+    return Plan(campaign, trust.source, trust)
 
 
-def refuse_lost(asked: Asked, out: Path) -> None:
+def refuse_lost(asked: Asked, out: Path, trust: Trust) -> None:
     """Raise BadInput where a flight without faults loses the signal or the aircraft: every sequence would be a cut set.
 
     A folder that is begun has passed.  RigError: such a flight cannot be flown.
@@ -98,16 +104,25 @@ def refuse_lost(asked: Asked, out: Path) -> None:
     if is_file(out / CUTSETS):
         return
     for name in asked.conditions:
-        healthy = _healthy(asked, CONDITIONS[name], "cutsets")
+        healthy = _healthy(asked, CONDITIONS[name], trust)
         orders = Orders("none", 1, "", healthy.campaign.run.timeout_s, twin=False, rig=rig_identity())
         rows = fly_alone([healthy[0]], orders)
         run = rows["runs"][0]
         if run["outcome"] != "flown":
             raise RigError(f"{name} without faults: {run['outcome']}: {run['reason']}")
-        lost_s = sum(row["lost_s"] or 0.0 for row in rows["signals"] if row["signal"] == asked.signal)
-        if lost_s > 0.0 or not run["survived"]:
-            what = "the aircraft" if not run["survived"] else f"{asked.signal}, for {lost_s:g} s,"
-            raise BadInput(f"--conditions {name}: {what} is lost without any fault: no sequence can be a cut set of it")
+        if what := _lost_in(rows, asked.signal, healthy[0].scenario()):
+            raise BadInput(f"--conditions {name}: without any fault {what}: no sequence can be a cut set of it")
+
+
+def _lost_in(rows: Rows, signal: str, scenario: Scenario) -> str:
+    """Return what a flight without faults loses, "" if nothing; as of a fault, a vote is lost that is off for long."""
+    if not rows["runs"][0]["survived"]:
+        return "the aircraft is lost"
+    (row,) = (row for row in rows["signals"] if row["signal"] == signal)
+    if row["lost_s"] > 0.0:
+        return f"{signal} is lost for {row['lost_s']:g} s"
+    off_s, allowed = row["vote_above_threshold_s"], allowed_frames(settings_of(scenario)[0][INDEX[signal]])
+    return f"the vote of {signal} is off for {off_s:g} s" if off_s * scenario.rate_hz > allowed else ""
 
 
 def _base(asked: Asked, when: Condition) -> dict[str, Any]:
@@ -128,13 +143,14 @@ def _campaign(
     return from_what({**what, "seed": asked.seed, "cases": {"sequence": cases}, "run": {"batch": BATCH}}, source)
 
 
-def fly(asked: Asked, out: Path, workers: int, report: Report | None = None) -> list[Result]:
+def fly(asked: Asked, out: Path, workers: int, report: Report | None = None, trust: Trust = NO_CODE) -> list[Result]:
     """Fly what is missing of every condition; a call that is interrupted ends the list.
 
+    trust : which manager classes may be run
     BadInput, before anything is written: ``out`` holds something else, or was asked otherwise.
     """
-    plans = {condition: plan(asked, condition) for condition in asked.conditions}
-    refuse_lost(asked, out)
+    plans = {condition: plan(asked, condition, trust) for condition in asked.conditions}
+    refuse_lost(asked, out, trust)
     with begun(out, asked.as_dict()):
         return fly_all(plans, out, workers, report)
 

@@ -20,6 +20,7 @@ from rig.assess.requirements import margin_text
 from rig.campaign import table
 from rig.campaign.folder import write_whole
 from rig.campaign.run import pool_of
+from rig.campaign.unflown import not_flown
 from rig.campaign.worker import fly_batch
 from rig.overrides import parse_set, set_key
 from rig.search import bench, picture, result
@@ -49,6 +50,8 @@ class Ended:
     wall_s: float
     interrupted: bool = False
     signal: int = 0
+    not_flown: int = 0  # of the flights, and why the first was not
+    first_reason: str | None = None
 
 
 def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: str | None = None) -> Ended:
@@ -80,7 +83,8 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
                 kill = stop.insisted
                 tables = flights.folder.tables
                 end = stop.requested and not figures, stop.signal
-            return Ended(figures, table.sha256(tables), len(tables["runs"]), perf_counter() - began, *end)
+            runs, took_s = tables["runs"], perf_counter() - began
+            return Ended(figures, table.sha256(tables), len(runs), took_s, *end, **not_flown(runs))
     finally:
         pool.close(kill)
 
