@@ -12,13 +12,17 @@ import pytest
 from rig.log import read_log
 from rig.util.interrupt import end_cleanly, interruptible
 
+TERMINATIONS = [signal.SIGTERM, signal.SIGHUP]
+
 
 @pytest.fixture(autouse=True)
 def pythons_own() -> Iterator[None]:
-    """A process that was started in the background ignores Ctrl-C from the first."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    """A process that was started in the background ignores Ctrl-C from the first, and one by nohup a hang-up."""
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in TERMINATIONS}
+    before[signal.SIGINT] = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
-    signal.signal(signal.SIGINT, before)
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def test_the_first_ctrl_c_asks_for_an_end_and_the_second_is_pythons_own():
@@ -48,9 +52,6 @@ def test_a_thread_flies_without_touching_ctrl_c():
     thread.start()
     thread.join()
     assert seen == [(False, before)]
-
-
-TERMINATIONS = [signal.SIGTERM, signal.SIGHUP]
 
 
 @pytest.mark.parametrize("number", TERMINATIONS)

@@ -23,6 +23,13 @@ pytestmark = [needs_a_compiler, pytest.mark.skipif(not hasattr(signal, "SIGRTMIN
 REAL_TIME = int(signal.SIGRTMIN) + 3
 
 
+def is_ignored(number: int) -> bool:
+    """Whether this process was begun with a signal ignored: make and others leave those of the C library so."""
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    return any(line.startswith("SigIgn:") and int(line.split()[1], 16) >> (number - 1) & 1 for line in lines)
+
+
 @pytest.mark.parametrize(
     ("number", "name"),
     [
@@ -38,7 +45,7 @@ def test_every_signal_has_a_number_and_a_name_where_there_is_one(number: int, na
     assert signal_name(number) == name
 
 
-@pytest.mark.parametrize("number", [REAL_TIME, 32])
+@pytest.mark.parametrize("number", [REAL_TIME, *([] if is_ignored(32) else [32])])
 @pytest.mark.parametrize("place", ["open", "step", "close"])
 def test_a_unit_that_dies_of_a_signal_without_a_name_is_told_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, number: int

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import socket
 import subprocess
 import sys
@@ -49,7 +48,7 @@ def watched(arguments: list[str], folder: Path) -> None:
             time.sleep(0.02)
         assert all(on_loopback(where) for where, _ in seen), seen
     finally:
-        command.send_signal(signal.SIGINT)
+        command.terminate()  # Ctrl-C is ignored by what was begun in the background
         command.wait(60.0)
 
 

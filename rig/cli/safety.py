@@ -279,9 +279,8 @@ def report(options: ReportOptions) -> None:
     if options.fly:
         _fly_missing(options, name)
     with working("writing the safety case", enabled=True):
-        flown = read_flown(options.folder, name)  # first: the tree takes a while
-        result = _tree(options.cells, options.rates, name, options.channels, options.hours)
-        fmea_lines = lines(options.faults, rates, file)
+        flown, fmea_lines = read_flown(options.folder, name), lines(options.faults, rates, file)
+        result = _tree(options.cells, options.rates, name, options.channels, options.hours)  # last: it takes a while
         write_case(flown, result, fmea_lines, assumptions(rates, name, result), out)
     line(f"safety case: {out}")
 
