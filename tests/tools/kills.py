@@ -1,9 +1,11 @@
 """Kill each study in its first second, many times, and compare what it goes on to with an uninterrupted run.
 
-python tests/tools/kills.py FOLDER [--kills 20] [--seed 1] [--only campaign,search,league,trials,cutsets]
+python tests/tools/kills.py FOLDER [--kills 20] [--seed 1] [--only campaign,search,league,trials,cutsets] [--chains 2]
 
 Each kill is of a new run: SIGKILL to all its processes, at a time drawn from the second after its folder appears; every
-fourth at once.  Then the same command runs to its end.  Prints a line a study; exit code 1 where one differs.
+fourth at once.  Then the same command runs to its end.  With --chains instead so many runs of a study, each ended up to
+six times by any signal, at times drawn from the whole that it takes, and gone on with.  Prints a line a study; exit
+code 1 where one differs.
 """
 
 from __future__ import annotations
@@ -58,15 +60,21 @@ STUDIES: Final[dict[str, tuple[str, ...]]] = {
 }
 
 
-def run(command: tuple[str, ...], where: Path) -> None:
-    """Run a study to its end in the folder ``where``."""
+SIGNALS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+LINKS: Final = 6  # kills of a chain
+
+
+def run(command: tuple[str, ...], where: Path) -> float:
+    """Run a study to its end in the folder ``where``; return how long it took, s."""
+    began = time.monotonic()
     done = subprocess.run([*RIG, *command, "--out", "out"], cwd=where, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"{where}: exit code {done.returncode}: {done.stderr.strip()}")
+    return time.monotonic() - began
 
 
-def kill(command: tuple[str, ...], where: Path, delay_s: float) -> bool:
-    """Begin a study and kill it ``delay_s`` after its folder appears; return False where it had ended before."""
+def kill(command: tuple[str, ...], where: Path, delay_s: float, number: signal.Signals = signal.SIGKILL) -> bool:
+    """Begin a study and end it ``delay_s`` after its folder appears; return False where it had ended before."""
     process = subprocess.Popen(
         [*RIG, *command, "--out", "out"],
         cwd=where,
@@ -80,8 +88,8 @@ def kill(command: tuple[str, ...], where: Path, delay_s: float) -> bool:
     time.sleep(delay_s)
     ended = process.poll() is not None
     if not ended:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        os.killpg(process.pid, number)
+        process.wait(PATIENCE_S)
     return not ended
 
 
@@ -97,23 +105,26 @@ def content(out: Path) -> str:
     return digest.hexdigest()
 
 
-def study(name: str, folder: Path, kills: int, rng: random.Random) -> bool:
+def study(name: str, folder: Path, runs: int, chains: bool, rng: random.Random) -> bool:
     """Run a study whole and killed; print and return whether all are the same."""
     whole, killed, differ = folder / f"{name}_whole", 0, []
     whole.mkdir()
-    run(STUDIES[name], whole)
+    took_s = run(STUDIES[name], whole)
     expected = content(whole / "out")
-    for number in range(kills):
+    for number in range(runs):
         where, delay_s = folder / f"{name}_{number:02d}", 0.0 if number % 4 == 0 else rng.random()
         where.mkdir()
-        killed += kill(STUDIES[name], where, delay_s)
+        if chains:
+            killed += sum(kill(STUDIES[name], where, took_s * rng.random(), rng.choice(SIGNALS)) for _ in range(LINKS))
+        else:
+            killed += kill(STUDIES[name], where, delay_s)
         left = sorted(path.relative_to(where).as_posix() for path in (where / "out").rglob("*"))
         run(STUDIES[name], where)
         if content(where / "out") != expected or any(where.rglob("*.part")):
             differ.append(f"killed after {delay_s:.3f} s, with {left}")
         else:
             shutil.rmtree(where)
-    print(f"{name}: {kills} runs, {killed} killed, {len(differ)} differ, hash {expected[:16]}", flush=True)
+    print(f"{name}: {runs} runs, {killed} killed, {len(differ)} differ, hash {expected[:16]}", flush=True)
     print("\n".join(differ), end="\n" if differ else "", flush=True)
     return not differ
 
@@ -123,10 +134,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--chains", type=int, metavar="N", help="chains of kills instead of single ones")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default=",".join(STUDIES))
     given = parser.parse_args()
-    folder = given.folder.resolve()
+    for number in (signal.SIGINT, signal.SIGHUP):  # in the background they are ignored from the first
+        signal.signal(number, signal.default_int_handler)
+    folder, runs = given.folder.resolve(), given.chains or given.kills
     folder.mkdir(parents=True)
     (folder / "campaign.toml").write_text(CAMPAIGN)
     (folder / "scenario.toml").write_text(SCENARIO)
@@ -134,7 +148,7 @@ def main() -> None:
     if "league" in names:
         healthy = (*RIG, "campaign", "run", str(EXAMPLES / "league_healthy.toml"), "--out", "healthy", "--runs", "12")
         subprocess.run([*healthy, "--set", "duration_s=20"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-    same = [study(name, folder, given.kills, random.Random(f"{given.seed} {name}")) for name in names]
+    same = [study(name, folder, runs, bool(given.chains), random.Random(f"{given.seed} {name}")) for name in names]
     sys.exit(0 if all(same) else 1)
 
 
