@@ -22,8 +22,9 @@ import time
 from pathlib import Path
 from typing import Final
 
+import polars as pl
+
 from rig.campaign import table
-from rig.campaign.folder import open_folder
 from rig.campaign.rows import TABLES
 
 ROOT: Final = Path(__file__).parents[2]
@@ -93,13 +94,22 @@ def kill(command: tuple[str, ...], where: Path, delay_s: float, number: signal.S
     return not ended
 
 
+def tables(folder: Path) -> dict[str, pl.DataFrame]:
+    """Read the tables of a campaign's folder, whoever reads them else; a part without its ``runs`` does not count."""
+    parts = sorted(path.name for path in (folder / "runs").glob("*.parquet"))
+    return {
+        name: table.joined(name, [pl.read_parquet((folder / name / part).read_bytes()) for part in parts])
+        for name in TABLES
+    }
+
+
 def content(out: Path) -> str:
     """Return a hash of a study's files; of a campaign that of its tables, which leaves out the wall clock."""
     digest = hashlib.sha256()
     for path in sorted(out.rglob("*")):
         name = path.relative_to(out).as_posix()
         if path.name == "campaign.json":
-            digest.update(f"{name} {table.sha256(open_folder(path.parent).tables)}\n".encode())
+            digest.update(f"{name} {table.sha256(tables(path.parent))}\n".encode())
         elif path.is_file() and path.parent.name not in TABLES and path.name != "lock" and path.suffix != ".html":
             digest.update(f"{name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
     return digest.hexdigest()
