@@ -217,7 +217,8 @@ def test_records_that_have_the_settings_of_rivals_stay_as_they_are():
     ],
 )
 def test_weights_that_vanish_leave_the_median(samples: tuple[float, ...], voted: float):
-    out = vote_samples(constant(*samples, frames=3), manager="weighted", limits=(-1e308, 1e308))
+    with np.errstate(all="ignore"):  # interpreted kernels warn where compiled ones overflow in silence
+        out = vote_samples(constant(*samples, frames=3), manager="weighted", limits=(-1e308, 1e308))
     assert (out.voted == voted).all()
 
 
