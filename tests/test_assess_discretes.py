@@ -7,7 +7,7 @@ import pytest
 from test_assess_parts import flight, offset, outcomes, scored
 
 from rig.assess import score
-from rig.campaign.rows import channel_hours, magnitude
+from rig.campaign.tables import channel_hours, magnitude
 from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, State
 
 GEAR, WHEELS = DISCRETE_INDEX["gear_down"], DISCRETE_INDEX["weight_on_wheels"]

@@ -9,8 +9,8 @@ from rig.assess import Score, score
 from rig.assess.cells import isolation_rows
 from rig.assess.conclusion import conclusion
 from rig.assess.record import ISOLATIONS
-from rig.campaign.rows import alarm_rows, fault_rows, signal_rows
-from rig.campaign.table import COUNTED
+from rig.campaign.tables import RUNS
+from rig.campaign.tables import rows as campaign_rows
 from rig.frame import INDEX, Block, Resolver, State
 from rig.scenario import Scenario
 
@@ -69,10 +69,12 @@ def test_the_conclusion_tells_the_box_in_one_sentence_and_calls_nothing_wrong():
 def test_a_campaign_keeps_them_apart_and_no_fault_is_wrongly_isolated_for_them():
     which, rows = flight([*dead_box(), {**offset([1], 0.2, 0.01), "signal": "heading"}], exact=True)
     found = score(which, rows)
-    assert {row["kind"] for row in alarm_rows(0, which, found)} == {"failed with its box"}
-    assert [row["isolation"] for row in fault_rows(0, which, found)] == ["right"] * 6 + ["none"]
-    assert not any(row[f"false_isolations_level_{level}"] for row in signal_rows(0, found) for level in (4, 3, 2, 1))
-    assert set(COUNTED) == {field for kind, field in ISOLATIONS.items() if kind.startswith("failed")}
+    assert {row["kind"] for row in campaign_rows("alarms", 0, which, found)} == {"failed with its box"}
+    assert [row["isolation"] for row in campaign_rows("faults", 0, which, found)] == ["right"] * 6 + ["none"]
+    of_signals = campaign_rows("signals", 0, which, found)
+    assert not any(row[f"false_isolations_level_{level}"] for row in of_signals for level in (4, 3, 2, 1))
+    by_design = {field for kind, field in ISOLATIONS.items() if kind.startswith("failed")}
+    assert {name for name in RUNS if name.startswith("failed_")} == by_design
 
 
 @pytest.mark.parametrize("signals", [(), SICK[:3]])

@@ -17,7 +17,8 @@ from rig.assess.scoring import score_of
 from rig.assess.unfaulted import MeasuredAgain
 from rig.assess.words import PUBLIC, Cause, fault_word, fault_words, vote_flags
 from rig.campaign.flying import fly as fly_in_memory
-from rig.campaign.rows import OUTCOMES, fault_rows
+from rig.campaign.tables import OUTCOMES
+from rig.campaign.tables import rows as campaign_rows
 from rig.flight.assembly import fly
 from rig.frame import CHANNELS, State
 
@@ -77,7 +78,7 @@ def test_flight_score_campaign_and_log_say_the_same_of_each_fault(name: str, tmp
     in_memory = fly_in_memory(which)
     kept = score(which, in_memory.rows, clean=in_memory.clean)
     assert kept.faults == scored.faults and kept.as_dict() == scored.as_dict()
-    rows = fault_rows(0, which, kept)
+    rows = campaign_rows("faults", 0, which, kept)
     assert [row["outcome"] for row in rows] == [fault.outcome for fault in scored.faults]
     for row, fault in zip(rows, scored.faults, strict=True):
         assert row["isolation"] in {"wrong", PUBLIC["campaign"][_word(fault.outcome)]}

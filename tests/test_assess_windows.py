@@ -10,7 +10,7 @@ from rig.assess import score
 from rig.assess.outcome_records import SPAN
 from rig.assess.record import Window
 from rig.assess.scoring import _above_before_loss
-from rig.campaign.rows import fault_rows, signal_rows
+from rig.campaign.tables import rows as campaign_rows
 from rig.frame import State
 
 MEAN = "redundancy.manager=mean"
@@ -109,7 +109,7 @@ def test_a_healthy_channel_failed_at_level_3_is_a_false_isolation_there():
     which, rows = flight([offset([3], 0.2, 0.2)])
     rows["state"][70:, Q, 0] = State.FAILED
     assert score(which, rows).signals["pitch_rate"].false_isolations == (0, 1, 0, 0)
-    row = signal_rows(5, score(which, rows))[Q]
+    row = campaign_rows("signals", 5, which, score(which, rows))[Q]
     assert (row["run"], row["signal"], row["false_isolations_level_3"], row["false_isolations_level_4"]) == (
         5,
         "pitch_rate",
@@ -128,13 +128,13 @@ def test_a_healthy_channel_failed_while_a_fault_is_fresh_is_that_faults():
 def test_a_wrong_isolation_is_booked_on_the_fault_in_whose_window_it_is():
     which, rows = flight([offset([2], 0.1, 0.2), offset([3], 0.6, 0.2)])
     rows["state"][30:, Q, 0] = State.FAILED
-    assert [row["isolation"] for row in fault_rows(0, which, score(which, rows))] == ["wrong", "right"]
+    assert [row["isolation"] for row in campaign_rows("faults", 0, which, score(which, rows))] == ["wrong", "right"]
 
 
 def test_a_manager_that_takes_its_failures_back_counts_by_its_vote():
     which, rows = flight([HARD], 300, "redundancy.manager=selection", exact=True)
     rows["state"][60:90, Q, 0] = State.FAILED  # a healthy channel, distrusted for a while
     found = score(which, rows)
-    (row,) = fault_rows(0, which, found)
+    (row,) = campaign_rows("faults", 0, which, found)
     assert found.wrong_isolations
     assert (row["isolation"], row["vote_kept"]) == ("right", True)

@@ -17,9 +17,8 @@ from rig.campaign.campaign_page import report
 from rig.campaign.config import read
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
-from rig.campaign.rows import TABLES, Rows
 from rig.campaign.summary import by_resolver, compare, headline
-from rig.campaign.table import ADDED, RUNS
+from rig.campaign.tables import OF, RUNS, TABLES, Rows
 from rig.errors import BadInput
 from rig.frame import SIGNALS
 from rig.util import sealed
@@ -160,8 +159,9 @@ def test_a_number_that_is_not_finite_is_named_and_one_that_is_absent_is_not(out:
 
 def test_a_part_of_a_version_without_these_columns_has_none_and_the_same_hash(out: Path):
     path, table_sha256 = out / "runs" / f"{FIRST}.parquet", open_folder(out).status()["table_sha256"]
-    rewrite(path, lambda frame: frame.drop(ADDED, strict=False))
-    assert all(open_folder(out).tables["runs"][name].null_count() == 6 for name in ADDED if name in RUNS)
+    added = [name for table in OF.values() for name, column in table.columns.items() if column.added]
+    rewrite(path, lambda frame: frame.drop(added, strict=False))
+    assert all(open_folder(out).tables["runs"][name].null_count() == 6 for name in added if name in RUNS)
     assert open_folder(out).status()["table_sha256"] == table_sha256
     assert headline(open_folder(out).tables)["failed_with_box"] == 0
 

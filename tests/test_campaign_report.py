@@ -16,9 +16,8 @@ from rig.campaign.config import from_what
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
 from rig.campaign.rates import acted, smallest
-from rig.campaign.rows import Rows
 from rig.campaign.summary import compare, summary
-from rig.campaign.table import COLUMNS
+from rig.campaign.tables import OF, Rows
 from rig.errors import BadInput
 from rig.frame import SIGNALS
 from rig.record.histogram import BINS
@@ -372,5 +371,5 @@ def test_campaigns_of_other_seeds_are_not_paired(tmp_path: Path):
 def test_the_page_names_every_column_and_every_bundled_campaign():
     page = (Path(__file__).parent.parent / "docs" / "campaign.md").read_text()
     named = set(re.findall(r"`([\w-]+)`", page))
-    assert {column for columns in COLUMNS.values() for column in columns} <= named
+    assert {column for table in OF.values() for column in table.columns} <= named
     assert {path.stem for path in (bundled("faults") / "campaigns").glob("*.toml")} <= named

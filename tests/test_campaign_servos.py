@@ -7,8 +7,9 @@ import pytest
 
 from rig.assess import score
 from rig.campaign.flying import CampaignFlight, fly
-from rig.campaign.rows import Row, fault_rows, run_row
-from rig.campaign.servos import by_kind, run_columns
+from rig.campaign.groups import by_kind
+from rig.campaign.tables import Row, shut_off
+from rig.campaign.tables import rows as campaign_rows
 from rig.scenario import load
 
 BASE = "f16_elevator_coil_hardover"
@@ -27,7 +28,7 @@ def flight() -> CampaignFlight:
 
 @pytest.fixture(scope="module")
 def rows(flight: CampaignFlight) -> list[Row]:
-    return fault_rows(0, flight.scenario, score(flight.scenario, flight.rows, lanes=flight.lanes))
+    return campaign_rows("faults", 0, flight.scenario, score(flight.scenario, flight.rows, lanes=flight.lanes))
 
 
 def test_a_fault_of_a_channel_has_the_monitor_that_found_it_and_the_delay(rows: list[Row]) -> None:
@@ -44,21 +45,21 @@ def test_a_stuck_valve_is_found_by_its_own_monitor_once_the_channel_is_shut_off(
 
 
 def test_a_run_counts_channels_that_were_shut_off_and_those_without_a_fault(flight: CampaignFlight) -> None:
-    row = run_row(0, flight, score(flight.scenario, flight.rows))
+    row = campaign_rows("runs", 0, flight.scenario, score(flight.scenario, flight.rows), flight)[0]
     assert (row["coils_failed"], row["healthy_coils_failed"]) == (2, 0)
     others = {"elevator": {1: (1.5, "spool"), 2: (1.04, "current")}}
-    assert run_columns(flight.scenario, others) == {"coils_failed": 2, "healthy_coils_failed": 1}
+    assert shut_off(flight.scenario, others) == (2, 1)
 
 
 def test_a_channel_that_its_lane_drives_wrongly_is_no_healthy_one() -> None:
     dac = "{kind='dac', signal='computer.B', surface='elevator', does='hardover', start_s=1.0}"
     given = load(BASE, ["computers.count=4", f"faults=[{dac}]"])
     failed = {"elevator": {2: (1.1, "spool"), 3: (1.1, "spool")}, "rudder": {2: (1.1, "spool")}}
-    assert run_columns(given, failed) == {"coils_failed": 3, "healthy_coils_failed": 2}
+    assert shut_off(given, failed) == (3, 2)
 
 
 def test_a_flight_without_servos_has_none_of_the_columns(flight: CampaignFlight) -> None:
-    assert run_columns(load(None), {}) == {}
+    assert shut_off(load(None), {}) is None
 
 
 def test_a_report_counts_kinds_by_their_monitors() -> None:

@@ -17,7 +17,7 @@ from rig.assess.words import PRIOR, PUBLIC, FaultWord, IsolationKind, VoteWord
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
 from rig.bench.vote import of_flight, settings_of
-from rig.campaign.rows import fault_rows
+from rig.campaign.tables import rows as campaign_rows
 from rig.computer.redundancy.managers import MANAGERS
 from rig.faults import KINDS
 from rig.flight.assembly import fly
@@ -153,7 +153,9 @@ def test_score_campaign_report_injection_and_trial_have_the_same_word_for_a_faul
     scored = score_log(flight.log, Yardstick(), twin=False)
     words = [each.word for each in scored.score.faults]
     assert set(words) == {expected}
-    assert [row["isolation"] for row in fault_rows(0, which, scored.score)] == [PUBLIC["campaign"][w] for w in words]
+    assert [row["isolation"] for row in campaign_rows("faults", 0, which, scored.score)] == [
+        PUBLIC["campaign"][w] for w in words
+    ]
     told = [each["outcome"] for each in report(flight.log, tmp_path / "page.html")["faults"]]
     assert told == [each.outcome for each in scored.score.faults]
 

@@ -12,7 +12,7 @@ from test_assess_parts import flight, offset
 from rig.assess import score
 from rig.assess.cells import suspect_rows
 from rig.assess.conclusion import conclusion
-from rig.campaign.rows import run_row
+from rig.campaign.tables import rows as campaign_rows
 from rig.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, State, new_block
 from rig.record.suspects import Suspect, SuspectCount, doubted
 
@@ -141,4 +141,5 @@ def test_fly_campaign_and_report_tell_it(rig_command, tmp_path: Path):
     assert "Suspect channels" in page and "channels suspect in many frames, never failed" in page
     assert [each["rows"] for each in found["suspects"] if each["rows"]] == [175]
     flown = fly(scenario.load(None, sets))
-    assert run_row(0, flown, score(flown.scenario, flown.rows, clean=flown.clean))["suspect_channels"] == 1
+    (row,) = campaign_rows("runs", 0, flown.scenario, score(flown.scenario, flown.rows, clean=flown.clean), flown)
+    assert row["suspect_channels"] == 1

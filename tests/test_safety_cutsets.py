@@ -13,7 +13,7 @@ import pytest
 
 from rig.aircraft import folder
 from rig.campaign.folder import open_folder
-from rig.campaign.table import sha256
+from rig.campaign.tables import sha256
 from rig.errors import BadInput
 from rig.safety import confirm
 from rig.safety.cutset_plan import NO_CODE, Asked, begun, plan, read_asked

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from rig.assess.requirements import Requirement
-from rig.campaign import table
+from rig.campaign import tables as table
 from rig.campaign.config import from_what
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.run import again

@@ -14,7 +14,7 @@ from rig.assess import score
 from rig.assess.of_log import score_log
 from rig.assess.record import Yardstick
 from rig.campaign.flying import fly as fly_in_memory
-from rig.campaign.rows import alarm_rows, run_row
+from rig.campaign.tables import rows as campaign_rows
 from rig.errors import BadInput
 from rig.frame import COMPUTERS, Health, LaneTest, Law, State, UnitStatus
 from rig.log.info import info
@@ -90,9 +90,9 @@ def test_a_campaign_counts_no_healthy_channel_of_a_lane_that_is_a_unit(tmp_path:
         assert again is not None
         flown = fly_in_memory(which, again)
         found = score(which, flown.rows, clean=flown.clean, lanes=flown.lanes, unit_lane=again.lane)
-    row = run_row(0, flown, found)
+    (row,) = campaign_rows("runs", 0, which, found, flown)
     assert (row["detected"], row["missed"], row["false_alarms"], row["wrong_isolations"]) == (1, 0, 0, 0)
-    assert row["healthy_coils_failed"] == 0 and not alarm_rows(0, which, found)
+    assert row["healthy_coils_failed"] == 0 and not campaign_rows("alarms", 0, which, found)
 
 
 def test_a_voter_that_believes_a_faulty_channel_is_outvoted_and_failed_by_the_others(tmp_path: Path):

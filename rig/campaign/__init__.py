@@ -3,12 +3,12 @@
 config.py      the campaign file: what varies, and apart from it how it runs
 plan.py        the runs: a seed and a scenario each (values from sampling.py), and the rig that flies them
 flying.py      one flight in memory, and its log
-worker.py      one run, flown and scored: the rows of the table (rows.py); a batch of them, or suspects alone
+worker.py      one run, flown and scored: the rows of the tables; a batch of them, or suspects alone
 pool.py        where batches are flown: processes of this machine, or a Dask cluster
 run.py         the parent: hands out what is missing, writes each batch as a part
 folder.py      the output folder: what belongs to it, its lock, what is done
 parts.py       the parts read and checked: every run once, in all tables
-table.py       the tables' columns, their hash
-statistics.py, summary.py, report.py   figures from the tables
+tables.py      every column once: its type, its value, whether it is hashed; the hash of the tables
+statistics.py, rates.py, groups.py, summary.py   figures from the tables
 estimate.py    what a campaign will take
 """

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
-from rig.campaign.servos import Coils
 from rig.errors import UnitDead
 from rig.flight.recorder import Findings, end_reason
 from rig.flight.unit_loop import UnitComputer
@@ -38,7 +37,7 @@ class CampaignFlight:
     verdict: Verdict
     ended: list[Event]  # that only the end shows: faults that did nothing
     lanes: LaneBlock | None = None
-    coils_failed: Coils = field(default_factory=dict)
+    coils_failed: dict[str, dict[int, tuple[float, str]]] = field(default_factory=dict)  # as Flight.coils_failed
     unit: dict[str, str] = field(default_factory=dict)  # metadata of its log on the unit under test
 
     @property

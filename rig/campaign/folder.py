@@ -22,11 +22,12 @@ from typing import Any, Final
 
 import polars as pl
 
-from rig.campaign import parts, table
+from rig.campaign import parts
+from rig.campaign import tables as table
 from rig.campaign.config import from_what
 from rig.campaign.plan import Plan, rig_identity
-from rig.campaign.rows import TABLES, Rows
 from rig.campaign.searched import SearchedPlan
+from rig.campaign.tables import TABLES, Rows
 from rig.errors import BadInput, RigError
 from rig.unit.settings import Unit
 from rig.util import sealed

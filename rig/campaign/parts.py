@@ -19,9 +19,9 @@ import polars as pl
 from numpy.typing import NDArray
 
 from rig.assess.record import ISOLATIONS
-from rig.campaign import table
+from rig.campaign import tables as table
 from rig.campaign.plan import Plan
-from rig.campaign.rows import OUTCOMES, TABLES
+from rig.campaign.tables import OF, OUTCOMES, TABLES
 from rig.errors import BadInput
 from rig.frame import SIGNALS
 from rig.record.histogram import BINS
@@ -101,7 +101,7 @@ def _table(folder: Path, name: str, part: str, plan: Plan, data: bytes) -> pl.Da
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise _unreadable(folder, path, part, error) from None
     expected, columns = table.schema(plan, name), frame.columns
-    lacking = [column for column in table.ADDED if column in expected and column not in columns]
+    lacking = [n for n, column in OF[name].columns.items() if column.added and n not in columns]
     if lacking:
         frame = frame.with_columns(pl.lit(None, expected[column]).alias(column) for column in lacking)
     schema = frame.schema

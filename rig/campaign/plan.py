@@ -39,7 +39,7 @@ ROOMS = (
     "view",
 )
 BESIDE = (*ROOMS, "league", "search", "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
-FLIES = ("campaign/flying.py", "campaign/requirements.py", "campaign/rows.py", "campaign/worker.py")
+FLIES = ("campaign/flying.py", "campaign/tables.py", "campaign/worker.py")
 
 
 @dataclass(frozen=True, slots=True)

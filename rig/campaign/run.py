@@ -17,11 +17,11 @@ from typing import Any, Final
 import polars as pl
 
 from rig.assess.of_log import FlightConclusion
-from rig.campaign import table
+from rig.campaign import tables as table
 from rig.campaign.folder import Folder
 from rig.campaign.plan import SOURCES, Plan, Run, rig_identity
 from rig.campaign.pool import Cluster, Local, Pool
-from rig.campaign.rows import Rows
+from rig.campaign.tables import Rows
 from rig.campaign.unflown import OUTCOMES, not_flown, take_out
 from rig.campaign.worker import Orders, check_rig, fly_alone, fly_batch
 from rig.errors import BadInput, RigError

@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 
-from rig.campaign import table
+from rig.campaign import tables as table
 from rig.campaign.config import Campaign, Levels, Range
 from rig.campaign.plan import Plan
 from rig.errors import BadInput

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import polars as pl
 
-from rig.campaign import servos
 from rig.campaign.folder import Folder, difference
+from rig.campaign.groups import by_kind, by_requirement, replies
 from rig.campaign.rates import (
     DELAYS,
     Tables,
@@ -24,9 +24,8 @@ from rig.campaign.rates import (
     share_of,
     smallest,
 )
-from rig.campaign.requirements import by_requirement
 from rig.campaign.statistics import mcnemar, median_interval, paired_difference
-from rig.campaign.table import COUNTED, SUSPECTS, replies
+from rig.campaign.tables import COUNTED, SUSPECTS
 from rig.campaign.unflown import not_flown
 from rig.campaign.varied import by_name, by_varied, varied
 from rig.campaign.voters import named, voters
@@ -79,7 +78,7 @@ def summary(folder: Folder) -> dict[str, Any]:
         "resolvers": resolvers(tables["episodes"]),
         "coverage": coverage(tables["runs"]),
         "requirements": by_requirement(tables["runs"], plan.requirements),
-        "servos": servos.by_kind(tables["faults"]),
+        "servos": by_kind(tables["faults"]),
         "replies": replies(tables["runs"]),
         "worst": worst(folder),
     }

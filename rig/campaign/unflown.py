@@ -8,7 +8,7 @@ import polars as pl
 
 from rig.campaign import parts
 from rig.campaign.folder import Folder
-from rig.campaign.rows import TABLES
+from rig.campaign.tables import TABLES
 
 OUTCOMES: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")  # of a run that was not flown
 

@@ -30,14 +30,13 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from rig import aircraft
-from rig.assess import Score, fly_twin, score
-from rig.assess.requirements import Requirement, Verdict, check_rows
-from rig.campaign.flying import CampaignFlight, fly, write_log
+from rig.assess import fly_twin, score
+from rig.assess.requirements import Requirement, check_rows
+from rig.campaign.flying import fly, write_log
 from rig.campaign.plan import Run, rig_identity
 from rig.campaign.pool import leave_interrupts_to_parent
-from rig.campaign.requirements import run_columns
-from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row, signal_rows
 from rig.campaign.sources import first_sources
+from rig.campaign.tables import TABLES, Rows, rows
 from rig.errors import BadInput, RigError, UnitDead, UnitRefused
 from rig.scenario import load
 from rig.unit.settings import Unit, voted_by
@@ -112,27 +111,17 @@ def fly_run(run: Run, orders: Orders) -> Rows:
             scored = score(flight.scenario, flight.rows, twin, clean=flight.clean, lanes=flight.lanes, unit_lane=lane)
             asked = orders.requirements
             verdicts = check_rows(flight.rows, flight.scenario, asked, twin, tested) if asked else ()
-        rows = _rows(run.number, flight, scored, verdicts)
-        rows["runs"][0]["manager"] = orders.voter(flight.scenario.redundancy.manager)
+        found = {table: rows(table, run.number, flight.scenario, scored, flight, verdicts) for table in TABLES}
+        found["runs"][0]["manager"] = orders.voter(flight.scenario.redundancy.manager)
     except (UnitDead, UnitRefused) as error:
         return not_flown(run, "unit dead" if isinstance(error, UnitDead) else "unit refused", str(error))
     except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure
         return not_flown(run, "failed", " ".join(f"{type(error).__name__}: {error}".split()))
-    row = rows["runs"][0]
+    row = found["runs"][0]
     if keeps(orders, run.number, _troubled(row)):
         write_log(flight, log_path(Path(orders.folder), run.number))
     row["wall_s"] = time.perf_counter() - began
-    return rows
-
-
-def _rows(number: int, flight: CampaignFlight, scored: Score, verdicts: Sequence[Verdict]) -> Rows:
-    return {
-        "runs": [run_row(number, flight, scored) | run_columns(verdicts)],
-        "faults": fault_rows(number, flight.scenario, scored),
-        "alarms": alarm_rows(number, flight.scenario, scored),
-        "episodes": episode_rows(number, flight.scenario, scored),
-        "signals": signal_rows(number, scored),
-    }
+    return found
 
 
 def not_flown(run: Run, outcome: str, reason: str) -> Rows:

@@ -16,7 +16,6 @@ from typing import Any, Final
 import polars as pl
 
 from rig.campaign.folder import open_folder
-from rig.campaign.rows import by_level
 from rig.errors import BadInput
 from rig.frame import CHANNELS
 from rig.reliability.tally import (
@@ -118,7 +117,7 @@ def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame
 def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
     """Build FALSE_ISOLATIONS of a campaign's table ``signals``; sums in the order of the runs."""
     levels = range(CHANNELS, 0, -1)
-    hours, events = (list(by_level(name, levels)) for name in ("channel_hours", "false_isolations"))
+    hours, events = ([f"{name}_level_{n}" for n in levels] for name in ("channel_hours", "false_isolations"))
     parts = [
         signals.sort("run")
         .group_by("signal")

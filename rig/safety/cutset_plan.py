@@ -16,8 +16,8 @@ from rig.assess.monitored import allowed_frames, settings_of
 from rig.campaign.config import Campaign, from_what
 from rig.campaign.folder import locked, write_whole
 from rig.campaign.plan import Plan, rig_identity
-from rig.campaign.rows import Rows
 from rig.campaign.run import Result, run
+from rig.campaign.tables import Rows
 from rig.campaign.worker import Orders, fly_alone
 from rig.errors import BadInput, RigError
 from rig.frame import INDEX

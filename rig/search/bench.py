@@ -18,8 +18,7 @@ from rig.assess.requirements.subject import WITH_TRUTH
 from rig.bench.run import Stages, run
 from rig.campaign.config import Levels
 from rig.campaign.plan import Plan, Run
-from rig.campaign.requirements import run_columns
-from rig.campaign.rows import TABLES, Rows
+from rig.campaign.tables import TABLES, Rows, measured
 from rig.campaign.worker import Orders, check_rig
 from rig.computer.redundancy.state import ManagerData
 from rig.errors import BadInput
@@ -80,7 +79,7 @@ def trial_row(each: Run, requirements: Sequence[Requirement]) -> dict[str, Any]:
         _places[key] = Place(cell, recording(cell.scenario, _TRUTH_SEED), subject)
     place = _places[key]
     row = {"run": each.number, "seed": each.data["seed"], "outcome": OUTCOME}
-    return row | run_columns(check_rows(_trial(place, each.data), place.subject, requirements))
+    return row | measured(check_rows(_trial(place, each.data), place.subject, requirements))
 
 
 def _common(data: dict[str, Any]) -> str:

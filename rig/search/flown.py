@@ -10,8 +10,8 @@ from typing import Any
 from rig.campaign.folder import Folder
 from rig.campaign.plan import Plan
 from rig.campaign.pool import Pool
-from rig.campaign.rows import Rows
 from rig.campaign.run import Batch, Flying, Progress, orders_of
+from rig.campaign.tables import Rows
 from rig.campaign.worker import fly_batch
 from rig.errors import RigError
 from rig.util.files import is_file

@@ -17,7 +17,7 @@ from time import perf_counter
 from typing import Any, Final
 
 from rig.assess.requirements import margin_text
-from rig.campaign import table
+from rig.campaign import tables as table
 from rig.campaign.folder import write_whole
 from rig.campaign.run import pool_of
 from rig.campaign.unflown import not_flown

@@ -24,8 +24,8 @@ from typing import Final
 
 import polars as pl
 
-from rig.campaign import table
-from rig.campaign.rows import TABLES
+from rig.campaign import tables as table
+from rig.campaign.tables import TABLES
 
 ROOT: Final = Path(__file__).parents[2]
 RIG: Final = (sys.executable, "-m", "rig")
