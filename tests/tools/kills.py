@@ -19,6 +19,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import takewhile
 from pathlib import Path
 from typing import Final
 
@@ -124,12 +125,14 @@ def study(name: str, folder: Path, runs: int, chains: bool, rng: random.Random) 
     for number in range(runs):
         where, delay_s = folder / f"{name}_{number:02d}", 0.0 if number % 4 == 0 else rng.random()
         where.mkdir()
+        ends = [(delay_s, signal.SIGKILL)]
         if chains:
-            killed += sum(kill(STUDIES[name], where, took_s * rng.random(), rng.choice(SIGNALS)) for _ in range(LINKS))
-        else:
-            killed += kill(STUDIES[name], where, delay_s)
+            ends = [(took_s * rng.random(), rng.choice(SIGNALS)) for _ in range(LINKS)]
+        links = list(takewhile(bool, (kill(STUDIES[name], where, *end) for end in ends)))
+        killed += len(links)
         left = sorted(path.relative_to(where).as_posix() for path in (where / "out").rglob("*"))
-        run(STUDIES[name], where)
+        if len(links) == len(ends):  # else it has ended
+            run(STUDIES[name], where)
         if content(where / "out") != expected or any(where.rglob("*.part")):
             differ.append(f"killed after {delay_s:.3f} s, with {left}")
         else:
