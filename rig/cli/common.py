@@ -21,64 +21,85 @@ if TYPE_CHECKING:
     from rig.recordings.alignment import AlignOptions
 
 Number = TypeVar("Number", int, float)
+Made = TypeVar("Made")
 GROUP: Final[dict[str, Any]] = {
     "no_args_is_help": True,
     "pretty_exceptions_enable": False,
     "rich_markup_mode": "rich",
     "context_settings": {"help_option_names": ["-h", "--help"]},
 }
+
+
+def opt(metavar: str, text: str, *names: str, **more: Any) -> Any:
+    """Declare an option with a value."""
+    return Option(*names, metavar=metavar, help=text, **more)
+
+
+def arg(metavar: str, text: str, **more: Any) -> Any:
+    """Declare an argument; its default is shown where one is named."""
+    return Argument(metavar=metavar, help=text, **{"show_default": False, **more})
+
+
+def flag(name: str, text: str) -> Any:
+    """Declare a switch."""
+    return Option(name, help=text)
+
+
+def named(kind: Callable[..., Made], options: Any, **more: Any) -> Made:
+    """Return a data class with the values of the options of its names; ``more``: the others."""
+    names = {field.name for field in fields(kind)} - more.keys()  # pyright: ignore[reportArgumentType]  # a data class
+    return kind(**{name: getattr(options, name) for name in names if hasattr(options, name)}, **more)
+
+
+def names(text: str) -> list[str]:
+    """Return the names between the commas of ``text``, each once, in order."""
+    return list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+
+
 AllowCode = Annotated[
-    bool, Option("--allow-code", help="Allow Python code that a file or log names as its manager (module:name).")
+    bool, flag("--allow-code", "Allow Python code that a file or log names as its manager (module:name).")
 ]
 AllowCodeOrSet = Annotated[
     bool,
-    Option(
+    flag(
         "--allow-code",
-        help="Allow Python code that a file names as its manager (module:name); what --set names is always allowed.",
+        "Allow Python code that a file names as its manager (module:name); what --set names is always allowed.",
     ),
 ]
-LogFile = Annotated[Path, Argument(metavar="LOG", help="The log of a flight.", show_default=False)]
-Json = Annotated[bool, Option("--json", help="Print one JSON object and nothing else.")]
-UnitFile = Annotated[
-    Path | None,
-    Option("--unit", metavar="FILE", help="A unit file: the flight software under test.", show_default=False),
-]
-Logs = Annotated[Path, Option(metavar="DIR", help="Folder of the log.")]
+LogFile = Annotated[Path, arg("LOG", "The log of a flight.")]
+Json = Annotated[bool, flag("--json", "Print one JSON object and nothing else.")]
+UnitFile = Annotated[Path | None, opt("FILE", "A unit file: the flight software under test.", "--unit")]
+Logs = Annotated[Path, opt("DIR", "Folder of the log.")]
 
 ScenarioName = Annotated[
     str | None,
-    Argument(
-        metavar="FILE|NAME",
-        help="A scenario file or the name of a bundled one.",
+    arg(
+        "FILE|NAME",
+        "A scenario file or the name of a bundled one.",
         show_default="f16_pitch_rate_hardover",
         autocompletion=complete.scenarios,
     ),
 ]
 Sets = Annotated[
     list[str] | None,
-    Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Override a key, e.g. redundancy.manager=mean; repeatable.",
-        autocompletion=complete.sets,
+    opt(
+        "KEY=VALUE", "Override a key, e.g. redundancy.manager=mean; repeatable.", "--set", autocompletion=complete.sets
     ),
 ]
-Seed = Annotated[int, Option(metavar="N", help="Seed of all random draws.", min=0, max=2**63 - 1)]
-Workers = Annotated[int, Option(metavar="N", help="Processes.", min=1, max=1024)]
+Seed = Annotated[int, opt("N", "Seed of all random draws.", min=0, max=2**63 - 1)]
+Workers = Annotated[int, opt("N", "Processes.", min=1, max=1024)]
 
 
 @dataclass(frozen=True)
 class Align:
     """The options --align of the commands that read recordings."""
 
-    align: Annotated[bool, Option("--align", help="Take constant delays and offsets off the channels.")] = False
-    align_from: Annotated[
-        float | None, Option(metavar="S", help="Begin of the stretch to find them in.", show_default="first row")
-    ] = None
-    align_to: Annotated[float | None, Option(metavar="S", help="Its end.", show_default="6 s after its begin")] = None
-    align_matrix: Annotated[bool, Option("--align-matrix", help="Take misalignments off the triads of CONFIG too.")] = (
-        False
+    align: Annotated[bool, flag("--align", "Take constant delays and offsets off the channels.")] = False
+    align_from: Annotated[float | None, opt("S", "Begin of the stretch to find them in.", show_default="first row")] = (
+        None
     )
+    align_to: Annotated[float | None, opt("S", "Its end.", show_default="6 s after its begin")] = None
+    align_matrix: Annotated[bool, flag("--align-matrix", "Take misalignments off the triads of CONFIG too.")] = False
 
     def options(self) -> AlignOptions | None:
         """Return how to align, None without --align; BadInput where the others are given without it."""

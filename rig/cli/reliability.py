@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Argument, Option, Typer, echo
+from typer import Option, Typer, echo
 
-from rig.cli.common import GROUP, Json, Seed, Sets, Workers, comma_list, emit, whole_numbers
+from rig.cli.common import GROUP, Json, Seed, Sets, Workers, arg, comma_list, emit, opt, whole_numbers
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
@@ -32,18 +32,14 @@ _TRIALS: Final = (
     Column("here, one core", lambda cell: None if cell["seconds"] is None else f"{cell['seconds']:.3g} s"),
 )
 reliability_app = Typer(help="From rates and measured outcomes to a probability per flight hour.", **GROUP)
-RatesFile = Annotated[
-    Path, Option("--rates", metavar="FILE", help="Rates with their sources, TOML.", show_default=False)
-]
-Hours = Annotated[float, Option(metavar="H", help="Duration of a flight, h.", min=1e-3, max=1e3)]
-SignalName = Annotated[
-    str | None, Option("--signal", metavar="SIGNAL", help="Of the rates file; its only one.", show_default=False)
-]
+RatesFile = Annotated[Path, opt("FILE", "Rates with their sources, TOML.", "--rates")]
+Hours = Annotated[float, opt("H", "Duration of a flight, h.", min=0.001, max=1000.0)]
+SignalName = Annotated[str | None, opt("SIGNAL", "Of the rates file; its only one.", "--signal")]
 
 
 @reliability_app.command()
 def chain(
-    file: Annotated[Path, Argument(metavar="FILE", help="Rates between states, TOML.", show_default=False)],
+    file: Annotated[Path, arg("FILE", "Rates between states, TOML.")],
     as_json: Json = False,
 ) -> None:
     """Print the probability of every state of a chain that is given as rates."""
@@ -56,21 +52,13 @@ def chain(
 
 @reliability_app.command()
 def run(
-    folders: Annotated[
-        list[Path],
-        Argument(metavar="DIR...", help="Flown campaigns or trials, of any managers.", show_default=False),
-    ],
+    folders: Annotated[list[Path], arg("DIR...", "Flown campaigns or trials, of any managers.")],
     rates: RatesFile,
     hours: Hours = 1.0,
-    channels: Annotated[str, Option(metavar="N,N...", help="Numbers of channels.")] = "1,2,3,4",
+    channels: Annotated[str, opt("N,N...", "Numbers of channels.")] = "1,2,3,4",
     signal: SignalName = None,
-    checks: Annotated[
-        int, Option(metavar="N", help="Flights between two full checks, beside one.", min=1, max=1000)
-    ] = 50,
-    report: Annotated[
-        Path | None,
-        Option("--report", "--plot", metavar="FILE", help="Write a page with the pictures, HTML.", show_default=False),
-    ] = None,
+    checks: Annotated[int, opt("N", "Flights between two full checks, beside one.", min=1, max=1000)] = 50,
+    report: Annotated[Path | None, opt("FILE", "Write a page with the pictures, HTML.", "--report", "--plot")] = None,
     as_json: Json = False,
 ) -> None:
     """Print bad votes, known losses and lost aircraft per flight hour, and what decides them."""
@@ -98,7 +86,7 @@ def run(
 
 @reliability_app.command()
 def plan(
-    target: Annotated[float, Option(metavar="P", help="Probability per flight hour to be shown.", min=1e-15, max=1.0)],
+    target: Annotated[float, opt("P", "Probability per flight hour to be shown.", min=1e-15, max=1.0)],
     rates: RatesFile,
     hours: Hours = 1.0,
     signal: SignalName = None,
@@ -106,31 +94,24 @@ def plan(
     as_json: Json = False,
 ) -> None:
     """Print how many trials a target needs for each number of good channels, and what they cost here."""
-    from rig.reliability.plan import needed
+    from rig.reliability.plan import measure, needed
     from rig.reliability.rates import read_rates
 
     read = read_rates(rates)
     _, given = read.of(signal, str(rates))
     trials = needed(target, max(given.per_hour), hours=hours)
-    seconds: list[float | None] = [None] * len(trials)
-    if cost:
-        from rig.reliability.plan import measure
-
-        measured = measure()
-        seconds = [measured.of(each.trials, each.open_loop) for each in trials]
-    cells = [{**each._asdict(), "seconds": cost_s} for each, cost_s in zip(trials, seconds, strict=True)]
-    emit(as_json, {"cells": cells}, lambda: _show_plan(cells))
+    here = measure() if cost else None
+    cells = [{**each._asdict(), "seconds": here and here.of(each.trials, each.open_loop)} for each in trials]
+    emit(as_json, {"cells": cells}, lambda: table(cells, _TRIALS))
 
 
 @reliability_app.command()
 def trials(
-    campaign: Annotated[
-        str, Argument(metavar="FILE|NAME", help="A campaign like `reliability`, its file or bundled name.")
-    ],
-    out: Annotated[Path, Option(metavar="DIR", help="Folder for the counts, new or empty.", show_default=False)],
-    runs: Annotated[int, Option(metavar="N", help="Trials in all.", min=1, max=10**9, show_default=False)],
+    campaign: Annotated[str, arg("FILE|NAME", "A campaign like `reliability`, its file or bundled name.")],
+    out: Annotated[Path, opt("DIR", "Folder for the counts, new or empty.")],
+    runs: Annotated[int, opt("N", "Trials in all.", min=1, max=10**9)],
     seed: Seed = 0,
-    good_before: Annotated[str, Option(metavar="N,N...", help="Good channels before the fault: 4, 3.")] = "4,3",
+    good_before: Annotated[str, opt("N,N...", "Good channels before the fault: 4, 3.")] = "4,3",
     workers: Workers = 2,
     sets: Sets = None,
     as_json: Json = False,
@@ -153,26 +134,19 @@ def trials(
 
 @reliability_app.command()
 def margin(
-    signal: Annotated[str, Argument(metavar="SIGNAL", help="As in rig signals.", show_default=False)],
+    signal: Annotated[str, arg("SIGNAL", "As in rig signals.")],
     threshold: Annotated[
-        str | None,
-        Option(metavar="X,X...", help="Thresholds, unit of the signal.", show_default="the scenario's"),
+        str | None, opt("X,X...", "Thresholds, unit of the signal.", show_default="the scenario's")
     ] = None,
-    target: Annotated[
-        float | None,
-        Option(metavar="P", help="Find the threshold with so few an hour of a channel.", show_default=False),
-    ] = None,
+    target: Annotated[float | None, opt("P", "Find the threshold with so few an hour of a channel.")] = None,
     scenario: Annotated[
-        str, Option(metavar="FILE|NAME", help="Aircraft, sensors, manager, flight; its faults are left out.")
+        str, opt("FILE|NAME", "Aircraft, sensors, manager, flight; its faults are left out.")
     ] = SCENARIO,
     persistence: Annotated[
-        int | None,
-        Option(metavar="N", help="Frames until a channel is failed.", min=1, max=100, show_default="the scenario's"),
+        int | None, opt("N", "Frames until a channel is failed.", min=1, max=100, show_default="the scenario's")
     ] = None,
     sets: Sets = None,
-    flights: Annotated[
-        int, Option(metavar="N", help="Sets of sensor errors of a repetition.", min=50, max=10**6)
-    ] = 4000,
+    flights: Annotated[int, opt("N", "Sets of sensor errors of a repetition.", min=50, max=10**6)] = 4000,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -182,18 +156,12 @@ def margin(
 
     if target is not None and not FLOOR <= target <= 1.0:
         raise BadInput(f"--target: false isolations an hour of a channel, from {FLOOR:g} to 1, got {target:g}")
-    given = None if threshold is None else _thresholds(threshold)
+    above_0 = "--threshold", threshold or "", "numbers above 0", float, lambda value: isfinite(value) and value > 0.0
+    given = None if threshold is None else comma_list(*above_0)
     margins, chosen = run(signal, scenario, sets or [], given, persistence, target, seed, Effort(flights=flights))
-    data = {
-        "signal": signal,
-        "margins": [asdict(each) for each in margins],
-        **({} if chosen is None else {"target": target, "chosen": asdict(chosen)}),
-    }
+    data = {"signal": signal, "margins": [asdict(each) for each in margins]}
+    data |= {} if chosen is None else {"target": target, "chosen": asdict(chosen)}
     emit(as_json, data, lambda: _show_margins(signal, margins, target, chosen))
-
-
-def _thresholds(text: str) -> list[float]:
-    return comma_list("--threshold", text, "numbers above 0", float, lambda value: isfinite(value) and value > 0.0)
 
 
 def _show_chain(solved: ChainResult) -> None:
@@ -229,41 +197,25 @@ def _numbers(shown: Sequence[str]) -> list[Column]:
     """Return the columns of a result: its case, the estimates ``shown``, perfect isolation, the targets."""
     from rig.reliability.result import TARGETS, TITLES, interval
 
-    def estimate(what: str, worth: int) -> Column:
-        def text(result: Result) -> str:
-            return interval(result.estimates[what]) if what in result.estimates else ""
-
-        return Column(TITLES[what].partition(",")[0].removesuffix(" of the signal"), text, worth=worth)
-
+    titles = {what: TITLES[what].partition(",")[0].removesuffix(" of the signal") for what in shown}
+    every = lambda n: f"every {n}" if n > 1 else "each flight"  # noqa: E731
     return [
         *(Column("manager", "manager"), Column("channels", "case.channels"), Column("per hour", "case.per_hour", "g")),
         Column("common", lambda result: f"{100 * result.case.beta:g} %"),
-        Column("checks", _checks),
-        *(estimate(what, 8 - i) for i, what in enumerate(shown)),
+        Column("checks", lambda result: every(result.case.flights_between_checks)),
+        *(
+            Column(title, lambda r, w=what: interval(r.estimates[w]) if w in r.estimates else "", worth=8 - i)
+            for i, (what, title) in enumerate(titles.items())
+        ),
         Column("perfect", "perfect", ".2e", worth=5),
         *(Column(name, f"standing.{name}") for name in TARGETS),
     ]
 
 
-def _checks(result: Result) -> str:
-    between = result.case.flights_between_checks
-    return f"every {between}" if between > 1 else "each flight"
-
-
-def _show_plan(cells: Sequence[dict[str, Any]]) -> None:
-    """Print a row for each number of good channels."""
-    table(cells, _TRIALS)
-
-
 def _show_margins(signal: str, margins: Sequence[Margin], target: float | None, chosen: Margin | None) -> None:
     """Print a row for each threshold; the one that meets the target last."""
     line(f"{signal}: false isolations of a healthy channel, an hour (95 %)")
-    shown = (
-        *(Column("threshold", "threshold", ".5g"), Column("an hour", _per_hour)),
-        Column("in the first frames", lambda margin: f"{margin.at_start:.1e} a flight" if _counted(margin) else ""),
-        *(Column("sets of errors", _sets), Column("repetitions", lambda m: str(m.repetitions) if _counted(m) else "")),
-    )
-    table([*margins, *([] if chosen is None else [chosen])], shown)
+    table([*margins, *([] if chosen is None else [chosen])], _MARGINS)
     for each in margins:
         if each.few is not None:
             line(f"threshold {each.threshold:.5g}: the bound alone: {each.few}; --flights N draws more")
@@ -271,16 +223,22 @@ def _show_margins(signal: str, margins: Sequence[Margin], target: float | None, 
         line(f"at most {target:g} an hour: threshold {chosen.threshold:.5g}")
 
 
-def _counted(margin: Margin) -> bool:
-    return margin.per_hour is not None
+def _counted(title: str, text: Callable[[Margin], str], none: Callable[[Margin], str] = lambda _: "") -> Column:
+    """Return a column of margins that events were counted of, ``none``: of the others."""
+    return Column(title, lambda margin: (none if margin.per_hour is None else text)(margin))
 
 
-def _per_hour(margin: Margin) -> str:
-    if margin.per_hour is None:
-        return f"at most {margin.high:.1e}"
-    return f"{margin.per_hour:.3e} ({margin.low:.3e} to {margin.high:.3e})"
-
-
-def _sets(margin: Margin) -> str:
-    cut = f", {margin.cut} excursions cut off" if margin.cut else ""
-    return f"{min(margin.sets)} to {max(margin.sets)}{cut}" if _counted(margin) else ""
+_MARGINS: Final = (
+    Column("threshold", "threshold", ".5g"),
+    _counted(
+        "an hour",
+        lambda m: f"{m.per_hour:.3e} ({m.low:.3e} to {m.high:.3e})",
+        lambda m: f"at most {m.high:.1e}",
+    ),
+    _counted("in the first frames", lambda m: f"{m.at_start:.1e} a flight"),
+    _counted(
+        "sets of errors",
+        lambda m: f"{min(m.sets)} to {max(m.sets)}" + (f", {m.cut} excursions cut off" if m.cut else ""),
+    ),
+    _counted("repetitions", lambda m: str(m.repetitions)),
+)

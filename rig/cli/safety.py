@@ -8,11 +8,24 @@ from dataclasses import dataclass
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Argument, Option
-
-from rig.cli.common import AllowCode, Json, Seed, Sets, Workers, comma_list, emit, require_ended, takes_options
+from rig.cli.common import (
+    AllowCode,
+    Json,
+    Seed,
+    Sets,
+    Workers,
+    arg,
+    comma_list,
+    emit,
+    flag,
+    named,
+    names,
+    opt,
+    require_ended,
+    takes_options,
+)
 from rig.cli.reliability import RatesFile, SignalName, reliability_app
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
@@ -44,22 +57,15 @@ _AT = (
 @reliability_app.command()
 def tree(
     folders: Annotated[
-        list[Path],
-        Argument(
-            metavar="DIR...",
-            help="Flown campaigns or trials of one manager, or one folder of cut sets.",
-            show_default=False,
-        ),
+        list[Path], arg("DIR...", "Flown campaigns or trials of one manager, or one folder of cut sets.")
     ],
     rates: RatesFile,
-    out: Annotated[Path, Option(metavar="FILE", help="The tree, Open-PSA XML.", show_default=False)],
-    channels: Annotated[int, Option(metavar="N", help="Channels of the signal.", min=1, max=4)] = 4,
-    hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = HOURS,
+    out: Annotated[Path, opt("FILE", "The tree, Open-PSA XML.")],
+    channels: Annotated[int, opt("N", "Channels of the signal.", min=1, max=4)] = 4,
+    hours: Annotated[str, opt("H,H...", "Durations of a flight, h.")] = HOURS,
     signal: SignalName = None,
-    chain: Annotated[
-        Path | None, Option(metavar="FILE", help="The same model as a chain, TOML.", show_default=False)
-    ] = None,
-    svg: Annotated[Path | None, Option(metavar="FILE", help="A picture of the tree.", show_default=False)] = None,
+    chain: Annotated[Path | None, opt("FILE", "The same model as a chain, TOML.")] = None,
+    svg: Annotated[Path | None, opt("FILE", "A picture of the tree.")] = None,
     as_json: Json = False,
 ) -> None:
     """Write the loss of a signal as a fault tree, and the same model as a chain beside it."""
@@ -108,14 +114,12 @@ def _show(result: TreeResult) -> None:
 class CutsetOptions:
     """The options of ``rig reliability cutsets``."""
 
-    out: Annotated[
-        Path, Option(metavar="DIR", help="Folder of the flights; a begun one is continued.", show_default=False)
-    ]
-    signal: Annotated[str, Option(metavar="SIGNAL", help="As in rig signals.")] = "pitch_rate"
-    aircraft: Annotated[str, Option(metavar="NAME", help="As in rig aircraft list.")] = "f16"
-    order: Annotated[int, Option(metavar="N", help="Faults of a sequence, 1 to 3.")] = 3
-    flights: Annotated[int, Option(metavar="N", help="Of each sequence in each condition.", min=1, max=10_000)] = 20
-    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="Conditions and gaps.")] = CONDITIONS
+    out: Annotated[Path, opt("DIR", "Folder of the flights; a begun one is continued.")]
+    signal: Annotated[str, opt("SIGNAL", "As in rig signals.")] = "pitch_rate"
+    aircraft: Annotated[str, opt("NAME", "As in rig aircraft list.")] = "f16"
+    order: Annotated[int, opt("N", "Faults of a sequence, 1 to 3.")] = 3
+    flights: Annotated[int, opt("N", "Of each sequence in each condition.", min=1, max=10000)] = 20
+    conditions: Annotated[str, opt("NAME,NAME...", "Conditions and gaps.")] = CONDITIONS
     seed: Seed = 0
     workers: Workers = 2
     sets: Sets = None
@@ -136,7 +140,8 @@ def cutsets(options: CutsetOptions) -> None:
     _require_flown(results)
     _, counted = of_folder(options.out)
     cut_sets = minimal(asked, counted)
-    whole = {**asked.as_dict(), **_sets_of(counted, cut_sets)}
+    flown = {name: {"sequences": len(of), "flights": sum(c.flown for c in of.values())} for name, of in counted.items()}
+    whole = {**asked.as_dict(), "flown": flown, "sets": [each.as_dict() for each in cut_sets]}
     write_sets(options.out, whole)
     emit(options.as_json, {"out": str(options.out), **whole}, lambda: _show_sets(counted, cut_sets))
 
@@ -152,30 +157,19 @@ def _asked(options: CutsetOptions) -> Asked:
     if not 1 <= options.order <= MOST_ORDER:
         why = "four are all channels, and nearly all sequences lose"
         raise BadInput(f"--order {options.order}: must be from 1 to {MOST_ORDER}: {why}")
-    asked = Asked(
-        aircraft=options.aircraft,
-        signal=options.signal,
-        order=options.order,
-        flights=options.flights,
-        conditions=tuple(dict.fromkeys(part.strip() for part in options.conditions.split(","))),
-        seed=options.seed,
-        set=dict(map(parse_set, options.sets or ())),
-    )
+    conditions, keys = tuple(names(options.conditions)), dict(map(parse_set, options.sets or ()))
+    asked = named(Asked, options, conditions=conditions, set=keys)
     require(asked)
     return asked
 
 
 @reliability_app.command()
 def confirm(
-    folder: Annotated[Path, Argument(metavar="DIR", help="A folder of rig reliability cutsets.", show_default=False)],
-    aircraft: Annotated[
-        str | None, Option(metavar="NAME,NAME...", help="To fly the sets on.", show_default="the folder's")
-    ] = None,
-    points: Annotated[
-        str, Option(metavar="NAME,NAME...", help="Flight points of them.", show_default="each aircraft's own")
-    ] = "",
-    flights: Annotated[int, Option(metavar="N", help="Of each sequence.", min=1, max=10_000)] = 20,
-    seed: Annotated[int, Option(metavar="N", help="Other than the enumeration's.", min=0, max=2**63 - 1)] = 1,
+    folder: Annotated[Path, arg("DIR", "A folder of rig reliability cutsets.")],
+    aircraft: Annotated[str | None, opt("NAME,NAME...", "To fly the sets on.", show_default="the folder's")] = None,
+    points: Annotated[str, opt("NAME,NAME...", "Flight points of them.", show_default="each aircraft's own")] = "",
+    flights: Annotated[int, opt("N", "Of each sequence.", min=1, max=10000)] = 20,
+    seed: Annotated[int, opt("N", "Other than the enumeration's.", min=0, max=2**63 - 1)] = 1,
     workers: Workers = 2,
     allow_code: AllowCode = False,
     as_json: Json = False,
@@ -187,9 +181,15 @@ def confirm(
     asked, cut_sets = read_asked(folder), again.claims(folder)
     if not cut_sets:
         raise BadInput(f"{folder}: no minimal set to confirm")
-    names = [part.strip() for part in (aircraft or asked.aircraft).split(",")]
-    at = [part.strip() for part in points.split(",") if part.strip()]
-    made = again.plans(asked, cut_sets, names, at, flights, seed, Trust(str(folder / CUTSETS), allow_code))
+    made = again.plans(
+        asked,
+        cut_sets,
+        names(aircraft or asked.aircraft),
+        names(points),
+        flights,
+        seed,
+        Trust(str(folder / CUTSETS), allow_code),
+    )
     with working("flying the sets again", not as_json, steps=True):
         results = again.fly(folder, made, workers, partial(tell, "flights"))
     _require_flown(results)
@@ -219,11 +219,9 @@ def _show_confirmed(rows: Sequence[Row]) -> None:
 
 @reliability_app.command()
 def fmea(
-    folders: Annotated[
-        list[Path], Argument(metavar="DIR...", help="Flown campaigns with single faults.", show_default=False)
-    ],
+    folders: Annotated[list[Path], arg("DIR...", "Flown campaigns with single faults.")],
     rates: RatesFile,
-    out: Annotated[Path, Option(metavar="FILE", help="A table, .csv, or a page, .html.", show_default=False)],
+    out: Annotated[Path, opt("FILE", "A table, .csv, or a page, .html.")],
     as_json: Json = False,
 ) -> None:
     """Write failure modes and effects of all items, each line with the flights that show it."""
@@ -243,21 +241,17 @@ def fmea(
 class ReportOptions:
     """The options of ``rig reliability report``."""
 
-    folder: Annotated[Path, Argument(metavar="DIR", help="A folder of rig reliability cutsets.", show_default=False)]
-    cells: Annotated[
-        list[Path], Option(metavar="DIR", help="Flown campaign reliability or trials; repeatable.", show_default=False)
-    ]
-    faults: Annotated[
-        list[Path], Option(metavar="DIR", help="Flown campaigns of single faults; repeatable.", show_default=False)
-    ]
+    folder: Annotated[Path, arg("DIR", "A folder of rig reliability cutsets.")]
+    cells: Annotated[list[Path], opt("DIR", "Flown campaign reliability or trials; repeatable.")]
+    faults: Annotated[list[Path], opt("DIR", "Flown campaigns of single faults; repeatable.")]
     rates: RatesFile
-    out: Annotated[Path, Option(metavar="FILE", help="The page, HTML.", show_default=False)]
-    channels: Annotated[int, Option(metavar="N", help="Channels of the signal.", min=1, max=4)] = 4
-    hours: Annotated[str, Option(metavar="H,H...", help="Durations of a flight, h.")] = HOURS
+    out: Annotated[Path, opt("FILE", "The page, HTML.")]
+    channels: Annotated[int, opt("N", "Channels of the signal.", min=1, max=4)] = 4
+    hours: Annotated[str, opt("H,H...", "Durations of a flight, h.")] = HOURS
     signal: SignalName = None
-    fly: Annotated[bool, Option("--fly", help="Fly first what is missing, the sets again too.")] = False
-    flights: Annotated[int, Option(metavar="N", help="With --fly, of each sequence.", min=1, max=10_000)] = 20
-    conditions: Annotated[str, Option(metavar="NAME,NAME...", help="With --fly, of the sets.")] = CONDITIONS
+    fly: Annotated[bool, flag("--fly", "Fly first what is missing, the sets again too.")] = False
+    flights: Annotated[int, opt("N", "With --fly, of each sequence.", min=1, max=10000)] = 20
+    conditions: Annotated[str, opt("NAME,NAME...", "With --fly, of the sets.")] = CONDITIONS
     sets: Sets = None
     workers: Workers = 2
 
@@ -289,16 +283,7 @@ def _fly_missing(options: ReportOptions, signal: str) -> None:
     """Fly what is missing of the campaigns and of the sets, and the sets again."""
     for campaign, folder in (("reliability", options.cells[0]), ("fmea", options.faults[0])):
         _fly_campaign(campaign, folder, options.sets, options.workers)
-    cutsets(
-        CutsetOptions(
-            out=options.folder,
-            signal=signal,
-            flights=options.flights,
-            conditions=options.conditions,
-            workers=options.workers,
-            sets=options.sets,
-        )
-    )
+    cutsets(named(CutsetOptions, options, out=options.folder, signal=signal))
     if json.loads((options.folder / SETS).read_text())["sets"]:
         confirm(options.folder, flights=options.flights, workers=options.workers, allow_code=True)  # of these --set
 
@@ -321,12 +306,6 @@ def _require_flown(results: Sequence[Result]) -> None:
         require_ended(each, f"{each.done} of {each.runs} flights of {each.out.name}")
 
 
-def _sets_of(counted: Mapping[str, Counts], cut_sets: Sequence[CutSet]) -> dict[str, Any]:
-    """Return the minimal sets, and how many sequences and flights there are of each condition."""
-    flown = {name: {"sequences": len(of), "flights": sum(c.flown for c in of.values())} for name, of in counted.items()}
-    return {"flown": flown, "sets": [each.as_dict() for each in cut_sets]}
-
-
 _SETS = (
     *(Column("condition", "condition"), Column("gap", "gap"), Column("modes by onset", lambda s: ", ".join(s.modes))),
     Column("lost", lambda s: f"{s.whole.lost} of {s.whole.flown}"),
@@ -340,10 +319,8 @@ _SETS = (
 def _show_sets(counted: Mapping[str, Counts], cut_sets: Sequence[CutSet]) -> None:
     """Print what was flown, and the minimal sets."""
     for name, of in counted.items():
-        lost = sum(each.lost for each in of.values())
-        line(
-            f"{name}: {len(of)} sequences, {lost} of {sum(each.flown for each in of.values())} flights lose the signal"
-        )
+        lost, flown = (sum(getattr(each, what) for each in of.values()) for what in ("lost", "flown"))
+        line(f"{name}: {len(of)} sequences, {lost} of {flown} flights lose the signal")
     line()
     table(cut_sets, _SETS)
     line("minimal: the lower end of its interval is above the upper ends of all its proper subsets")

@@ -6,10 +6,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Argument, Option
-
 from rig.cli import complete
-from rig.cli.common import AllowCodeOrSet, Json, Seed, Sets, Workers, emit, require_ended, takes_options
+from rig.cli.common import (
+    AllowCodeOrSet,
+    Json,
+    Seed,
+    Sets,
+    Workers,
+    arg,
+    emit,
+    flag,
+    named,
+    opt,
+    require_ended,
+    takes_options,
+)
 from rig.cli.table import field, line
 from rig.cli.working import working
 from rig.errors import BadInput
@@ -28,37 +39,22 @@ class SearchOptions:
 
     campaign: Annotated[
         str,
-        Argument(
-            metavar="FILE|NAME",
-            help="A campaign: its ranges within each combination of cases are searched.",
-            show_default=False,
+        arg(
+            "FILE|NAME",
+            "A campaign: its ranges within each combination of cases are searched.",
             autocompletion=complete.campaigns,
         ),
     ]
-    requirement: Annotated[
-        list[str],
-        Option(metavar="ID", help="What is to be violated; repeatable: any of them.", show_default=False),
-    ]
-    flights: Annotated[int, Option(metavar="N", help="Flights of the search, a tenth at random.", min=1, max=10**6)]
-    out: Annotated[
-        Path, Option(metavar="DIR", help="Folder of the search; a begun one is continued.", show_default=False)
-    ]
-    method: Annotated[str, Option(metavar="cma|random", help="How flights are chosen after the random ones.")] = "cma"
-    against: Annotated[
-        str | None,
-        Option(metavar="KEY=VALUE", help="Find what violates and, with this set too, does not.", show_default=False),
-    ] = None
+    requirement: Annotated[list[str], opt("ID", "What is to be violated; repeatable: any of them.")]
+    flights: Annotated[int, opt("N", "Flights of the search, a tenth at random.", min=1, max=10**6)]
+    out: Annotated[Path, opt("DIR", "Folder of the search; a begun one is continued.")]
+    method: Annotated[str, opt("cma|random", "How flights are chosen after the random ones.")] = "cma"
+    against: Annotated[str | None, opt("KEY=VALUE", "Find what violates and, with this set too, does not.")] = None
     requirements: Annotated[
-        list[str] | None,
-        Option(metavar="NAME|FILE", help="Where the ids are; repeatable.", show_default="all bundled sets"),
+        list[str] | None, opt("NAME|FILE", "Where the ids are; repeatable.", show_default="all bundled sets")
     ] = None
-    bench: Annotated[
-        bool, Option("--bench", help="Search open loop: one signal over the truth of a healthy flight.")
-    ] = False
-    scheduler: Annotated[
-        str | None,
-        Option(metavar="URL", help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False),
-    ] = None
+    bench: Annotated[bool, flag("--bench", "Search open loop: one signal over the truth of a healthy flight.")] = False
+    scheduler: Annotated[str | None, opt("URL", "A Dask scheduler, tcp://HOST:PORT, in place of processes.")] = None
     seed: Seed = 0
     workers: Workers = 2
     sets: Sets = None
@@ -92,14 +88,7 @@ def _plan(options: SearchOptions) -> SearchPlan:
 
     if options.method not in _METHODS:
         raise BadInput(f"--method {options.method}: must be one of {', '.join(_METHODS)}")
-    asked = Asked(
-        requirements=tuple(dict.fromkeys(options.requirement)),
-        flights=options.flights,
-        method=options.method,  # pyright: ignore[reportArgumentType]  # one of these
-        against=options.against,
-        seed=options.seed,
-        bench=options.bench,
-    )
+    asked = named(Asked, options, requirements=tuple(dict.fromkeys(options.requirement)))
     given = dict(map(parse_set, options.sets or []))
     source, campaign = str(find(options.campaign)), read(options.campaign, given)
     against = [] if options.against is None else [parse_against(options.against)]
@@ -115,27 +104,25 @@ def _shown(margin: float | None) -> str:
 
 def _show(ended: Ended, out: Path) -> None:
     """Print what was found, how sure it is, and where it is."""
-    figures = ended.figures
-    at_random, worst, confirmed = figures["random"], figures["worst"], figures["confirmed"]
-    field(
-        "flights",
-        f"{figures['flights']}, {figures['violated']} violate; least margin {_shown(figures['least_margin'])}",
-        width=_WIDTH,
-    )
-    bound = f"at most {100 * at_random['upper_95']:.3g} % (95 %)"
-    field("at random", f"{at_random['violated']} of {at_random['flights']} draws violate: {bound}", width=_WIDTH)
-    again = f"{worst['confirmed'][0]} of {worst['confirmed'][1]} new seeds violate"
-    field(
-        "worst",
-        f"run {worst['run']}, {worst['arm']}: {again}, median margin {_shown(worst['median_margin'])}",
-        width=_WIDTH,
-    )
-    for name in figures["left_out"]:
-        field("left out", f"{name}: every random flight violates it, and it would hide the others", width=_WIDTH)
-    if figures["scenario"]:
-        violated = ", ".join(f"{name} in {count}" for name, count in figures["violating"].items())
-        field("violated", f"{violated} of {confirmed[1]} other seeds", width=_WIDTH)
-        field("simplest", f"{figures['scenario']}: {confirmed[0]} of {confirmed[1]} other seeds violate", width=_WIDTH)
-    else:
-        line("no new seed violates: no scenario was written")
-    field("folder", f"{out}, table {ended.table_sha256}, {ended.wall_s:.1f} s", width=_WIDTH)
+    f = ended.figures
+    drawn, worst, (violate, seeds) = f["random"], f["worst"], f["confirmed"]
+    hides = "every random flight violates it, and it would hide the others"
+    violated = ", ".join(f"{name} in {count}" for name, count in f["violating"].items())
+    lines = [
+        ("flights", f"{f['flights']}, {f['violated']} violate; least margin {_shown(f['least_margin'])}"),
+        (
+            "at random",
+            f"{drawn['violated']} of {drawn['flights']} draws violate: at most {100 * drawn['upper_95']:.3g} % (95 %)",
+        ),
+        (
+            "worst",
+            f"run {worst['run']}, {worst['arm']}: {worst['confirmed'][0]} of {worst['confirmed'][1]} new seeds violate"
+            f", median margin {_shown(worst['median_margin'])}",
+        ),
+        *(("left out", f"{name}: {hides}") for name in f["left_out"]),
+        *([("violated", f"{violated} of {seeds} other seeds")] if f["scenario"] else []),
+        ("simplest", f"{f['scenario']}: {violate} of {seeds} other seeds violate" if f["scenario"] else ""),
+        ("folder", f"{out}, table {ended.table_sha256}, {ended.wall_s:.1f} s"),
+    ]
+    for label, text in lines:
+        field(label, text, width=_WIDTH) if text else line("no new seed violates: no scenario was written")
