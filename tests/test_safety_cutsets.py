@@ -229,6 +229,8 @@ def test_a_condition_that_loses_the_signal_without_a_fault_is_refused_before_the
         (("--order", "0"), "--order 0: must be from 1 to 3"),
         (("--signal", "pitch_rat"), "--signal: unknown signal 'pitch_rat', nearest: pitch_rate"),
         (("--conditions", "turn"), "--conditions: unknown 'turn'"),
+        (("--conditions", ","), "--conditions: names with commas between, got ,"),
+        (("--conditions", ""), "--conditions: names with commas between, got nothing"),
         (("--aircraft", "f61"), "f61"),
         (("--set", "redundancy.manager=nobody"), "nobody"),
     ],
@@ -285,6 +287,13 @@ def test_a_set_whose_chances_are_swapped_between_two_orders_is_named(monkeypatch
     ]
     assert [row.agrees for row in rows[2:]] == [True, True] and rows[0].p_value < 1e-9
     assert rows[0].shows == "p < 0.12 only"  # 0 of 20 shows no more
+
+
+def test_sets_are_flown_again_on_one_aircraft_at_least(rig_command, tmp_path: Path):
+    with begun(tmp_path / "out", ASKED.as_dict()):
+        claimed(tmp_path / "out", {"stuck": [20, 20]}, {})
+    code, _, err = rig_command("reliability", "confirm", str(tmp_path / "out"), "--aircraft", ",")
+    assert (code, err) == (2, "error: --aircraft: names with commas between, got ,\n")
 
 
 def test_sets_of_two_conditions_are_compared_each_with_its_own_flights(monkeypatch, tmp_path: Path):

@@ -18,7 +18,7 @@ from rig.record.histogram import names
 def by_kind(faults: pl.DataFrame) -> list[dict[str, Any]]:
     """Return, of each kind of fault of an actuator, how many were found by which monitor, and how soon.
 
-    One on a shut-off valve is found by ``valve``, which fails nobody; any other when its channel is shut off for it.
+    One on a shut-off valve is found by ``valve``, which fails no channel; any other when its channel is shut off.
     """
     acted = faults.filter(pl.col("signal").str.starts_with("actuator.") & pl.col("onset_s").is_not_null())
     figures = []

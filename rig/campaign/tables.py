@@ -170,7 +170,7 @@ EPISODES: Final[dict[str, Column]] = {
     "begin_s": Column(REAL, lambda s: s.of.first_frame / s.scenario.rate_hz),
     "frames": Column(INT, "of.frames"),
     "asked": Column(pl.List(TEXT), lambda s: list(s.of.asked)),
-    "resolver": Column(TEXT, "of.resolver"),  # whose answer stood at its end; unresolved when nobody's
+    "resolver": Column(TEXT, "of.resolver"),  # whose answer stood at its end; unresolved where none did
     "failed": Column(pl.List(INT), lambda s: list(s.of.failed)),
     "verdict": Column(TEXT, "of.verdict"),  # right, wrong, open
 }

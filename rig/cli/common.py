@@ -20,7 +20,7 @@ from rig.util.interrupt import CODE
 if TYPE_CHECKING:
     from rig.recordings.alignment import AlignOptions
 
-Number = TypeVar("Number", int, float)
+Number = TypeVar("Number", int, float, str)
 Made = TypeVar("Made")
 GROUP: Final[dict[str, Any]] = {
     "no_args_is_help": True,
@@ -49,11 +49,6 @@ def named(kind: Callable[..., Made], options: Any, **more: Any) -> Made:
     """Return a data class with the values of the options of its names; ``more``: the others."""
     names = {field.name for field in fields(kind)} - more.keys()  # pyright: ignore[reportArgumentType]  # a data class
     return kind(**{name: getattr(options, name) for name in names if hasattr(options, name)}, **more)
-
-
-def names(text: str) -> list[str]:
-    """Return the names between the commas of ``text``, each once, in order."""
-    return list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
 
 
 AllowCode = Annotated[
@@ -158,7 +153,7 @@ class Ending(Protocol):
 
     @property
     def interrupted(self) -> bool:
-        """Whether it was asked to stop."""
+        """Return whether it was asked to stop."""
         ...
 
     @property
@@ -195,7 +190,7 @@ def require_ended(ended: Ending, done: str, again: str = "the same command flies
 def comma_list(
     option: str, text: str, allowed: str, read: Callable[[str], Number], accept: Callable[[Number], bool]
 ) -> list[Number]:
-    """Return the numbers between the commas of ``text``; BadInput names what is ``allowed``."""
+    """Return the numbers, or names, between the commas of ``text``; BadInput says what is ``allowed``."""
     try:
         numbers = [read(part.strip()) for part in text.split(",")]
     except ValueError:
@@ -203,6 +198,11 @@ def comma_list(
     if not numbers or not all(accept(number) for number in numbers):
         raise BadInput(f"{option}: {allowed} with commas between, got {text or 'nothing'}")
     return numbers
+
+
+def names(option: str, text: str) -> list[str]:
+    """Return the names between the commas of ``text``, one at least, each once, in order."""
+    return list(dict.fromkeys(comma_list(option, text, "names", str, bool)))
 
 
 def whole_numbers(option: str, text: str, least: int, most: int, allowed: str = "whole numbers") -> list[int]:

@@ -157,7 +157,7 @@ def _asked(options: CutsetOptions) -> Asked:
     if not 1 <= options.order <= MOST_ORDER:
         why = "four are all channels, and nearly all sequences lose"
         raise BadInput(f"--order {options.order}: must be from 1 to {MOST_ORDER}: {why}")
-    conditions, keys = tuple(names(options.conditions)), dict(map(parse_set, options.sets or ()))
+    conditions, keys = tuple(names("--conditions", options.conditions)), dict(map(parse_set, options.sets or ()))
     asked = named(Asked, options, conditions=conditions, set=keys)
     require(asked)
     return asked
@@ -184,8 +184,8 @@ def confirm(
     made = again.plans(
         asked,
         cut_sets,
-        names(aircraft or asked.aircraft),
-        names(points),
+        names("--aircraft", aircraft or asked.aircraft),
+        names("--points", points) if points else [],
         flights,
         seed,
         Trust(str(folder / CUTSETS), allow_code),

@@ -96,7 +96,7 @@ def kill(command: tuple[str, ...], where: Path, delay_s: float, number: signal.S
 
 
 def tables(folder: Path) -> dict[str, pl.DataFrame]:
-    """Read the tables of a campaign's folder, whoever reads them else; a part without its ``runs`` does not count."""
+    """Read the tables of any campaign's folder, a search's too; a part without its ``runs`` does not count."""
     parts = sorted(path.name for path in (folder / "runs").glob("*.parquet"))
     return {
         name: table.joined(name, [pl.read_parquet((folder / name / part).read_bytes()) for part in parts])
