@@ -217,9 +217,9 @@ def case(number: int) -> tuple[Any, Any, float, Random]:
 
 
 def measured(tree: Any, rows: Any, scale: float, random: Random) -> tuple[str, float]:
-    """Return status and margin as the rig has them, the rows given in blocks of any size, and put together or not."""
+    """Return status and margin as the rig has them, the rows given in blocks of any size, and measured soon or late."""
     requirement = Requirement(id="random", formula=text(tree), at="each onset", scale=scale)
-    with patch.object(recorder_module, "BATCH", random.choice((1, 10, 1000))):
+    with patch.object(recorder_module, "AT_ONCE", random.choice((1, 10, 1000))):
         recorder, first = RequirementsRecorder([requirement], SUBJECT), 0
         while first < len(rows):
             size = random.choice((1, 3, 20, 64))

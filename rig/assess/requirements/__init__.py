@@ -6,9 +6,7 @@ subject.py      what there is to measure: signals, thresholds, faults, limits; c
 margins.py      verdict and margin of a tree over frames, by sliding minima
 along.py        beside the conclusion of a flight while it is flown; verdicts as plain data
 reach.py        comparisons that are decided before the flight
-bound.py        formulas of requirements over the signals of a subject
 shown.py        margins as they are shown
-instants.py     when a formula is asked for: start, onsets, losses
 recorder.py     blocks of rows in, verdicts out; measure.py: of flights, logs and rows
 
 docs/margins.md defines every quantity.

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.requirements.margin_kernels import counts_of_channels
 from rig.assess.requirements.subject import Quantity, Subject
 from rig.frame import CHANNELS, INDEX, Block, End, State, UnitStatus
+from rig.kernels import kernel
 from rig.units.angles import differences
 
 Floats = NDArray[np.float64]
@@ -27,94 +27,50 @@ class Columns:
     """Fills the columns of quantities, block after block in order of time."""
 
     def __init__(self, quantities: Sequence[Quantity], subject: Subject) -> None:
-        self._subject, self._quantities = subject, quantities
-        self._fillers = [
-            (_together(rows), self._filler(family, discrete, [quantities[i] for i in rows]))
-            for (family, discrete), rows in _grouped(quantities).items()
-        ]
+        self._columns = [_column(quantity, subject) for quantity in quantities]
 
     def fill(self, rows: Block, out: Floats) -> None:
         """Write the quantities of ``rows`` (n,) to ``out`` (Q, n)."""
-        for places, filler in self._fillers:
-            out[places] = filler(rows)
-
-    def _filler(self, family: str, discrete: bool, of: list[Quantity]) -> Callable[[Block], Any]:
-        """Return what gives (m, n) of the quantities ``of`` one family."""
-        prefix, places = ("discrete_", [q.discrete for q in of]) if discrete else ("", [q.signal for q in of])
-        channels = [place * CHANNELS + q.parts.channel - 1 for place, q in zip(places, of, strict=True)]
-        signals = self._subject.discretes if discrete else self._subject.signals
-        watched = [signals[place] for place in places] if places[0] >= 0 else []
-        state = _of_field(f"{prefix}state", channels)
-        match family:
-            case "truth" | "voted" | "level" | "reference":
-                return _of_field("discrete_truth" if discrete and family == "truth" else f"{prefix}{family}", places)
-            case "channel":
-                return _of_field("channels", channels)
-            case "flight" | "surface":
-                return _of_field(family, [q.element for q in of])
-            case "error" | "channel error":
-                voted = _of_field("voted", places) if family == "error" else _of_field("channels", channels)
-                truth = _of_field("truth", places)
-                wraps = np.array([each.wraps for each in watched])
-                return lambda rows: differences(voted(rows).T, truth(rows).T, wraps).T
-            case "threshold":
-                return lambda rows: np.broadcast_to([[each.threshold] for each in watched], (len(of), len(rows)))
-            case "failed":
-                return lambda rows: state(rows) == State.FAILED
-            case "count":
-                return _Counts(state, np.array([each.persistence for each in watched])).of
-            case "healthy":
-                acting = [
-                    _faults_on(self._subject, each.name, q.parts.channel) for each, q in zip(watched, of, strict=True)
-                ]
-                return lambda rows: _nothing_acts(rows, acting)
-            case "departure":
-                return _Departure(self._subject).of
-            case "lost":
-                return lambda rows: rows["end"] != End.FLYING
-            case "acting":
-                return lambda rows: rows["acting"].any(axis=1)
-            case "onset":
-                return Onsets().of
-        return lambda rows: np.isin(rows["unit"], _LATE)  # unit.late
+        for values, column in zip(out, self._columns, strict=True):
+            values[:] = column(rows)
 
 
-def _grouped(quantities: Iterable[Quantity]) -> dict[tuple[str, bool], list[int]]:
-    groups: dict[tuple[str, bool], list[int]] = {}
-    for i, quantity in enumerate(quantities):
-        groups.setdefault((quantity.parts.family, quantity.discrete >= 0), []).append(i)
-    return groups
-
-
-def _together(rows: list[int]) -> slice | list[int]:
-    """Return rows as a slice where they are neighbours."""
-    return slice(rows[0], rows[-1] + 1) if rows == list(range(rows[0], rows[-1] + 1)) else rows
-
-
-def _of_field(field: str, places: list[int]) -> Callable[[Block], Any]:
-    """Return what gives (m, n) elements of a field, each by its place in a row of it."""
-    return lambda rows: rows[field].reshape(len(rows), -1)[:, places].T
-
-
-def _faults_on(subject: Subject, name: str, channel: int) -> list[int]:
-    """Return the numbers of the faults that act on a channel."""
-    return [i for i, on in enumerate(subject.faults) if (name, channel) in on]
-
-
-def _acting_bits(rows: Block) -> NDArray[np.uint8]:
-    """Return (n, 64) whether each fault of the scenario acts in ``rows`` (n,)."""
-    return np.unpackbits(np.ascontiguousarray(rows["acting"]), axis=1, bitorder="little")
-
-
-def _nothing_acts(rows: Block, faults: list[list[int]]) -> NDArray[np.bool_]:
-    """Return (m, n) whether none of the faults of each channel acts."""
-    free = np.ones((len(faults), len(rows)), np.bool_)
-    if rows["acting"].any():
-        bits = _acting_bits(rows)
-        for i, numbers in enumerate(faults):
-            if numbers:
-                free[i] = ~bits[:, numbers].any(axis=1)
-    return free
+def _column(q: Quantity, subject: Subject) -> Callable[[Block], Any]:
+    """Return what gives (n,) of a quantity."""
+    discrete, place, c = q.discrete >= 0, max(q.signal, q.discrete), q.parts.channel - 1
+    prefix, signals = ("discrete_", subject.discretes) if discrete else ("", subject.signals)
+    match family := q.parts.family:
+        case "truth" if discrete:
+            return lambda rows: rows["discrete_truth"][:, place]
+        case "truth" | "voted" | "level" | "reference":
+            return lambda rows: rows[f"{prefix}{family}" if family != "truth" else "truth"][:, place]
+        case "channel":
+            return lambda rows: rows["channels"][:, place, c]
+        case "flight" | "surface":
+            return lambda rows: rows[family][:, q.element]
+        case "error" | "channel error":
+            wraps = signals[place].wraps
+            at = ("voted", place) if family == "error" else ("channels", place * CHANNELS + c)
+            of = lambda rows: rows[at[0]].reshape(len(rows), -1)[:, at[1]]  # noqa: E731
+            return lambda rows: differences(of(rows), rows["truth"][:, place], wraps)
+        case "threshold":
+            return lambda _: signals[place].threshold
+        case "failed":
+            return lambda rows: rows[f"{prefix}state"][:, place, c] == State.FAILED
+        case "count":
+            return _Count(f"{prefix}state", place, c, max(signals[place].persistence, 1))
+        case "healthy":
+            faults = [i for i, on in enumerate(subject.faults) if (signals[place].name, q.parts.channel) in on]
+            return lambda rows: ~np.unpackbits(rows["acting"], axis=1, bitorder="little")[:, faults].any(axis=1)
+        case "departure":
+            return _Departure(subject).of
+        case "lost":
+            return lambda rows: rows["end"] != End.FLYING
+        case "acting":
+            return lambda rows: rows["acting"].any(axis=1)
+        case "onset":
+            return Onsets().of
+    return lambda rows: np.isin(rows["unit"], _LATE)  # unit.late
 
 
 class Onsets:
@@ -139,19 +95,30 @@ class Onsets:
         return out
 
 
-class _Counts:
-    """Frames in a row that channels are suspect, over their persistence; 1 where they are failed."""
+class _Count:
+    """Frames in a row that a channel is suspect, over its persistence; 1 where it is failed."""
 
-    def __init__(self, state: Callable[[Block], Any], persistence: NDArray[np.int64]) -> None:
-        self._state, self._persistence = state, np.maximum(persistence, 1)
-        self._before = np.zeros(len(persistence), np.int64)  # frames in a row up to the last block
+    def __init__(self, field: str, place: int, channel: int, persistence: int) -> None:
+        self._of, self._persistence, self._before = (field, place, channel), persistence, 0
 
-    def of(self, rows: Block) -> Floats:
-        """Return (m, n)."""
-        state = self._state(rows)
-        out = np.empty(state.shape)
-        counts_of_channels(state, self._persistence, self._before, out)
+    def __call__(self, rows: Block) -> Floats:
+        """Return (n,)."""
+        field, place, channel = self._of
+        out = np.empty(len(rows))
+        self._before = counts(rows[field][:, place, channel], self._persistence, self._before, out)
         return out
+
+
+@kernel
+def counts(state, persistence, before, out):
+    """Fill ``out`` (n,) from the states of a channel; return the frames in a row up to its end, as ``before`` is.
+
+    Below 1 until the channel is failed: a count may stand still while a pattern without a majority lasts.
+    """
+    for k in range(len(state)):
+        before = before + 1 if state[k] == State.SUSPECT else 0
+        out[k] = 1.0 if state[k] == State.FAILED else min(before, persistence - 1) / persistence
+    return before
 
 
 class _Departure:

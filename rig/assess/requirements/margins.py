@@ -13,27 +13,27 @@ and of the unbounded until from a on.  The rule for a lost aircraft is ours.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.requirements.formula import COMPARISONS, Node
-from rig.assess.requirements.margin_kernels import (
-    LEAST,
-    MOST,
-    least_of_windows,
-    margins_of_comparison,
-    margins_of_flags,
-    until_backwards,
-)
 from rig.errors import BadInput
 from rig.faults.grammar import Op
 from rig.frame import to_frame
+from rig.kernels import kernel
 
 Floats = NDArray[np.float64]
-_REMEMBERED: Final = 8192  # frames of a condition, so that memory stays bounded
+MOST: Final = 1000.0  # JSON has no infinity; that of a state, which has no distance
+LEAST: Final = 1e-9  # a margin is never nearer below 0: met is 0 and above, violated is below 0
+_STRICT: Final = (Op.LESS, Op.GREATER, Op.NOT_EQUAL)
+_ARITHMETIC: Final[dict[Op, Any]] = {
+    **{Op.NEGATE: np.negative, Op.ABS: np.abs, Op.ADD: np.add, Op.SUBTRACT: np.subtract, Op.MULTIPLY: np.multiply},
+    **{Op.MIN: np.minimum, Op.MAX: np.maximum},
+    Op.DIVIDE: lambda a, b: np.where(np.equal(b, 0.0), np.nan, np.divide(a, b)),  # as in a trigger
+}
 
 
 class Held(NamedTuple):
@@ -41,57 +41,41 @@ class Held(NamedTuple):
 
     rows : of each name its row, or one for each channel
     frames : flown, None while it goes on; lost : the aircraft was
-    seen : conditions by identity, and from which frame on, of all channels
     """
 
     columns: Floats
     first: int
-    rows: list[slice | list[int]]
-    scales: list[float]  # of its comparisons
+    rows: tuple[NDArray[np.intp], ...]
+    scales: tuple[float, ...]  # of its comparisons
     rate_hz: float
     frames: int | None = None
     lost: bool = False
-    seen: dict[int, tuple[int, Floats]] | None = None
-    channel: int = -1  # the one that is measured, from 0; -1: all
-
-    def on(self, channel: int) -> Held:
-        """Return what is held of one channel."""
-        rows = [_row(of, channel) for of in self.rows]
-        return self._replace(rows=rows, channel=channel)
-
-    def known(self, node: Node, a: int, b: int) -> Floats | None:
-        """Return a condition in the frames ``a`` to ``b`` as it was seen, None if it was not."""
-        if self.seen is None or id(node) not in self.seen:
-            return None
-        first, of = self.seen[id(node)]
-        if a < first or b >= first + of.shape[-1]:
-            return None
-        part = of[..., a - first : b + 1 - first]
-        return part if self.channel < 0 or part.shape[1] == 1 else part[:, self.channel : self.channel + 1]
+    channel: int | None = None  # None: all
+    seen: dict[int, tuple[int, Floats]] | None = None  # values of nodes from a frame on, of all channels
 
     @property
     def end(self) -> int:
         """Frame after the last that is held."""
         return self.first + self.columns.shape[1]
 
-    def of(self, place: int, lo: int, hi: int) -> Floats:
-        """Return the quantity in the frames ``lo`` to ``hi``, (1, n) or (C, n)."""
-        return self.columns[self.rows[place], lo - self.first : hi + 1 - self.first]
+    def on(self, channel: int) -> Held:
+        """Return what is held of one channel."""
+        rows = tuple(row[min(channel, len(row) - 1) :][:1] for row in self.rows)
+        return self._replace(rows=rows, channel=channel)
 
-
-def _row(rows: slice | list[int], channel: int) -> slice:
-    """Return the row of one channel; rows : of each, or one that all have in common."""
-    if isinstance(rows, list):
-        row = rows[channel]
-    else:
-        row = rows.start if rows.stop - rows.start == 1 else rows.start + channel
-    return slice(row, row + 1)
+    def of(self, place: int, a: int, b: int) -> Floats:
+        """Return a quantity in the frames ``a`` to ``b``, (1, n) or (C, n)."""
+        return self.columns[self.rows[place], a - self.first : b + 1 - self.first]
 
 
 def frames_of(node: Node, rate_hz: float) -> tuple[int, int]:
     """Return the first and last frame of a window, counted from its instant; both ends are included."""
-    begin_s, end_s = node.window
-    return to_frame(begin_s, rate_hz), -to_frame(-end_s, rate_hz)
+    return _frames(node.window, rate_hz)
+
+
+@lru_cache(maxsize=1024)
+def _frames(window: tuple[float, float], rate_hz: float) -> tuple[int, int]:
+    return to_frame(window[0], rate_hz), -to_frame(-window[1], rate_hz)
 
 
 def refuse_empty_windows(root: Node, rate_hz: float) -> None:
@@ -106,7 +90,7 @@ def refuse_empty_windows(root: Node, rate_hz: float) -> None:
 def frames_reach(node: Node, rate_hz: float) -> tuple[int, int]:
     """Return how many frames a formula looks back and ahead."""
     below = [frames_reach(part, rate_hz) for part in node.parts]
-    back, ahead = max((b for b, _ in below), default=0), max((a for _, a in below), default=0)
+    back, ahead = (max((each[i] for each in below), default=0) for i in (0, 1))
     last = frames_of(node, rate_hz)[1]
     return (back + last, ahead) if node.op == Op.ONCE else (back, ahead + last)
 
@@ -114,30 +98,32 @@ def frames_reach(node: Node, rate_hz: float) -> tuple[int, int]:
 def values(node: Node, lo: int, hi: int, held: Held) -> Floats:
     """Return (2, C, hi - lo + 1) of a condition in the frames ``lo`` to ``hi``; NaN in those that are not held."""
     a, b = max(lo, held.first), min(hi, held.end - 1)
-    if a == lo and b == hi:
-        return _condition(node, a, b, held)
     if a > b:
         return np.full((2, 1, hi - lo + 1), np.nan)
-    of_range = _condition(node, a, b, held)
-    out = np.full((2, of_range.shape[1], hi - lo + 1), np.nan)
-    out[..., a - lo : b + 1 - lo] = of_range
+    found = _seen(node, a, b, held)
+    out = found if (a, b) == (lo, hi) else np.full((2, found.shape[1], hi - lo + 1), np.nan)
+    out[..., a - lo : b + 1 - lo] = found
     return out
 
 
+def _seen(node: Node, a: int, b: int, held: Held) -> Floats:
+    """Return what ``_condition`` does, from what was measured of all channels where it reaches so far."""
+    begin, known = (held.seen or {}).get(id(node), (a, None))
+    if known is not None and begin <= a and b < begin + known.shape[2]:
+        channel = slice(None) if held.channel is None else slice(min(held.channel, known.shape[1] - 1), None)
+        return known[:, channel, a - begin : b + 1 - begin][:, : None if held.channel is None else 1]
+    found = _condition(node, a, b, held)
+    if held.seen is not None and held.channel is None:
+        held.seen[id(node)] = a, found
+    return found
+
+
 def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
-    """Return (2, C, b - a + 1) of frames that are held, and remember it."""
-    remembered = held.known(node, a, b)
-    if remembered is not None:
-        return remembered
-    measured = _measured(node, a, b, held)
-    if held.seen is not None and held.channel < 0 and b - a < _REMEMBERED:
-        held.seen[id(node)] = a, measured
-    return measured
-
-
-def _measured(node: Node, a: int, b: int, held: Held) -> Floats:
+    """Return (2, C, b - a + 1) of frames that are held."""
     if node.op == Op.HOLDS:
-        return _yes_no(held.of(node.place, a, b), node.sign)
+        column = held.of(node.place, a, b)
+        margin = np.where(np.isnan(column), -node.sign * MOST, np.where(column != 0.0, 1.0, -1.0))
+        return np.array([np.sign(margin), margin])
     if node.op in COMPARISONS:
         return _compared(node, a, b, held)
     if node.op == Op.NOT:
@@ -150,46 +136,29 @@ def _measured(node: Node, a: int, b: int, held: Held) -> Floats:
         least = np.fmin if node.op == Op.AND else np.fmax  # what was not flown does not count
         return least(*(values(part, a, b, held) for part in node.parts))
     first, last = frames_of(node, held.rate_hz)
-    if node.op == Op.ALWAYS:
-        return _cut(_in_window(node, a + first, b + last, last - first + 1, held), a, b, node, held)
-    if node.op == Op.EVENTUALLY:
-        return _in_window(node, a + first, b + last, last - first + 1, held)
-    if node.op == Op.ONCE:
-        return _in_window(node, a - last, b - first, last - first + 1, held)
-    return _until(node, a, b, held)
+    if node.op == Op.UNTIL:
+        return _until(node, a, b, held)
+    lo, hi = (a - last, b - first) if node.op == Op.ONCE else (a + first, b + last)
+    found = extremes(values(node.parts[0], lo, hi, held), last - first + 1, 1.0 if node.op == Op.ALWAYS else -1.0)
+    return _cut(found, a, b, (first, last), held) if node.op == Op.ALWAYS else found
 
 
-def _in_window(node: Node, lo: int, hi: int, width: int, held: Held) -> Floats:
-    """Return (2, C, n) of n windows that begin from frame ``lo`` on and end up to ``hi``."""
-    part, least = node.parts[0], node.op == Op.ALWAYS
-    if hi - lo + 1 > width:
-        return (least_of if least else largest_of)(values(part, lo, hi, held), width)
-    a, b = max(lo, held.first), min(hi, held.end - 1)
-    if a > b:
-        return np.full((2, 1, 1), np.nan)
-    return (np.fmin if least else np.fmax).reduce(_condition(part, a, b, held), axis=-1, keepdims=True)
+@kernel
+def margins_of_comparison(apart, strict, scale, sign, out):
+    """Fill ``out`` (2, C, n) with verdict and margin of a comparison whose sides are ``apart`` (C, n).
 
-
-def values_at(node: Node, instants: Sequence[int], channels: int, held: Held) -> Floats:
-    """Return (2, channels, m) of a condition at m instants, in order: windows between them are not gone through."""
-    out = np.empty((2, channels, len(instants)))
-    if node.op in (Op.ALWAYS, Op.EVENTUALLY):
-        first, last = frames_of(node, held.rate_hz)
-        a, b = max(instants[0] + first, held.first), min(instants[-1] + last, held.end - 1)
-        if b - a >= _REMEMBERED:
-            out[:] = values(node, instants[0], instants[-1], held)[..., np.array(instants) - instants[0]]
-            return out
-        if a <= b:
-            _condition(node.parts[0], a, b, held)  # remembered
-    for i, k in enumerate(instants):
-        out[..., i] = values(node, k, k, held)[..., 0]
-    return out
-
-
-def _yes_no(column: Floats, sign: int) -> Floats:
-    out = np.empty((2, *column.shape))
-    margins_of_flags(column, sign, out)
-    return out
+    strict : they must be, by more than nothing, and equals are violated by LEAST
+    sign : -1 where it is negated; no number violates, whatever is negated
+    """
+    for c in range(apart.shape[0]):
+        for k in range(apart.shape[1]):
+            of = apart[c, k]
+            margin = of / scale
+            wrong = np.isnan(margin)
+            met = of > 0.0 if strict else of >= 0.0
+            out[0, c, k] = -sign if wrong else (1.0 if met else -1.0)
+            margin = min(max(margin, 0.0), MOST) if met else min(max(margin, -MOST), -LEAST)
+            out[1, c, k] = -sign * MOST if wrong else margin
 
 
 def _compared(node: Node, a: int, b: int, held: Held) -> Floats:
@@ -197,11 +166,9 @@ def _compared(node: Node, a: int, b: int, held: Held) -> Floats:
     apart = right - left if node.op in (Op.LESS, Op.LESS_EQUAL) else left - right
     if node.op in (Op.EQUAL, Op.NOT_EQUAL):
         apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
-    if not isinstance(apart, np.ndarray):  # of two numbers
-        apart = np.full((1, b - a + 1), apart)
+    apart = apart if isinstance(apart, np.ndarray) else np.full((1, b - a + 1), apart)  # of two numbers
     out = np.empty((2, *apart.shape))
-    strict = node.op in (Op.LESS, Op.GREATER, Op.NOT_EQUAL)
-    margins_of_comparison(apart, strict, held.scales[node.place], node.sign, out)
+    margins_of_comparison(apart, node.op in _STRICT, held.scales[node.place], node.sign, out)
     return out
 
 
@@ -211,71 +178,72 @@ def number(node: Node, a: int, b: int, held: Held) -> Floats | float:
         return node.value
     if node.op == Op.QUANTITY:
         return held.of(node.place, a, b)
-    of = [number(part, a, b, held) for part in node.parts]
-    match node.op:
-        case Op.NEGATE:
-            return -of[0]
-        case Op.ABS:
-            return np.abs(of[0])
-        case Op.ADD:
-            return of[0] + of[1]
-        case Op.SUBTRACT:
-            return of[0] - of[1]
-        case Op.MULTIPLY:
-            return of[0] * of[1]
-        case Op.DIVIDE:
-            return np.where(np.equal(of[1], 0.0), np.nan, np.divide(of[0], of[1]))  # as in a trigger
-        case Op.MIN:
-            return np.minimum(of[0], of[1])
-    return np.maximum(of[0], of[1])
+    return _ARITHMETIC[node.op](*(number(part, a, b, held) for part in node.parts))
 
 
-def least_of(of: Floats, width: int) -> Floats:
-    """Return (2, C, n) the least of each ``width`` neighbours of (2, C, n + width - 1); NaN only where all are."""
-    return _extremes(of, width, 1.0)
+@kernel
+def least_of_windows(of, width, sign, kept, out):
+    """Fill ``out`` (2, C, n - width + 1) with the least of ``of`` (2, C, n) in each window; sign : -1 the largest.
+
+    kept : (n,) scratch: the frames of the window that are less than all later ones, in order of time
+    """
+    for i in range(of.shape[0]):
+        for c in range(of.shape[1]):
+            first = end = 0  # of what is kept
+            for k in range(of.shape[2]):
+                value = sign * of[i, c, k]
+                if not np.isnan(value):
+                    while end > first and sign * of[i, c, kept[end - 1]] >= value:
+                        end -= 1
+                    kept[end] = k
+                    end += 1
+                if k >= width - 1:
+                    if end > first and kept[first] <= k - width:
+                        first += 1
+                    out[i, c, k - width + 1] = of[i, c, kept[first]] if end > first else np.nan
 
 
-def largest_of(of: Floats, width: int) -> Floats:
-    """Return what ``least_of`` does, of the largest."""
-    return _extremes(of, width, -1.0)
+def extremes(of: Floats, width: int, sign: float) -> Floats:
+    """Return (2, C, n) the least of each ``width`` neighbours of (2, C, n + width - 1); sign : -1 the largest.
 
-
-def _extremes(of: Floats, width: int, sign: float) -> Floats:
-    if width == 1:
-        return of
+    NaN only where all are.
+    """
     out = np.empty((*of.shape[:2], of.shape[2] - width + 1))
     least_of_windows(of, width, sign, np.empty(of.shape[2], np.int64), out)
     return out
 
 
-def _cut(out: Floats, a: int, b: int, node: Node, held: Held) -> Floats:
+def _cut(out: Floats, a: int, b: int, window: tuple[int, int], held: Held) -> Floats:
     """Violate each ``always`` that a lost aircraft cuts: at most -1 minus the share that was not flown."""
     if not held.lost or held.frames is None:
         return out
-    first, last = frames_of(node, held.rate_hz)
-    width = last - first + 1
-    missing = np.clip(np.arange(a, b + 1) + last - (held.frames - 1), 0, width)
-    cut = missing > 0
-    if not cut.any():
-        return out
-    out = out.copy()
-    out[0][:, cut], out[1][:, cut] = -1.0, np.fmin(out[1][:, cut], -1.0 - missing[cut] / width)
-    return out
+    width = window[1] - window[0] + 1
+    missing = np.clip(np.arange(a, b + 1) + window[1] - (held.frames - 1), 0, width)
+    share = np.fmin(out, np.array([np.full(len(missing), -1.0), -1.0 - missing / width])[:, None])
+    return np.where(missing > 0, share, out)
+
+
+@kernel
+def until_backwards(p, q, out):
+    """Fill ``out`` (m, n) with p until q to the end of the rows, p and q (m, n)."""
+    for i in range(p.shape[0]):
+        last = -np.inf
+        for k in range(p.shape[1] - 1, -1, -1):
+            last = max(q[i, k], min(p[i, k], last))
+            out[i, k] = last
 
 
 def _until(node: Node, a: int, b: int, held: Held) -> Floats:
     """Return the least of: eventually q; p up to the window; and p until q, without a bound, from there on."""
     first, last = frames_of(node, held.rate_hz)
     left, right = (values(part, a, b + last, held) for part in node.parts)
-    reached = largest_of(right[..., first:], last - first + 1)
-    p, q = np.broadcast_arrays(left, right)
-    p = np.where(np.isnan(p), np.inf, p)
-    unbounded = np.empty((2, p.shape[1], p.shape[2]))
-    q = np.where(np.isnan(q), -np.inf, q)
-    until_backwards(*(of.reshape(-1, of.shape[-1]) for of in (p, q, unbounded)))
+    reached = extremes(right[..., first:], last - first + 1, -1.0)
+    p, q = np.broadcast_arrays(np.where(np.isnan(left), np.inf, left), np.where(np.isnan(right), -np.inf, right))
+    unbounded = np.empty(p.shape)
+    until_backwards(*(of.reshape(-1, right.shape[-1]) for of in (p, q, unbounded)))
     out = np.minimum(reached, unbounded[..., first : first + b - a + 1])  # NaN where nothing was flown stays
     if first > 0:
-        before = least_of(p[..., : b - a + first], first)
+        before = extremes(p[..., : b - a + first], first, 1.0)
         out = np.fmin(out, np.where(np.isnan(reached), np.nan, before))
     return out
 
@@ -287,15 +255,15 @@ def decisive(node: Node, k: int, held: Held) -> int:
     if node.op in (Op.NOT, Op.STATE):
         return decisive(node.parts[0], k, held)
     if node.op in (Op.AND, Op.OR):
-        margins = [values(part, k, k, held)[1, 0, 0] for part in node.parts]
-        chosen = _extreme(np.array(margins), node.op == Op.AND)
+        margins = np.array([values(part, k, k, held)[1, 0, 0] for part in node.parts])
+        chosen = _extreme(margins, node.op == Op.AND)
         return k if chosen is None else decisive(node.parts[chosen], k, held)
-    first, last = frames_of(node, held.rate_hz)
     if node.op == Op.UNTIL:
         return _decisive_until(node, k, held)
+    first, last = frames_of(node, held.rate_hz)
     lo, hi = (k - last, k - first) if node.op == Op.ONCE else (k + first, k + last)
-    lo, until = max(lo, held.first), min(hi, held.end - 1)
-    margins = values(node.parts[0], lo, until, held)[1, 0] if lo <= until else np.empty(0)
+    lo = max(lo, held.first)
+    margins = values(node.parts[0], lo, max(lo, hi), held)[1, 0]
     chosen = _extreme(margins, node.op == Op.ALWAYS)
     cut = node.op == Op.ALWAYS and held.lost and held.frames is not None and hi >= held.frames
     if chosen is None or (cut and margins[chosen] > -1.0):
@@ -304,11 +272,8 @@ def decisive(node: Node, k: int, held: Held) -> int:
 
 
 def _extreme(margins: Floats, least: bool) -> int | None:
-    chosen = int(margins.argmin() if least else margins.argmax()) if len(margins) else -1
-    if chosen < 0 or not np.isnan(margins[chosen]):  # numpy finds a NaN first
-        return None if chosen < 0 else chosen
-    missing = np.isnan(margins)
-    return None if missing.all() else _extreme(np.where(missing, np.inf if least else -np.inf, margins), least)
+    """Return the place of the least or largest margin; None where none is a number."""
+    return None if np.isnan(margins).all() else int((np.nanargmin if least else np.nanargmax)(margins))
 
 
 def _decisive_until(node: Node, k: int, held: Held) -> int:

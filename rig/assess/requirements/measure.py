@@ -83,7 +83,7 @@ def check_rows(
     else:
         recorder = RequirementsRecorder(requirements, subject)
     for part in cuts(len(rows)):
-        recorder.take(rows[part])
+        recorder.record(rows[part])
     return recorder.finish()
 
 
@@ -116,7 +116,7 @@ def check_log(
     try:
         recorder = recorder_of(scenario, requirements, twin, unit)
         for block in log.blocks():
-            recorder.take(block.rows)
+            recorder.record(block.rows)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     return recorder.finish()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import pi
 
-from rig.assess.requirements.bound import texts_of
-from rig.assess.requirements.formula import LONGEST, YES_NO, Name, may_hold, split
+from rig.assess.requirements.formula import CHANNEL, LONGEST, SIGNAL, YES_NO, Name, may_hold, split
 from rig.assess.requirements.requirement import Requirement
+from rig.assess.requirements.subject import Subject, signals_of
 from rig.assess.requirements.subject import of_flight as subject_of
 from rig.faults.grammar import Grammar, Op, Step, parse
 from rig.faults.reach import EVERY_NUMBER, Decided, Operand, Span, decided, of_flight, of_truth, of_vote
@@ -22,10 +22,19 @@ def notes(requirements: Sequence[Requirement], scenario: Scenario) -> list[str]:
     found = (
         f"requirement {each.id}: {one}; numbers are in SI units"
         for each in requirements
-        for _, text in texts_of(each, subject)
+        for text in _texts(each, subject)
         for one in decided_in(text)
     )
     return list(dict.fromkeys(found))
+
+
+def _texts(requirement: Requirement, subject: Subject) -> Iterator[str]:
+    """Yield the formula on each of its signals, and on each of their channels."""
+    fitted = {watched.name: watched.channels for watched in subject.signals}
+    for name in signals_of(requirement, subject) if SIGNAL in requirement.formula else [""]:
+        text = requirement.formula.replace(SIGNAL, name)
+        for c in range(1, fitted.get(name, 0) + 1) if CHANNEL in text else (1,):
+            yield text.replace(CHANNEL, str(c))
 
 
 def decided_in(formula: str) -> Iterator[Decided]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import Final
 
-from rig.assess.requirements.margin_kernels import MOST
+from rig.assess.requirements.margins import MOST
 
 _TINY: Final = 1e-6  # below which a margin under 0 is that of a strict comparison of equals
 

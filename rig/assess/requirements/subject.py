@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from rig.assess.monitored import channels_of, settings_of
 from rig.assess.requirements.formula import CHANNEL_ERROR, OF_CHANNELS, OTHERS, YES_NO, Name, split, unknown_family
+from rig.assess.requirements.requirement import Requirement
 from rig.faults.places import SURFACE_NAMES
 from rig.frame import CHANNELS, DISCRETES, FLIGHT_INDEX, SIGNALS
 from rig.plant.airframe import Limits
@@ -96,6 +97,12 @@ def of_flight(scenario: Scenario) -> Subject:
 def of_recording(signals: Sequence[Watched], discretes: Sequence[Watched], rate_hz: float, frames: int) -> Subject:
     """Return a recording as a subject: it has what was sampled and what was voted."""
     return Subject(rate_hz, frames, tuple(signals), tuple(discretes), faulted=tuple(each.name for each in signals))
+
+
+def signals_of(requirement: Requirement, subject: Subject) -> list[str]:
+    """Return the signals that a requirement names, or those with faults."""
+    given = requirement.signals
+    return [w.name for w in subject.signals] if given == "*" else list(subject.faulted if given is None else given)
 
 
 def lookup(name: str, subject: Subject) -> Quantity | None:
