@@ -12,9 +12,9 @@ from rig.assess.of_log import score_log
 from rig.assess.record import Yardstick
 from rig.flight.assembly import fly
 from rig.flight.result import Flight
+from rig.log.blocks import Frames
 from rig.report.actuators import happened, of_actuator
 from rig.report.flight import report
-from rig.report.gathered import Kept
 from rig.util.palette import RED
 
 
@@ -35,7 +35,7 @@ def test_the_picture_shows_the_channel_leave_its_threshold_and_end(flight: Fligh
     (one,) = happened(scored)
     assert (one.surface, one.begin) == ("elevator", ONSET - 50)
     assert log.lanes is not None
-    kept = Kept(log.rows[one.begin : one.end], log.lanes[one.begin : one.end])
+    kept = Frames(log.rows[one.begin : one.end], np.empty(0), log.lanes[one.begin : one.end])
     figure: Any = of_actuator(kept, scored, one)
     currents = {line.name: np.array(line.y) for line in figure.data if line.yaxis == "y2"}
     beyond = {name: int((np.abs(values) > 0.25).sum()) for name, values in currents.items()}

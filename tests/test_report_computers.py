@@ -11,10 +11,10 @@ from rig.assess.of_log import score_log
 from rig.assess.record import Yardstick
 from rig.flight.assembly import fly
 from rig.flight.result import Flight
+from rig.log.blocks import Frames
 from rig.report import computers
 from rig.report.course import Course
 from rig.report.flight import report
-from rig.report.gathered import Kept
 from rig.report.timeline import Span, used
 
 ONSET, FAILED = 100, 105
@@ -36,9 +36,8 @@ def test_the_page_says_who_failed_which_lane_for_what_and_after_how_long(flight:
 
 
 def test_the_states_are_those_of_lanes_and_of_votes_that_were_not_normal(flight: Flight):
-    log, course = flight.recorded, Course(1)
-    for block in log.blocks():
-        course.add(block.rows, block.lanes)
+    log = flight.recorded
+    course = Course(Frames(log.rows, log.timing, log.lanes), 1)
     spans = [span for span in computers.states(course, log.rate_hz, 4) if span.lane in ("lane B", "vote elevator")]
     told = [(span.lane, round(span.begin_s, 2), round(span.end_s, 2), span.label) for span in spans]
     assert told[0] == ("lane B", 0.0, 1.04, "engaged")
@@ -52,7 +51,7 @@ def test_the_picture_shows_one_command_leave_the_threshold_of_the_others(flight:
     log, scored = flight.recorded, score_log(flight.log, Yardstick(), twin=False)
     one = computers.happened(scored, log.events)
     assert one is not None and one.begin == ONSET - 50 and log.lanes is not None
-    kept = Kept(log.rows[one.begin : one.end], log.lanes[one.begin : one.end])
+    kept = Frames(log.rows[one.begin : one.end], np.empty(0), log.lanes[one.begin : one.end])
     figure: Any = computers.commands(kept, scored, one)
     low, high = flight.scenario.airframe.surface_limits[0]
     limit = np.degrees(flight.scenario.computers.command_threshold * (high - low))

@@ -13,12 +13,13 @@ import pytest
 from browser import visit
 
 from rig.flight.assembly import Flight, fly
-from rig.frame import INDEX, Block, State, new_block
+from rig.frame import INDEX, State, new_block
+from rig.log.blocks import Frames
 from rig.report.course import Course
 from rig.report.figures import of_flight, spanned, surfaces, vote_errors
 from rig.report.flight import report
-from rig.report.gathered import Gathered, Gathering, errors
-from rig.report.lines import MOST_POINTS, Thinning, line, thinned
+from rig.report.gathered import errors, of_signal, of_surface
+from rig.report.lines import MOST_POINTS, line, thinned
 from rig.report.timeline import spans
 from rig.util.palette import RED
 
@@ -77,8 +78,7 @@ def test_a_hardover_does_not_flatten_the_others(page: tuple[dict[str, Any], str]
 
 
 def test_the_lanes_change_when_the_fault_begins_and_when_the_channel_is_failed(flight: Flight):
-    course = Course(1)
-    course.add(flight.rows)
+    course = Course(Frames(flight.rows, np.empty(0)), 1)
     found = spans(course, 100.0, ["pitch_rate"], ["hardover pitch_rate.3"])
     by = {(span.lane, span.label): (span.begin_s, span.end_s) for span in found}
     assert by["fault hardover pitch_rate.3", "acting"] == (3.0, 6.0)
@@ -182,21 +182,6 @@ def test_a_thinned_line_keeps_its_extremes():
     assert np.array_equal(thinned(values[:MOST_POINTS]), np.arange(MOST_POINTS))
 
 
-@pytest.mark.parametrize("frames", [3, MOST_POINTS, 7 * MOST_POINTS + 1])
-def test_a_line_in_blocks_is_that_of_all_of_it(frames: int):
-    values = np.random.default_rng(frames).normal(size=frames)
-    values[[0, -1]] = np.nan, np.inf
-    thinning, at = Thinning(frames), 0
-    for size in (1, 2, 6_000, 1, frames):
-        thinning.add(values[at : at + size])
-        at += size
-    found, whole = thinning.line(50.0), line(np.arange(frames) / 50.0, values)
-    for ours, theirs in zip(found, whole, strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-    inner = values[1:-1]
-    assert (found.least, found.most) == (inner.min(), inner.max())
-
-
 def test_a_report_in_small_blocks_is_that_of_the_whole_log(
     split: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
@@ -213,18 +198,9 @@ def test_an_angle_goes_on_through_north_from_block_to_block():
     for field in ("truth", "voted"):
         rows[field][:, s] = turned % (2.0 * np.pi)
     rows["channels"][:, s] = turned[:, None] % (2.0 * np.pi)
-    shown = gathered(rows, ["heading"], size=37).signals["heading"]
+    shown = of_signal(rows, 100.0, "heading", 0.1)
     for drawn in (shown.truth, shown.voted, *shown.channels):
         assert drawn.values == pytest.approx(np.degrees(turned))
-
-
-def gathered(rows: Block, names: list[str], size: int = 3) -> Gathered:
-    """What the pictures show of rows at 100 Hz, threshold 0.1, that come ``size`` at a time."""
-    limits = dict.fromkeys(names, 0.1)
-    gathering = Gathering(len(rows), 100.0, limits, limits, [])
-    for first in range(0, len(rows), size):
-        gathering.add(rows[first : first + size])
-    return gathering.gathered()
 
 
 def test_small_motion_is_not_blown_up():
@@ -238,7 +214,7 @@ def test_small_motion_is_not_blown_up():
 def test_what_reaches_an_actuator_is_drawn_where_a_fault_changed_it():
     rows = new_block(3)
     rows["frame"], rows["actuator"][:, 1] = np.arange(3), np.radians(4.0)  # of the aileron
-    drawn = surfaces(gathered(rows, []).surfaces).to_dict()
+    drawn = surfaces([of_surface(rows, 100.0, i) for i in range(4)]).to_dict()
     changed = [trace["yaxis"] for trace in drawn["data"] if trace["name"] == "at the actuator"]
     assert changed == ["y2"]
     assert drawn["layout"]["yaxis"]["range"] == [-1.0, 1.0]
@@ -249,9 +225,10 @@ def test_a_flight_that_ends_not_finite_can_be_drawn():
     rows, s = new_block(4), INDEX["roll_angle"]
     rows["frame"], rows["truth"][:, s] = np.arange(4), [0.0, 1.0, np.inf, np.nan]
     rows["voted"][:, s], rows["actuator"][:, 0] = [0.0, 1e300, np.nan, 0.0], [0.0, 1e300, np.inf, np.nan]
-    found, acts = gathered(rows, ["roll_angle"]), np.ones(4, bool)
-    drawn = [of_flight(found.signals["roll_angle"], 100.0, "roll_angle", acts)]
-    drawn += [vote_errors(found.errors, {"roll_angle": 0.1}), surfaces(found.surfaces)]
+    drawn = [of_flight(of_signal(rows, 100.0, "roll_angle", 0.1), 100.0, "roll_angle", np.ones(4, bool))]
+    off = line(rows["frame"] / 100.0, errors(rows, "roll_angle") / 0.1)
+    drawn += [vote_errors({"roll_angle": off}, {"roll_angle": 0.1})]
+    drawn += [surfaces([of_surface(rows, 100.0, i) for i in range(4)])]
     for figure in drawn:
         assert "NaN" not in json.dumps(json.loads(figure.to_json() or ""))
 

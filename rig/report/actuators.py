@@ -15,10 +15,10 @@ from rig.assess.of_log import Scored
 from rig.assess.record import ActuatorFailure, ActuatorScore
 from rig.faults.places import number, site
 from rig.frame import MOVED
+from rig.log.blocks import Frames
 from rig.record.failures import decisive_s
 from rig.report.course import Course
 from rig.report.figures import ACTING, DOTTED, draw_line
-from rig.report.gathered import Kept
 from rig.report.page import lay_out
 from rig.report.timeline import Span, eventful, spans_of
 from rig.stages import actuator_monitors
@@ -83,15 +83,15 @@ def _for(failure: ActuatorFailure) -> str:
 
 def states(course: Course, rate_hz: float) -> list[Span]:
     """Return, of each surface with an event, which of its channels was shut off when, and how many moved it."""
-    found, changes = list[Span](), course.lanes()
+    found = list[Span]()
     for surface in MOVED:
-        of = [(lane, changes[lane.path]) for lane in of_surface(surface) if lane.path in changes]
+        of = [(lane, course.lanes[lane.path]) for lane in of_surface(surface) if lane.path in course.lanes]
         spans = [span for lane, change in of for span in spans_of(change, lane, course.frames, rate_hz)]
         found += spans if eventful(spans) else []
     return found
 
 
-def of_actuator(kept: Kept, scored: Scored, one: Happened) -> go.Figure:
+def of_actuator(kept: Frames, scored: Scored, one: Happened) -> go.Figure:
     """Draw a surface's actuator: positions, then what its monitors compare, with their thresholds.
 
     kept : the rows of ``one``, of a flight with servo actuators

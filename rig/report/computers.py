@@ -12,12 +12,12 @@ from plotly.subplots import make_subplots
 from rig.assess.of_log import Scored
 from rig.faults.places import OF_LANES, site
 from rig.frame import COMPUTERS, SURFACES, LaneBlock
+from rig.log.blocks import Frames
 from rig.record import computers as lanes
 from rig.record.event import Event
 from rig.record.failures import decisive_s
 from rig.report.course import Course
 from rig.report.figures import ACTING, DOTTED, draw_line
-from rig.report.gathered import Kept
 from rig.report.page import lay_out
 from rig.report.timeline import Span, eventful, spans_of
 from rig.units.quantities import scale_shown, seconds, unit_of_name, unit_shown
@@ -70,13 +70,13 @@ def states(course: Course, rate_hz: float, count: int) -> list[Span]:
     """Return lane by lane health and leading lane, and the votes of commands and links that were not as always."""
     of, found = [*computers.HEALTH[:count], computers.LEADING], list[Span]()
     for lane in (*of, *computers.VOTES, *computers.fitted(computers.OF_LINKS, count)):
-        if (change := course.lanes().get(lane.path)) is not None:
+        if (change := course.lanes.get(lane.path)) is not None:
             spans = spans_of(change, lane, course.frames, rate_hz)
             found += spans if lane in of or eventful(spans) else []
     return found
 
 
-def commands(kept: Kept, scored: Scored, one: Happened) -> go.Figure:
+def commands(kept: Frames, scored: Scored, one: Happened) -> go.Figure:
     """Draw what each lane commanded, and the vote of the leading one with the threshold of the others about it.
 
     kept : the rows of ``one``, of a flight with several computers
@@ -109,7 +109,7 @@ def _voted(rows: LaneBlock) -> Any:
     return np.where((leading == computers.BACKUP)[:, None], np.nan, output)
 
 
-def _mark(figure: go.Figure, kept: Kept, scored: Scored, time_s: Any) -> None:
+def _mark(figure: go.Figure, kept: Frames, scored: Scored, time_s: Any) -> None:
     """Shade the time in which a fault on computers or links acts, and mark each lane's failure."""
     every: dict[str, Any] = {"row": "all", "col": 1}
     of = [i for i, fault in enumerate(scored.scenario.faults) if site(fault.signal) in OF_LANES]

@@ -18,14 +18,16 @@ from rig.assess.record import Yardstick
 from rig.assess.requirements import plain
 from rig.computer.redundancy.managers import manager_kind
 from rig.flight.result import Flight
-from rig.frame import INDEX, SIGNALS
+from rig.frame import INDEX, SIGNALS, SURFACES
 from rig.log import LogFile, scenario_of
+from rig.log.blocks import Frames
 from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
 from rig.report import actuators, computers
 from rig.report import figures as draw
 from rig.report.course import Course
-from rig.report.gathered import Gathered, Gathering, Stretch
+from rig.report.gathered import errors, of_signal, of_surface
+from rig.report.lines import line
 from rig.report.margins import Margins
 from rig.report.moments import Moment, affected, limit, moment, signals_of
 from rig.report.page import DASH, write_page
@@ -52,7 +54,8 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     log = LogFile.open(path)
     scored = score_log(path, Yardstick(), twin=False, log=log)
     margins = Margins.of(log, scored.scenario, requirements)
-    course = _course(log, len(scored.scenario.faults))
+    tell("looking for what happened")
+    course = Course(log.mapped(), len(scored.scenario.faults))
     names = affected(scored, course)
     moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
     drawn = _figures(log, scored, course, names, moments) | margins.figures()
@@ -81,53 +84,41 @@ def write_report(flight: Flight | Path | str, out: Path | str | None = None, req
     return target
 
 
-def _course(log: LogFile, faults: int) -> Course:
-    course = Course(faults)
-    for block in log.blocks():
-        course.add(block.rows, block.lanes)
-        tell("looking for what happened", course.frames, log.frames)
-    return course
-
-
-def _gathered(log: LogFile, scored: Scored, shown: Sequence[str], stretches: Sequence[Stretch]) -> Gathered:
-    """Gather what the pictures show of the log."""
-    resolved = scored.scenario.resolved()
-    limits = {name: threshold(resolved, name) for name in shown}
-    gathering = Gathering(log.frames, log.rate_hz, limits, _thresholds(scored, shown), stretches)
-    for block in log.blocks():
-        gathering.add(block.rows, block.lanes)
-        tell("drawing", gathering.frames, log.frames)
-    return gathering.gathered()
+def _part(flight: Frames, one: Any) -> Frames:
+    """Return the frames of a stretch, from its ``begin`` to its ``end``."""
+    return Frames(*(None if part is None else part[one.begin : one.end] for part in flight))
 
 
 def _figures(
     log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
 ) -> dict[str, go.Figure]:
     """Draw the pictures, by the id of their element, in the order of the page; names : signals with an event."""
-    shown = names[:MOST_SIGNALS]
+    shown, rows = names[:MOST_SIGNALS], course.flight.rows
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
     surfaces = actuators.happened(scored) if "actuator" in log.lanes else []
-    lanes = computers.happened(scored, log.events)
-    stretches = [*moments, *surfaces, *([lanes] if lanes else [])]
-    gathered = _gathered(log, scored, shown, [(one.begin, one.end) for one in stretches])
+    lanes, thresholds = computers.happened(scored, log.events), _thresholds(scored, shown)
     labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
     beside = computers.states(course, rate_hz, scored.scenario.computers.count) if lanes else []
     health = [span for span in beside if span.lane.startswith("lane ") or span.lane == "leading lane"]
     states = spans(course, rate_hz, names, labels, [*health, *actuators.states(course, rate_hz)])
     found = {"timeline": timeline(states, course.frames / rate_hz)} if states else {}
     for one in moments:
-        rows, acts = gathered.stretches[one.begin, one.end].rows, acting[one.signal][one.begin : one.end]
+        acts = acting[one.signal][one.begin : one.end]
         about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
-        found[f"moment-{one.signal}"] = draw.of_moment(rows, rate_hz, *about)
+        found[f"moment-{one.signal}"] = draw.of_moment(_part(course.flight, one).rows, rate_hz, *about)
     for name in shown:
-        found[f"signal-{name}"] = draw.of_flight(gathered.signals[name], rate_hz, name, acting[name])
+        found[f"signal-{name}"] = draw.of_flight(
+            of_signal(rows, rate_hz, name, threshold(resolved, name)), rate_hz, name, acting[name]
+        )
     for one in surfaces:
-        found[f"actuator-{one.surface}"] = actuators.of_actuator(gathered.stretches[one.begin, one.end], scored, one)
+        found[f"actuator-{one.surface}"] = actuators.of_actuator(_part(course.flight, one), scored, one)
     if lanes is not None:
         found["computers"] = timeline(beside, course.frames / rate_hz)
-        found["commands"] = computers.commands(gathered.stretches[lanes.begin, lanes.end], scored, lanes)
-    found["votes"] = draw.vote_errors(gathered.errors, _thresholds(scored, shown))
-    found["surfaces"] = draw.surfaces(gathered.surfaces)
+        found["commands"] = computers.commands(_part(course.flight, lanes), scored, lanes)
+    time_s = rows["frame"] / rate_hz
+    shares = {name: line(time_s, errors(rows, name) / limit) for name, limit in thresholds.items()}
+    found["votes"] = draw.vote_errors(shares, thresholds)
+    found["surfaces"] = draw.surfaces([of_surface(rows, rate_hz, i) for i in range(len(SURFACES))])
     return found
 
 

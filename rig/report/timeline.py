@@ -51,7 +51,7 @@ class Span(NamedTuple):
 
 def groups(course: Course, names: Sequence[str]) -> list[list[str]]:
     """Return signals, or discretes, whose lanes are the same in every frame together, in the order of ``names``."""
-    lanes, found = course.lanes(), dict[object, list[str]]()
+    lanes, found = course.lanes, dict[object, list[str]]()
     for name in names:
         own = [change for path, change in lanes.items() if path == f"/{name}" or path.startswith(f"/{name}/")]
         key = [(each.path.removeprefix(f"/{name}"), each.rows.tolist(), each.states) for each in own]
@@ -92,7 +92,7 @@ def _found(course: Course, rate_hz: float, faults: Sequence[str]) -> Iterator[tu
     lanes = {lane.path: lane for lane in LANES}
     named = {fault_path(i): f"fault {escape(label)}" for i, label in enumerate(faults)}  # plotly reads tags
     named |= {path: _named(path) for path in (*lanes, *map(level_path, INDEX))}
-    for path, change in course.lanes().items():
+    for path, change in course.lanes.items():
         if path in named:  # and not the channels of a signal together
             yield path, list(_spans(named[path], change, lanes.get(path), course.frames, rate_hz))
 
