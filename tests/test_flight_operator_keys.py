@@ -19,9 +19,10 @@ import rig
 from rig.assess.of_log import score_log
 from rig.assess.record import Yardstick
 from rig.errors import BadInput
-from rig.flight.operator_keys import Keys, pressed
+from rig.flight.operator_keys import Keys
 from rig.frame import INDEX, State
 from rig.loop import fly_rows
+from rig.pressed_keys import pressed
 from rig.recordings.flown import recorded
 from rig.scenario import load
 from rig.view.watch.keyboard import pressing

@@ -19,9 +19,9 @@ from rig.assess.record import Score, Yardstick
 from rig.assess.scoring import Scoring, score_of
 from rig.assess.transients import twin_blocks
 from rig.errors import BadInput
-from rig.flight.operator_keys import pressed
 from rig.frame import Block, LaneBlock, UnitStatus
 from rig.log import Log, LogFile, scenario_of, unit_of
+from rig.pressed_keys import pressed
 from rig.record.histogram import Times
 from rig.scenario import Scenario, from_resolved
 from rig.unit.settings import voter

@@ -1,42 +1,26 @@
 """Keys in flight: faults that begin and end now, channels that are readmitted, a pause, the end.
 
 A key acts in the frame that begins after it; what it did is a number of that frame, so that the log alone flies again:
-``pressed`` makes an ordinary scenario of it.
+``pressed`` (pressed_keys.py) makes an ordinary scenario of it.
 """
 
 from __future__ import annotations
 
-import json
 import time
 from collections import deque
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
-from rig.computer.redundancy.config import Reset
-from rig.errors import BadInput
 from rig.faults.fault import END, PAUSE, RESET
 from rig.flight.pace import Pace
-from rig.frame import CHANNELS, DISCRETES, SIGNALS, Nested
+from rig.frame import CHANNELS, Nested
 from rig.loop import Rig
+from rig.pressed_keys import Pressed
 from rig.record.events import Event
 from rig.scenario import Scenario
 from rig.util.interrupt import Stop
 
 _ALL: Final = (1 << CHANNELS) - 1
 _LOOK_S: Final = 0.02  # between two looks at the keys of a flight that is paused
-
-
-@dataclass
-class Pressed:
-    """Effects of the keys, by frame: the faults' first and last (excluded), and resets of all channels."""
-
-    faults: dict[str, list[int]] = field(default_factory=dict)  # by their labels
-    resets: list[int] = field(default_factory=list)
-
-    def to_json(self) -> str:
-        """Return it as the log's result holds it."""
-        return json.dumps({"faults": self.faults, "resets": self.resets})
 
 
 class Keys:
@@ -105,29 +89,3 @@ class Keys:
         while self.events and self.events[0].frame <= frame:
             due.append(self.events.popleft())
         return due
-
-
-def pressed(scenario: Scenario, result: Mapping[str, str] | None, source: str) -> Scenario:
-    """Return the scenario as the keys of its flight made it; ``result`` of its log.  BadInput naming ``source``."""
-    if result is None or "keys" not in result:
-        return scenario
-    try:
-        keys = json.loads(result["keys"])
-        faults = [_moved(fault, keys["faults"].get(fault.label), scenario.rate_hz) for fault in scenario.faults]
-        resets = [reset for frame in keys["resets"] for reset in _resets(frame / scenario.rate_hz)]
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError):
-        raise BadInput(f"{source}: what its keys did is damaged") from None
-    redundancy = scenario.redundancy.model_copy(update={"resets": [*scenario.redundancy.resets, *resets]})
-    made = scenario.model_copy(update={"faults": faults, "redundancy": redundancy})
-    return made.trusted(scenario.trust)
-
-
-def _moved(fault: Any, moments: list[int] | None, rate_hz: float) -> Any:
-    if not moments:
-        return fault
-    times = dict(zip(("start_s", "end_s"), (moment / rate_hz for moment in moments), strict=False))
-    return fault.model_copy(update=times)
-
-
-def _resets(at_s: float) -> list[Reset]:
-    return [Reset(at_s=at_s, signal=signal.name) for signal in (*SIGNALS, *DISCRETES)]

@@ -8,8 +8,8 @@ from typing import Any
 
 from rig.errors import BadInput, BadLog
 from rig.faults.places import OF_LANES, site
-from rig.flight.operator_keys import pressed
 from rig.log import LogFile, scenario_of, unit_of
+from rig.pressed_keys import pressed
 from rig.scenario import Scenario, from_resolved
 from rig.util.trust import Trust
 

@@ -11,10 +11,10 @@ from rig.assess.requirements.requirement import Requirement
 from rig.assess.requirements.subject import Subject, of_flight
 from rig.assess.transients import twin_blocks
 from rig.errors import BadInput
-from rig.flight.operator_keys import pressed
 from rig.flight.unit_loop import UnitComputer
 from rig.frame import Block
 from rig.log import LogFile, scenario_of, unit_of
+from rig.pressed_keys import pressed
 from rig.scenario import Scenario, from_resolved
 from rig.unit.unit import UnitUnderTest
 from rig.util.blocks import cuts
