@@ -12,21 +12,21 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rig.public.fault import fault
-    from rig.public.flight import Flight, fly
-    from rig.public.log import Log, read_log
-    from rig.public.results import score, vote
-    from rig.report.flight import write_report
-    from rig.report.flight import write_report as report
-    from rig.scenario import Scenario, load
+    from rig.bench.api import score, vote
+    from rig.scenario.make_fault import fault
+    from rig.scenario.scenario import Scenario, load
+    from rig.show.notebook.flight import Flight, fly
+    from rig.show.notebook.log import Log, read_log
+    from rig.show.pages.flight_page import write_report
+    from rig.show.pages.flight_page import write_report as report
 
 _HOME = {
-    **dict.fromkeys(("Flight", "fly"), "rig.public.flight"),
-    **dict.fromkeys(("Log", "read_log"), "rig.public.log"),
-    **dict.fromkeys(("Scenario", "load"), "rig.scenario"),
-    **dict.fromkeys(("score", "vote"), "rig.public.results"),
-    "fault": "rig.public.fault",
-    "write_report": "rig.report.flight",
+    **dict.fromkeys(("Flight", "fly"), "rig.show.notebook.flight"),
+    **dict.fromkeys(("Log", "read_log"), "rig.show.notebook.log"),
+    **dict.fromkeys(("Scenario", "load"), "rig.scenario.scenario"),
+    **dict.fromkeys(("score", "vote"), "rig.bench.api"),
+    "fault": "rig.scenario.make_fault",
+    "write_report": "rig.show.pages.flight_page",
 }
 __all__ = ["Flight", "Log", "Scenario", "fault", "fly", "load", "read_log", "report", "score", "vote", "write_report"]
 
@@ -49,7 +49,7 @@ class _Public(ModuleType):
     @property
     def report(self) -> Any:
         """Return the function that writes the report of a flight."""
-        return import_module("rig.report.flight").write_report
+        return import_module("rig.show.pages.flight_page").write_report
 
     @report.setter
     def report(self, folder: ModuleType) -> None:

@@ -16,9 +16,9 @@ import typer
 from hypothesis import settings
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager, vote_signals
-from rig.frame import CHANNELS, Block, State, nested, new_block
+from rig.core.frame import CHANNELS, Block, State, nested, new_block
 
 FEWER = int(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
 os.environ.pop("COLUMNS", None)  # workers of pytest have one: tables are as wide as in a pipe without it

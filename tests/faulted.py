@@ -9,11 +9,11 @@ import numpy as np
 from numpy.random import SeedSequence
 from pydantic import TypeAdapter
 
-from rig.faults import Execution, Fault, Faults, actuate, corrupt, corrupt_reference
-from rig.faults.places import number, site
-from rig.frame import SIGNALS, Block, Ilm, nested, new_block
-from rig.kernels import bind, kernel
-from rig.sensors import inertial
+from rig.core.frame import SIGNALS, Block, Ilm, nested, new_block
+from rig.core.kernels import bind, kernel
+from rig.world.faults import Execution, Fault, Faults, actuate, corrupt, corrupt_reference
+from rig.world.faults.places import number, site
+from rig.world.sensors import inertial
 
 RATE = 100.0
 RANGES = np.array([(signal.low, signal.high) for signal in SIGNALS])

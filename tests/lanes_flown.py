@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig import scenario
-from rig.loop import Rig, frames
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
 
 ONSET = 10
 FOUR = "computers.count=4"

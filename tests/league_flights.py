@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from rig.campaign.config import read
-from rig.campaign.plan import Plan
 from rig.computer.redundancy.managers import Manager, vote_signals
-from rig.frame import State
-from rig.league.entrants import OfSignal
-from rig.league.healthy import Flight, Healthy
-from rig.league.trials import of_signals
+from rig.core.frame import State
+from rig.studies.benchmark.benchmark_trials import of_signals
+from rig.studies.benchmark.calibration_data import Flight, Healthy
+from rig.studies.benchmark.entrants import OfSignal
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.plan import Plan
 
 CAMPAIGN = Path("docs/examples/league.toml")
 SMALL = Path("docs/examples/league_small.toml").resolve()

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from rig.computer.analytic import references
 from rig.computer.redundancy.discrete import DiscreteVoter, vote_discretes
 from rig.computer.redundancy.managers import Manager, vote_signals
-from rig.faults import Faults, corrupt
-from rig.frame import CHANNELS, INDEX, SIGNALS, Block, S, nested, new_block
-from rig.kernels import kernel
-from rig.plant.jsbsim import Plant
-from rig.plant.linear_plant import LinearPlant
-from rig.sensors import Sensors, Suite, inertial, measure
-from rig.sensors.inertial import Inertial
+from rig.core.frame import CHANNELS, INDEX, SIGNALS, Block, S, nested, new_block
+from rig.core.kernels import kernel
+from rig.world.faults import Faults, corrupt
+from rig.world.plant.jsbsim import Plant
+from rig.world.plant.linear_plant import LinearPlant
+from rig.world.sensors import Sensors, Suite, inertial, measure
+from rig.world.sensors.inertial import Inertial
 
 ERRORS = ("noise_std", "bias_tolerance", "scale_tolerance", "lag_s", "quantum", "skew_frames")
 IDEAL: dict[str, Any] = dict.fromkeys(ERRORS, 0.0)

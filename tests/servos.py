@@ -9,11 +9,11 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from rig.actuators.config import Config
-from rig.actuators.stage import ActuatorData, Actuators, move_surfaces
-from rig.frame import MOVED, lane_rows
-from rig.kernels import bind
-from rig.plant.airframe import Actuator
+from rig.core.frame import MOVED, lane_rows
+from rig.core.kernels import bind
+from rig.world.actuators.actuators_table import Config
+from rig.world.actuators.servo_stage import ActuatorData, Actuators, move_surfaces
+from rig.world.plant.airframe import Actuator
 
 LAG_S, RATE_LIMIT, STOP = 0.05, 1.0, 0.4
 SURFACE = Actuator(lag_s=LAG_S, rate_limit_rad_s=RATE_LIMIT, min_rad=-STOP, max_rad=STOP)

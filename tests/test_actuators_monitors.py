@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from servos import LAG_S, RATE_LIMIT, STOP, moved
 
-from rig.faults.parts import Part
-from rig.frame import ActuatorMonitor
+from rig.core.frame import ActuatorMonitor
+from rig.world.faults.servo_parts import Part
 
 RATE_HZ, ONSET = 100.0, 20
 STROKE = 2.0 * STOP

@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import expm
 from servos import LAG_S, RATE_LIMIT, STOP, moved
 
-from rig.actuators.servo import RAM, SPEED, SPOOL, move_spool, substeps, transition
-from rig.faults.parts import Part
+from rig.world.actuators.servo import RAM, SPEED, SPOOL, move_spool, substeps, transition
+from rig.world.faults.servo_parts import Part
 
 RATE_HZ = 100.0
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rig.computer.analytic import references
 from rig.computer.analytic.apart import LEARNING, RECENT_S, USUAL_S, stand_still, still_within
-from rig.frame import State, nested, new_block
+from rig.core.frame import State, nested, new_block
 
 RATE_HZ, STILL = 100.0, 0.5
 BIASES = np.array([0.0, 1.0, 2.0, 9.0])

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from rig.computer.analytic import inertial_unit as unit
 from rig.computer.analytic import strapdown
 from rig.computer.analytic.strapdown import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
-from rig.frame import INDEX, INERTIAL, S
-from rig.units.atmosphere import pressure
+from rig.core.frame import INDEX, INERTIAL, S
+from rig.core.units.atmosphere import pressure
 
 G, RATE = 9.80665, 25.0
 DT = 1.0 / RATE

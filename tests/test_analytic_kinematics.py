@@ -14,8 +14,8 @@ from test_analytic_references import RATE, designed, level_flight, ref, run
 from rig.computer.analytic import kinematics
 from rig.computer.analytic.designed import COLUMNS
 from rig.computer.analytic.references import PARAM, STATE, Config, References
-from rig.frame import INDEX, INERTIAL
-from rig.units.atmosphere import air_density
+from rig.core.frame import INDEX, INERTIAL
+from rig.core.units.atmosphere import air_density
 
 G = 9.80665
 SEEDS = range(6)

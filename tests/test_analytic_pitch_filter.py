@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import scenario
 from rig.computer.analytic.flight_path import VERTICAL, climb, path_pitch_angle, pitch_on_path, pitching
 from rig.computer.analytic.pitch_filter import PARAM, STATE, Noise, begin, correct, follow_path, parameters, predict
 from rig.computer.control.airdata import flight_path_angle
-from rig.frame import INDEX, Resolver, S, State
-from rig.loop import Rig, frames
+from rig.core.frame import INDEX, Resolver, S, State
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
 
 THETA = INDEX["pitch_angle"]
 SMALL = st.floats(-0.35, 0.35)

@@ -13,7 +13,7 @@ from test_analytic_references import LEVEL_ALPHA, RATE, designed, level_flight, 
 
 from rig.computer.analytic.pitch_filter import PARTNERS, Noise
 from rig.computer.analytic.references import Config, References
-from rig.frame import INDEX, Block
+from rig.core.frame import INDEX, Block
 
 
 def on_a_level_path(theta: np.ndarray, **votes: Any) -> Block:

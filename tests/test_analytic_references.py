@@ -12,16 +12,16 @@ import pytest
 from interpreted import printed
 from one_stage import refer, remember
 
-from rig import scenario
 from rig.computer.analytic.designed import Designed, Error, Point
+from rig.computer.analytic.reference_sources import FROM_UNIT, PARTNERS, REMEMBERED, Config, source
 from rig.computer.analytic.references import STATE, References, look_back
-from rig.computer.analytic.sources import FROM_UNIT, PARTNERS, REMEMBERED, Config, source
 from rig.computer.redundancy import measured_thresholds
-from rig.computer.redundancy.config import parameters
-from rig.frame import INDEX, INERTIAL, SIGNALS, Block, Pattern, Resolver, State, new_block
-from rig.loop import Rig, frames
-from rig.sensors import channels, ranges
-from rig.units.atmosphere import air_density
+from rig.computer.redundancy.manager_config import parameters
+from rig.core.frame import INDEX, INERTIAL, SIGNALS, Block, Pattern, Resolver, State, new_block
+from rig.core.units.atmosphere import air_density
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
+from rig.world.sensors import channels, ranges
 
 G, RATE = 9.80665, 100.0
 DENSITY = 1.225

@@ -13,10 +13,10 @@ from test_analytic_references import level_flight, ref, run
 
 from rig.computer.analytic import inertial_unit as unit
 from rig.computer.analytic import strapdown
-from rig.computer.analytic.sources import Config
+from rig.computer.analytic.reference_sources import Config
 from rig.computer.analytic.strapdown import LEVEL_S, LONG_S, level_gain, slope_gain
-from rig.frame import INDEX, S
-from rig.units.constants import TWO_PI
+from rig.core.frame import INDEX, S
+from rig.core.units.constants import TWO_PI
 
 G, RATE = 9.80665, 100.0
 SEEDS = range(5)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rig.computer.analytic.unit_bank import UNIT, bank_by, finite, follow_unit, learn_bank, learned
-from rig.frame import INDEX, INERTIAL, S
-from rig.units.constants import GRAVITY
+from rig.core.frame import INDEX, INERTIAL, S
+from rig.core.units.constants import GRAVITY
 
 pytestmark = pytest.mark.requirement("fault-tolerant", "the unit's bank angle, its usual difference and yaw drift")
 

@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rig import scenario
-from rig.assess import FaultScore, Score, fly_rows, fly_twin, score
-from rig.computer.analytic.sources import FROM_UNIT
-from rig.errors import BadInput
-from rig.frame import SIGNALS
+from rig.computer.analytic.reference_sources import FROM_UNIT
+from rig.core.errors import BadInput
+from rig.core.frame import SIGNALS
+from rig.scenario import scenario
+from rig.verdict import FaultScore, Score, fly_rows, fly_twin, score
 
 PERSISTENCE, SINGULAR = 8, 10  # frames, aircraft/defaults.toml
 

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rig import scenario
-from rig.assess import score
-from rig.assess.conclusion import conclusion
-from rig.assess.flight_outcome import FlightOutcome
-from rig.assess.of_log import FlightConclusion, score_log
-from rig.assess.record import Score, Yardstick
-from rig.assess.scoring import score_of
-from rig.assess.unfaulted import MeasuredAgain
 from rig.cli.main import app
-from rig.flight.assembly import fly
-from rig.frame import MOVED, ActuatorMonitor
-from rig.loop import Rig, frames
-from rig.scenario import Scenario
+from rig.core.frame import MOVED, ActuatorMonitor
+from rig.flight.fly import fly
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
+from rig.scenario.scenario import Scenario
+from rig.verdict import score
+from rig.verdict.conclusion import conclusion
+from rig.verdict.flight_tally import FlightOutcome
+from rig.verdict.of_log import FlightConclusion, score_log
+from rig.verdict.score_records import Score, Yardstick
+from rig.verdict.scoring import score_of
+from rig.verdict.unfaulted import MeasuredAgain
 
 ONSET_S, RATE_HZ = 1.0, 100.0
 ONSET = int(ONSET_S * RATE_HZ)

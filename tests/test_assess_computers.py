@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from rig.assess import cells
-from rig.assess.actuator_sentence import bypass_text
-from rig.assess.of_log import Scored, score_log
-from rig.assess.record import ActuatorScore, Yardstick
-from rig.flight.assembly import fly
+from rig.flight.fly import fly
+from rig.verdict import score_tables as cells
+from rig.verdict.of_log import Scored, score_log
+from rig.verdict.score_records import ActuatorScore, Yardstick
+from rig.verdict.servo_sentence import bypass_text
 
 ONE_AFTER_THE_OTHER = (
     'kind="wrong_command", signal="computer.A", surface="elevator", does="hardover", start_s=0.5',

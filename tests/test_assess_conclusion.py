@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from test_assess_parts import Q, flight, offset
 
-from rig.assess import score
-from rig.assess.conclusion import conclusion, next_commands
-from rig.assess.context import agreement, channels, longest_run
-from rig.assess.kept import columns
-from rig.assess.of_log import FlightConclusion
-from rig.assess.outcome_records import EPISODE
-from rig.assess.record import Yardstick
-from rig.assess.scoring import monitor
-from rig.faults import CLEAN
-from rig.frame import INDEX, Ilm, State, UnitStatus
+from rig.core.frame import INDEX, Ilm, State, UnitStatus
+from rig.verdict import score
+from rig.verdict.conclusion import conclusion, next_commands
+from rig.verdict.context import agreement, channels, longest_run
+from rig.verdict.kept_columns import columns
+from rig.verdict.of_log import FlightConclusion
+from rig.verdict.score_records import Yardstick
+from rig.verdict.scoring import monitor
+from rig.verdict.tally_records import EPISODE
+from rig.world.faults import CLEAN
 
 
 def said(faults: list[dict[str, Any]], *overrides: str, frames: int = 100) -> list[str]:
@@ -173,7 +173,7 @@ def test_in_line_monitors_that_answer_are_told_by_channel_and_a_wrong_answer_is_
 
 
 def test_where_the_reference_lies_follows_from_the_samples():
-    from rig.assess.conclusion import _reference
+    from rig.verdict.conclusion import _reference
 
     which, rows = flight([offset([3, 4], 0.2, 0.2)], 30, exact=True)
     p, used = monitor(which)[Q], np.arange(4)
@@ -194,7 +194,7 @@ def test_where_the_reference_lies_follows_from_the_samples():
 
 
 def test_in_line_monitors_that_are_not_fitted_are_said_to_be():
-    from rig.assess.conclusion import _ilm
+    from rig.verdict.conclusion import _ilm
 
     episode = np.zeros(1, EPISODE)
     episode["ilm"] = Ilm.ABSENT

@@ -6,11 +6,11 @@ from typing import Any
 import conclusions_of_logs as tool
 import pytest
 
-from rig import loop
-from rig.assess.of_log import score_log
-from rig.assess.record import Yardstick
-from rig.flight.assembly import fly
+from rig.flight import loop
+from rig.flight.fly import fly
 from rig.log import read_log
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 
 SHORT = ["duration_s=34"]  # of the law's fault at 30 s
 Flown = dict[str, tuple[Any, Any, Any, list[str]]]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_assess_parts import flight, offset, outcomes, scored
 
-from rig.assess import score
-from rig.campaign.tables import channel_hours, magnitude
-from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, State
+from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, State
+from rig.studies.campaign.tables import channel_hours, magnitude
+from rig.verdict import score
 
 GEAR, WHEELS = DISCRETE_INDEX["gear_down"], DISCRETE_INDEX["weight_on_wheels"]
 

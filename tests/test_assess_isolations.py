@@ -5,14 +5,14 @@ from typing import Any
 import pytest
 from test_assess_parts import Q, flight, offset
 
-from rig.assess import Score, score
-from rig.assess.cells import isolation_rows
-from rig.assess.conclusion import conclusion
-from rig.assess.record import ISOLATIONS
-from rig.campaign.tables import RUNS
-from rig.campaign.tables import rows as campaign_rows
-from rig.frame import INDEX, Block, Resolver, State
-from rig.scenario import Scenario
+from rig.core.frame import INDEX, Block, Resolver, State
+from rig.scenario.scenario import Scenario
+from rig.studies.campaign.tables import RUNS
+from rig.studies.campaign.tables import rows as campaign_rows
+from rig.verdict import Score, score
+from rig.verdict.conclusion import conclusion
+from rig.verdict.score_records import ISOLATIONS
+from rig.verdict.score_tables import isolation_rows
 
 SICK = (
     *("pitch_rate", "roll_rate", "yaw_rate"),

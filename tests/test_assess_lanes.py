@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rig import scenario
-from rig.assess import Score, score
-from rig.assess.conclusion import conclusion
-from rig.assess.lane_outcome import columns_of
-from rig.frame import LaneBlock
-from rig.loop import fly_rows
+from rig.core.frame import LaneBlock
+from rig.flight.loop import fly_rows
+from rig.scenario import scenario
+from rig.verdict import Score, score
+from rig.verdict.conclusion import conclusion
+from rig.verdict.lane_tally import columns_of
 
 ONSET = 100
 

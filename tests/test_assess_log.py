@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rig import scenario
-from rig.assess import Yardstick, fly_rows, fly_twin, score, score_log
-from rig.assess.unfaulted import MeasuredAgain
-from rig.campaign.flying import fly as fly_in_memory
 from rig.cli.main import app
-from rig.errors import BadInput, BadLog
-from rig.faults import Execution
-from rig.flight.assembly import Flight, fly
-from rig.frame import DISCRETE_INDEX, INDEX
+from rig.core.errors import BadInput, BadLog
+from rig.core.files import bundled
+from rig.core.frame import DISCRETE_INDEX, INDEX
+from rig.flight.fly import Flight, fly
 from rig.log import LogWriter, recover
 from rig.log.of_flight import metadata
-from rig.util.files import bundled
+from rig.scenario import scenario
+from rig.studies.campaign.flying import fly as fly_in_memory
+from rig.verdict import Yardstick, fly_rows, fly_twin, score, score_log
+from rig.verdict.unfaulted import MeasuredAgain
+from rig.world.faults import Execution
 
 SHORT = ["duration_s=6", "faults.0.start_s=3"]
 
@@ -75,7 +75,7 @@ def test_every_key_of_the_json_is_on_the_page(flight: Flight):
 def test_a_score_in_small_blocks_is_that_of_the_whole_log(flight: Flight, monkeypatch: pytest.MonkeyPatch):
     whole = score_log(flight.log, Yardstick()).as_dict()
     assert whole["flight"]["transients"] is not None and "miscompared for" in whole["conclusion"][0]
-    monkeypatch.setattr("rig.util.blocks.ROWS", 7)
+    monkeypatch.setattr("rig.core.blocks.ROWS", 7)
     assert score_log(flight.log, Yardstick()).as_dict() == whole
 
 

@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 from test_assess_parts import flight, offset
 
-from rig import scenario
-from rig.assess import fly_rows, score
-from rig.assess.conclusion import conclusion
-from rig.assess.flight_outcome import FlightOutcome
-from rig.assess.of_log import FlightConclusion
-from rig.assess.outcome import LEVELS, NEVER, SIGNAL, all_out, count_healthy, mark_failed, mark_wrong
-from rig.assess.scoring import score_of
-from rig.assess.unfaulted import MeasuredAgain
-from rig.assess.words import PUBLIC, Cause, fault_word, fault_words, vote_flags
-from rig.campaign.flying import fly as fly_in_memory
-from rig.campaign.tables import OUTCOMES
-from rig.campaign.tables import rows as campaign_rows
-from rig.flight.assembly import fly
-from rig.frame import CHANNELS, State
+from rig.core.frame import CHANNELS, State
+from rig.flight.fly import fly
+from rig.scenario import scenario
+from rig.studies.campaign.flying import fly as fly_in_memory
+from rig.studies.campaign.tables import OUTCOMES
+from rig.studies.campaign.tables import rows as campaign_rows
+from rig.verdict import fly_rows, score
+from rig.verdict.conclusion import conclusion
+from rig.verdict.flight_tally import FlightOutcome
+from rig.verdict.of_log import FlightConclusion
+from rig.verdict.scoring import score_of
+from rig.verdict.signal_kernels import LEVELS, NEVER, SIGNAL, all_out, count_healthy, mark_failed, mark_wrong
+from rig.verdict.unfaulted import MeasuredAgain
+from rig.verdict.words import PUBLIC, Cause, fault_word, fault_words, vote_flags
 
 RIG = Path(__file__).parent.parent / "rig"
 CASES = ["f16_singular_2_2_lying_ilm", "f16_weight_on_wheels_split", "b747_vane_icing", "f16_reference_drift"]
@@ -30,9 +30,18 @@ def test_one_kernel_decides_what_became_of_a_fault():
     """Nobody but its room compares rows with faults; who else asks reads the words."""
     written = re.compile(r'\["(failed_at|exceeded_at|executed|cause)"\]\s*(\[[a-z]\])?\s*=[^=]|, \w+\["failed_at"\] = ')
     writers = {path.relative_to(RIG).as_posix() for path in RIG.rglob("*.py") if written.search(path.read_text())}
-    trials = {path for path in writers if path.startswith(("bench/", "league/"))}  # the latter of a user's class
+    trials = {
+        path for path in writers if path.startswith(("bench/", "studies/benchmark/"))
+    }  # the latter of a user's class
     assert writers - trials <= {
-        f"assess/{name}.py" for name in ("outcome", "outcome_actuators", "outcome_faults", "outcome_rows", "monitored")
+        f"{name}.py"
+        for name in (
+            "verdict/signal_kernels",
+            "verdict/servo_kernels",
+            "verdict/fault_kernels",
+            "verdict/row_kernel",
+            "verdict/monitored_places",
+        )
     }
     words = re.compile(r'"(detected|undetectable|right|known loss)" if ')
     assert [path.name for path in RIG.rglob("*.py") if words.search(path.read_text())] == ["patterns.py"]  # a resolver

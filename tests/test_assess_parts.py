@@ -8,16 +8,16 @@ from conftest import FEWER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import scenario
-from rig.assess import Score, score
-from rig.assess.cells import vote_rows
-from rig.assess.patterns import POSSIBLE
-from rig.assess.unfaulted import middle
-from rig.computer.redundancy.config import PARAMS
-from rig.errors import BadInput
-from rig.frame import CHANNELS, FLAT, INDEX, SIGNALS, Block, End, Pattern, Resolver, State, nested, new_block
-from rig.loop import Rig
-from rig.scenario import Scenario
+from rig.computer.redundancy.manager_config import PARAMS
+from rig.core.errors import BadInput
+from rig.core.frame import CHANNELS, FLAT, INDEX, SIGNALS, Block, End, Pattern, Resolver, State, nested, new_block
+from rig.flight.loop import Rig
+from rig.scenario import scenario
+from rig.scenario.scenario import Scenario
+from rig.verdict import Score, score
+from rig.verdict.patterns import POSSIBLE
+from rig.verdict.score_tables import vote_rows
+from rig.verdict.unfaulted import middle
 
 Q = INDEX["pitch_rate"]
 EXACT = [f"sensors.{s.name}.{key}=0.0" for s in SIGNALS for key in ("noise_std", "bias_tolerance", "scale_tolerance")]
@@ -59,7 +59,7 @@ def outcomes(found: Score) -> list[tuple[str, int | None, int | None, int | None
 
 def test_the_clean_channels_are_the_recorded_ones_bit_for_bit_where_no_fault_acts():
     which, rows = flight([offset([3], 0.5, 0.2)])
-    from rig.assess.unfaulted import MeasuredAgain
+    from rig.verdict.unfaulted import MeasuredAgain
 
     clean = np.concatenate([kept["channels"].copy() for _, kept in MeasuredAgain(which).of(rows)])
     error = rows["channels"] - clean

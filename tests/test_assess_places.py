@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig import scenario
-from rig.assess import Score, score
-from rig.assess.cells import fault_row
-from rig.assess.conclusion import conclusion
-from rig.campaign.flying import CampaignFlight, fly
-from rig.frame import INDEX, INERTIAL, SIGNALS
-from rig.loop import fly_rows
-from rig.scenario import Scenario
+from rig.core.frame import INDEX, INERTIAL, SIGNALS
+from rig.flight.loop import fly_rows
+from rig.scenario import scenario
+from rig.scenario.scenario import Scenario
+from rig.studies.campaign.flying import CampaignFlight, fly
+from rig.verdict import Score, score
+from rig.verdict.conclusion import conclusion
+from rig.verdict.score_tables import fault_row
 
 # What people read of each quantity, and how many of it are one of SI.
 SHOWN = {
@@ -148,7 +148,7 @@ def test_a_fault_of_a_reference_is_told_without_the_references_own_error(signal:
 @pytest.mark.parametrize("manager", ["cross-channel", "median"])
 def test_references_by_the_recorded_votes_are_those_of_the_flight(manager: str):
     """Those of all other signals to the bit, and that of the faulty one as it was without its fault."""
-    from rig.assess.unfaulted import ReferredAgain
+    from rig.verdict.unfaulted import ReferredAgain
 
     sets = (f"redundancy.manager={manager}", "turbulence=light")
     flight = flown(fault("reference.roll_rate", "noise", std=0.2), sets=sets)

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 import requirement_formulas as formulas
 
-from rig import scenario
-from rig.assess.requirements import (
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, End, State, new_block
+from rig.flight.loop import fly_rows
+from rig.scenario import scenario
+from rig.verdict.requirements import (
     Requirement,
     RequirementsRecorder,
     check_rows,
@@ -19,12 +22,9 @@ from rig.assess.requirements import (
     margin_text,
     plain,
 )
-from rig.assess.requirements.margins import LEAST, MOST
-from rig.assess.requirements.recorder import AT_ONCE
-from rig.assess.requirements.requirement import names
-from rig.errors import BadInput
-from rig.frame import INDEX, End, State, new_block
-from rig.loop import fly_rows
+from rig.verdict.requirements.margins import LEAST, MOST
+from rig.verdict.requirements.requirement import names
+from rig.verdict.requirements.requirement_recorder import AT_ONCE
 
 Q, P = INDEX["pitch_rate"], INDEX["roll_rate"]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rig.assess.of_log import Miss, Misses
-from rig.frame import TIMING, new_block
-from rig.record.histogram import BINS, Times, binned, keyed
+from rig.core.frame import TIMING, new_block
+from rig.flight.time_histogram import BINS, Times, binned, keyed
+from rig.verdict.of_log import Miss, Misses
 
 
 def test_a_time_on_an_edge_is_not_below_it():

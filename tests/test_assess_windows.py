@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from test_assess_parts import Q, flight, offset, scored
 
-from rig.assess import score
-from rig.assess.outcome_records import SPAN
-from rig.assess.record import Window
-from rig.assess.scoring import _above_before_loss
-from rig.campaign.tables import rows as campaign_rows
-from rig.frame import State
+from rig.core.frame import State
+from rig.studies.campaign.tables import rows as campaign_rows
+from rig.verdict import score
+from rig.verdict.score_records import Window
+from rig.verdict.scoring import _above_before_loss
+from rig.verdict.tally_records import SPAN
 
 MEAN = "redundancy.manager=mean"
 HARD = {"kind": "hardover", "signal": "pitch_rate", "channels": [2], "start_s": 0.2}

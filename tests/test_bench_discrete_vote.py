@@ -13,17 +13,17 @@ import pytest
 import tomli_w
 from one_stage import step_stage
 
-from rig.bench.vote import VotedDiscrete, vote_discretes
+from rig.bench.vote_rows import VotedDiscrete, vote_discretes
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DiscreteConfigs, discrete_parameters
-from rig.errors import BadInput
-from rig.frame import DISCRETES, TIMING, Ilm, State, new_block
+from rig.core.errors import BadInput
+from rig.core.frame import DISCRETES, TIMING, Ilm, State, new_block
 from rig.log import LogWriter
-from rig.recordings.align import align
-from rig.recordings.clock import Floats
-from rig.recordings.read import read
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import RecordedDiscrete, Reset, VoteConfig, read_config
+from rig.log.recordings.align import align
+from rig.log.recordings.read import read
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.stamps import Floats
+from rig.log.recordings.vote_config import RecordedDiscrete, Reset, VoteConfig, read_config
 
 OK, SUSPECT, FAILED = int(State.OK), int(State.SUSPECT), int(State.FAILED)
 DOOR = {"door": {"fail_safe": 1, "persistence": 3}}

@@ -15,10 +15,10 @@ from faulted import x as lively
 
 from rig.bench.inject import Injection, inject
 from rig.cli import main as cli
-from rig.errors import BadInput
-from rig.frame import INDEX
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import VoteConfig
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import VoteConfig
 
 N = 600
 RNG = np.random.default_rng(3)
@@ -259,7 +259,7 @@ def test_a_bad_file_of_faults_is_one_line_and_writes_nothing(run: Any, text: str
 
 
 def test_a_bundled_scenario_gives_its_faults_by_name():
-    from rig.recordings.injection_file import read_injection
+    from rig.log.recordings.injection_file import read_injection
 
     file, path = read_injection("f16_pitch_rate_hardover")
     assert [fault["kind"] for fault in file.faults] == ["hardover"] and path.endswith("f16_pitch_rate_hardover.toml")

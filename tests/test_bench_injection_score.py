@@ -9,10 +9,10 @@ import pytest
 
 from rig.bench.inject import inject
 from rig.bench.injection_score import Scored, score
-from rig.bench.vote import Result, vote
-from rig.recordings.align import Correction
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import VoteConfig
+from rig.bench.vote_rows import Result, vote
+from rig.log.recordings.align import Correction
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import VoteConfig
 
 N = 600
 SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10}

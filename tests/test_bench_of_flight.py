@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import rig
 from rig.cli.main import app
-from rig.frame import INDEX, Resolver
+from rig.core.frame import INDEX, Resolver
 from rig.log import read_log
 
 RUNNER = CliRunner()

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from scipy import linalg, stats
 
 from rig.bench.rival_statistics import Statistics, statistics
-from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import RIVALS, with_settings
-from rig.computer.redundancy.rivals.settings import RIVAL_PARAMS, Rivals, extended
+from rig.computer.redundancy.rivals.rival_settings import RIVAL_PARAMS, Rivals, extended
 from rig.computer.redundancy.rivals.sums import summed
-from rig.frame import nested, new_block
-from rig.kernels import long_kernel
+from rig.core.frame import nested, new_block
+from rig.core.kernels import long_kernel
 
 Floats = NDArray[np.float64]
 

@@ -13,15 +13,15 @@ import pytest
 import tomli_w
 from conftest import constant, vote_samples
 
-from rig.bench.sources import FIELDS
-from rig.bench.vote import vote
+from rig.bench.rows_of_recording import FIELDS
+from rig.bench.vote_rows import vote
 from rig.cli import main as cli
-from rig.computer.redundancy.config import MANAGERS
-from rig.errors import BadInput
-from rig.frame import INDEX, SIGNALS, Pattern, Resolver, State
-from rig.recordings.read import read
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import RecordedSignal, VoteConfig, read_config
+from rig.computer.redundancy.manager_config import MANAGERS
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, SIGNALS, Pattern, Resolver, State
+from rig.log.recordings.read import read
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, read_config
 
 K = np.arange(30.0)
 RISING = np.stack([0.1 * K, 0.1 * K + 0.1, 0.1 * K + 5, 0.1 * K + 5.1], axis=1)
@@ -232,7 +232,7 @@ def test_every_output_is_that_of_the_flight_bit_for_bit(manager: str, channels: 
 
 
 def test_a_flown_log_votes_as_it_was_voted_in_flight(tmp_path: Path):
-    from rig.flight.assembly import fly
+    from rig.flight.fly import fly
     from rig.log import read_log
 
     sets = ["duration_s=6", "faults.0.start_s=2"]

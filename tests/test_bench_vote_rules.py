@@ -13,12 +13,12 @@ import tomli_w
 from conftest import constant
 
 import rig
-from rig.assess.words import Cause
 from rig.bench.inject import inject
 from rig.bench.injection_score import added_up
-from rig.bench.vote import Result, vote
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import VoteConfig
+from rig.bench.vote_rows import Result, vote
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import VoteConfig
+from rig.verdict.words import Cause
 
 FALLING = np.column_stack([-0.01 * np.arange(300.0), 5.0 - 0.01 * np.arange(300.0)])
 SPLIT = constant(0.0, 0.1, 5.0, 5.1, frames=300)

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 from junitparser import Failure, JUnitXml, Skipped
 
-from rig.campaign.check import DECISIONS, FAULTS, difference
-from rig.campaign.suite import read_suite
-from rig.util.files import bundled
+from rig.core.files import bundled
+from rig.studies.campaign.suite import read_suite
+from rig.studies.campaign.suite_check import DECISIONS, FAULTS, difference
 
 OWN = """
 [[requirements]]
@@ -137,7 +137,7 @@ def test_no_output_over_an_input(rig_command, tmp_path):
 
 
 def test_the_bundled_suite_keeps_decisions_of_every_case():
-    from rig.scenario import names
+    from rig.scenario.scenario import names
 
     suite = read_suite("bundled")
     kept = suite.decisions()

@@ -12,11 +12,11 @@ import polars as pl
 import pytest
 from unit_files import library, needs_a_compiler
 
-from rig.campaign.folder import open_folder
-from rig.campaign.sources import first_sources, sources
-from rig.campaign.worker import Orders, check_rig
-from rig.errors import BadInput, RigError
-from rig.unit.settings import read_unit
+from rig.core.errors import BadInput, RigError
+from rig.studies.campaign.folder import open_folder
+from rig.studies.campaign.manager_source import first_sources, sources
+from rig.studies.campaign.worker import Orders, check_rig
+from rig.unit.unit_file import read_unit
 
 Command = Callable[..., tuple[int, str, str]]
 CAMPAIGN = """
@@ -190,7 +190,7 @@ def test_the_files_of_a_manager_are_those_that_it_imports_or_names(tmp_path: Pat
     package.mkdir()
     (package / "__init__.py").write_text("")
     (package / "vote.py").write_text(
-        "import json\nimport numpy\nfrom . import sub\nfrom rig import errors\nW = 'w.json'\n"
+        "import json\nimport numpy\nfrom . import sub\nfrom rig.core import errors\nW = 'w.json'\n"
     )
     (package / "sub.py").write_text("def late():\n    import own_beside\n")
     (package / "w.json").write_text("1")
@@ -207,7 +207,7 @@ def test_the_files_of_a_manager_are_those_that_it_imports_or_names(tmp_path: Pat
 
 
 def test_a_worker_that_has_another_source_or_none_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    from rig.campaign.plan import rig_identity
+    from rig.studies.campaign.plan import rig_identity
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "worker_voter.py").write_text("1\n")

@@ -11,17 +11,17 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from rig.campaign import parts
-from rig.campaign import plan as plan_module
-from rig.campaign.campaign_page import report
-from rig.campaign.config import read
-from rig.campaign.folder import Folder, open_folder
-from rig.campaign.plan import Plan
-from rig.campaign.summary import by_resolver, compare, headline
-from rig.campaign.tables import OF, RUNS, TABLES, Rows
-from rig.errors import BadInput
-from rig.frame import SIGNALS
-from rig.util import sealed
+from rig.core import sealed
+from rig.core.errors import BadInput
+from rig.core.frame import SIGNALS
+from rig.studies.campaign import plan as plan_module
+from rig.studies.campaign import table_parts as parts
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.campaign_page import report
+from rig.studies.campaign.campaign_summary import by_resolver, compare, headline
+from rig.studies.campaign.folder import Folder, open_folder
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.tables import OF, RUNS, TABLES, Rows
 
 CAMPAIGN = """
 base = "f16_pitch_rate_hardover"
@@ -319,9 +319,9 @@ def test_the_name_of_a_part_is_that_of_its_first_and_last_run():
 
 def test_what_decides_nothing_in_a_flight_is_named_as_it_is_and_not_imported_by_one():
     """A renamed room would count as flying, and every change of it as another rig."""
-    home = Path(plan_module.__file__).parents[1]
+    home = Path(plan_module.__file__).parents[2]
     assert [name for name in (*plan_module.BESIDE, *plan_module.FLIES) if not (home / name).exists()] == []
-    program = "import sys, rig.loop; print(*(n for n in sys.modules if n.startswith('rig.')))"
+    program = "import sys, rig.flight.loop; print(*(n for n in sys.modules if n.startswith('rig.')))"
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
     beside = {f"rig.{name.removesuffix('.py').replace('/', '.')}" for name in plan_module.BESIDE}
     assert not {n for n in loaded if any(n == b or n.startswith(f"{b}.") for b in beside)}

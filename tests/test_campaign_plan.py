@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.campaign.config import find, read
-from rig.campaign.plan import Plan
-from rig.campaign.sampling import seed_of
-from rig.errors import BadInput
+from rig.core.errors import BadInput
+from rig.studies.campaign.campaign_file import find, read
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.sampling import seed_of
 
 BASE = 'base = "f16_pitch_rate_hardover"\n'
 NORMAL = 'distribution = "norm", parameters = { loc = 0.2, scale = 0.1 }'
@@ -177,7 +177,7 @@ def test_every_bundled_campaign_can_be_flown(name: str, runs: int):
 
 
 def test_a_campaign_read_back_from_plain_data_is_the_same(tmp_path: Path):
-    from rig.campaign.config import from_what
+    from rig.studies.campaign.campaign_file import from_what
 
     made = Plan(read("singular"), "x")
     back = Plan(from_what(made.campaign.what(), "y"), "y")

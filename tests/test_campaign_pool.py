@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from rig.campaign.pool import each
+from rig.studies.campaign.pool import each
 
 SLOW = """
 import sys, time
 from pathlib import Path
-from rig.util.interrupt import end_cleanly
-from rig.campaign.pool import each
+from rig.core.interrupt import end_cleanly
+from rig.studies.campaign.pool import each
 
 def fly(case):
     Path("begun").touch()
@@ -48,7 +48,7 @@ def test_a_termination_does_not_wait_for_the_cases_that_have_not_begun(tmp_path)
 DEAD = """
 import os, signal, time
 from concurrent.futures import BrokenExecutor
-from rig.campaign.pool import each
+from rig.studies.campaign.pool import each
 
 def fly(case):
     if case == 5:

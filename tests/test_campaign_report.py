@@ -11,17 +11,17 @@ import polars as pl
 import pytest
 from browser import visit
 
-from rig.campaign.campaign_page import delay_curves, level_shown, magnitude_shown, magnitude_unit, report
-from rig.campaign.config import from_what
-from rig.campaign.folder import Folder, open_folder
-from rig.campaign.plan import Plan
-from rig.campaign.rates import acted, smallest
-from rig.campaign.summary import compare, summary
-from rig.campaign.tables import OF, Rows
-from rig.errors import BadInput
-from rig.frame import SIGNALS
-from rig.record.histogram import BINS
-from rig.util.files import bundled
+from rig.core.errors import BadInput
+from rig.core.files import bundled
+from rig.core.frame import SIGNALS
+from rig.flight.time_histogram import BINS
+from rig.studies.campaign.campaign_file import from_what
+from rig.studies.campaign.campaign_page import delay_curves, level_shown, magnitude_shown, magnitude_unit, report
+from rig.studies.campaign.campaign_summary import compare, summary
+from rig.studies.campaign.folder import Folder, open_folder
+from rig.studies.campaign.group_rates import acted, smallest
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.tables import OF, Rows
 
 QUIET = {"patterns": ["normal"], "levels": [4], "pattern_transitions": [], "level_transitions": []}
 POSSIBLE = {"patterns_possible": 7, "levels_possible": 5, "pattern_transitions_possible": 42}

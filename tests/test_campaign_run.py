@@ -17,17 +17,17 @@ import psutil
 import pytest
 from mcap.reader import make_reader
 
-from rig.campaign import folder as folder_module
-from rig.campaign import pool
-from rig.campaign.config import read
-from rig.campaign.folder import open_folder
-from rig.campaign.plan import Plan
-from rig.campaign.run import Progress, Result, again, run
-from rig.errors import BadInput, RigError
+from rig.core.errors import BadInput, RigError
+from rig.core.trust import Trust
 from rig.log import read_log
-from rig.log.layout import ROW
+from rig.log.chunk_layout import ROW
 from rig.log.writer import CHUNK_BYTES
-from rig.util.trust import Trust
+from rig.studies.campaign import folder as folder_module
+from rig.studies.campaign import pool
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.folder import open_folder
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.run_campaign import Progress, Result, again, run
 
 CAMPAIGN = """
 base = "f16_pitch_rate_hardover"
@@ -49,8 +49,8 @@ from pathlib import Path
 
 import jsbsim
 
-from rig import aircraft
-from rig.plant import actuated, airframe
+from rig.scenario import aircraft
+from rig.world.plant import actuated, airframe
 
 
 class Aborts:
@@ -411,9 +411,9 @@ from pathlib import Path
 
 from distributed import LocalCluster
 
-from rig.campaign.config import read
-from rig.campaign.plan import Plan
-from rig.campaign.run import run
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.run_campaign import run
 
 if __name__ == "__main__":
     out = Path(sys.argv[2])

@@ -5,12 +5,12 @@ from __future__ import annotations
 import polars as pl
 import pytest
 
-from rig.assess import score
-from rig.campaign.flying import CampaignFlight, fly
-from rig.campaign.groups import by_kind
-from rig.campaign.tables import Row, shut_off
-from rig.campaign.tables import rows as campaign_rows
-from rig.scenario import load
+from rig.scenario.scenario import load
+from rig.studies.campaign.flying import CampaignFlight, fly
+from rig.studies.campaign.groups import by_kind
+from rig.studies.campaign.tables import Row, shut_off
+from rig.studies.campaign.tables import rows as campaign_rows
+from rig.verdict import score
 
 BASE = "f16_elevator_coil_hardover"
 COIL = "{kind='coil_hardover', signal='actuator.elevator', channels=[2], start_s=1.0}"

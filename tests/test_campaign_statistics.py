@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 from scipy.stats import poisson as poisson_law
 
-from rig.campaign.statistics import detectable, mcnemar, median_interval, paired_difference, poisson, proportion
+from rig.studies.campaign.statistics import detectable, mcnemar, median_interval, paired_difference, poisson, proportion
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 from unit_files import library, needs_a_compiler, unit, written
 
-from rig.campaign.config import read
-from rig.campaign.folder import open_folder
-from rig.campaign.plan import Plan
-from rig.campaign.run import Result, again, run
-from rig.errors import BadInput
-from rig.unit.settings import Unit
-from rig.util.trust import Trust
+from rig.core.errors import BadInput
+from rig.core.trust import Trust
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.folder import open_folder
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.run_campaign import Result, again, run
+from rig.unit.unit_file import Unit
 
 pytestmark = needs_a_compiler
 CAMPAIGN = """

@@ -151,6 +151,6 @@ def test_the_command_starts_without_the_libraries_that_only_some_of_it_needs():
 
 
 def test_a_campaign_starts_without_the_statistics_of_its_report():
-    program = "import sys, rig.campaign.run; print([n for n in ('scipy.stats', 'scipy.ndimage') if n in sys.modules])"
+    program = "import sys, rig.studies.campaign.run_campaign; print([n for n in ('scipy.stats', 'scipy.ndimage') if n in sys.modules])"  # noqa: E501
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == "[]"

@@ -9,14 +9,14 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from rig import scenario
 from rig.cli import complete
 from rig.cli.catalogue import of_file
-from rig.errors import BadInput
+from rig.core.errors import BadInput
+from rig.core.files import bundled
 from rig.log.info import overrides
 from rig.log.of_flight import LONGEST_TAG, named, new_log, tag
-from rig.scenario import find, load
-from rig.util.files import bundled
+from rig.scenario import scenario
+from rig.scenario.scenario import find, load
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def test_a_folder_of_something_else_is_refused(rig_command: Command, tmp_path: P
 def test_from_nothing_to_a_scenario_that_violates(
     rig_command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("rig.search.shrink.TRIES", 2)
+    monkeypatch.setattr("rig.studies.search.shrink.TRIES", 2)
     arguments = ("search", space(tmp_path), "--requirement", "vote", "--flights", "36", "--bench", "--workers", "1")
     code, out, err = rig_command(*arguments, "--out", "s")
     assert code == 0 and out.splitlines()[0].startswith("flights ") and "least margin" in err

@@ -12,8 +12,8 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 from rig.cli.fly import Watching
-from rig.util.interrupt import Stop
-from rig.view import viewer
+from rig.core.interrupt import Stop
+from rig.show.viewer import viewer
 
 
 class Served:

@@ -8,13 +8,13 @@ import pytest
 from typer import Argument, Option, Typer
 from typer.testing import CliRunner
 
-from rig.cli import table as module
+from rig.cli import printing as module
 from rig.cli.common import Align, comma_list, takes_options, whole_numbers
+from rig.cli.printing import Column, columns, counts, field, line, rest, rough_duration, share, table
 from rig.cli.studies import _servo  # pyright: ignore[reportPrivateUsage]
-from rig.cli.table import Column, columns, counts, field, line, rest, rough_duration, share, table
-from rig.errors import BadInput
-from rig.studies.servo import FREQUENCIES_HZ, Compared, Response
-from rig.util.console import Screen
+from rig.core.console import Screen
+from rig.core.errors import BadInput
+from rig.studies.papers.servo_study import FREQUENCIES_HZ, Compared, Response
 
 
 class Point(NamedTuple):

@@ -10,9 +10,9 @@ from rich.progress import Progress, Task
 
 from rig.cli import working as module
 from rig.cli.working import COMPILING, working
-from rig.util.console import Screen
-from rig.util.interrupt import interruptible
-from rig.util.progress import listening, tell
+from rig.core.console import Screen
+from rig.core.interrupt import interruptible
+from rig.core.progress import listening, tell
 
 
 def compiled(name: str) -> None:

@@ -14,11 +14,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from rig import kernel_cache, kernel_locks
-from rig.campaign import compile_ahead
-from rig.campaign.compile_ahead import PARTS, Ahead
+from rig.computer.lanes.think import follow_votes
 from rig.computer.redundancy.compare import sort
-from rig.lanes.think import follow_votes
+from rig.core import kernel_cache, kernel_locks
+from rig.studies.campaign import compile_ahead
+from rig.studies.campaign.compile_ahead import PARTS, Ahead
 
 pytestmark = pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 
@@ -31,7 +31,7 @@ def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     @contextmanager
     def child(part: str, told: int) -> Iterator[None]:
         parts.append(part)
-        os.write(told, b"rig.lanes.think:follow_votes\nnobody:nothing\n")
+        os.write(told, b"rig.computer.lanes.think:follow_votes\nnobody:nothing\n")
         yield
 
     monkeypatch.setattr(compile_ahead, "_child", child)

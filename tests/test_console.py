@@ -11,7 +11,7 @@ from rich.table import Table
 
 import rig
 from rig.cli import main as cli
-from rig.util.console import Screen, console, styled
+from rig.core.console import Screen, console, styled
 
 MARKUP = "[/red][bold]x[/bold] :smile:"
 ACTS = "\x1b]0;PWNED\x07\x1b[2J\u202e"

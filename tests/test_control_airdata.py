@@ -7,7 +7,7 @@ import math
 import pytest
 
 from rig.computer.control import airdata
-from rig.units import atmosphere
+from rig.core.units import atmosphere
 
 # ISO 2533: geopotential altitude [m], pressure [Pa], temperature [K]
 ATMOSPHERE = [

@@ -9,9 +9,21 @@ import numpy as np
 import pytest
 from interpreted import printed
 
-from rig.computer.control import gains
+from rig.computer.control import gains_file as gains
 from rig.computer.control.autopilot import Config, Control
-from rig.frame import CHANNELS, COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SIGNALS, SURFACES, Block, Law, S, new_block
+from rig.core.frame import (
+    CHANNELS,
+    COMMANDS,
+    DEMANDS,
+    DISCRETE_INDEX,
+    INDEX,
+    SIGNALS,
+    SURFACES,
+    Block,
+    Law,
+    S,
+    new_block,
+)
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 LIMITS = [(-0.4, 0.4), (-0.35, 0.35), (-0.5, 0.5), (0.0, 1.0)]

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.computer.control import gains
+from rig.computer.control import gains_file as gains
 from rig.computer.control.autopilot import Config, Control
-from rig.frame import CHANNELS, DEMANDS, DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SIGNALS, Block, S, new_block
-from rig.plant import airframe, wind
-from rig.plant.jsbsim import Plant
+from rig.core.frame import CHANNELS, DEMANDS, DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SIGNALS, Block, S, new_block
+from rig.world.plant import airframe, wind
+from rig.world.plant.jsbsim import Plant
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 NAMES = ("f16", "b747", "b737")

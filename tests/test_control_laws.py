@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rig.computer.control import laws
-from rig.computer.control.state import STATE
+from rig.computer.control.law_state import STATE
 
 G = 9.80665
 

@@ -9,13 +9,14 @@ import pytest
 from interpreted import printed
 from test_control_flight import AIRCRAFT, DEGREE, NOISE, RATE_HZ, flight, sizes, truth
 
-from rig.computer.control import backup, gains
+from rig.computer.control import backup_law as backup
+from rig.computer.control import gains_file as gains
 from rig.computer.control.autopilot import PARAM, Config, Control
+from rig.computer.control.law_state import STATE
 from rig.computer.control.source import put
-from rig.computer.control.state import STATE
-from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Law, S, Source, new_block
-from rig.plant import airframe, wind
-from rig.plant.jsbsim import Plant
+from rig.core.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Law, S, Source, new_block
+from rig.world.plant import airframe, wind
+from rig.world.plant.jsbsim import Plant
 
 ATTITUDE = ("pitch_angle", "roll_angle", "heading")
 RATES = ("pitch_rate", "roll_rate", "yaw_rate")

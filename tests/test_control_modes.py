@@ -11,8 +11,8 @@ from test_control_autopilot import ENGAGED, fly, level_flight
 
 from rig.computer.control.autopilot import Config
 from rig.computer.control.modes import LATERAL, LAWS, SPEED, VERTICAL, Mode
-from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, Block
-from rig.units.constants import GRAVITY
+from rig.core.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, Block
+from rig.core.units.constants import GRAVITY
 
 ROOT = Path(__file__).parents[1]
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]

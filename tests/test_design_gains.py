@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.computer.control import gains
-from rig.design import backup
-from rig.design.backup import regulator
-from rig.design.gains import design
-from rig.design.requirements import Requirements
-from rig.errors import BadInput, RigError
-from rig.plant import airframe
+from rig.computer.control import gains_file as gains
+from rig.core.errors import BadInput, RigError
+from rig.design import backup_design as backup
+from rig.design.backup_design import regulator
+from rig.design.design_gains import design
+from rig.design.loop_requirements import Requirements
+from rig.world.plant import airframe
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 NAMES = ("f16", "b747", "b737", "b707")

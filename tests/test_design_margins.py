@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.computer.control import gains
-from rig.computer.control.gains import Gains, Point
+from rig.computer.control import gains_file as gains
+from rig.computer.control.gains_file import Gains, Point
 from rig.design import loops
 from rig.design.loops import ACTUATORS, Law, Plane
-from rig.design.margins import Loop, crossover, margins, response, sampled_loop
-from rig.plant import airframe
-from rig.plant.linearise import Linear, linearise
+from rig.design.stability_margins import Loop, crossover, margins, response, sampled_loop
+from rig.world.plant import airframe
+from rig.world.plant.linearise import Linear, linearise
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 NAMES = ("f16", "b747", "b737")

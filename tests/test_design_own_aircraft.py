@@ -13,24 +13,26 @@ import pytest
 from test_plant_base_model import POINT, light
 
 import rig
-from rig import aircraft
 from rig.cli import aircraft as aircraft_commands
 from rig.cli import main as cli
 from rig.cli import show_aircraft
 from rig.computer.analytic import designed as designed_references
-from rig.computer.control import gains as gains_file
-from rig.computer.control.gains import Gains, Margin
-from rig.design import backup, first_design, new_aircraft, propose, references, requirements
-from rig.design import gains as design_gains
-from rig.design.check import check
-from rig.design.requirements import Requirements, short_of
-from rig.errors import BadInput, PointFault, RigError
-from rig.plant import airframe, base_model, linearise
-from rig.plant.airframe import FlightPoint, flight_point_at
-from rig.plant.level import evaluate
-from rig.plant.loading import load, mass_kg
-from rig.units.atmosphere import density, speed_of_sound
-from rig.units.constants import GRAVITY
+from rig.computer.control import gains_file
+from rig.computer.control.gains_file import Gains, Margin
+from rig.core.errors import BadInput, PointFault, RigError
+from rig.core.units.atmosphere import density, speed_of_sound
+from rig.core.units.constants import GRAVITY
+from rig.design import backup_design as backup
+from rig.design import design_gains, first_design, new_aircraft, propose
+from rig.design import design_references as references
+from rig.design import loop_requirements as requirements
+from rig.design.aircraft_check import check
+from rig.design.loop_requirements import Requirements, short_of
+from rig.scenario import aircraft
+from rig.world.plant import airframe, base_model, linearise
+from rig.world.plant.airframe import FlightPoint, flight_point_at
+from rig.world.plant.level import evaluate
+from rig.world.plant.loading import load, mass_kg
 
 BUNDLED = Path(__file__).parents[1] / "aircraft"
 

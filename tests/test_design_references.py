@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from figures import references as table_of_references
 
-from rig import aircraft
-from rig.computer.analytic import sources as reference_sources
+from rig.computer.analytic import reference_sources
 from rig.computer.analytic.designed import Designed, Error
-from rig.computer.analytic.sources import PARTNERS
-from rig.computer.control import gains as control_gains
-from rig.design import references as reference_design
-from rig.errors import BadInput, PointFault, RigError
-from rig.frame import INDEX, INERTIAL, SIGNALS, new_block
-from rig.plant.airframe import read as read_airframe
-from rig.plant.linearise import Linear, Trim, linearise
-from rig.scenario import Scenario
-from rig.settings import build, read_toml
+from rig.computer.analytic.reference_sources import PARTNERS
+from rig.computer.control import gains_file as control_gains
+from rig.core.errors import BadInput, PointFault, RigError
+from rig.core.frame import INDEX, INERTIAL, SIGNALS, new_block
+from rig.core.settings import build, read_toml
+from rig.design import design_references as reference_design
+from rig.scenario import aircraft
+from rig.scenario.scenario import Scenario
+from rig.world.plant.airframe import read as read_airframe
+from rig.world.plant.linearise import Linear, Trim, linearise
 
 G = 9.80665
 NAMES = aircraft.names()

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import requirements
 
-from rig import aircraft, scenario
 from rig.cli.catalogue import signal_rows
-from rig.frame import INDEX, Block, State
-from rig.loop import Rig, frames
-from rig.util.files import bundled
+from rig.core.files import bundled
+from rig.core.frame import INDEX, Block, State
+from rig.flight.loop import Rig, frames
+from rig.scenario import aircraft, scenario
 
 ROOT = Path(__file__).parent.parent
 EXAMPLE = ROOT / "docs" / "examples" / "manager" / "mine.py"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rig.view.style import CHANNEL_COLORS, FAILED, REFERENCE
+from rig.show.viewer.style import CHANNEL_COLORS, FAILED, REFERENCE
 
 DOCS = Path(__file__).parent.parent / "docs"
 DRAWN = (*CHANNEL_COLORS, REFERENCE)

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
+from rig.core import fault_names
+from rig.core.files import bundled
 from rig.log.of_flight import metadata
-from rig.scenario import load
-from rig.util import fault_names
-from rig.util.files import bundled
-from rig.view.facts import UNKNOWN, of_log, of_resolved
+from rig.scenario.scenario import load
+from rig.show.viewer.facts import UNKNOWN, of_log, of_resolved
 
 SCENARIOS = sorted(path.stem for path in bundled("faults").glob("*.toml"))
 

@@ -3,8 +3,8 @@ import pytest
 from one_stage import step_stage
 from pydantic import TypeAdapter, ValidationError
 
-from rig.faults import Fault, Faults
-from rig.frame import INDEX, SIGNALS, Ilm, new_block
+from rig.core.frame import INDEX, SIGNALS, Ilm, new_block
+from rig.world.faults import Fault, Faults
 
 RATE = 100.0
 RANGES = np.array([(signal.low, signal.high) for signal in SIGNALS])

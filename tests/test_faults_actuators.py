@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig import scenario
-from rig.errors import BadInput
-from rig.faults.parts import Part, whole_parts
-from rig.frame import MOVED, ActuatorMonitor, End
-from rig.loop import Rig, frames
+from rig.core.errors import BadInput
+from rig.core.frame import MOVED, ActuatorMonitor, End
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
+from rig.world.faults.servo_parts import Part, whole_parts
 
 SERVO = 'actuators.model="servo"'
 ONSET_S, RATE_HZ = 2.0, 100.0

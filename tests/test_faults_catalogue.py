@@ -8,10 +8,11 @@ import pytest
 from pydantic import TypeAdapter
 from typer.testing import CliRunner
 
-from rig import scenario
 from rig.cli.main import app
-from rig.errors import BadInput
-from rig.faults import KINDS, Fault, catalogue
+from rig.core.errors import BadInput
+from rig.scenario import scenario
+from rig.world.faults import KINDS, Fault
+from rig.world.faults import fault_catalogue as catalogue
 
 PARSE: TypeAdapter[Fault] = TypeAdapter(Fault)
 RUN = CliRunner()

@@ -10,11 +10,11 @@ from faulted import PARSE, faulted, healthy
 from one_stage import sense, suite, truths
 from pydantic import ValidationError
 
-from rig import scenario
-from rig.errors import BadInput
-from rig.faults import Coils
-from rig.frame import INDEX, SIGNALS, Block, Ilm, Resolver, State
-from rig.loop import Rig, frames
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, SIGNALS, Block, Ilm, Resolver, State
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
+from rig.world.faults import Coils
 
 STICK = INDEX["stick_pitch"]
 ALL, NONE = ({"stick_pitch": Coils(coverage, tolerance=0.04, frames=3)} for coverage in (1.0, 0.0))

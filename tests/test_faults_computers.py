@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from lanes_flown import FOUR, ONSET, Flown, flown
 
-from rig import scenario
-from rig.errors import BadInput
-from rig.frame import COMPUTERS, INDEX, Health, LaneTest, State
-from rig.lanes.health import shut_off
-from rig.loop import Rig
+from rig.computer.lanes.health import shut_off
+from rig.core.errors import BadInput
+from rig.core.frame import COMPUTERS, INDEX, Health, LaneTest, State
+from rig.flight.loop import Rig
+from rig.scenario import scenario
 
 SERVO = 'actuators.model="servo"'
 SURE = ("computers.wrap_around.coverage=1", "computers.reference_voltage.coverage=1")
@@ -150,7 +150,7 @@ def test_a_lane_that_stopped_starts_with_what_the_leading_one_has_and_is_readmit
 
 def blocks(*sets: str) -> tuple[Any, Any]:
     """Rows, and those of servos and computers, of an F-16's flight with servos."""
-    from rig.loop import frames
+    from rig.flight.loop import frames
 
     rig, rows, lanes = Rig(scenario.load(None, [*sets, SERVO, FOUR])), [], []
     for block, _ in frames(rig, rig.scenario):

@@ -9,9 +9,9 @@ import pytest
 from faulted import PARSE, acts, executed, faulted, healthy
 from pydantic import ValidationError
 
-from rig import scenario
-from rig.errors import BadInput
-from rig.frame import DISCRETE_INDEX, Block, Ilm, State
+from rig.core.errors import BadInput
+from rig.core.frame import DISCRETE_INDEX, Block, Ilm, State
+from rig.scenario import scenario
 
 GEAR, WHEELS = DISCRETE_INDEX["gear_down"], DISCRETE_INDEX["weight_on_wheels"]
 ON, N = 20, 60

@@ -7,8 +7,8 @@ import pytest
 from faulted import RANGES, acts, column, faulted, healthy, x
 from pydantic import ValidationError
 
-from rig.faults import KINDS
-from rig.frame import FLIGHT_INDEX, INDEX, SIGNALS, Ilm
+from rig.core.frame import FLIGHT_INDEX, INDEX, SIGNALS, Ilm
+from rig.world.faults import KINDS
 
 ON = 20  # frame of the onset
 N = 60

@@ -5,9 +5,10 @@ import pytest
 from faulted import PARSE, RATE, THRESHOLDS, faulted, healthy
 from pydantic import ValidationError
 
-from rig import loop, scenario
-from rig.frame import INDEX, SIGNALS
-from rig.units.constants import TWO_PI
+from rig.core.frame import INDEX, SIGNALS
+from rig.core.units.constants import TWO_PI
+from rig.flight import loop
+from rig.scenario import scenario
 
 Q, PSI, PHI = INDEX["pitch_rate"], INDEX["heading"], INDEX["roll_angle"]
 ON = 20

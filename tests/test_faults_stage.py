@@ -8,10 +8,10 @@ from faulted import PARSE, acts, executed, faulted, healthy, x
 from interpreted import printed
 
 import rig
-from rig import scenario
-from rig.flight.assembly import fly
-from rig.frame import FLIGHT_INDEX, INDEX, MOST_FAULTS, State, new_block
-from rig.loop import Rig, frames
+from rig.core.frame import FLIGHT_INDEX, INDEX, MOST_FAULTS, State, new_block
+from rig.flight.fly import fly
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
 
 Q = INDEX["pitch_rate"]
 HERE = {"signal": "pitch_rate", "channels": [2], "start_s": 0.2}
@@ -125,7 +125,7 @@ def test_a_jammed_surface_stays_where_it_was_while_the_law_commands_on():
 @pytest.mark.long
 def test_compiled_and_interpreted_faults_leave_the_same_bits():
     program = (
-        "import hashlib, json, sys\nfrom rig import scenario\nfrom rig.loop import Rig, frames\n"
+        "import hashlib, json, sys\nfrom rig.scenario import scenario\nfrom rig.flight.loop import Rig, frames\n"
         "s = scenario.from_resolved(json.load(sys.stdin), 'test')\n"
         "fields = (r[n] for r, _ in frames(Rig(s), s) for n in r.dtype.names)\n"
         "print(hashlib.sha256(b''.join(f.tobytes() for f in fields)).hexdigest())\n"

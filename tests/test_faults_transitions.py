@@ -6,8 +6,8 @@ import pytest
 from faulted import PARSE, acts, faulted, healthy
 from pydantic import ValidationError
 
-from rig.faults.trigger import Transition
-from rig.frame import INDEX, Pattern, Resolver, Source, State
+from rig.core.frame import INDEX, Pattern, Resolver, Source, State
+from rig.world.faults.trigger import Transition
 
 P, Q = INDEX["roll_rate"], INDEX["pitch_rate"]
 BACK = {"pattern": "normal", "resolver": "none", "source": "voted", "state": "ok"}

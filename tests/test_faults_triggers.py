@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rig import scenario
-from rig.errors import BadInput
-from rig.faults.expression import DEEPEST, holds, parse, reads_votes
-from rig.faults.record import SEEN
-from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, new_block
+from rig.core.errors import BadInput
+from rig.core.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, new_block
+from rig.scenario import scenario
+from rig.world.faults.expression import DEEPEST, holds, parse, reads_votes
+from rig.world.faults.fault_records import SEEN
 
 Q, P, DYNAMIC = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["dynamic_pressure"]
 ENGAGED = DISCRETE_INDEX["autopilot_engaged"]

@@ -7,9 +7,9 @@ from xml.sax.saxutils import escape
 import pytest
 from atlas_page import LEGEND, MET_NOW, MIXED, look
 
-from rig.assess.requirements import fly_requirements, load_requirements
-from rig.scenario import load
-from rig.util.palette import BLUE, LIGHT_BLUE, PALE_BLUE, PALE_RED
+from rig.core.palette import BLUE, LIGHT_BLUE, PALE_BLUE, PALE_RED
+from rig.scenario.scenario import load
+from rig.verdict.requirements import fly_requirements, load_requirements
 
 ROOT = Path(__file__).parents[1]
 WORST = sorted((ROOT / "faults" / "worst").glob("*.toml"))

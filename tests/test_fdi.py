@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from interpreted import printed
 
-from rig import scenario
-from rig.errors import BadInput
+from rig.core.errors import BadInput
+from rig.core.frame import FLIGHT_INDEX, INDEX, Block, SensorFault, Trust
+from rig.flight.events import EventFinder
+from rig.flight.loop import Rig, frames
 from rig.flight.recorder import event_finder
-from rig.frame import FLIGHT_INDEX, INDEX, Block, SensorFault, Trust
-from rig.loop import Rig, frames
-from rig.record.events import EventFinder
+from rig.scenario import scenario
 
 THETA = INDEX["pitch_angle"]
 FAULT_FRAME = 2000

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rig.computer.fdi import decision
-from rig.computer.fdi.state import BOTH, GYROS_ALONE, KEPT, STATE, UNIT_ALONE, Config, parameters
-from rig.frame import INDEX, S, Trust
+from rig.computer.fdi.pitch_test_state import BOTH, GYROS_ALONE, KEPT, STATE, UNIT_ALONE, Config, parameters
+from rig.core.frame import INDEX, S, Trust
 
 pytestmark = pytest.mark.requirement("fault-tolerant", "the two tests, the way back and the arbiter")
 

@@ -15,12 +15,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_continuous_are
 
-from rig import scenario
 from rig.computer.analytic.pitch_filter import Noise
 from rig.computer.fdi.monitor import monitor_pitch_angle
-from rig.computer.fdi.state import STATE, Config, parameters
-from rig.frame import INDEX, S, Source, Trust, new_block
-from rig.plant.airframe import LinearConfig
+from rig.computer.fdi.pitch_test_state import STATE, Config, parameters
+from rig.core.frame import INDEX, S, Source, Trust, new_block
+from rig.scenario import scenario
+from rig.world.plant.airframe import LinearConfig
 
 RATE_HZ, FAULT_S, END_S, NOISE = 100.0, 5.0, 25.0, 0.002
 THETA, Q = INDEX["pitch_angle"], INDEX["pitch_rate"]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rig.computer.fdi.monitor import monitor_pitch_angle
-from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE, Config, parameters
-from rig.frame import INDEX, INERTIAL, S, SensorFault, Source, Trust, new_block
-from rig.units.constants import GRAVITY
+from rig.computer.fdi.pitch_test_state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE, Config, parameters
+from rig.core.frame import INDEX, INERTIAL, S, SensorFault, Source, Trust, new_block
+from rig.core.units.constants import GRAVITY
 
 pytestmark = pytest.mark.requirement("fault-tolerant", "the three hypotheses, isolation and return")
 

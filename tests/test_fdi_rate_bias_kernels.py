@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rig.computer.fdi import rate_bias
-from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE, Config, parameters
-from rig.frame import INDEX, INERTIAL, S, Trust
+from rig.computer.fdi.pitch_test_state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE, Config, parameters
+from rig.core.frame import INDEX, INERTIAL, S, Trust
 
 pytestmark = pytest.mark.requirement("fault-tolerant", "the three hypotheses, isolation and return")
 

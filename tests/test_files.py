@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rig.errors import BadInput, RigError
-from rig.util.files import draft, is_file, is_unused, new_folder, numbered, publish, replaced, sweep, write_text
+from rig.core.errors import BadInput, RigError
+from rig.core.files import draft, is_file, is_unused, new_folder, numbered, publish, replaced, sweep, write_text
 
 
 def test_a_file_is_there_only_when_its_block_ended_well(tmp_path: Path):

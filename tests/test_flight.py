@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import rig
-from rig.errors import BadInput, RigError
-from rig.flight.assembly import fly
-from rig.frame import SIGNALS
-from rig.scenario import from_resolved
+from rig.core.errors import BadInput, RigError
+from rig.core.frame import SIGNALS
+from rig.flight.fly import fly
+from rig.scenario.scenario import from_resolved
 
 SHORT = ["duration_s=3", "faults.0.start_s=1.0"]
 
@@ -90,7 +90,7 @@ def test_a_log_that_is_lost_in_flight_is_said_and_no_flight_is_returned(tmp_path
 
 
 def test_a_name_of_any_length_and_in_any_script_gives_a_log_that_can_be_made(tmp_path):
-    from rig.scenario import load
+    from rig.scenario.scenario import load
 
     for letter in ("n", "\N{GREEK SMALL LETTER ALPHA}", "\N{CJK UNIFIED IDEOGRAPH-4E00}"):
         named = from_resolved({**load(None, ["duration_s=0.1"]).resolved(), "title": letter * 400}, "test")

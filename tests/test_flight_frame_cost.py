@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from rig import scenario
 from rig.computer.redundancy.managers import vote_signals
 from rig.computer.redundancy.own import OwnManager
-from rig.flight.frame_cost import pieces
-from rig.frame import Block, nested, new_block
-from rig.kernels import bind
-from rig.loop import Rig, after, before, bind_computer, think
+from rig.core.frame import Block, nested, new_block
+from rig.core.kernels import bind
+from rig.flight.cost import pieces
+from rig.flight.loop import Rig, after, before, bind_computer, think
+from rig.scenario import scenario
 
 FRAMES = 300
 ALL_PLACES = [  # each of the three kernels of faults has something to do

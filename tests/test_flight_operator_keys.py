@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 
 import rig
-from rig.assess.of_log import score_log
-from rig.assess.record import Yardstick
-from rig.errors import BadInput
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, State
+from rig.flight.loop import fly_rows
 from rig.flight.operator_keys import Keys
-from rig.frame import INDEX, State
-from rig.loop import fly_rows
-from rig.pressed_keys import pressed
-from rig.recordings.flown import recorded
-from rig.scenario import load
-from rig.view.watch.keyboard import pressing
+from rig.log.recordings.flown_log import recorded
+from rig.scenario.pressed_keys import pressed
+from rig.scenario.scenario import load
+from rig.show.terminal.keyboard import pressing
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 
 Q, P = INDEX["pitch_rate"], INDEX["roll_rate"]
 SCENARIO = """

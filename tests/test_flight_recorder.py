@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rig import fly
-from rig.errors import RigError
-from rig.flight import assembly
+from rig.core.errors import RigError
+from rig.core.frame import TIMING, new_block
+from rig.flight import fly as assembly
 from rig.flight.recorder import RecordingThread
-from rig.frame import TIMING, new_block
 
 STEADY = {"duration_s": 5, "faults": []}
 

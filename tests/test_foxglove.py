@@ -9,8 +9,8 @@ from pathlib import Path
 import outside
 import pytest
 
-from rig.flight.assembly import fly
-from rig.frame import SIGNALS, Ilm, State
+from rig.core.frame import SIGNALS, Ilm, State
+from rig.flight.fly import fly
 from rig.log import read_log
 from rig.log.columns import COLUMNS
 from rig.log.schema import BOOL, FRAME_TOPICS, MESSAGES, POSE_TOPICS, TOPICS

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, new_block, sig, to_frame
+from rig.core.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, new_block, sig, to_frame
 
 
 def test_the_sixteen_signals_and_three_discretes_of_a_flight_control_system_are_there():

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import scenario
-from rig.assess import Score, score
-from rig.loop import Rig, frames
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
+from rig.verdict import Score, score
 
 PAGE = Path(__file__).parent.parent / "docs" / "measured" / "references.md"
 SIGNALS = {

@@ -20,20 +20,20 @@ from hostile_cases.places import FOLDER_THINGS, REFUSED, THINGS
 from hostile_cases.remade import exchanged
 
 import rig
-from rig.campaign import compile_ahead, pool
 from rig.cli import main
-from rig.errors import BadInput, BadLog, RigError
-from rig.frame import FLAT, TIMING
-from rig.frame.fields import FIELDS
+from rig.core.errors import BadInput, BadLog, RigError
+from rig.core.event import Event
+from rig.core.files import open_regular
+from rig.core.frame import FLAT, TIMING
+from rig.core.frame.fields import FIELDS
+from rig.core.settings import read_toml
 from rig.log import LogWriter, foreign, read_log
+from rig.log.recordings.columns_file import Table
+from rig.log.recordings.csv_file import TableFormat
 from rig.log.scan import contents
-from rig.record.event import Event
-from rig.recordings.csv_file import TableFormat
-from rig.recordings.table import Table
-from rig.sensors import recorded
-from rig.settings import read_toml
-from rig.unit.settings import Unit
-from rig.util.files import open_regular
+from rig.studies.campaign import compile_ahead, pool
+from rig.unit.unit_file import Unit
+from rig.world.sensors import noise_file as recorded
 
 TOOL = Path(__file__).parent / "tools" / "hostile.py"
 SPARSE = 20 << 30

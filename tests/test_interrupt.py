@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from rig.core.interrupt import end_cleanly, interruptible
 from rig.log import read_log
-from rig.util.interrupt import end_cleanly, interruptible
 
 TERMINATIONS = [signal.SIGTERM, signal.SIGHUP]
 
@@ -97,8 +97,8 @@ def test_a_process_that_ends_cleanly_runs_its_finally_and_a_second_signal_does_n
     number: signal.Signals, tmp_path: Path
 ):
     code = (
-        "import signal\nfrom pathlib import Path\nfrom rig.util.files import replaced\n"
-        "from rig.util.interrupt import end_cleanly\nend_cleanly()\n"
+        "import signal\nfrom pathlib import Path\nfrom rig.core.files import replaced\n"
+        "from rig.core.interrupt import end_cleanly\nend_cleanly()\n"
         "with replaced(Path('o')) as made:\n    try:\n"
         f"        signal.raise_signal({int(number)})\n    finally:\n"
         f"        signal.raise_signal({int(number)})\n        Path('finally').touch()\n"

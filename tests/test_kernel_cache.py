@@ -11,11 +11,11 @@ from random import Random
 
 import pytest
 
-from rig.kernel_cache import reach
-from rig.kernel_locks import give_all_back, give_back, take
+from rig.core.kernel_cache import reach
+from rig.core.kernel_locks import give_all_back, give_back, take
 
 _MODULE = """
-from rig.kernels import kernel
+from rig.core.kernels import kernel
 import helper
 from helper import inner
 
@@ -34,7 +34,7 @@ def apart(x):
     return x * 3.0
 """
 _HELPER = """
-from rig.kernels import kernel
+from rig.core.kernels import kernel
 
 GAIN = 4.0
 
@@ -169,7 +169,7 @@ def test_python_may_call_a_kernel_that_another_has_had_compiled(tmp_path: Path):
 
 
 def test_a_lock_excludes_another_process_and_ends_with_its_own_however_that_ends(tmp_path: Path):
-    code = "import sys; from pathlib import Path; from rig.kernel_locks import take; "
+    code = "import sys; from pathlib import Path; from rig.core.kernel_locks import take; "
     code += "print(take(Path(sys.argv[1]), sys.argv[2], wait=False), flush=True); input()"
 
     def other(name: str) -> tuple[bool, subprocess.Popen[bytes]]:
@@ -199,7 +199,7 @@ def test_what_does_not_compile_keeps_nobody_waiting(tmp_path: Path):
     (tmp_path / "module.py").write_text(bad)
     (tmp_path / "helper.py").write_text(_HELPER)
     code = "import module\ntry:\n    module.apart(1.0)\nexcept Exception: pass\n"
-    code += "from rig.kernel_locks import _held\nprint(len(_held))"
+    code += "from rig.core.kernel_locks import _held\nprint(len(_held))"
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
     said = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, check=True, text=True)
     assert said.stdout == "0\n"

@@ -9,14 +9,14 @@ from interpreted import printed
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from rig import scenario
-from rig.errors import BadInput
-from rig.flight.assembly import fly
-from rig.frame import COMPUTERS, INDEX, State
+from rig.core.errors import BadInput
+from rig.core.frame import COMPUTERS, INDEX, State
+from rig.flight.fly import fly
+from rig.flight.loop import Rig, fly_rows, frames
 from rig.log import read_log
 from rig.log.info import info
 from rig.log.scan import recover
-from rig.loop import Rig, fly_rows, frames
+from rig.scenario import scenario
 
 SERVO = 'actuators.model="servo"'
 SOON = [  # one for each kind of memory that faults on references have, and a lost channel
@@ -172,7 +172,7 @@ def test_the_digest_has_the_lanes(logged, tmp_path):
 @pytest.mark.long
 def test_compiled_and_interpreted_lanes_decide_the_same_bits():
     program = (
-        "import hashlib\nfrom rig import scenario\nfrom rig.loop import Rig, frames\n"
+        "import hashlib\nfrom rig.scenario import scenario\nfrom rig.flight.loop import Rig, frames\n"
         "rig = Rig(scenario.load(None, ['duration_s=0.2', 'computers.count=3', 'faults=[]']))\n"
         "lanes = [rig.lanes(len(rows))[0]['computer'] for rows, _ in frames(rig, rig.scenario)]\n"
         "fields = (part[name] for part in lanes for name in part.dtype.names)\n"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from lanes_flown import FOUR, ONSET, flown
 
-from rig import scenario
-from rig.frame import INDEX, Resolver
-from rig.loop import Rig, frames
+from rig.core.frame import INDEX, Resolver
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
 
 STICKS = ("stick_pitch", "stick_roll", "pedal")
 ORDER = f'computers.commands=[{{at_s={ONSET / 100}, do="backup"}}]'

@@ -9,9 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lanes_flown import flown
 
-from rig import scenario
-from rig.frame import FCC, Health, Resolver
-from rig.lanes.command import (
+from rig.computer.lanes.command import (  # fmt: skip
     CommandData,
     agree,
     commands,
@@ -19,11 +17,13 @@ from rig.lanes.command import (
     middle_of_engaged,
     note_unresolved,
     vote_commands,
-)  # fmt: skip
-from rig.lanes.config import Config
-from rig.lanes.health import NOBODY, HealthData, health
-from rig.lanes.link import LinkData, links
-from rig.loop import Rig
+)
+from rig.computer.lanes.computers_table import Config
+from rig.computer.lanes.health import NOBODY, HealthData, health
+from rig.computer.lanes.link import LinkData, links
+from rig.core.frame import FCC, Health, Resolver
+from rig.flight.loop import Rig
+from rig.scenario import scenario
 
 LIMITS = np.array([[-0.4, 0.4]] * 3 + [[0.0, 1.0]])
 STROKE = LIMITS[:, 1] - LIMITS[:, 0]

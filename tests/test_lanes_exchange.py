@@ -8,8 +8,8 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from rig.lanes.exchange import NOBODY, Arrival, Said, arrival, exchange
-from rig.studies.exchange import CASES, Row, as_dict, study
+from rig.computer.lanes.exchange import NOBODY, Arrival, Said, arrival, exchange
+from rig.studies.papers.lane_exchange import CASES, Row, as_dict, study
 
 LANES = "ABCD"
 DIRECT = ("right", "wrong", "other", None)  # None: missing

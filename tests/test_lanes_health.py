@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.faults.parts import ComputerPart
-from rig.frame import Health, LaneTest, LinkState
-from rig.lanes.config import Command, Config
-from rig.lanes.health import NOBODY, HealthData, accuse, engage, fail_accused, health, suspect, watch_clocks
-from rig.lanes.health import test_itself as itself
+from rig.computer.lanes.computers_table import Command, Config
+from rig.computer.lanes.health import NOBODY, HealthData, accuse, engage, fail_accused, health, suspect, watch_clocks
+from rig.computer.lanes.health import test_itself as itself
+from rig.core.frame import Health, LaneTest, LinkState
+from rig.world.faults.servo_parts import ComputerPart
 
 STROKE = np.full(4, 0.8)
 TESTS = [int(LaneTest.NONE), int(LaneTest.COMMANDS), int(LaneTest.LINK), int(LaneTest.CLOCK)]

@@ -7,15 +7,15 @@ import pytest
 from lanes_flown import FOUR, ONSET, Flown, flown
 
 import rig
-from rig import scenario
-from rig.assess.of_log import score_log
-from rig.assess.record import Yardstick
-from rig.errors import BadInput
-from rig.flight.assembly import fly
-from rig.frame import INDEX, LinkState, State
-from rig.lanes.clock import CLOCK, run_on
-from rig.recordings.flown import recorded
-from rig.replay.verify import verify
+from rig.bench.replay.verify import verify
+from rig.computer.lanes.lane_clock import CLOCK, run_on
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, LinkState, State
+from rig.flight.fly import fly
+from rig.log.recordings.flown_log import recorded
+from rig.scenario import scenario
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 
 Q = INDEX["pitch_rate"]
 FREE = ("computers.synchronised=false", "computers.exchange_rounds=1", "computers.clock_drift_ppm=0")

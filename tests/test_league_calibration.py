@@ -8,11 +8,11 @@ from league_flights import RATE_HZ, white, white_signal
 from scipy.stats import chi2
 
 import rig
-from rig.errors import BadInput
-from rig.league.calibration import calibrate, require_time
-from rig.league.entrants import BIASED, LASTING, OURS, Entrant, entrants, fails_nobody, levels
-from rig.league.flown import isolations, transients
-from rig.league.healthy import measured, read
+from rig.core.errors import BadInput
+from rig.studies.benchmark.calibration import calibrate, require_time
+from rig.studies.benchmark.calibration_data import measured, read
+from rig.studies.benchmark.entrants import BIASED, LASTING, OURS, Entrant, entrants, fails_nobody, levels
+from rig.studies.benchmark.healthy_flights import isolations, transients
 
 
 @pytest.mark.long

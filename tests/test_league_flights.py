@@ -9,13 +9,13 @@ from league_flights import plan
 from numpy.random import SFC64, Generator
 
 import rig
-from rig.frame import INDEX, State
-from rig.league import trials
-from rig.league.calibration import Calibrated
-from rig.league.entrants import OURS, Entrant
-from rig.league.flights import Flier, flight_scenario, shared_out
-from rig.league.trials import Runner, Told, streams_of
-from rig.reliability.drawn import cell, drawn_values
+from rig.core.frame import INDEX, State
+from rig.studies.benchmark import benchmark_trials as trials
+from rig.studies.benchmark.benchmark_trials import Runner, Told, streams_of
+from rig.studies.benchmark.calibration import Calibrated
+from rig.studies.benchmark.entrants import OURS, Entrant
+from rig.studies.benchmark.flights import Flier, flight_scenario, shared_out
+from rig.studies.reliability.drawn import cell, drawn_values
 
 CUSUM, MEDIAN, OWN = Entrant("cusum", "cusum"), Entrant("median", "median"), Entrant(OURS, OURS)
 VALUES = {"cusum": {"allowance": 0.3}, "median": {}, OURS: {}}

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from league_flights import white, white_signal
 
-from rig.computer.redundancy.rivals.settings import Rivals
-from rig.league.entrants import Entrant, OfSignal
-from rig.league.flown import counted, exceeded, isolations, transients
+from rig.computer.redundancy.rivals.rival_settings import Rivals
+from rig.studies.benchmark.entrants import Entrant, OfSignal
+from rig.studies.benchmark.healthy_flights import counted, exceeded, isolations, transients
 
 VOTER = Entrant("cross-voter", "cross-voter")
 

@@ -7,11 +7,11 @@ import pytest
 from league_flights import RATE_HZ, plan, white, white_signal
 from scipy.stats import norm
 
-from rig.errors import BadInput
-from rig.league.calibration import Calibrated, calibrate
-from rig.league.entrants import Entrant, entrants, fails_nobody
-from rig.league.own_class import calibrated_number, voted, with_values
-from rig.league.trials import Runner, Told, shared_out
+from rig.core.errors import BadInput
+from rig.studies.benchmark.benchmark_trials import Runner, Told, shared_out
+from rig.studies.benchmark.calibration import Calibrated, calibrate
+from rig.studies.benchmark.entrants import Entrant, entrants, fails_nobody
+from rig.studies.benchmark.own_class import calibrated_number, voted, with_values
 
 NAME = "league_flights:Limited"
 

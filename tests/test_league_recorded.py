@@ -8,14 +8,14 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rig.errors import BadInput
-from rig.league import recorded
-from rig.league.entrants import BIASED, LASTING, OURS, SHIPPED, entrants
-from rig.league.recorded import BEFORE_S, MARGINS, PIECES, league
-from rig.recordings.settings import VoteConfig
-from rig.thresholds.data import Data, load
-from rig.thresholds.design import DataBlock
-from rig.thresholds.tradeoff import pieces
+from rig.core.errors import BadInput
+from rig.log.recordings.vote_config import VoteConfig
+from rig.studies.benchmark import on_recordings as recorded
+from rig.studies.benchmark.entrants import BIASED, LASTING, OURS, SHIPPED, entrants
+from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, league
+from rig.studies.thresholds.data import Data, load
+from rig.studies.thresholds.design import DataBlock
+from rig.studies.thresholds.tradeoff import pieces
 
 CONFIG = VoteConfig.model_validate({"default": {"threshold": 1.0, "persistence": 3}})
 RATE_HZ = 50

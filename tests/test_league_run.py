@@ -14,16 +14,16 @@ import pytest
 from league_flights import HEALTHY, SMALL, small
 from typer.testing import CliRunner
 
-from rig.campaign.config import read
-from rig.campaign.plan import Plan
-from rig.campaign.run import run as fly
 from rig.cli.main import app
-from rig.errors import BadInput
-from rig.league.entrants import entrants
-from rig.league.prepared import Asked
-from rig.league.run import _require_ours, run
-from rig.league.trials import STATES
-from rig.util.progress import listening
+from rig.core.errors import BadInput
+from rig.core.progress import listening
+from rig.studies.benchmark.benchmark_trials import STATES
+from rig.studies.benchmark.entrants import entrants
+from rig.studies.benchmark.prepared import Asked
+from rig.studies.benchmark.run_benchmark import _require_ours, run
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.run_campaign import run as fly
 
 
 @pytest.fixture(scope="module")

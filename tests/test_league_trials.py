@@ -5,12 +5,12 @@ import polars as pl
 import pytest
 from league_flights import plan
 
-from rig.bench.trials import RESULT
-from rig.errors import BadInput
-from rig.league.calibration import Calibrated
-from rig.league.entrants import Entrant
-from rig.league.trials import Runner, Told, became, of_signals, shared_out
-from rig.reliability.drawn import cell
+from rig.bench.one_signal_trials import RESULT
+from rig.core.errors import BadInput
+from rig.studies.benchmark.benchmark_trials import Runner, Told, became, of_signals, shared_out
+from rig.studies.benchmark.calibration import Calibrated
+from rig.studies.benchmark.entrants import Entrant
+from rig.studies.reliability.drawn import cell
 
 CUSUM, MEDIAN = Entrant("cusum", "cusum"), Entrant("median", "median")
 
@@ -60,8 +60,8 @@ def test_an_earlier_fault_that_was_isolated_is_no_isolation_before_the_onset():
 
 
 def test_a_campaign_without_a_fault_to_detect_is_refused():
-    from rig.campaign.config import read
-    from rig.campaign.plan import Plan
+    from rig.studies.campaign.campaign_file import read
+    from rig.studies.campaign.plan import Plan
 
     healthy = Plan(read("docs/examples/league_healthy.toml"), "healthy.toml")
     with pytest.raises(BadInput, match=r"healthy.toml: run \d+: no fault to detect"):

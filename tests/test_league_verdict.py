@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from rig.league.verdict import verdict
+from rig.studies.benchmark.ranking import verdict
 
 
 def group(entrant: str, low: float, high: float, **more: Any) -> dict[str, Any]:

@@ -11,17 +11,17 @@ import pytest
 from test_assess_actuators import HARDOVER, given
 from typer.testing import CliRunner
 
+from rig.bench.replay.before_after import diff, side
+from rig.bench.replay.verify import verify
 from rig.cli.main import app
-from rig.errors import BadInput
-from rig.flight.assembly import fly
-from rig.frame import ActuatorMonitor
+from rig.core.errors import BadInput
+from rig.core.frame import ActuatorMonitor
+from rig.flight.fly import fly
 from rig.log import Log, read_log, recover
 from rig.log.columns import LANE_COLUMNS, unit_of
 from rig.log.export import export
 from rig.log.info import info
-from rig.recordings.flown import recorded
-from rig.replay.before_after import diff, side
-from rig.replay.verify import verify
+from rig.log.recordings.flown_log import recorded
 
 OF_SERVOS = [column for column in LANE_COLUMNS if column.part == "actuator"]
 

@@ -14,14 +14,14 @@ from test_log_writer import write
 
 import rig
 from rig.cli import main as cli
-from rig.errors import BadInput
-from rig.flight.assembly import fly
-from rig.frame import INDEX, Pattern, State
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, Pattern, State
+from rig.flight.fly import fly
 from rig.log import export as module
-from rig.log.blocks import iter_blocks
 from rig.log.columns import COLUMNS
 from rig.log.export import export
 from rig.log.info import info
+from rig.log.log_file import iter_blocks
 from rig.log.scan import About
 
 Q = INDEX["pitch_rate"]
@@ -107,8 +107,8 @@ def config(recording) -> str:
     """The flight's own settings as a CONFIG of rig vote, measured reference thresholds included."""
     import tomli_w
 
-    from rig import loop
-    from rig.scenario import from_resolved
+    from rig.flight import loop
+    from rig.scenario.scenario import from_resolved
 
     which = from_resolved(json.loads(recording.metadata["scenario"]), "log")
     params = loop.redundancy(which).manager.params
@@ -138,7 +138,7 @@ def test_an_export_for_vote_leaves_flagged_samples_empty(flown, tmp_path):
 def test_a_file_read_block_by_block_gives_the_same_bytes(flown, tmp_path, monkeypatch, to, for_vote):
     log = rig.read_log(flown)
     of_log = export(log, to, tmp_path / f"log.{to}", for_vote=for_vote)
-    monkeypatch.setattr("rig.util.blocks.ROWS", 70)
+    monkeypatch.setattr("rig.core.blocks.ROWS", 70)
     assert [len(block.rows) for block in iter_blocks(flown, About())] == [70, 70, 70, 70, 20]
     assert export(flown, to, tmp_path / f"file.{to}", for_vote=for_vote) == of_log and of_log.rows == 300
     assert (tmp_path / f"file.{to}").read_bytes() == (tmp_path / f"log.{to}").read_bytes()

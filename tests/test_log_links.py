@@ -9,9 +9,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from rig.flight.assembly import fly
-from rig.flight.result import Flight
-from rig.frame import LINK, LinkState
+from rig.core.frame import LINK, LinkState
+from rig.flight.flight_result import Flight
+from rig.flight.fly import fly
 from rig.log import read_log, recover
 from rig.log.export import export
 

@@ -14,11 +14,11 @@ import pytest
 import zstandard
 from mcap.records import Chunk
 
-from rig.errors import BadLog
+from rig.core.errors import BadLog
 from rig.log import foreign
-from rig.log import messages as limits
+from rig.log import mcap_messages as limits
 from rig.log.decode import CHUNK_LIMIT
-from rig.log.messages import MESSAGE_LIMIT, most_bytes
+from rig.log.mcap_messages import MESSAGE_LIMIT, most_bytes
 
 GIGABYTES = 6_000_000_000
 LARGE = 200_000_000  # within the limit of one chunk

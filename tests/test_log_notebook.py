@@ -11,10 +11,10 @@ import polars as pl
 import pytest
 
 import rig
-from rig.errors import BadInput
-from rig.frame import INDEX, State, new_block
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, State, new_block
 from rig.log.export import export
-from rig.view.series import limits, series
+from rig.show.viewer.series import limits, series
 
 PAGE = Path(__file__).parents[1] / "docs" / "examples" / "first_flight.ipynb"
 

@@ -15,12 +15,12 @@ from test_log_writer import RATE, random_block, random_timing, summary_of, write
 
 import rig
 from rig.cli import main as cli
-from rig.errors import BadInput, BadLog
-from rig.frame import FLAT, INDEX, TIMING
+from rig.core.errors import BadInput, BadLog
+from rig.core.frame import FLAT, INDEX, TIMING
+from rig.flight.events import Event
 from rig.log import LogWriter, iter_chunks, read_log, schema
 from rig.log.decode import Damaged
 from rig.log.scan import About, iter_parts
-from rig.record.events import Event
 
 EVENTS = (
     Event(3, "info", "fault on", "stuck: channel 2"),

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from test_log_writer import random_block, random_timing, summary_of, write
 
-from rig.errors import BadLog, RigError
-from rig.frame import FLAT
+from rig.core.errors import BadLog, RigError
+from rig.core.frame import FLAT
+from rig.flight.events import Event
 from rig.log import LogWriter, read_log, recover
-from rig.record.events import Event
 
 FRAMES = 33
 RATE = 10.0  # a chunk has 10 frames

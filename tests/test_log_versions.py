@@ -17,14 +17,14 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from rig.bench.replay.vote_again import vote_again
 from rig.cli import main as cli
-from rig.errors import BadLog
-from rig.frame import DISCRETES, INDEX, SIGNALS, Ilm, State, Trust, UnitStatus
+from rig.core.errors import BadLog
+from rig.core.frame import DISCRETES, INDEX, SIGNALS, Ilm, State, Trust, UnitStatus
 from rig.log import read_log, recover, schema
 from rig.log.columns import COLUMNS
-from rig.recordings.flown import recorded
-from rig.recordings.own_logs import read_ours
-from rig.replay.vote_again import vote_again
+from rig.log.recordings.flown_log import recorded
+from rig.log.recordings.own_logs import read_ours
 
 LOGS = Path(__file__).parent / "logs"
 ROWWISE = LOGS / "flight_schema_4.mcap"

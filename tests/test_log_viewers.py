@@ -3,8 +3,8 @@
 import pytest
 from test_log_writer import random_block, write
 
-from rig.frame import SIGNALS, State
-from rig.record.events import Event
+from rig.core.frame import SIGNALS, State
+from rig.flight.events import Event
 
 chunks = pytest.importorskip("rerun.chunk")
 FRAMES = 120

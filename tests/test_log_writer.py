@@ -18,15 +18,15 @@ from mcap.records import Chunk, Message, MessageIndex
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
-from rig.errors import BadInput, RigError
-from rig.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, TIMING, Ilm, Pattern, Resolver, State, new_block
+from rig.core.errors import BadInput, RigError
+from rig.core.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, TIMING, Ilm, Pattern, Resolver, State, new_block
+from rig.flight.events import Event
 from rig.log import LogWriter, read_log, recover
+from rig.log.chunk_layout import ROW, log_times
 from rig.log.container import Container
-from rig.log.layout import ROW, log_times
 from rig.log.of_flight import new_log
 from rig.log.schema import FRAME_TOPICS, MESSAGES, POSE_TOPICS, SCHEMA_VERSION
-from rig.record.events import Event
-from rig.scenario import load
+from rig.scenario.scenario import load
 
 RATE = 100.0
 U1_LIMITS = {"state": 4, "discrete_state": 4, "ilm": 3, "pattern": 7, "resolver": 7, "law": 3, "end": 8}

@@ -5,11 +5,12 @@ import pytest
 from interpreted import printed
 from one_stage import step_stage
 
-from rig import loop, scenario
-from rig.faults import actuate
-from rig.frame import INDEX, End, nested, new_block
-from rig.lanes.think import ComputerData, think_lane
-from rig.loop import Rig, frames
+from rig.computer.lanes.think import ComputerData, think_lane
+from rig.core.frame import INDEX, End, nested, new_block
+from rig.flight import loop
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
+from rig.world.faults import actuate
 
 
 def load(*sets: str, seconds: float = 5.0, seed: int = 1):
@@ -66,7 +67,7 @@ def test_truth_never_reaches_redundancy_or_control():
 def test_compiled_and_interpreted_kernels_fly_the_same_bits():
     program = (
         "import hashlib, numpy as np\n"
-        "from rig import scenario\nfrom rig.loop import Rig, frames\n"
+        "from rig.scenario import scenario\nfrom rig.flight.loop import Rig, frames\n"
         "s = scenario.load('f16_pull_up_load_factor_offset', ['duration_s=1.0', 'turbulence=moderate',"
         "'faults.0.start_s=0.2', 'pilot.manoeuvres.0.start_s=0.3'])\n"
         "fields = (r[n] for r, _ in frames(Rig(s), s) for n in r.dtype.names)\n"

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rig import scenario
-from rig.frame import COMMANDS, DISCRETE_INDEX, FLIGHT_INDEX, INDEX, Block, End, State
-from rig.loop import Rig, frames
+from rig.core.frame import COMMANDS, DISCRETE_INDEX, FLIGHT_INDEX, INDEX, Block, End, State
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
 
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 PITCH, ROLL, ALTITUDE = INDEX["pitch_angle"], INDEX["roll_angle"], FLIGHT_INDEX["altitude_m"]

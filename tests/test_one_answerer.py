@@ -10,48 +10,63 @@ import pytest
 from trial_vs_flight import trial_vs_flight
 
 import rig
-from rig import scenario
-from rig.assess import Yardstick, score_log
-from rig.assess.outcome import NEVER
-from rig.assess.words import PRIOR, PUBLIC, FaultWord, IsolationKind, VoteWord
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
-from rig.bench.vote import of_flight, settings_of
-from rig.campaign.tables import rows as campaign_rows
+from rig.bench.vote_rows import of_flight, settings_of
 from rig.computer.redundancy.managers import MANAGERS
-from rig.faults import KINDS
-from rig.flight.assembly import fly
+from rig.flight.fly import fly
 from rig.log import read_log
-from rig.recordings.own_logs import of_log
-from rig.reliability.tally import TESTED
-from rig.report.flight import report
+from rig.log.recordings.own_logs import of_log
+from rig.scenario import scenario
+from rig.show.pages.flight_page import report
+from rig.studies.campaign.tables import rows as campaign_rows
+from rig.studies.reliability.tally import TESTED
+from rig.verdict import Yardstick, score_log
+from rig.verdict.signal_kernels import NEVER
+from rig.verdict.words import PRIOR, PUBLIC, FaultWord, IsolationKind, VoteWord
+from rig.world.faults import KINDS
 
 HOME = Path(rig.__file__).parent
 # The kernels that decide on a row, and the files that may call them besides their own room.
 DECIDES = {"vote_signals", "manage", "manage_signal"}
 CALLERS = {
-    "lanes/think.py",  # a flight
-    "bench/run.py",  # all rows that are not being flown
-    "flight/frame_cost.py",  # times the stages of a flight one by one
-    "actuators/monitors.py",  # position sensors of a ram, no signal of a row
-    "lanes/command.py",  # commands of several computers, no signal either
+    "computer/lanes/think.py",  # a flight
+    "bench/drive.py",  # all rows that are not being flown
+    "flight/cost.py",  # times the stages of a flight one by one
+    "computer/servo_monitors.py",  # position sensors of a ram, no signal of a row
+    "computer/lanes/command.py",  # commands of several computers, no signal either
 }
 # What runs rows through the stages, in a room of its own: rows that are recorded, drawn or made.
 DRIVERS = {
-    *(f"bench/{name}.py" for name in ("inject", "rival_statistics", "splitting", "trials", "unit_check", "vote")),
-    "bench/sources.py",  # the length of a block alone
-    *("league/own_class.py", "replay/vote_again.py", "search/bench.py", "thresholds/monitored.py"),
+    *(
+        f"{name}.py"
+        for name in (
+            "bench/inject",
+            "bench/rival_statistics",
+            "bench/splitting",
+            "bench/one_signal_trials",
+            "bench/unit_check",
+            "bench/vote_rows",
+        )
+    ),
+    "bench/rows_of_recording.py",  # the length of a block alone
+    *(
+        "studies/benchmark/own_class.py",
+        "bench/replay/vote_again.py",
+        "studies/search/open_loop.py",
+        "studies/thresholds/pieces.py",
+    ),
 }
 # Words of an outcome that mean other things too: sides, missed frames, columns.
 PLAIN = {"right", "wrong", "missed", "none", "kept"}
 # Where a word of an outcome stands in a file that makes none: a heading, or another thing of that name.
 NAMED = {
     *(("cli/league.py", word) for word in ("isolated", "wrong channel")),  # headings
-    *(("campaign/campaign_page.py", "detected"), ("cli/score.py", "failed by rule")),
+    *(("studies/campaign/campaign_page.py", "detected"), ("cli/score.py", "failed by rule")),
     ("cli/show_campaign.py", "wrong isolation"),
-    ("thresholds/thresholds_page.py", "isolated"),  # a heading
-    ("faults/trigger.py", "isolated"),  # a pattern
-    ("faults/systems.py", "false alarm"),  # of an in-line monitor
+    ("studies/thresholds/thresholds_page.py", "isolated"),  # a heading
+    ("world/faults/trigger.py", "isolated"),  # a pattern
+    ("world/faults/systems.py", "false alarm"),  # of an in-line monitor
 }
 
 
@@ -81,32 +96,42 @@ def _texts(node: ast.AST) -> Iterator[str]:
 def test_the_managers_kernel_is_called_by_the_loop_and_the_bench_alone():
     called = list(_calls(DECIDES))
     assert set(called) == CALLERS
-    assert called.count("bench/run.py") == called.count("lanes/think.py") == 1
+    assert called.count("bench/drive.py") == called.count("computer/lanes/think.py") == 1
 
 
 def test_all_drivers_of_the_bench_go_through_one_step():
     imports = ((room, node) for room, node in _nodes() if isinstance(node, ast.ImportFrom))
-    assert {room for room, node in imports if node.module == "rig.bench.run"} == DRIVERS
+    assert {room for room, node in imports if node.module == "rig.bench.drive"} == DRIVERS
 
 
 def test_a_class_of_the_users_votes_in_the_loop_and_on_the_bench_alone():
     calls = [room for room, node in _nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) == "own.step"]
-    assert sorted(calls) == ["bench/vote.py", "loop.py"]
+    assert sorted(calls) == ["bench/vote_rows.py", "flight/loop.py"]
     assert set(_calls({"by_class"})) == {
-        f"{name}.py" for name in ("bench/vote", "bench/unit_check", "league/own_class", "replay/vote_again")
+        f"{name}.py"
+        for name in ("bench/vote_rows", "bench/unit_check", "studies/benchmark/own_class", "bench/replay/vote_again")
     }
-    assert set(_calls({"load_manager"})) == {"bench/vote.py", "bench/unit_check.py", "league/own_class.py"}
+    assert set(_calls({"load_manager"})) == {
+        "bench/vote_rows.py",
+        "bench/unit_check.py",
+        "studies/benchmark/own_class.py",
+    }
 
 
 def test_one_kernel_over_rows_and_one_word_decide_what_became_of_a_fault():
     """Flights and recordings are added up by one kernel; a single signal's trials and pieces by the inner ones."""
-    assert set(_calls({"add_rows"})) == {"assess/flight_outcome.py"}
+    assert set(_calls({"add_rows"})) == {"verdict/flight_tally.py"}
     inner = {"mark_failed", "mark_wrong", "count_healthy"}
-    assert set(_calls(inner)) == {"assess/outcome_rows.py", "bench/trials.py", "thresholds/monitored.py"}
-    of_faults = {f"assess/{name}.py" for name in ("flight_outcome", "lane_outcome", "law_outcome", "scoring")}
+    assert set(_calls(inner)) == {"verdict/row_kernel.py", "bench/one_signal_trials.py", "studies/thresholds/pieces.py"}
+    of_faults = {
+        f"{name}.py" for name in ("verdict/flight_tally", "verdict/lane_tally", "verdict/law_tally", "verdict/scoring")
+    }
     assert set(_calls({"fault_word"})) == of_faults
-    assert set(_calls({"fault_words"})) == {"assess/outcome.py", "thresholds/tradeoff.py"}
-    assert set(_calls({"trial_words"})) == {"league/recorded.py", "league/trials.py"}
+    assert set(_calls({"fault_words"})) == {"verdict/signal_kernels.py", "studies/thresholds/tradeoff.py"}
+    assert set(_calls({"trial_words"})) == {
+        "studies/benchmark/on_recordings.py",
+        "studies/benchmark/benchmark_trials.py",
+    }
 
 
 def test_no_other_room_makes_a_word_of_an_outcome():
@@ -114,11 +139,11 @@ def test_no_other_room_makes_a_word_of_an_outcome():
     words = {PRIOR, *(word for literal in (FaultWord, VoteWord, IsolationKind) for word in get_args(literal))}
     words |= {name for names in PUBLIC.values() for name in names.values()}
     found = {(room, text) for room, node in _nodes() for text in _texts(node) if text in words - PLAIN}
-    assert {(room, word) for room, word in found if not room.startswith("assess/")} == NAMED
+    assert {(room, word) for room, word in found if not room.startswith("verdict/")} == NAMED
 
 
 # Where names of managers or of kinds of faults stand outside their family.
-CHOSEN = {"safety/sequences.py"}  # the modes of a cut set
+CHOSEN = {"studies/safety/sequences.py"}  # the modes of a cut set
 
 
 def _compares(node: ast.AST, names: set[str]) -> bool:
@@ -133,7 +158,7 @@ def _compares(node: ast.AST, names: set[str]) -> bool:
 
 def test_nobody_else_compares_names_of_managers_or_of_kinds_of_faults():
     found = {room for room, node in _nodes() if _compares(node, {*KINDS, *MANAGERS})}
-    assert {room for room in found if not room.startswith(("faults/", "computer/redundancy/"))} == CHOSEN
+    assert {room for room in found if not room.startswith(("world/faults/", "computer/redundancy/"))} == CHOSEN
 
 
 CASES = {  # a fault of the pitch rate, from 1 s on: its word

@@ -7,14 +7,14 @@ from pathlib import Path
 import jsbsim
 import pytest
 
-from rig import aircraft
 from rig.cli import main as cli
-from rig.errors import BadInput, RigError
-from rig.plant import actuated, loading
-from rig.report import page
-from rig.scenario import find, load
+from rig.core import files
+from rig.core.errors import BadInput, RigError
+from rig.scenario import aircraft
+from rig.scenario.scenario import find, load
+from rig.show.pages import page
 from rig.unit import vectors
-from rig.util import files
+from rig.world.plant import actuated, loading
 
 RUBBISH = b"\xff\xfe\x00\x81 no text"
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import outside
 import pytest
 
-from rig.campaign import folder
 from rig.cli import main as cli
-from rig.errors import BadInput
+from rig.core.errors import BadInput
+from rig.studies.campaign import folder
 
 ROOT = Path(__file__).parents[1]
 POSIX_ONLY = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
@@ -22,7 +22,7 @@ POSIX_ONLY = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "term
 NEVER_ENDS = """
 import signal
 del signal.setitimer, signal.SIGALRM
-from rig.campaign.worker import _limit
+from rig.studies.campaign.worker import _limit
 with _limit(30.0):
     pass
 print("in time", flush=True)

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from rig.errors import BadInput, RigError
-from rig.frame import SURFACES
-from rig.plant import actuated, airframe, jsbsim
-from rig.settings import build, read_toml
+from rig.core.errors import BadInput, RigError
+from rig.core.frame import SURFACES
+from rig.core.settings import build, read_toml
+from rig.world.plant import actuated, airframe, jsbsim
 
 AIRCRAFT = Path(__file__).parents[1] / "aircraft"
 NAMES = ("f16", "b747", "b737")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rig.errors import BadInput
-from rig.plant import actuated, airframe, base_model, loading
-from rig.plant.airframe import Config, FlightPoint
+from rig.core.errors import BadInput
+from rig.world.plant import actuated, airframe, base_model, loading
+from rig.world.plant.airframe import Config, FlightPoint
 
 POINT = FlightPoint(name="any", altitude_m=1500.0, mach=0.16)
 

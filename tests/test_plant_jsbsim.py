@@ -12,8 +12,8 @@ import pytest
 from interpreted import printed
 from one_stage import fly, hold
 
-from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SURFACES, Block, End, new_block
-from rig.plant import airframe, jsbsim, wind
+from rig.core.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SURFACES, Block, End, new_block
+from rig.world.plant import airframe, jsbsim, wind
 
 AIRCRAFT = Path(__file__).parents[1] / "aircraft"
 NAMES = ("f16", "b747", "b737")

@@ -16,18 +16,18 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_lyapunov
 
 from rig.computer.control import airdata
-from rig.errors import BadInput
-from rig.flight.assembly import fly as fly_logged
-from rig.flight.frame_cost import bench
-from rig.frame import FLIGHT_INDEX, INDEX, Block, End, new_block
+from rig.core.errors import BadInput
+from rig.core.frame import FLIGHT_INDEX, INDEX, Block, End, new_block
+from rig.core.settings import read_toml
+from rig.core.units import atmosphere
+from rig.flight.cost import bench
+from rig.flight.fly import fly as fly_logged
 from rig.log import read_log
-from rig.plant import airframe, dryden, wind
-from rig.plant.linear_plant import LinearPlant
-from rig.plant.linearise import linearise
-from rig.scenario import from_resolved, load
-from rig.settings import read_toml
-from rig.studies import ding2015
-from rig.units import atmosphere
+from rig.scenario.scenario import from_resolved, load
+from rig.studies.papers import ding2015
+from rig.world.plant import airframe, dryden, wind
+from rig.world.plant.linear_plant import LinearPlant
+from rig.world.plant.linearise import linearise
 
 ROOT = Path(__file__).parents[1]
 TABLE = read_toml(ROOT / "aircraft" / "b707" / "aircraft.toml")["airframe"]

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from rig.frame import FLIGHT_INDEX, INDEX, new_block
-from rig.plant import airframe, wind
-from rig.plant.jsbsim import Plant
-from rig.plant.linearise import Linear, linearise
+from rig.core.frame import FLIGHT_INDEX, INDEX, new_block
+from rig.world.plant import airframe, wind
+from rig.world.plant.jsbsim import Plant
+from rig.world.plant.linearise import Linear, linearise
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 RATE_HZ = 100.0

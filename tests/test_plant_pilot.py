@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from rig.frame import DISCRETE_INDEX, INDEX, new_block
-from rig.plant.pilot import Config, Pilot
+from rig.core.frame import DISCRETE_INDEX, INDEX, new_block
+from rig.world.plant.pilot import Config, Pilot
 
 RATE = 100.0
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.frame import FLIGHT_INDEX, INDEX, End, new_block
-from rig.plant import airframe, truth
+from rig.core.frame import FLIGHT_INDEX, INDEX, End, new_block
+from rig.world.plant import airframe, truth
 
 PLANE = airframe.read(Path(__file__).parents[1] / "aircraft" / "f16" / "aircraft.toml")
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.errors import BadInput
-from rig.frame import FLIGHT_INDEX, INDEX, Block, new_block
-from rig.plant import airframe, jsbsim, wind
-from rig.settings import build
+from rig.core.errors import BadInput
+from rig.core.frame import FLIGHT_INDEX, INDEX, Block, new_block
+from rig.core.settings import build
+from rig.world.plant import airframe, jsbsim, wind
 
 AIRCRAFT = Path(__file__).parents[1] / "aircraft"
 STEP = wind.Step(start_s=1.0, end_s=3.0, north_m_s=4.0)

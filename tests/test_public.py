@@ -13,9 +13,9 @@ import polars as pl
 import pytest
 
 import rig
-from rig.errors import BadInput
+from rig.core.errors import BadInput
 from rig.log.info import info
-from rig.overrides import override_texts, parse_set
+from rig.scenario.overrides import override_texts, parse_set
 
 ROOT = Path(__file__).parents[1]
 CHANNELS = ROOT / "docs" / "examples" / "channels.csv"
@@ -132,8 +132,8 @@ def test_importing_rig_loads_none_of_its_rooms():
 
 
 def test_the_report_is_a_function_with_its_signature_also_when_its_folder_was_imported():
-    page = import_module("rig.report.page")
-    from rig import report
+    page = import_module("rig.show.pages.page")
+    from rig.show import pages as report
 
     assert report is rig.report and list(inspect.signature(rig.report).parameters) == ["flight", "out", "requirements"]
     assert inspect.isfunction(rig.report) and "Write one HTML file" in (inspect.getdoc(rig.report) or "")

@@ -15,14 +15,14 @@ SCRIPT = """
 import json, os, signal
 from pathlib import Path
 
-from rig.campaign.flying import fly as fly_in_memory, write_log
-from rig.util.files import write_text
-from rig.flight.assembly import fly
+from rig.studies.campaign.flying import fly as fly_in_memory, write_log
+from rig.core.files import write_text
+from rig.flight.fly import fly
 from rig.log import read_log, recover
-from rig.recordings.flown import recorded
+from rig.log.recordings.flown_log import recorded
 from rig.log.export import export
-from rig.replay.what_if import what_if
-from rig.scenario import load
+from rig.bench.replay.what_if import what_if
+from rig.scenario.scenario import load
 
 SHORT = ["duration_s=0.5"]
 

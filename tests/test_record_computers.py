@@ -4,11 +4,11 @@ from functools import cache
 
 import pytest
 
-from rig import scenario
+from rig.core.event import Event
+from rig.flight import lane_events as computers
+from rig.flight.loop import Rig, frames
 from rig.flight.recorder import Findings
-from rig.loop import Rig, frames
-from rig.record import computers
-from rig.record.event import Event
+from rig.scenario import scenario
 
 FOUR = ["computers.count=4", "turbulence=none"]
 WRONG = 'kind="wrong_command", signal="computer.B", surface="elevator"'

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from rig import scenario
+from rig.core.frame import DISCRETE_INDEX, INDEX, End, Law, Pattern, Resolver, Source, State, new_block
+from rig.flight.events import EventFinder
+from rig.flight.loop import Rig, frames
 from rig.flight.recorder import event_finder
-from rig.frame import DISCRETE_INDEX, INDEX, End, Law, Pattern, Resolver, Source, State, new_block
-from rig.loop import Rig, frames
-from rig.record.events import EventFinder
+from rig.scenario import scenario
 
 Q = INDEX["pitch_rate"]
 
@@ -109,7 +109,7 @@ def test_rows_that_have_not_moved_are_seen_at_a_glance(monkeypatch):
     """Whatever lies between and behind the fields: a copy of a row leaves it to chance."""
     finder, block = EventFinder([]), blank()
     finder.find(block)
-    monkeypatch.setattr("rig.record.events._changes", lambda old, new: pytest.fail("looked closer"))
+    monkeypatch.setattr("rig.flight.events._changes", lambda old, new: pytest.fail("looked closer"))
     for _ in range(5):
         finder._last = np.frombuffer(bytes(range(256)) * 20, np.uint8)[: block.itemsize].copy().view(block.dtype)
         for name in block.dtype.names or ():

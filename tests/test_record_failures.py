@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rig.frame import DISCRETE_INDEX, INDEX, Block, Resolver, State, new_block
-from rig.record.failures import Failure, became_failed, decided_by, decisive_s, failures
+from rig.core.frame import DISCRETE_INDEX, INDEX, Block, Resolver, State, new_block
+from rig.flight.failures import Failure, became_failed, decided_by, decisive_s, failures
 
 Q, GEAR = INDEX["pitch_rate"], DISCRETE_INDEX["gear_down"]
 

@@ -7,9 +7,9 @@ from digests import ways
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig import scenario
-from rig.frame import FLIGHT_INDEX, INDEX, End, LaneBlock, LaneParts, State, lane_rows, new_block
-from rig.record.flight_summary import Verdict
+from rig.core.frame import FLIGHT_INDEX, INDEX, End, LaneBlock, LaneParts, State, lane_rows, new_block
+from rig.flight.summary import Verdict
+from rig.scenario import scenario
 
 ALPHA, N_Z, PSI, Q = (INDEX[n] for n in ("angle_of_attack", "normal_load_factor", "heading", "pitch_rate"))
 ALTITUDE = FLIGHT_INDEX["altitude_m"]

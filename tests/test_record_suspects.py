@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_assess_parts import flight, offset
 
-from rig.assess import score
-from rig.assess.cells import suspect_rows
-from rig.assess.conclusion import conclusion
-from rig.campaign.tables import rows as campaign_rows
-from rig.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, State, new_block
-from rig.record.suspects import Suspect, SuspectCount, doubted
+from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, State, new_block
+from rig.flight.suspects import Suspect, SuspectCount, doubted
+from rig.studies.campaign.tables import rows as campaign_rows
+from rig.verdict import score
+from rig.verdict.conclusion import conclusion
+from rig.verdict.score_tables import suspect_rows
 
 Q = INDEX["pitch_rate"]
 # Off in seven frames of eight from frame 10 on: never as long as the persistence of eight.
@@ -126,8 +126,8 @@ def test_an_intermittent_discrete_is_told_too():
 
 
 def test_fly_campaign_and_report_tell_it(rig_command, tmp_path: Path):
-    from rig import scenario
-    from rig.campaign.flying import fly
+    from rig.scenario import scenario
+    from rig.studies.campaign.flying import fly
 
     often = "start_s=1, duration_s=0.07, repeat_every_s=0.08"
     fault = f'faults=[{{kind="offset", signal="roll_rate", channels=[1], offset=1.0, {often}}}]'

@@ -23,14 +23,14 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
-from rig.bench.vote import Result, vote
+from rig.bench.vote_rows import Result, vote
 from rig.bench.write_votes import output, write
-from rig.errors import BadInput
-from rig.frame import State
-from rig.log import messages as limits
-from rig.recordings.read import nearest_rows, read
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import VoteConfig
+from rig.core.errors import BadInput
+from rig.core.frame import State
+from rig.log import mcap_messages as limits
+from rig.log.recordings.read import nearest_rows, read
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import VoteConfig
 
 ONE: dict[str, Any] = {"default": {"threshold": 1.0}}
 HEAD = "time_s,x.1,x.2,x.3\n"

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.bench.vote import vote
-from rig.errors import BadInput
-from rig.recordings.align import Correction, align
-from rig.recordings.delays import interpolated, pair
-from rig.recordings.read import read
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import RecordedSignal, VoteConfig
+from rig.bench.vote_rows import vote
+from rig.core.errors import BadInput
+from rig.log.recordings.align import Correction, align
+from rig.log.recordings.delays import interpolated, pair
+from rig.log.recordings.read import read
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
 
 N = 3000
 QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu"

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.errors import BadInput
-from rig.recordings.align_matrix import take_off_matrices
-from rig.recordings.alignment import AlignOptions, run_alignment, stretch
-from rig.recordings.injection_file import Injected
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import RecordedSignal, VoteConfig, read_config
+from rig.core.errors import BadInput
+from rig.log.recordings.align_matrix import take_off_matrices
+from rig.log.recordings.alignment import AlignOptions, run_alignment, stretch
+from rig.log.recordings.injection_file import Injected
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, read_config
 
 N = 3000
 AXES = ("x", "y", "z")

@@ -12,13 +12,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rig.bench.vote import vote
+from rig.bench.vote_rows import vote
 from rig.cli import main as cli
-from rig.errors import BadInput
-from rig.recordings.align import align
-from rig.recordings.clock import clock, late_rows
-from rig.recordings.read import read
-from rig.recordings.settings import VoteConfig
+from rig.core.errors import BadInput
+from rig.log.recordings.align import align
+from rig.log.recordings.read import read
+from rig.log.recordings.stamps import clock, late_rows
+from rig.log.recordings.vote_config import VoteConfig
 
 QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu_horizontal"
 STEPS = [0.0, 0.1, 0.1, 0.2, 0.15, 0.2, 0.3, 0.4, 0.5]  # a repeat in row 3; rows 5 and 6 do not exceed 0.2

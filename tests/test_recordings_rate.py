@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.bench.vote import params_of
-from rig.recordings.rate import rows_a_second
-from rig.recordings.read import read
-from rig.recordings.settings import RecordedSignal, VoteConfig
+from rig.bench.vote_rows import params_of
+from rig.log.recordings.rate import rows_a_second
+from rig.log.recordings.read import read
+from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
 
 
 @given(

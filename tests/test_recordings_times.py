@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from rig.cli import main as cli
-from rig.recordings.clock import digits, gaps, of_rows
+from rig.log.recordings.stamps import digits, gaps, of_rows
 
 EPOCH = 1764166800.0
 N = 400

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from rig.bench.vote import vote
-from rig.frame import Pattern, State
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import VoteConfig
+from rig.bench.vote_rows import vote
+from rig.core.frame import Pattern, State
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import VoteConfig
 
 
 def test_the_mean_follows_a_hardover_and_fails_nobody():

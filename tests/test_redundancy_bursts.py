@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import rows, vote_samples
 
-from rig.frame import Pattern, Resolver, State
+from rig.core.frame import Pattern, Resolver, State
 
 NAN = np.nan
 ALIKE = (0, 0, 0, 0)

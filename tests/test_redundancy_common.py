@@ -6,11 +6,11 @@ from conftest import constant, rows, vote_samples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig import scenario
-from rig.campaign.flying import fly
-from rig.computer.analytic.sources import FROM_UNIT, PARTNERS, SECOND, Config, second
-from rig.frame import INDEX, Resolver, Source, State
-from rig.stages import redundancy
+from rig.computer.analytic.reference_sources import FROM_UNIT, PARTNERS, SECOND, Config, second
+from rig.core.frame import INDEX, Resolver, Source, State
+from rig.flight.stages import redundancy
+from rig.scenario import scenario
+from rig.studies.campaign.flying import fly
 
 TEN = constant(10, 10.1, 9.9, 10)
 

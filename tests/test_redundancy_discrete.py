@@ -13,10 +13,10 @@ from one_stage import step_stage
 from oracle_discrete import DiscreteOracle, DiscreteSettings
 from pydantic import ValidationError
 
-from rig.computer.redundancy.config import Reset, command
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DiscreteConfig, DiscreteConfigs, discrete_parameters
-from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, Block, D, Ilm, State, new_block
+from rig.computer.redundancy.manager_config import Reset, command
+from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, Block, D, Ilm, State, new_block
 
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 OK, SUSPECT, FAILED, ABSENT = State.OK, State.SUSPECT, State.FAILED, State.ABSENT

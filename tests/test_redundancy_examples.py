@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import constant, vote_samples
 
-from rig.frame import Pattern, Resolver, State
+from rig.core.frame import Pattern, Resolver, State
 
 K = np.arange(30.0)
 RISING = np.stack([0.1 * K, 0.1 * K + 0.1, 0.1 * K + 5, 0.1 * K + 5.1], axis=1)

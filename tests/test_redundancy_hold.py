@@ -10,7 +10,7 @@ import pytest
 from conftest import Voted, rows, vote_samples
 from numpy.typing import NDArray
 
-from rig.frame import Ilm, Resolver
+from rig.core.frame import Ilm, Resolver
 
 NAN = np.nan
 GOOD, BAD, ABSENT = int(Ilm.GOOD), int(Ilm.BAD), int(Ilm.ABSENT)

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rig.computer.redundancy import opinions, vote
-from rig.computer.redundancy.config import (
+from rig.computer.redundancy import median_vote as vote
+from rig.computer.redundancy import opinions
+from rig.computer.redundancy.manager_config import (
     MANAGERS,
     PARAMS,
     Config,
@@ -23,7 +24,7 @@ from rig.computer.redundancy.config import (
     refuse_short_wait,
 )
 from rig.computer.redundancy.state import STATE
-from rig.frame import SIGNALS, Ilm, Resolver, State, new_block
+from rig.core.frame import SIGNALS, Ilm, Resolver, State, new_block
 
 LOW, HIGH, NONE = opinions.LOW_SIDE, opinions.HIGH_SIDE, opinions.NO_ANSWER
 ORDER = np.array([2, 0, 3, 1])  # channels by ascending value: 3 and 1 below, 4 and 2 above

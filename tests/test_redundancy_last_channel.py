@@ -7,8 +7,8 @@ import pytest
 from conftest import rows, vote_samples
 from numpy.typing import NDArray
 
-from rig.frame import Ilm, Pattern, Resolver, State
-from rig.units.constants import TWO_PI
+from rig.core.frame import Ilm, Pattern, Resolver, State
+from rig.core.units.constants import TWO_PI
 
 NAN = np.nan
 GOOD, BAD, ABSENT = Ilm.GOOD, Ilm.BAD, Ilm.ABSENT

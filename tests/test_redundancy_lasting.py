@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rig.computer.redundancy.config import SignalConfig
-from rig.frame import Pattern, Resolver, State
+from rig.computer.redundancy.manager_config import SignalConfig
+from rig.core.frame import Pattern, Resolver, State
 
 RATE_HZ = 100.0  # of vote_samples
 RNG = np.random.default_rng(5)

@@ -7,7 +7,7 @@ import pytest
 from conftest import constant, vote_samples
 
 from rig.computer.redundancy.lowpass import gain
-from rig.frame import Pattern, Resolver, State
+from rig.core.frame import Pattern, Resolver, State
 
 RATE_HZ = 100.0  # of vote_samples
 ALIKE = (0.0, 0.0, 0.0, 0.0)

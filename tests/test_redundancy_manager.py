@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from conftest import constant, vote_samples
 
-from rig.frame import Ilm, Pattern, Resolver, State
+from rig.core.frame import Ilm, Pattern, Resolver, State
 
 GOOD, BAD = int(Ilm.GOOD), int(Ilm.BAD)
 

@@ -11,7 +11,7 @@ from conftest import constant, vote_samples
 from numpy.typing import NDArray
 
 from rig.computer.redundancy import opinions
-from rig.frame import Ilm, Pattern, Resolver
+from rig.core.frame import Ilm, Pattern, Resolver
 
 NAN = np.nan
 SPLIT = (0, 0.1, 5, 5.1)

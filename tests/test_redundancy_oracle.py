@@ -30,9 +30,9 @@ from oracle_flights import (
     with_outliers,
 )
 
-from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
-from rig.frame import Ilm, Pattern, Resolver, State, new_block
+from rig.core.frame import Ilm, Pattern, Resolver, State, new_block
 
 FLAGS = {"bad": int(Ilm.BAD), "good": int(Ilm.GOOD), "absent": int(Ilm.ABSENT)}
 

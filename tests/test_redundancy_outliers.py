@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import constant, vote_samples
 
-from rig.frame import Pattern, State
+from rig.core.frame import Pattern, State
 
 NAN = np.nan
 LIMITS: dict[str, Any] = {"threshold": 5.0, "outlier_threshold": 1.0, "outlier_threshold_triplex": 2.0}

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig import scenario
-from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.manager_config import PARAMS
 from rig.computer.redundancy.own import load_manager
-from rig.errors import BadInput, ManagerFailed
-from rig.frame import INDEX, SIGNALS, Block, Source, State, nested, new_block
-from rig.loop import Rig, fly_rows, frames
-from rig.util.trust import Trust
+from rig.core.errors import BadInput, ManagerFailed
+from rig.core.frame import INDEX, SIGNALS, Block, Source, State, nested, new_block
+from rig.core.trust import Trust
+from rig.flight.loop import Rig, fly_rows, frames
+from rig.scenario import scenario
 
 OWN = """
 import numpy as np

@@ -11,8 +11,8 @@ from conftest import constant, rows, vote_samples
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from rig.computer.redundancy.config import SignalConfig
-from rig.frame import Ilm, Pattern, Resolver, State
+from rig.computer.redundancy.manager_config import SignalConfig
+from rig.core.frame import Ilm, Pattern, Resolver, State
 
 NAN = np.nan
 GOOD, BAD, ABSENT = int(Ilm.GOOD), int(Ilm.BAD), int(Ilm.ABSENT)

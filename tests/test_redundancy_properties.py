@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from rig.computer.redundancy.managers import MANAGERS, manager_kind
-from rig.frame import Pattern, Resolver, State
-from rig.units.angles import difference
-from rig.units.constants import TWO_PI
+from rig.core.frame import Pattern, Resolver, State
+from rig.core.units.angles import difference
+from rig.core.units.constants import TWO_PI
 
 # Multiples of 1/8 make sums and shifts exact, so that equality can be demanded.
 EIGHTHS = st.integers(-80, 80).map(lambda n: n / 8)

@@ -11,9 +11,9 @@ from conftest import Voted, constant, rows, vote_samples
 from numpy.typing import NDArray
 from one_stage import step_stage
 
-from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
-from rig.frame import Ilm, Pattern, Resolver, State, new_block
+from rig.core.frame import Ilm, Pattern, Resolver, State, new_block
 
 NAN = np.nan
 LOST = [State.FAILED] * 4

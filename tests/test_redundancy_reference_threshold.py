@@ -5,9 +5,9 @@ import pytest
 from conftest import Voted, constant, vote_samples
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.manager_config import PARAMS
 from rig.computer.redundancy.reference_monitor import reference_threshold
-from rig.frame import State
+from rig.core.frame import State
 
 WIND_M_S = 6.0
 CONSTANT = 3000.0

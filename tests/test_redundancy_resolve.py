@@ -10,7 +10,7 @@ import pytest
 from conftest import Voted, constant, rows, vote_samples
 from numpy.typing import NDArray
 
-from rig.frame import Ilm, Pattern, Resolver, State
+from rig.core.frame import Ilm, Pattern, Resolver, State
 
 NAN = np.nan
 GOOD, BAD, ABSENT = Ilm.GOOD, Ilm.BAD, Ilm.ABSENT

@@ -10,13 +10,13 @@ from conftest import constant, vote_samples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.bench.vote import vote
-from rig.computer.redundancy.config import PARAMS
+from rig.bench.vote_rows import vote
+from rig.computer.redundancy.manager_config import PARAMS
 from rig.computer.redundancy.managers import KINDS, RIVALS, Manager, manager_kind, with_settings
-from rig.computer.redundancy.rivals.settings import RIVAL_PARAMS, Rivals, extended
-from rig.frame import Resolver, State
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import VoteConfig
+from rig.computer.redundancy.rivals.rival_settings import RIVAL_PARAMS, Rivals, extended
+from rig.core.frame import Resolver, State
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import VoteConfig
 
 MONITORS = tuple(name for name in RIVALS if name != "weighted")
 TURN = 2.0 * np.pi
@@ -224,10 +224,10 @@ def test_weights_that_vanish_leave_the_median(samples: tuple[float, ...], voted:
 
 @pytest.mark.parametrize("rival", ["cusum", "bayes"])
 def test_a_unit_under_test_is_told_what_it_would_be_with_our_manager(rival: str):
-    from rig import scenario
+    from rig.flight.loop import redundancy
     from rig.flight.unit_loop import config_of
-    from rig.loop import redundancy
-    from rig.unit.layout import Form
+    from rig.scenario import scenario
+    from rig.unit.unit_records import Form
 
     told = []
     for manager in ("cross-channel", rival):
@@ -239,8 +239,8 @@ def test_a_unit_under_test_is_told_what_it_would_be_with_our_manager(rival: str)
 @pytest.mark.parametrize("rival", RIVALS)
 def test_a_flight_and_its_lanes_vote_alike(rival: str):
     """Four computers with whole links have what one has."""
-    from rig import scenario
-    from rig.loop import Rig, frames
+    from rig.flight.loop import Rig, frames
+    from rig.scenario import scenario
 
     votes = []
     for count in (1, 4):

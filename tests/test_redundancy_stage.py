@@ -10,17 +10,17 @@ from faulted import PLACES
 from numpy.random import SeedSequence
 from test_analytic_references import PRESSURE, designed, level_flight
 
-from rig.bench.run import Stages
-from rig.bench.run import run as run_bench
-from rig.bench.vote import by_class
+from rig.bench.drive import Stages
+from rig.bench.drive import run as run_bench
+from rig.bench.vote_rows import by_class
 from rig.computer.analytic.designed import Designed, Error, Point
 from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy import Redundancy
-from rig.computer.redundancy.config import MANAGERS, Config, SignalConfigs
+from rig.computer.redundancy.manager_config import MANAGERS, Config, SignalConfigs
 from rig.computer.redundancy.managers import manager_kind
-from rig.faults import Faults
-from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, Ilm, S, State, nested
-from rig.util.trust import Trust
+from rig.core.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, Ilm, S, State, nested
+from rig.core.trust import Trust
+from rig.world.faults import Faults
 
 RATE = 100.0
 NO_FAULTS = Faults([], PLACES, RATE, SeedSequence(0)).data

@@ -10,7 +10,7 @@ import pytest
 from conftest import Voted, rows, vote_samples
 from numpy.typing import NDArray
 
-from rig.frame import Pattern, Resolver, State
+from rig.core.frame import Pattern, Resolver, State
 
 NAN = np.nan
 RAMP = np.arange(30.0)[:, None] / 8

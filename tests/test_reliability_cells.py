@@ -8,12 +8,12 @@ from typing import Any
 import polars as pl
 import pytest
 
-from rig.campaign.config import read
-from rig.campaign.plan import Plan
-from rig.errors import BadInput
-from rig.frame import SIGNALS
-from rig.reliability.cells import cells, of_tables
-from rig.reliability.tally import CELL, Cells
+from rig.core.errors import BadInput
+from rig.core.frame import SIGNALS
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.plan import Plan
+from rig.studies.reliability.campaign_cells import cells, of_tables
+from rig.studies.reliability.tally import CELL, Cells
 
 Row = dict[str, Any]
 STICKS = {"stick_pitch", "stick_roll", "pedal"}

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from reliability_cases import CHAINS, Case, binomial, chain_of, channels_fail, k_of_n
 
-from rig.reliability import chain
-from rig.reliability.chain import probabilities, solve_file
-from rig.util.progress import listening
+from rig.core.progress import listening
+from rig.studies.reliability import chain
+from rig.studies.reliability.chain import probabilities, solve_file
 
 
 @pytest.mark.parametrize("case", CHAINS, ids=lambda case: case.name)

@@ -9,13 +9,13 @@ from isolation_exact import isolations
 from numpy.typing import NDArray
 from reliability_cases import HELD_ONCE, ISOLATIONS, NOISE, Isolation
 
-import rig.reliability.margin as module
+import rig.studies.reliability.margin as module
 from rig.bench.splitting import Windows, run_windows
-from rig.errors import BadInput
-from rig.frame import CHANNELS
-from rig.reliability.channel_errors import Ends, corners, drawn_errors
-from rig.reliability.margin import LEAST_SETS, Effort, bound, estimate, margin
-from rig.reliability.margin_target import shown, threshold_for
+from rig.core.errors import BadInput
+from rig.core.frame import CHANNELS
+from rig.studies.reliability.channel_errors import Ends, corners, drawn_errors
+from rig.studies.reliability.margin import LEAST_SETS, Effort, bound, estimate, margin
+from rig.studies.reliability.margin_target import shown, threshold_for
 
 SMALL = Effort(flights=500, excursions=3000, most_repetitions=8)
 GAUSSIAN = ISOLATIONS[0]

@@ -4,10 +4,10 @@ import polars as pl
 import pytest
 from test_reliability_result import GIVEN, LAMBDA, NO_ALARMS, table
 
-from rig.reliability.outcomes import SETTLE_S, outcomes, settling
-from rig.reliability.rates import SignalRates
-from rig.reliability.result import cases, results
-from rig.reliability.tally import Cells
+from rig.studies.reliability.next_fault import SETTLE_S, outcomes, settling
+from rig.studies.reliability.per_hour import cases, results
+from rig.studies.reliability.rates_file import SignalRates
+from rig.studies.reliability.tally import Cells
 
 
 def settled(**means: float) -> pl.DataFrame:

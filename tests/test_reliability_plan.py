@@ -2,7 +2,7 @@
 
 import pytest
 
-from rig.reliability.plan import needed
+from rig.studies.reliability.sample_size import needed
 
 
 @pytest.mark.parametrize(

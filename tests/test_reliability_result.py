@@ -7,12 +7,12 @@ import polars as pl
 import pytest
 from scipy.stats import beta as beta_distribution
 
-from rig.reliability.chain import transitions
-from rig.reliability.model import Given, after_flights, one_flight, perfect, rates
-from rig.reliability.outcomes import OUTCOMES, outcomes
-from rig.reliability.rates import Layer, SignalRates
-from rig.reliability.result import Estimate, against, cases, in_series, results
-from rig.reliability.tally import Cells
+from rig.studies.reliability.chain import transitions
+from rig.studies.reliability.model import Given, after_flights, one_flight, perfect, rates
+from rig.studies.reliability.next_fault import OUTCOMES, outcomes
+from rig.studies.reliability.per_hour import Estimate, against, cases, in_series, results
+from rig.studies.reliability.rates_file import Layer, SignalRates
+from rig.studies.reliability.tally import Cells
 
 LAMBDA, TAU_H = 1e-3, 0.1 / 3600.0
 

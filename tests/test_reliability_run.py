@@ -11,10 +11,10 @@ import pytest
 from browser import visit
 from test_reliability_result import NO_ALARMS, table
 
-from rig.errors import BadInput
-from rig.reliability import run as module
-from rig.reliability.rates import read_rates
-from rig.reliability.tally import Cells
+from rig.core.errors import BadInput
+from rig.studies.reliability import compute_results as module
+from rig.studies.reliability.rates_file import read_rates
+from rig.studies.reliability.tally import Cells
 
 BUNDLED = Path(__file__).parent.parent / "faults" / "rates" / "zhang2023.toml"
 RATES = """

@@ -16,22 +16,31 @@ import pytest
 from trial_vs_flight import trial_vs_flight
 from typer.testing import CliRunner
 
-from rig.campaign.config import read
-from rig.campaign.folder import locked
-from rig.campaign.plan import Plan
 from rig.cli.main import app
-from rig.errors import BadInput
-from rig.faults.effects import Act
-from rig.overrides import set_key
-from rig.reliability.cells import cells
-from rig.reliability.drawn import Drawn, cell, draw, records, refill
-from rig.reliability.one_signal import faults_of, one_signal, setting_key
-from rig.reliability.recorded import recording
-from rig.reliability.trials import SHARES, Batch, Tally, TrialRunner, added_up, combinations, planned, shared_out
-from rig.reliability.trials import fly_trials as run_trials
-from rig.reliability.trials_folder import fly_trials
-from rig.scenario import load
-from rig.util import sealed
+from rig.core import sealed
+from rig.core.errors import BadInput
+from rig.scenario.overrides import set_key
+from rig.scenario.scenario import load
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.folder import locked
+from rig.studies.campaign.plan import Plan
+from rig.studies.reliability.campaign_cells import cells
+from rig.studies.reliability.cell_trials import (
+    SHARES,
+    Batch,
+    Tally,
+    TrialRunner,
+    added_up,
+    combinations,
+    planned,
+    shared_out,
+)
+from rig.studies.reliability.cell_trials import fly_trials as run_trials
+from rig.studies.reliability.drawn import Drawn, cell, draw, records, refill
+from rig.studies.reliability.held_flight import recording
+from rig.studies.reliability.one_signal import faults_of, one_signal, setting_key
+from rig.studies.reliability.trials_folder import fly_trials
+from rig.world.faults.effects import Act
 
 RELIABILITY = "faults/campaigns/reliability.toml"
 

@@ -7,21 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import scenario
+from rig.bench.replay.decisions import Moved, decisions
+from rig.bench.replay.verify import verify
+from rig.bench.replay.vote_again import vote_again
+from rig.bench.replay.what_if import changed, what_if
 from rig.cli import main as cli
-from rig.errors import BadInput, BadLog
-from rig.flight.assembly import fly
-from rig.frame import FLAT, INDEX, TIMING, State, new_block
+from rig.core.errors import BadInput, BadLog
+from rig.core.files import bundled
+from rig.core.frame import FLAT, INDEX, TIMING, State, new_block
+from rig.flight.fly import fly
+from rig.flight.summary import Verdict
 from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS
 from rig.log.of_flight import metadata
-from rig.record.flight_summary import Verdict
-from rig.recordings.flown import recorded
-from rig.replay.decisions import Moved, decisions
-from rig.replay.verify import verify
-from rig.replay.vote_again import vote_again
-from rig.replay.what_if import changed, what_if
-from rig.util.files import bundled
+from rig.log.recordings.flown_log import recorded
+from rig.scenario import scenario
 
 Q = INDEX["pitch_rate"]
 SHORT = ["duration_s=3", "faults.0.start_s=1"]
@@ -101,7 +101,7 @@ def test_a_replay_in_small_blocks_says_the_same(flown, tmp_path, monkeypatch):
     claimed = rewrite(flown, tmp_path / "claimed.mcap", read_log(tmp_path / "whole.mcap").rows)
     said = [verify(recorded(claimed)).as_dict(), verify(recorded(claimed), fly=True).as_dict()]
     assert not said[0]["identical"] and said[0]["decisions"]["moved"] and other.moved.votes
-    monkeypatch.setattr("rig.util.blocks.ROWS", 7)
+    monkeypatch.setattr("rig.core.blocks.ROWS", 7)
     assert [verify(recorded(claimed)).as_dict(), verify(recorded(claimed), fly=True).as_dict()] == said
     assert what_if(recording, patient, tmp_path / "parts.mcap").moved == other.moved
     assert (tmp_path / "parts.mcap").read_bytes() == (tmp_path / "whole.mcap").read_bytes()

@@ -8,14 +8,14 @@ import pytest
 from test_assess_actuators import HARDOVER, ONSET, given
 from typer.testing import CliRunner
 
+from rig.bench.replay.verify import verify
+from rig.bench.replay.what_if import changed, what_if
 from rig.cli.main import app
-from rig.errors import BadInput
-from rig.flight.assembly import fly
-from rig.frame import ActuatorMonitor
+from rig.core.errors import BadInput
+from rig.core.frame import ActuatorMonitor
+from rig.flight.fly import fly
 from rig.log import LogWriter, read_log
-from rig.recordings.flown import Recorded, recorded
-from rig.replay.verify import verify
-from rig.replay.what_if import changed, what_if
+from rig.log.recordings.flown_log import Recorded, recorded
 
 JAM = 'kind="spool_jam", signal="actuator.elevator"'
 LVDT = 'kind="lvdt", signal="actuator.aileron", channels=[3], offset=0.09'

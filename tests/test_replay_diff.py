@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from test_log_writer import random_block, write
 
+from rig.bench.replay.before_after import diff, side
+from rig.bench.replay.compare_flights import Tolerances, compare, of_column, tolerances
 from rig.cli import main as cli
-from rig.errors import BadInput
-from rig.frame import FLAT, INDEX, TIMING, new_block
+from rig.core.errors import BadInput
+from rig.core.frame import FLAT, INDEX, TIMING, new_block
 from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS, unit_of
 from rig.log.schema import OLDEST, SCHEMA_VERSION
-from rig.replay.before_after import diff, side
-from rig.replay.compare import Tolerances, compare, of_column, tolerances
 
 Q = INDEX["pitch_rate"]
 

@@ -7,15 +7,15 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rig.errors import BadInput
-from rig.flight.assembly import fly
-from rig.frame import COMPUTERS, INDEX, Health, LinkState, State
+from rig.bench.replay.before_after import diff, side
+from rig.bench.replay.verify import verify
+from rig.bench.replay.what_if import changed, what_if
+from rig.core.errors import BadInput
+from rig.core.frame import COMPUTERS, INDEX, Health, LinkState, State
+from rig.flight.fly import fly
 from rig.log import LogWriter, read_log
 from rig.log.export import export
-from rig.recordings.flown import Recorded, recorded
-from rig.replay.before_after import diff, side
-from rig.replay.verify import verify
-from rig.replay.what_if import changed, what_if
+from rig.log.recordings.flown_log import Recorded, recorded
 
 # Each with its fault within 8 s; servos in the first, whose lane is shut off.
 SCENARIOS = ("f16_wrong_command", "f16_link_lie", "f16_clock_drift", "f16_adc", "f16_power_loss")

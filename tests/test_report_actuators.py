@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from test_assess_actuators import HARDOVER, ONSET, given
 
-from rig.assess.of_log import score_log
-from rig.assess.record import Yardstick
-from rig.flight.assembly import fly
-from rig.flight.result import Flight
-from rig.log.blocks import Frames
-from rig.report.actuators import happened, of_actuator
-from rig.report.flight import report
-from rig.util.palette import RED
+from rig.core.palette import RED
+from rig.flight.flight_result import Flight
+from rig.flight.fly import fly
+from rig.log.log_file import Frames
+from rig.show.pages.flight_page import report
+from rig.show.pages.servo_figures import happened, of_actuator
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 
 
 @pytest.fixture(scope="module")

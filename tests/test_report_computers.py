@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.assess.of_log import score_log
-from rig.assess.record import Yardstick
-from rig.flight.assembly import fly
-from rig.flight.result import Flight
-from rig.log.blocks import Frames
-from rig.report import computers
-from rig.report.course import Course
-from rig.report.flight import report
-from rig.report.timeline import Span, used
+from rig.flight.flight_result import Flight
+from rig.flight.fly import fly
+from rig.log.log_file import Frames
+from rig.show.pages import lane_figures as computers
+from rig.show.pages.course import Course
+from rig.show.pages.flight_page import report
+from rig.show.pages.timeline import Span, used
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 
 ONSET, FAILED = 100, 105
 WRONG = 'kind="wrong_command", signal="computer.B", surface="elevator", does="hardover", start_s=1.0'

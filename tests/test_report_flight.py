@@ -12,16 +12,16 @@ import outside
 import pytest
 from browser import visit
 
-from rig.flight.assembly import Flight, fly
-from rig.frame import INDEX, State, new_block
-from rig.log.blocks import Frames
-from rig.report.course import Course
-from rig.report.figures import of_flight, spanned, surfaces, vote_errors
-from rig.report.flight import report
-from rig.report.gathered import errors, of_signal, of_surface
-from rig.report.lines import MOST_POINTS, line, thinned
-from rig.report.timeline import spans
-from rig.util.palette import RED
+from rig.core.frame import INDEX, State, new_block
+from rig.core.palette import RED
+from rig.flight.fly import Flight, fly
+from rig.log.log_file import Frames
+from rig.show.pages.course import Course
+from rig.show.pages.flight_figures import of_flight, spanned, surfaces, vote_errors
+from rig.show.pages.flight_page import report
+from rig.show.pages.gathered import errors, of_signal, of_surface
+from rig.show.pages.lines import MOST_POINTS, line, thinned
+from rig.show.pages.timeline import spans
 
 OLD = Path(__file__).parent / "logs"
 SHORT = ["duration_s=6", "faults.0.start_s=3", "redundancy.signals.pitch_rate.persistence=6"]
@@ -186,7 +186,7 @@ def test_a_report_in_small_blocks_is_that_of_the_whole_log(
     split: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
     (log,) = split.parent.glob("*.mcap")
-    monkeypatch.setattr("rig.util.blocks.ROWS", 13)
+    monkeypatch.setattr("rig.core.blocks.ROWS", 13)
     report(log, tmp_path / "split.html")
     assert (tmp_path / "split.html").read_bytes() == split.read_bytes()
 

@@ -7,20 +7,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rig.assess.requirements import (
-    check_log,
-    check_rows,
-    events,
-    fly_requirements,
-    load_requirements,
-    measure_scored,
-)
-from rig.assess.requirements.recorder import RequirementsRecorder
-from rig.assess.requirements.subject import of_flight
-from rig.errors import BadInput
-from rig.loop import fly_rows
-from rig.report.margins import Margins
-from rig.scenario import load
+from rig.core.errors import BadInput
+from rig.flight.loop import fly_rows
+from rig.scenario.scenario import load
+from rig.show.pages.requirement_figures import Margins
+from rig.verdict.requirements import check_log, check_rows, events, fly_requirements, load_requirements, measure_scored
+from rig.verdict.requirements.requirement_recorder import RequirementsRecorder
+from rig.verdict.requirements.subject import of_flight
 
 SHORT = {"duration_s": 4.0, "faults.0.start_s": 2.0}
 SETS = [word for key, value in SHORT.items() for word in ("--set", f"{key}={value}")]
@@ -47,8 +40,8 @@ def tight(tmp_path_factory):
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory, tight):
     """A log, and what ``rig fly --json`` printed of its requirements."""
-    from rig.assess.requirements import MeasuredConclusion
-    from rig.flight.assembly import fly
+    from rig.flight.fly import fly
+    from rig.verdict.requirements import MeasuredConclusion
 
     out, outcome = tmp_path_factory.mktemp("logs"), MeasuredConclusion([tight])
     flight = fly(load("f16_pitch_rate_hardover", SHORT), out=out, outcome=outcome)
@@ -105,7 +98,7 @@ def test_an_onset_is_the_first_frame_of_each_fault_and_acting_every_frame_of_one
 
 
 def _required(formula, **keys):
-    from rig.assess.requirements import Requirement
+    from rig.verdict.requirements import Requirement
 
     return Requirement(id="one", formula=formula, **keys)
 
@@ -186,8 +179,8 @@ def test_an_event_stands_where_a_requirement_is_violated(flown):
 
 
 def test_what_names_the_twin_is_left_out_where_none_is_flown(flown, tight):
-    from rig.assess.of_log import score_log
-    from rig.assess.record import Yardstick
+    from rig.verdict.of_log import score_log
+    from rig.verdict.score_records import Yardstick
 
     flight, _ = flown
     scored = score_log(flight.log, Yardstick(), twin=False)

@@ -11,18 +11,18 @@ from typing import Any
 import polars as pl
 import pytest
 
-from rig.aircraft import folder
-from rig.campaign.folder import open_folder
-from rig.campaign.tables import sha256
-from rig.errors import BadInput
-from rig.safety import confirm
-from rig.safety.cutset_plan import NO_CODE, Asked, begun, plan, read_asked
-from rig.safety.cutset_plan import fly as fly_sequences
-from rig.safety.cutsets import ANNOUNCED, WRONG, Counted, jeffreys, lost_flights, minimal, subsets
-from rig.safety.sequences import CONDITIONS, KINDS, LARGEST, LEAST, NEAR_S, REFERENCE, flights, sequences
-from rig.util import sealed
-from rig.util.outputs import CUTSETS, SETS
-from rig.util.trust import Trust
+from rig.core import sealed
+from rig.core.errors import BadInput
+from rig.core.outputs import CUTSETS, SETS
+from rig.core.trust import Trust
+from rig.scenario.aircraft import folder
+from rig.studies.campaign.folder import open_folder
+from rig.studies.campaign.tables import sha256
+from rig.studies.safety import confirm_sets as confirm
+from rig.studies.safety.cutset_plan import NO_CODE, Asked, begun, plan, read_asked
+from rig.studies.safety.cutset_plan import fly as fly_sequences
+from rig.studies.safety.cutsets import ANNOUNCED, WRONG, Counted, jeffreys, lost_flights, minimal, subsets
+from rig.studies.safety.sequences import CONDITIONS, KINDS, LARGEST, LEAST, NEAR_S, REFERENCE, flights, sequences
 
 LATENT = "level-then-manoeuvre-settled"
 ASKED = Asked("f16", "pitch_rate", 3, 20, (LATENT,), 0, {})
@@ -216,7 +216,7 @@ def test_a_condition_that_loses_the_signal_without_a_fault_is_refused_before_the
         ({"runs": [run], "signals": [{**signal, "lost_s": 2.5}]}, "pitch_rate is lost for 2.5 s"),
         ({"runs": [{**run, "survived": False}], "signals": [{**signal, "lost_s": 0.0}]}, "the aircraft is lost"),
     ):
-        monkeypatch.setattr("rig.safety.cutset_plan.fly_alone", lambda *_, rows=rows: rows)
+        monkeypatch.setattr("rig.studies.safety.cutset_plan.fly_alone", lambda *_, rows=rows: rows)
         code, _, err = rig_command("reliability", "cutsets", *asked)
         assert code == 2 and f"level-settled: without any fault {what}: no sequence can be" in err
     assert not (tmp_path / "out").exists()

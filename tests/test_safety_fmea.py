@@ -13,14 +13,14 @@ from browser import visit
 from lxml import html
 
 from rig.cli import safety
-from rig.errors import BadInput
-from rig.reliability.rates import Rates, read_rates
-from rig.safety import fmea
-from rig.safety.confirm import write_sets
-from rig.safety.cutset_plan import Asked, begun
-from rig.safety.fmea import NOT_FLOWN, Line, lines
-from rig.safety.fmea_file import groups, titles
-from rig.scenario import load
+from rig.core.errors import BadInput
+from rig.scenario.scenario import load
+from rig.studies.reliability.rates_file import Rates, read_rates
+from rig.studies.safety import fmea
+from rig.studies.safety.confirm_sets import write_sets
+from rig.studies.safety.cutset_plan import Asked, begun
+from rig.studies.safety.fmea import NOT_FLOWN, Line, lines
+from rig.studies.safety.fmea_file import groups, titles
 
 RATES = """
 [pitch_rate]
@@ -263,8 +263,8 @@ def test_a_campaign_without_single_faults_and_a_foreign_folder_are_refused(
 def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates: Path, tmp_path: Path):
     from test_reliability_result import NO_ALARMS, table
 
-    from rig.reliability import run as run_module
-    from rig.reliability.tally import Cells
+    from rig.studies.reliability import compute_results as run_module
+    from rig.studies.reliability.tally import Cells
 
     gathered({})
     counts = table(bad=1, kinds=("stuck", "offset"))

@@ -17,17 +17,17 @@ import polars as pl
 import pytest
 from test_reliability_result import NO_ALARMS, table
 
-from rig.reliability import run as run_module
-from rig.reliability.chain import solve_file
-from rig.reliability.rates import Layer
-from rig.reliability.tally import Cells
-from rig.safety.fault_tree import FaultTree, cut_sets, direct_sum, probability
-from rig.safety.mode_tree import ModeModel, mode_chain, mode_tree
-from rig.safety.open_psa import open_psa
-from rig.safety.signal_chain import chain_file, lost, transitions
-from rig.safety.signal_tree import SignalModel, signal_tree
-from rig.safety.tree_picture import picture
-from rig.safety.tree_result import solve
+from rig.studies.reliability import compute_results as run_module
+from rig.studies.reliability.chain import solve_file
+from rig.studies.reliability.rates_file import Layer
+from rig.studies.reliability.tally import Cells
+from rig.studies.safety.fault_tree import FaultTree, cut_sets, direct_sum, probability
+from rig.studies.safety.mode_tree import ModeModel, mode_chain, mode_tree
+from rig.studies.safety.open_psa import open_psa
+from rig.studies.safety.signal_chain import chain_file, lost, transitions
+from rig.studies.safety.signal_tree import SignalModel, signal_tree
+from rig.studies.safety.tree_picture import picture
+from rig.studies.safety.tree_result import solve
 
 HOURS = (1.0, 10.0, 100.0, 1000.0)
 LAMBDA, TAU_H = 1e-3, 0.1 / 3600.0

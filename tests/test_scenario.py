@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import aircraft, scenario
-from rig.errors import BadInput
-from rig.faults.kinds import Hardover
-from rig.frame import SIGNALS
-from rig.loop import Rig, frames
-from rig.scenario import find, from_resolved, load
-from rig.settings import read_toml
-from rig.util.files import bundled
+from rig.core.errors import BadInput
+from rig.core.files import bundled
+from rig.core.frame import SIGNALS
+from rig.core.settings import read_toml
+from rig.flight.loop import Rig, frames
+from rig.scenario import aircraft, scenario
+from rig.scenario.scenario import find, from_resolved, load
+from rig.world.faults.kinds import Hardover
 
 FAULTS = sorted(bundled("faults").glob("*.toml"))
 

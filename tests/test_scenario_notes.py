@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from rig import aircraft
-from rig.assess.requirements import load_requirements
-from rig.assess.requirements.reach import decided_in
-from rig.assess.requirements.reach import notes as requirement_notes
-from rig.assess.requirements.requirement import names as sets
 from rig.cli.fly import long_flight
-from rig.errors import BadInput
-from rig.faults.reach import never_holding
-from rig.flight.assembly import fly
-from rig.scenario import load, names
-from rig.scenario_notes import notes
+from rig.core.errors import BadInput
+from rig.flight.fly import fly
+from rig.scenario import aircraft
+from rig.scenario.scenario import load, names
+from rig.scenario.scenario_notes import notes
+from rig.verdict.requirements import load_requirements
+from rig.verdict.requirements.requirement import names as sets
+from rig.verdict.requirements.settled_comparisons import decided_in
+from rig.verdict.requirements.settled_comparisons import notes as requirement_notes
+from rig.world.faults.reach import never_holding
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from rig.errors import BadInput
-from rig.util import sealed
+from rig.core import sealed
+from rig.core.errors import BadInput
 
 FRAME = pl.DataFrame({"run": [1, 2, 3], "text": ["rig.sha256=" + "0" * 64, "b", None]})
 

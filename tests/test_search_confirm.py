@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from rig.errors import BadInput
-from rig.search.confirm import Confirmed, Table, confirm, least_apart, worst
-from rig.search.objective import NONE, VOTE, Measured, chosen, measured
-from rig.search.result import upper
-from rig.search.schedule import Draw
-from rig.search.shrink import BACK, MOST, TRIES, shrink, simplest
+from rig.core.errors import BadInput
+from rig.studies.search.confirm_worst import Confirmed, Table, confirm, least_apart, worst
+from rig.studies.search.objective import NONE, VOTE, Measured, chosen, measured
+from rig.studies.search.rounds import Draw
+from rig.studies.search.search_result import upper
+from rig.studies.search.shrink import BACK, MOST, TRIES, shrink, simplest
 
 SEEDS = (11, 12, 13, 14, 15)
 

@@ -8,19 +8,19 @@ from typing import Any
 
 import pytest
 
-from rig.assess.requirements import Requirement
-from rig.campaign import tables as table
-from rig.campaign.config import from_what
-from rig.campaign.folder import Folder, open_folder
-from rig.campaign.run import again
-from rig.errors import BadInput
-from rig.scenario import load
-from rig.search import run as running
-from rig.search import shrink as shrinking
-from rig.search.objective import chosen
-from rig.search.plan import Asked, SearchPlan
-from rig.search.run import Ended, run
-from rig.util.progress import listening
+from rig.core.errors import BadInput
+from rig.core.progress import listening
+from rig.scenario.scenario import load
+from rig.studies.campaign import tables as table
+from rig.studies.campaign.campaign_file import from_what
+from rig.studies.campaign.folder import Folder, open_folder
+from rig.studies.campaign.run_campaign import again
+from rig.studies.search import run_search as running
+from rig.studies.search import shrink as shrinking
+from rig.studies.search.objective import chosen
+from rig.studies.search.run_search import Ended, run
+from rig.studies.search.search_plan import Asked, SearchPlan
+from rig.verdict.requirements import Requirement
 
 BASE = {
     "title": "Two offsets",
@@ -108,7 +108,7 @@ def test_any_workers_and_interruption_give_the_same(
 
 
 def _confirmed(folder: Path) -> dict[str, Any]:
-    from rig.search.plan import ConfirmPlan
+    from rig.studies.search.search_plan import ConfirmPlan
 
     return Folder(folder / "confirmed", ConfirmPlan(plan())).tables
 
@@ -128,7 +128,7 @@ def test_an_interruption_while_it_confirms_costs_no_flight(whole: tuple[Path, En
 
 
 def test_the_find_violates_when_it_is_flown_from_its_file(whole: tuple[Path, Ended]):
-    from rig.assess.requirements import fly_requirements
+    from rig.verdict.requirements import fly_requirements
 
     scenario = load(whole[0] / "worst.toml")
     verdict = fly_requirements(scenario, chosen(["vote"]))[0]

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.campaign.config import Campaign, from_what
-from rig.errors import BadInput
-from rig.search.cma_es import Strategy, population
-from rig.search.schedule import Draw, Method, random_count, schedule
-from rig.search.space import Arm, arms
+from rig.core.errors import BadInput
+from rig.studies.campaign.campaign_file import Campaign, from_what
+from rig.studies.search.cma_es import Strategy, population
+from rig.studies.search.rounds import Draw, Method, random_count, schedule
+from rig.studies.search.space import Arm, arms
 
 TWO = {"a": {"low": 1.0, "high": 100.0, "log": True}, "b": {"low": -1.0, "high": 1.0}}
 
@@ -147,5 +147,5 @@ def test_the_package_is_imported_by_the_search_alone():
     import subprocess
     import sys
 
-    code = "import sys, rig.search.run, rig.cli.main; sys.exit('cma' in sys.modules)"
+    code = "import sys, rig.studies.search.run_search, rig.cli.main; sys.exit('cma' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[1], check=False).returncode == 0

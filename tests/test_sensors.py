@@ -4,8 +4,8 @@ from numpy.random import SeedSequence
 from one_stage import step_stage
 from pydantic import ValidationError
 
-from rig import sensors
-from rig.frame import INDEX, SIGNALS, D, Ilm, new_block
+from rig.core.frame import INDEX, SIGNALS, D, Ilm, new_block
+from rig.world import sensors
 
 ERRORS = ("noise_std", "bias_tolerance", "scale_tolerance", "lag_s", "quantum", "skew_frames")
 IDEAL = dict.fromkeys(ERRORS, 0.0)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from rig import aircraft, scenario
-from rig.errors import BadInput
-from rig.frame import SIGNALS
-from rig.sensors.classes import Figures, kind
-from rig.sensors.settings import Sensor
+from rig.core.errors import BadInput
+from rig.core.frame import SIGNALS
+from rig.scenario import aircraft, scenario
+from rig.world.sensors.classes import Figures, kind
+from rig.world.sensors.data_sheet import Sensor
 
 CLASSES = aircraft.sensor_classes()
 NAMES = sorted(CLASSES)

@@ -13,8 +13,8 @@ import pytest
 from one_stage import WIDE, sense, suite, truths
 from scipy.signal import welch
 
-from rig import aircraft
-from rig.frame import INDEX
+from rig.core.frame import INDEX
+from rig.scenario import aircraft
 
 Q = INDEX["pitch_rate"]
 RATE, FRAMES = 10.0, 400_000

@@ -11,9 +11,9 @@ from numpy.random import SeedSequence
 from one_stage import WIDE, sense, step_stage, suite, truths
 from pydantic import ValidationError
 
-from rig.frame import INDEX, new_block
-from rig.sensors import Sensors
-from rig.sensors.params import natural_frequency, transition
+from rig.core.frame import INDEX, new_block
+from rig.world.sensors import Sensors
+from rig.world.sensors.params import natural_frequency, transition
 
 Q, P, R, PSI = (INDEX[name] for name in ("pitch_rate", "roll_rate", "yaw_rate", "heading"))
 NX, NY, NZ = (INDEX[f"{name}_load_factor"] for name in ("longitudinal", "lateral", "normal"))

@@ -6,13 +6,13 @@ from numpy.random import SeedSequence
 from one_stage import step_stage
 from pydantic import TypeAdapter, ValidationError
 
-from rig import scenario
-from rig.errors import BadInput
-from rig.faults import Fault, Faults
-from rig.frame import FLIGHT_INDEX, INDEX, INERTIAL, SIGNALS, new_block
-from rig.loop import Rig, frames
-from rig.sensors import inertial
-from rig.sensors.inertial import Config, Inertial
+from rig.core.errors import BadInput
+from rig.core.frame import FLIGHT_INDEX, INDEX, INERTIAL, SIGNALS, new_block
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
+from rig.world.faults import Fault, Faults
+from rig.world.sensors import inertial
+from rig.world.sensors.inertial import Config, Inertial
 
 RATE = 100.0
 PERFECT = {

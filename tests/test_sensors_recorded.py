@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from one_stage import sense, suite, truths
 
-from rig import scenario
-from rig.errors import BadInput
-from rig.frame import INDEX
-from rig.loop import Rig
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX
+from rig.flight.loop import Rig
+from rig.scenario import scenario
 
 Q = INDEX["pitch_rate"]
 ROWS = np.random.default_rng(5).normal(0, 0.01, (37, 4)).round(6)

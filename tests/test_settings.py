@@ -6,8 +6,8 @@ import tomllib
 import numpy as np
 import pytest
 
-from rig.errors import BadInput
-from rig.settings import Settings, record, refuse_what_is_no_setting, share_in_frame
+from rig.core.errors import BadInput
+from rig.core.settings import Settings, record, refuse_what_is_no_setting, share_in_frame
 
 
 @pytest.mark.parametrize(

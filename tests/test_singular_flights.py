@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import scenario
-from rig.frame import INDEX, End, Pattern, Resolver, State
-from rig.loop import Rig, frames
+from rig.core.frame import INDEX, End, Pattern, Resolver, State
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "measured" / "patterns.md"

@@ -13,8 +13,8 @@ from scipy.linalg import LinAlgError
 from typer.testing import CliRunner
 
 from rig.cli.main import app
-from rig.studies import ding2015
-from rig.studies.ding2015 import A, B, C, H
+from rig.studies.papers import ding2015
+from rig.studies.papers.ding2015 import A, B, C, H
 
 BBAR = np.vstack([B, np.zeros((4, 2))])
 DESIGN = ding2015.design()

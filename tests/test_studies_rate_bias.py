@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from rig import scenario
-from rig.frame import FLIGHT_INDEX, End, SensorFault, Trust, new_block
-from rig.studies.rate_bias import (
+from rig.core.frame import FLIGHT_INDEX, End, SensorFault, Trust, new_block
+from rig.scenario import scenario
+from rig.studies.papers.rate_bias_study import (
     ALL_FOUR,
     BIASES_RAD_S,
     DRAWN,

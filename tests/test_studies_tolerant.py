@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig.frame import FLIGHT_INDEX, INDEX, End, Trust, new_block
-from rig.studies.tolerant import FAULTS, LAWS, Case, FaultFlight, cases, fly, measure, summarise
+from rig.core.frame import FLIGHT_INDEX, INDEX, End, Trust, new_block
+from rig.studies.papers.tolerant import FAULTS, LAWS, Case, FaultFlight, cases, fly, measure, summarise
 
 CASE = Case("f16", "pitch", "none", 0.0, 1)
 

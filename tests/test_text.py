@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.errors import BadInput, ManagerFailed, RigError
-from rig.text import LONGEST_LINE, LONGEST_VALUE, choices, nearest, one_line, plain, quoted, shorten
+from rig.core.errors import BadInput, ManagerFailed, RigError
+from rig.core.text import LONGEST_LINE, LONGEST_VALUE, choices, nearest, one_line, plain, quoted, shorten
 
 ACTS = "\x1b\x07\x00\x7f\x9b\u202e\u2066\u200b\u2028\ud800\r\n\b"
 

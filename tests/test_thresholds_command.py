@@ -15,13 +15,13 @@ import pytest
 import tomli_w
 
 from rig.cli import main as cli
-from rig.errors import BadInput
-from rig.recordings.alignment import AlignOptions
-from rig.recordings.settings import read_config
-from rig.settings import read_toml
-from rig.thresholds.config import recorded_toml, scenario_toml, start
-from rig.thresholds.data import of_scenario, recordings
-from rig.thresholds.design import Design, Threshold
+from rig.core.errors import BadInput
+from rig.core.settings import read_toml
+from rig.log.recordings.alignment import AlignOptions
+from rig.log.recordings.vote_config import read_config
+from rig.studies.thresholds.data import of_scenario, recordings
+from rig.studies.thresholds.design import Design, Threshold
+from rig.studies.thresholds.in_out import recorded_toml, scenario_toml, start
 
 QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu_horizontal"
 QUICK = ["--persistence", "4", "--levels", "4", "--filter", "0"]
@@ -235,7 +235,7 @@ def test_everything_else_of_the_configuration_is_kept():
 
 
 def test_the_tables_of_a_scenario_fly(tmp_path: Path):
-    from rig.scenario import load
+    from rig.scenario.scenario import load
 
     given = {"pitch_rate": load(None).redundancy.signals.pitch_rate}
     Path("o.toml").write_text(scenario_toml({"pitch_rate": DESIGN}, given, ["remark"]))
@@ -273,7 +273,7 @@ def test_outlier_thresholds_need_one_to_stand_beside():
 
 
 def test_a_design_in_place_of_outlier_thresholds_asks_no_more_of_them():
-    from rig.scenario import load
+    from rig.scenario.scenario import load
 
     given = {"pitch_rate": load(None).redundancy.signals.pitch_rate}
     assert given["pitch_rate"].outlier_threshold is not None
@@ -283,7 +283,7 @@ def test_a_design_in_place_of_outlier_thresholds_asks_no_more_of_them():
 
 
 def test_the_matrix_of_a_triad_is_taken_off_before_the_design():
-    from rig.thresholds.data import load
+    from rig.studies.thresholds.data import load
 
     rng, n, axes = np.random.default_rng(1), 3000, ("x", "y", "z")
     motion = np.array([20.0 * np.sin(np.arange(n) / (40.0 + 25.0 * k)) for k in range(3)])
@@ -315,9 +315,9 @@ def test_a_folder_is_one_recording_or_holds_some():
 
 
 def test_alignment_without_an_end_is_found_in_the_stretch_of_rig_vote():
-    from rig.recordings.align import align
-    from rig.recordings.read import read
-    from rig.thresholds.data import load
+    from rig.log.recordings.align import align
+    from rig.log.recordings.read import read
+    from rig.studies.thresholds.data import load
 
     record("data", 1)
     (path,) = Path("data").iterdir()
@@ -333,7 +333,7 @@ def test_alignment_without_an_end_is_found_in_the_stretch_of_rig_vote():
 
 
 def test_logs_of_ours_need_no_configuration(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    from rig.flight.assembly import fly
+    from rig.flight.fly import fly
 
     healthy = fly(None, overrides=["faults=[]", "duration_s=40.0"], out=Path("logs"))
     faulty = fly(None, overrides=["duration_s=1.0"], out=Path("faulty"))
@@ -352,9 +352,9 @@ def test_logs_of_ours_need_no_configuration(capsys: pytest.CaptureFixture[str], 
 @pytest.mark.skipif(not QUAD.is_dir(), reason="the recordings are not here")
 def test_a_design_on_real_flights_is_met_by_others(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
     """Nine flights design, five others fly; a setting that docs/vote.md warns of fails channels in the same five."""
-    from rig.bench.vote import vote
-    from rig.recordings.align import align
-    from rig.recordings.read import read
+    from rig.bench.vote_rows import vote
+    from rig.log.recordings.align import align
+    from rig.log.recordings.read import read
 
     mapping = {f"gyro_{a}.{c}": f"IMU_{c}.csv:Gyr_{a.upper()}" for a in "xyz" for c in range(1, 5)}
     config(default={}, mapping=mapping, time_column="time")

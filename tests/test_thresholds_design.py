@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig.recordings.settings import RecordedSignal
-from rig.thresholds.data import Data
-from rig.thresholds.design import DataBlock, Design, Grid, Threshold, designs, rounded_up
-from rig.thresholds.healthy import BEYOND, Envelope, beyond, envelope, suspects
-from rig.thresholds.holdout import Count, count, holdout
-from rig.thresholds.run import design
-from rig.thresholds.tradeoff import Found, Kind, Tradeoff, faulty, inject, pieces, ranked, tradeoff
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.studies.thresholds.data import Data
+from rig.studies.thresholds.data_check import BEYOND, Envelope, beyond, envelope, suspects
+from rig.studies.thresholds.design import DataBlock, Design, Grid, Threshold, designs, rounded_up
+from rig.studies.thresholds.design_signals import design
+from rig.studies.thresholds.holdout import Count, count, holdout
+from rig.studies.thresholds.tradeoff import Found, Kind, Tradeoff, faulty, inject, pieces, ranked, tradeoff
 
 GIVEN = RecordedSignal(threshold=1.0)
 RATE = 100.0

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.assess.outcome import NEVER
-from rig.bench.vote import vote
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import RecordedSignal
-from rig.thresholds import distances
-from rig.thresholds.distances import (
+from rig.bench.vote_rows import vote
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.studies.thresholds import distances
+from rig.studies.thresholds.distances import (
     Monitored,
     exceeded,
     exceeded_each,
@@ -22,7 +21,8 @@ from rig.thresholds.distances import (
     nearest,
     sliding_minimum,
 )
-from rig.thresholds.monitored import isolations, low_passed, outcomes
+from rig.studies.thresholds.pieces import isolations, low_passed, outcomes
+from rig.verdict.signal_kernels import NEVER
 
 RATE = 100.0
 FOUR = (0, 1, 2, 3)

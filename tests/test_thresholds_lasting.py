@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig.recordings.settings import RecordedSignal
-from rig.thresholds.design import DataBlock, Design, Grid, designs, with_sums
-from rig.thresholds.holdout import count
-from rig.thresholds.lasting import alarms, begun, bias_bound, residuals, stale_frames, unbiased
-from rig.thresholds.monitored import isolations
-from rig.thresholds.tradeoff import inject, pieces
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.studies.thresholds.design import DataBlock, Design, Grid, designs, with_sums
+from rig.studies.thresholds.holdout import count
+from rig.studies.thresholds.pieces import isolations
+from rig.studies.thresholds.slow_fault_limits import alarms, begun, bias_bound, residuals, stale_frames, unbiased
+from rig.studies.thresholds.tradeoff import inject, pieces
 
 RATE = 100.0
 GIVEN = RecordedSignal(threshold=1.0, bias_s=2.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.thresholds.tail import CLUSTERS, DRAWS, Peaks, draws, level, pareto, peaks, point, upper
+from rig.studies.thresholds.tail import CLUSTERS, DRAWS, Peaks, draws, level, pareto, peaks, point, upper
 
 
 def generalised_pareto(shape: float, scale: float, count: int):

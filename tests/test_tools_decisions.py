@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tools import decisions
 
-from rig.frame import INDEX, Block
+from rig.core.frame import INDEX, Block
 
 SCENARIO = """aircraft = "f16"
 duration_s = {duration_s}

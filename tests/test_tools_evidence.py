@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from evidence_rows import UNIT_OF
 
-from rig import scenario
-from rig.campaign.flying import CampaignFlight, fly
-from rig.frame import CHANNELS, INDEX, SIGNALS, S
+from rig.core.frame import CHANNELS, INDEX, SIGNALS, S
+from rig.scenario import scenario
+from rig.studies.campaign.flying import CampaignFlight, fly
 
 Q = INDEX["pitch_rate"]
 FITTED = np.ones((S, CHANNELS), bool)

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 import rig
-from rig import scenario
 from rig.cli import main as cli
-from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.manager_config import PARAMS
 from rig.computer.redundancy.own import load_manager
-from rig.errors import BadInput
-from rig.loop import Rig
-from rig.overrides import named_manager
-from rig.scenario import from_resolved
-from rig.util.trust import Trust
+from rig.core.errors import BadInput
+from rig.core.trust import Trust
+from rig.flight.loop import Rig
+from rig.scenario import scenario
+from rig.scenario.overrides import named_manager
+from rig.scenario.scenario import from_resolved
 
 OWN = """
 import numpy as np

@@ -9,7 +9,7 @@ import pytest
 from unit_files import compiled, needs_a_compiler, udp, unit, written
 
 from rig.bench.unit_check import Checked, check
-from rig.unit.settings import Unit
+from rig.unit.unit_file import Unit
 
 pytestmark = needs_a_compiler
 # A unit that looks right and is not: a line of its step is another.

@@ -12,15 +12,15 @@ import pytest
 from unit_files import library, needs_a_compiler, udp, unit, written
 
 import rig
-from rig.assess.of_log import score_log
-from rig.assess.record import Yardstick
-from rig.errors import BadInput, RigError
+from rig.core.errors import BadInput, RigError
+from rig.core.frame import Law, State, UnitStatus
 from rig.flight.pace import realtime
-from rig.frame import Law, State, UnitStatus
 from rig.log.info import info
 from rig.unit import startup
-from rig.unit.links import SocketLink
-from rig.unit.settings import Unit
+from rig.unit.transport import SocketLink
+from rig.unit.unit_file import Unit
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 
 pytestmark = needs_a_compiler
 SHORT = ("duration_s=2", "faults.0.start_s=0.5")

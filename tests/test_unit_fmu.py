@@ -20,14 +20,14 @@ from unit_files import HERE, SOURCES, build, compiled, needs_a_compiler, unit, w
 
 import rig
 from rig.bench.unit_check import check
-from rig.campaign.worker import flown_with
-from rig.errors import BadInput, RigError
-from rig.frame import UnitStatus
-from rig.kernels import cache_root
+from rig.core.errors import BadInput, RigError
+from rig.core.frame import UnitStatus
+from rig.core.kernels import cache_root
+from rig.studies.campaign.worker import flown_with
 from rig.unit import fmu as fmu_carrier
 from rig.unit.fmu_description import TOKEN, Version, description, variables
-from rig.unit.layout import CONFIG, HELLO, INPUT, LAYOUT, OUTPUT
-from rig.unit.settings import Unit
+from rig.unit.unit_file import Unit
+from rig.unit.unit_records import CONFIG, HELLO, INPUT, LAYOUT, OUTPUT
 
 needs_fmpy = pytest.mark.skipif(find_spec("fmpy") is None, reason="no FMPy: pip install 'jsbsim-rig[fmi]'")
 VERSIONS = get_args(Version)

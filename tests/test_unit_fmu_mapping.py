@@ -17,13 +17,13 @@ from test_unit_fmu import _nothing_is_left_behind, changed, needs_fmpy  # noqa: 
 from unit_files import HERE
 
 import rig
-from rig.errors import BadInput, UnitRefused
-from rig.frame import SIGNALS, UnitStatus
-from rig.kernels import cache_root
+from rig.core.errors import BadInput, UnitRefused
+from rig.core.frame import SIGNALS, UnitStatus
+from rig.core.kernels import cache_root
 from rig.unit import header
 from rig.unit.fmu_mapping import OF_ITS_SIGNAL
-from rig.unit.layout import LASTING_CONFIG, RULES_CONFIG, SIGNAL_CONFIG
-from rig.unit.settings import read_unit
+from rig.unit.unit_file import read_unit
+from rig.unit.unit_records import LASTING_CONFIG, RULES_CONFIG, SIGNAL_CONFIG
 
 TOOLS = {"2": "pythonfmu", "3": "pythonfmu3"}
 VERSIONS = tuple(TOOLS)

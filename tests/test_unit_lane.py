@@ -10,18 +10,18 @@ import pytest
 from unit_files import needs_a_compiler, udp, unit
 
 import rig
-from rig.assess import score
-from rig.assess.of_log import score_log
-from rig.assess.record import Yardstick
-from rig.campaign.flying import fly as fly_in_memory
-from rig.campaign.tables import rows as campaign_rows
-from rig.errors import BadInput
-from rig.frame import COMPUTERS, Health, LaneTest, Law, State, UnitStatus
+from rig.bench.replay.verify import verify
+from rig.core.errors import BadInput
+from rig.core.frame import COMPUTERS, Health, LaneTest, Law, State, UnitStatus
 from rig.log.info import info
-from rig.recordings.flown import recorded
-from rig.replay.verify import verify
-from rig.unit.settings import Unit, as_lane
-from rig.unit.unit import running
+from rig.log.recordings.flown_log import recorded
+from rig.studies.campaign.flying import fly as fly_in_memory
+from rig.studies.campaign.tables import rows as campaign_rows
+from rig.unit.running_unit import running
+from rig.unit.unit_file import Unit, as_lane
+from rig.verdict import score
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 
 pytestmark = needs_a_compiler
 B = COMPUTERS.index("B")

@@ -11,11 +11,11 @@ import pytest
 from unit_files import COMPILER, ROOT, needs_a_compiler
 from unit_files import SOURCES as EXAMPLES
 
-from rig.frame import DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES
-from rig.frame.fields import BASES, FIELD, FIELDS
+from rig.core.frame import DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES
+from rig.core.frame.fields import BASES, FIELD, FIELDS
 from rig.unit import header
 from rig.unit.host import HEAD
-from rig.unit.layout import (
+from rig.unit.unit_records import (
     ANSWERS,
     DISCRETE_CONFIG,
     ENUMS,
@@ -106,7 +106,7 @@ def test_the_host_reads_the_head_where_it_is():
 def test_the_layout_tells_any_change_of_a_record(monkeypatch, change: str):
     before = described()
     if change == "enum":
-        monkeypatch.setattr("rig.unit.layout.ENUMS", ENUMS[:-1])
+        monkeypatch.setattr("rig.unit.unit_records.ENUMS", ENUMS[:-1])
     else:
         entry = ("level", "u1", (16,)) if change == "field" else ("voted", "<f8", (15,))
         monkeypatch.setitem(RECORDS, "output", np.dtype([("magic", "<u4"), entry]))

@@ -18,9 +18,9 @@ from unit_files import compiled, needs_a_compiler, written
 
 from rig.bench.unit_check import check, long_cases, our_answers
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
-from rig.computer.redundancy.config import SINCE_3
-from rig.frame import CHANNELS, Block, D, Ilm, Pattern, Resolver, S, State
-from rig.unit.layout import ANSWERS
+from rig.computer.redundancy.manager_config import SINCE_3
+from rig.core.frame import CHANNELS, Block, D, Ilm, Pattern, Resolver, S, State
+from rig.unit.unit_records import ANSWERS
 from rig.unit.vectors import VOTES_WITHIN, differences
 
 assert objects  # the fixture

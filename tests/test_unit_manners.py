@@ -19,10 +19,10 @@ import pytest
 from unit_files import build, compiled, needs_a_compiler, udp, written
 
 import rig
-from rig.errors import BadInput, RigError
+from rig.core.errors import BadInput, RigError
 from rig.unit.host import HEAD
-from rig.unit.layout import FROM_UNIT, LAYOUT, READY, VERSION, Kind
-from rig.unit.settings import Unit, read_unit
+from rig.unit.unit_file import Unit, read_unit
+from rig.unit.unit_records import FROM_UNIT, LAYOUT, READY, VERSION, Kind
 
 SHORT = ("duration_s=0.3", "faults=[]")
 START_S = 0.5
@@ -390,7 +390,7 @@ class Network(threading.Thread):
 @needs_a_compiler
 def test_a_hundred_starts_over_a_network_that_loses_and_doubles_a_tenth(tmp_path: Path, listening: tuple[str, int]):
     from rig.bench.unit_check import load
-    from rig.unit.unit import running
+    from rig.unit.running_unit import running
     from rig.unit.vectors import answers
 
     network, case = Network(listening[0], 1), load()[0]
@@ -408,7 +408,7 @@ def test_a_hundred_starts_over_a_network_that_loses_and_doubles_a_tenth(tmp_path
 @needs_a_compiler
 def test_a_second_rig_is_told_that_the_box_is_busy(tmp_path: Path, listening: tuple[str, int]):
     from rig.bench.unit_check import load
-    from rig.unit.unit import running
+    from rig.unit.running_unit import running
 
     tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": listening[0]})
     with running(tested) as first:

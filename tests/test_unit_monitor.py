@@ -9,11 +9,11 @@ import pytest
 from unit_files import COMPILER, Library, build, config, differing, inputs
 from unit_rows import HUGE, random_discretes, random_params, random_rows, vote
 
-from rig import scenario
-from rig.frame import INDEX, Block, Ilm, Law, Pattern, Resolver, State
-from rig.loop import fly_rows, redundancy
-from rig.unit.layout import Form, Said, members
+from rig.core.frame import INDEX, Block, Ilm, Law, Pattern, Resolver, State
+from rig.flight.loop import fly_rows, redundancy
+from rig.scenario import scenario
 from rig.unit.session import box_rule, settings_of
+from rig.unit.unit_records import Form, Said, members
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
 

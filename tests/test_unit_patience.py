@@ -5,12 +5,12 @@ import socket
 import numpy as np
 import pytest
 
-from rig.frame import UnitStatus
+from rig.core.frame import UnitStatus
 from rig.unit import compiled_exchange as compiled
 from rig.unit.host import LOOKS
-from rig.unit.layout import FROM_UNIT, OUTPUT, Form, Kind, blank
-from rig.unit.links import MOST_BYTES, UnitProcess
 from rig.unit.port import new_port
+from rig.unit.transport import MOST_BYTES, UnitProcess
+from rig.unit.unit_records import FROM_UNIT, OUTPUT, Form, Kind, blank
 
 
 def test_nobody_looks_in_a_campaign_or_without_a_second_core(monkeypatch: pytest.MonkeyPatch):

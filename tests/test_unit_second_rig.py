@@ -13,7 +13,7 @@ from unit_files import COMPILER, SOURCES, needs_a_compiler, unit, written
 
 from rig.bench import unit_second_rig
 from rig.bench.unit_check import check, load
-from rig.unit.unit import running
+from rig.unit.running_unit import running
 
 pytestmark = needs_a_compiler
 BUSY = "another rig is refused as busy, and changes nothing"

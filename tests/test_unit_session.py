@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.unit.layout import FROM_UNIT, OUTPUT, Kind, blank
-from rig.unit.messages import sealed
+from rig.unit.ready_message import sealed
 from rig.unit.session import Counts, ReplyCheck
+from rig.unit.unit_records import FROM_UNIT, OUTPUT, Kind, blank
 
 SESSION = 7
 FATES = ["answered", "request lost", "reply lost", "late", "doubled", "doubled late"]

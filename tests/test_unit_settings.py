@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rig.errors import BadInput
-from rig.unit.settings import read_unit
+from rig.core.errors import BadInput
+from rig.unit.unit_file import read_unit
 
 LIBRARY = 'name = "u"\npath = "u.so"\n'
 NOBODY = "nobody listens at 127.0.0.1:9 (port unreachable)"

@@ -13,10 +13,10 @@ import pytest
 from unit_files import needs_a_compiler, unit
 
 import rig
-from rig.campaign.worker import Orders, _died
-from rig.errors import BadInput, RigError
+from rig.core.errors import BadInput, RigError
+from rig.core.interrupt import signal_name
+from rig.studies.campaign.worker import Orders, _died
 from rig.unit.guard import MOST_KEPT, MOST_SHOWN
-from rig.util.interrupt import signal_name
 
 SHORT = ("duration_s=0.3", "faults=[]")
 pytestmark = [needs_a_compiler, pytest.mark.skipif(not hasattr(signal, "SIGRTMIN"), reason="no real-time signals")]

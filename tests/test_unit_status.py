@@ -15,14 +15,14 @@ from test_unit_manners import Network
 from unit_files import build, library, listening, needs_a_compiler, written
 
 import rig
-from rig.errors import RigError
-from rig.frame import SIGNALS, Law, State, UnitStatus
-from rig.kernels import cache_root
+from rig.core.errors import RigError
+from rig.core.frame import SIGNALS, Law, State, UnitStatus
+from rig.core.kernels import cache_root
 from rig.unit.crc import crc32
-from rig.unit.layout import LAYOUT, Kind
-from rig.unit.links import SocketLink
-from rig.unit.settings import Unit
-from rig.unit.unit import UnitUnderTest
+from rig.unit.running_unit import UnitUnderTest
+from rig.unit.transport import SocketLink
+from rig.unit.unit_file import Unit
+from rig.unit.unit_records import LAYOUT, Kind
 
 pytestmark = needs_a_compiler
 FOLDER = cache_root() / "test-units" / f"{LAYOUT:016x}-status"

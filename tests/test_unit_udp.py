@@ -13,7 +13,7 @@ import pytest
 from test_unit_monitor import quiet, random_flight
 from unit_files import COMPILER, build, differing, inputs
 
-from rig.unit.layout import (
+from rig.unit.unit_records import (
     CONFIG,
     FROM_UNIT,
     HELLO,

@@ -19,9 +19,9 @@ from unit_files import compiled, needs_a_compiler
 
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.managers import Manager
-from rig.frame import FLAT, Pattern, Resolver, State, new_block
-from rig.unit.layout import CONFIG, INPUT, OUTPUT, members
+from rig.core.frame import FLAT, Pattern, Resolver, State, new_block
 from rig.unit.session import box_rule, settings_of
+from rig.unit.unit_records import CONFIG, INPUT, OUTPUT, members
 from rig.unit.vectors import Case, differences, load
 
 SOURCES = (

@@ -16,16 +16,17 @@ from test_unit_fmu import FOLDERS, needs_fmpy
 from unit_files import HERE, SOURCES, compiled, library, listening, needs_a_compiler, written
 
 import rig
-from rig import scenario
 from rig.bench.unit_check import check
 from rig.bench.unit_long import TITLES
-from rig.errors import UnitRefused
+from rig.core.errors import UnitRefused
+from rig.core.frame import SIGNALS, S
+from rig.core.kernels import cache_root
+from rig.flight.stages import redundancy
 from rig.flight.unit_loop import config_of
-from rig.frame import SIGNALS, S
-from rig.kernels import cache_root
-from rig.stages import redundancy
+from rig.scenario import scenario
 from rig.unit.fmu_description import TOKEN, TOKENS, description
-from rig.unit.layout import (
+from rig.unit.older_versions import asked_since, config_for, unasked
+from rig.unit.unit_records import (
     CONFIG,
     INPUT,
     LAYOUT,
@@ -39,7 +40,6 @@ from rig.unit.layout import (
     place,
 )
 from rig.unit.vectors import load
-from rig.unit.versions import asked_since, config_for, unasked
 
 FOLDER = cache_root() / "test-units" / f"{LAYOUT:016x}-versions"
 SHORT = ("duration_s=2", "faults.0.start_s=1")

@@ -14,18 +14,18 @@ from test_unit_fmu import _nothing_is_left_behind, fmu, needs_fmpy  # noqa: F401
 from unit_files import SOURCES, build, compiled, needs_a_compiler, udp, unit, written
 
 import rig
-from rig.assess.of_log import score_log
-from rig.assess.record import Yardstick
+from rig.bench.replay.verify import verify
 from rig.bench.unit_check import check
-from rig.errors import BadInput
-from rig.frame import SIGNALS, Law, Pattern, Source, State, UnitStatus
-from rig.kernels import cache_root
-from rig.recordings.flown import recorded
-from rig.replay.verify import verify
-from rig.unit.layout import LAYOUT, OUTPUT, Form, Said
+from rig.core.errors import BadInput
+from rig.core.frame import SIGNALS, Law, Pattern, Source, State, UnitStatus
+from rig.core.kernels import cache_root
+from rig.log.recordings.flown_log import recorded
 from rig.unit.port import RECEIVED, complete, new_port
-from rig.unit.settings import Unit, read_unit
-from rig.unit.unit import running
+from rig.unit.running_unit import running
+from rig.unit.unit_file import Unit, read_unit
+from rig.unit.unit_records import LAYOUT, OUTPUT, Form, Said
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 
 SHORT = ("duration_s=3", "faults.0.start_s=1")
 OF_UNIT = {"unit"}  # the field that no manager of ours fills
@@ -36,7 +36,7 @@ Start = Callable[[Path], Unit]
 MANAGERS = """
 import numba
 import numpy as np
-from rig.units.angles import difference, limit
+from rig.core.units.angles import difference, limit
 
 STATE = np.dtype([("vote", "f8"), ("started", "u1")])
 

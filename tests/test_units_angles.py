@@ -5,7 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.units.angles import difference, differences, limit, near, short_way, step_sizes, unwrapped, within_a_turn, wrap
+from rig.core.units.angles import (
+    difference,
+    differences,
+    limit,
+    near,
+    short_way,
+    step_sizes,
+    unwrapped,
+    within_a_turn,
+    wrap,
+)
 
 ANGLES, TURN = st.floats(-100, 100), 2 * pi
 

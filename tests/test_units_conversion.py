@@ -8,7 +8,7 @@ from math import pi
 
 import pytest
 
-from rig.units.conversion import conversion
+from rig.core.units.conversion import conversion
 
 POUND_N = 0.45359237 * 9.80665
 
@@ -66,7 +66,7 @@ def test_a_unit_that_does_not_fit_is_refused_with_what_is_allowed(unit: str, si:
 
 def test_the_library_is_loaded_only_where_a_unit_needs_it():
     code = (
-        "import sys, rig.recordings.read; from rig.units.conversion import conversion as c; c('s', 's'); c('rad/s'); "
+        "import sys, rig.log.recordings.read; from rig.core.units.conversion import conversion as c; c('s', 's'); c('rad/s'); "  # noqa: E501
         "print('pint' in sys.modules, c('deg').si, 'pint' in sys.modules)"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -4,7 +4,7 @@ from math import nan, pi
 
 import pytest
 
-from rig.units.quantities import duration, moment, number, quantity, seconds, unit_shown
+from rig.core.units.quantities import duration, moment, number, quantity, seconds, unit_shown
 
 
 @pytest.mark.parametrize(

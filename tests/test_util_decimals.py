@@ -1,6 +1,6 @@
 import pytest
 
-from rig.util.decimals import slack, slack_of_product
+from rig.core.decimals import slack, slack_of_product
 
 
 @pytest.mark.parametrize(

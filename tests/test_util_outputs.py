@@ -11,11 +11,11 @@ import pytest
 import typer
 
 import rig
-from rig.aircraft import folder as aircraft_folder
 from rig.cli.main import app
-from rig.errors import BadInput
-from rig.util.files import bundled
-from rig.util.outputs import require_apart
+from rig.core.errors import BadInput
+from rig.core.files import bundled
+from rig.core.outputs import require_apart
+from rig.scenario.aircraft import folder as aircraft_folder
 
 THRESHOLDS = ["thresholds", "in.csv", "--config", "c.toml", "--budget", "3", "--monitored", "m.csv"]
 VOTE = ["vote", "in.csv", "--config", "c.csv", "--inject", "f.csv"]

@@ -1,6 +1,6 @@
 """Lines of a figure are told apart by colour, and by dashes where there are more lines than colours."""
 
-from rig.util.palette import SERIES, series_colour, series_dash
+from rig.core.palette import SERIES, series_colour, series_dash
 
 
 def test_no_two_lines_look_alike_until_colours_and_dashes_are_used_up():

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.util.runs import cluster_starts, runs, runs_where
+from rig.core.runs import cluster_starts, runs, runs_where
 
 
 def test_runs_of_nothing_are_none():

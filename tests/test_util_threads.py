@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from rig.util.threads import Ended, heed, on_threads
+from rig.core.threads import Ended, heed, on_threads
 
 
 def until_told(begun: threading.Event, seen: list[int]):

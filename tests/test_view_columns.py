@@ -13,19 +13,20 @@ import pytest
 import rerun as rr
 from rerun.chunk import Chunk, McapReader, RrdReader
 
-from rig.errors import BadInput, BadLog, RigError
-from rig.frame import COMMANDS, FLAT, INDEX, SURFACES, TIMING, Block, Ilm, Pattern, Resolver, State, new_block
-from rig.frame.fields import FIELD, places
+from rig.core.errors import BadInput, BadLog, RigError
+from rig.core.frame import COMMANDS, FLAT, INDEX, SURFACES, TIMING, Block, Ilm, Pattern, Resolver, State, new_block
+from rig.core.frame.fields import FIELD, places
+from rig.core.units.constants import TWO_PI
+from rig.flight.events import Event
 from rig.log import LogWriter
 from rig.log.schema import TOPICS_OF_ROWS, Topic
-from rig.record.events import Event
-from rig.units.constants import TWO_PI
-from rig.view import derived, lanes, matrix
-from rig.view.columns import Columns, struct
-from rig.view.facts import Facts, FaultFact
-from rig.view.opened import read, save
-from rig.view.scene import POINTS, TIMELINE, Scene, east_north_up, position
-from rig.view.style import ALL_FAILED, STATE_LOOKS
+from rig.show.viewer import derived, matrix
+from rig.show.viewer import state_strips as lanes
+from rig.show.viewer.facts import Facts, FaultFact
+from rig.show.viewer.opened import read, save
+from rig.show.viewer.rerun_columns import Columns, struct
+from rig.show.viewer.scene import POINTS, TIMELINE, Scene, east_north_up, position
+from rig.show.viewer.style import ALL_FAILED, STATE_LOOKS
 
 RATE_HZ = 100.0
 EVENTS = [Event(3, "info", "fault on", "one"), Event(5, "warning", "level", "two"), Event(7, "error", "end", "three")]

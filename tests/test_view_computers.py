@@ -10,8 +10,8 @@ import pytest
 from rerun.chunk import RrdReader
 from rich.console import Console
 
-from rig.errors import BadInput
-from rig.frame import (
+from rig.core.errors import BadInput
+from rig.core.frame import (
     LINKS,
     SURFACES,
     TIMING,
@@ -25,13 +25,14 @@ from rig.frame import (
     new_block,
 )
 from rig.log import LogWriter
-from rig.view import computers, servos
-from rig.view.blueprint import COMPUTERS, blueprint
-from rig.view.facts import Facts, FaultFact, Layout, Shown
-from rig.view.lanes import Changes
-from rig.view.opened import read, save
-from rig.view.story import look
-from rig.view.watch.page import Page
+from rig.show.terminal.redundancy_page import Page
+from rig.show.viewer import lanes_view as computers
+from rig.show.viewer import servo_series as servos
+from rig.show.viewer.blueprint import COMPUTERS, blueprint
+from rig.show.viewer.facts import Facts, FaultFact, Layout, Shown
+from rig.show.viewer.opened import read, save
+from rig.show.viewer.state_strips import Changes
+from rig.show.viewer.story import look
 
 HZ, FRAMES, ONSET, FAILED, SILENT = 100.0, 300, 100, 105, 104
 A, B, C, D = range(4)

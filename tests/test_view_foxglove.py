@@ -12,10 +12,10 @@ from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorS
 from mcap.reader import make_reader
 
 from rig.cli import main as cli
-from rig.flight.assembly import fly
-from rig.frame import SIGNALS, Health, State
-from rig.view import blueprint, foxglove, opened
-from rig.view.facts import Facts, FaultFact, Shown
+from rig.core.frame import SIGNALS, Health, State
+from rig.flight.fly import fly
+from rig.show.viewer import blueprint, foxglove, opened
+from rig.show.viewer.facts import Facts, FaultFact, Shown
 
 SPLIT = "faults=[{kind='offset', signal='angle_of_attack', channels=[3,4], start_s=0.5, offset=0.2}]"
 PATH = re.compile(r"(?P<topic>(?:/\w+)+)(?:\.(?P<field>\w+))?(?:\.@(?P<modifier>\w+))?")

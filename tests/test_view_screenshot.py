@@ -10,16 +10,16 @@ import outside
 import pytest
 from PIL import Image
 
-from rig.errors import BadInput
-from rig.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, new_block
+from rig.core.errors import BadInput
+from rig.core.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, new_block
+from rig.core.units.quantities import unit_shown
+from rig.flight.events import Event
 from rig.log import LogWriter
-from rig.record.events import Event
-from rig.units.quantities import unit_shown
-from rig.view import viewer
-from rig.view.opened import as_file, read, window
-from rig.view.scene import TIMELINE
-from rig.view.screenshot import headless, screenshot, wait_until_loaded
-from rig.view.style import CHANNEL_COLORS, STATE_LOOKS, TRUTH, VOTED, plain
+from rig.show.viewer import viewer
+from rig.show.viewer.opened import as_file, read, window
+from rig.show.viewer.scene import TIMELINE
+from rig.show.viewer.screenshot import headless, screenshot, wait_until_loaded
+from rig.show.viewer.style import CHANNEL_COLORS, STATE_LOOKS, TRUTH, VOTED, plain
 
 RATE_HZ = 100.0
 

@@ -12,17 +12,17 @@ import pytest
 from rerun.chunk import McapReader, RrdReader
 from rich.console import Console
 
-from rig.errors import BadInput
-from rig.frame import LANE_FIELDS, MOVED, TIMING, ActuatorMonitor, LaneBlock, lane_rows, new_block
-from rig.frame.fields import elements
+from rig.core.errors import BadInput
+from rig.core.frame import LANE_FIELDS, MOVED, TIMING, ActuatorMonitor, LaneBlock, lane_rows, new_block
+from rig.core.frame.fields import elements
 from rig.log import LogWriter
-from rig.view import servos
-from rig.view.blueprint import SERVOS, blueprint
-from rig.view.facts import Facts, FaultFact, Layout, Shown
-from rig.view.lanes import Changes
-from rig.view.opened import read, save
-from rig.view.story import look
-from rig.view.watch.page import Page
+from rig.show.terminal.redundancy_page import Page
+from rig.show.viewer import servo_series as servos
+from rig.show.viewer.blueprint import SERVOS, blueprint
+from rig.show.viewer.facts import Facts, FaultFact, Layout, Shown
+from rig.show.viewer.opened import read, save
+from rig.show.viewer.state_strips import Changes
+from rig.show.viewer.story import look
 
 HZ, FRAMES, ONSET, FAILED = 100.0, 300, 100, 104
 ELEVATOR, RUDDER = 0, 2

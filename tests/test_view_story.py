@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from rig.frame import DEMANDS, INDEX, SURFACES, TIMING, Block, End, Resolver, State, new_block
+from rig.core.frame import DEMANDS, INDEX, SURFACES, TIMING, Block, End, Resolver, State, new_block
+from rig.flight.failures import decisive_s
 from rig.log import LogWriter
-from rig.record.failures import decisive_s
-from rig.view import charts
-from rig.view.facts import Facts, FaultFact
-from rig.view.opened import read, save
-from rig.view.story import Story, look, signal_range
+from rig.show.viewer import charts
+from rig.show.viewer.facts import Facts, FaultFact
+from rig.show.viewer.opened import read, save
+from rig.show.viewer.story import Story, look, signal_range
 
 HZ = 100.0
 THRESHOLDS = {"pitch_rate": 0.05, "heading": 0.1}

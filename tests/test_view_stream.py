@@ -18,14 +18,14 @@ import psutil
 import pytest
 from rerun.chunk import RrdReader
 
-from rig.errors import BadInput, RigError
-from rig.frame import FLAT, SIGNALS, Block, new_block
-from rig.view import sink, viewer
-from rig.view.blueprint import blueprint, decisive_span, main_signal, status_shown
-from rig.view.facts import Facts, FaultFact, Layout, Seen, Shown, together
-from rig.view.lanes import of_signal
-from rig.view.plots import state_lanes
-from rig.view.stream import Stream, open_stream
+from rig.core.errors import BadInput, RigError
+from rig.core.frame import FLAT, SIGNALS, Block, new_block
+from rig.show.viewer import sink, viewer
+from rig.show.viewer.blueprint import blueprint, decisive_span, main_signal, status_shown
+from rig.show.viewer.facts import Facts, FaultFact, Layout, Seen, Shown, together
+from rig.show.viewer.plots import state_lanes
+from rig.show.viewer.state_strips import of_signal
+from rig.show.viewer.stream import Stream, open_stream
 
 BLOCK = 10  # frames
 ROOM = 3  # blocks
@@ -147,7 +147,7 @@ def test_a_viewer_without_a_display_is_refused_at_once(tmp_path: Path, monkeypat
 
 def test_a_flight_without_a_stream_does_not_import_rerun() -> None:
     program = (
-        "import json, sys; from pathlib import Path; from rig.view.stream import open_stream;"
+        "import json, sys; from pathlib import Path; from rig.show.viewer.stream import open_stream;"
         "print(json.dumps([open_stream('off', 't', 1.0, Path('x')), 'rerun' in sys.modules]))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

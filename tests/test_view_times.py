@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from rig.frame import TIMING, new_block
+from rig.core.frame import TIMING, new_block
+from rig.flight.time_histogram import EDGES_US, binned
 from rig.log.of_flight import metadata
-from rig.record.histogram import EDGES_US, binned
-from rig.scenario import load
-from rig.view.facts import Facts, of_log
-from rig.view.stream import open_stream
+from rig.scenario.scenario import load
+from rig.show.viewer.facts import Facts, of_log
+from rig.show.viewer.stream import open_stream
 
 
 def streamed(folder: Path, facts: Facts, timing: Any) -> dict[str, list[Any]]:

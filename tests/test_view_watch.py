@@ -19,13 +19,13 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from rig.cli.main import app
-from rig.errors import BadInput, BadLog
-from rig.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, new_block
+from rig.core.errors import BadInput, BadLog
+from rig.core.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, new_block
+from rig.flight.events import Event
 from rig.log import LogWriter, read_log
-from rig.record.events import Event
-from rig.view.watch.draw import InPipe, InProcess, OnTerminal
-from rig.view.watch.live import Watch, play, watching
-from rig.view.watch.page import EVENTS, Page
+from rig.show.terminal.draw import InPipe, InProcess, OnTerminal
+from rig.show.terminal.live import Watch, play, watching
+from rig.show.terminal.redundancy_page import EVENTS, Page
 
 RATE_HZ = 100.0
 TOLD = [Event(100, "info", "fault on", "offset pitch_rate.2"), Event(110, "warning", "channel failed", "it failed")]

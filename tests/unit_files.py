@@ -19,12 +19,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import without_lanes
-from rig.frame import FLAT, Block
-from rig.kernels import cache_root
+from rig.computer.redundancy.manager_config import without_lanes
+from rig.core.frame import FLAT, Block
+from rig.core.kernels import cache_root
 from rig.unit.header import header
-from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, RESOLVERS, SETTINGS, VERSION, Said
-from rig.unit.settings import Unit, read_unit
+from rig.unit.unit_file import Unit, read_unit
+from rig.unit.unit_records import (
+    ANSWERS,
+    CONFIG,
+    INPUT,
+    LAYOUT,
+    OUTPUT,
+    PART,
+    READY,
+    RESOLVERS,
+    SETTINGS,
+    VERSION,
+    Said,
+)
 
 SOURCES = Path(__file__).parents[1] / "docs" / "examples" / "unit"
 COMPILER = shutil.which("gcc") or shutil.which("cc")

@@ -13,12 +13,12 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from one_stage import step_stage
 
-from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
+from rig.computer.redundancy.manager_config import PARAMS
 from rig.computer.redundancy.managers import Manager
-from rig.frame import CHANNELS, Block, D, Ilm, S, new_block
-from rig.units.constants import TWO_PI
+from rig.core.frame import CHANNELS, Block, D, Ilm, S, new_block
+from rig.core.units.constants import TWO_PI
 
 # In thresholds: how far a channel is from the truth.  Most often it is healthy, or where another one is too.
 OFFSETS = np.array([0.0] * 12 + [3.0] * 5 + [-3.0, 6.0, -9.0, 0.8, 1e4])

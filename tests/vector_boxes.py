@@ -15,7 +15,7 @@ from vector_flights import FRAMES, Flown, lasting, quiet_discretes
 from vector_records import Session
 from vector_rules import EndsRuns, FirstDisputes, SecondDisputes
 
-from rig.frame import S
+from rig.core.frame import S
 
 POOL = 1200  # random flights that a case chooses from
 

@@ -31,7 +31,7 @@ from oracle_flights import (
 )
 from oracle_flights import lasting as with_lasting
 
-from rig.frame import DISCRETES
+from rig.core.frame import DISCRETES
 
 FRAMES = 30  # of a case
 RANGE = 250.0  # thresholds, either way, of a signal that is no angle

@@ -13,11 +13,11 @@ from oracle import Frame
 from vector_flights import FRAMES, Flown, FlownDiscrete
 
 from rig.computer.redundancy.box import BOXES
-from rig.computer.redundancy.config import PARAMS, SINCE_3
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.frame import CHANNELS, SURFACES, D, Ilm, Pattern, Resolver, S, State
-from rig.unit.layout import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Form, Kind, Said, blank
+from rig.computer.redundancy.manager_config import PARAMS, SINCE_3
+from rig.core.frame import CHANNELS, SURFACES, D, Ilm, Pattern, Resolver, S, State
 from rig.unit.session import configuration
+from rig.unit.unit_records import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Form, Kind, Said, blank
 from rig.unit.vectors import Case
 
 RATE_HZ = 100.0

@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.record.failures import COMPARISON, became_failed, decider
-from rig.record.suspects import doubted
-from rig.recordings.recording import Bytes, Recording, Samples
+from rig.flight.failures import COMPARISON, became_failed, decider
+from rig.flight.suspects import doubted
+from rig.log.recordings.recording import Bytes, Recording, Samples
 
 INVALID: Final = "invalid"  # a sample that is no number, flagged, or out of range
 

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from rig.bench.run import Stages, run
-from rig.bench.sources import blocks, put, put_discrete
-from rig.errors import BadInput
-from rig.faults import Fault, Faults, Places, Point, check
-from rig.faults.effects import Act
-from rig.frame import Block, rows
-from rig.recordings.clock import Floats
-from rig.recordings.injection_file import Fitted, Injected, Table, number
-from rig.recordings.recording import Bytes, Recording, Samples
-from rig.recordings.settings import ANY_NUMBER, RecordedDiscrete, RecordedSignal
-from rig.settings import LONGEST_S, Settings, build
-from rig.util import fault_names
+from rig.bench.drive import Stages, run
+from rig.bench.rows_of_recording import blocks, put, put_discrete
+from rig.core import fault_names
+from rig.core.errors import BadInput
+from rig.core.frame import Block, rows
+from rig.core.settings import LONGEST_S, Settings, build
+from rig.log.recordings.injection_file import Fitted, Injected, Table, number
+from rig.log.recordings.recording import Bytes, Recording, Samples
+from rig.log.recordings.stamps import Floats
+from rig.log.recordings.vote_config import ANY_NUMBER, RecordedDiscrete, RecordedSignal
+from rig.world.faults import Fault, Faults, Places, Point, check
+from rig.world.faults.effects import Act
 
 _FIELDS: Final = ("channels", "valid", "ilm")  # of a row, as in After
 

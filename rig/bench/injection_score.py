@@ -1,4 +1,4 @@
-"""What became of each fault that was injected, by the kernel that decides it in a flight (assess/outcome_rows.py).
+"""What became of each fault that was injected, by the kernel that decides it in a flight (verdict/row_kernel.py).
 
     right   isolated: its channel was failed for it
     wrong   wrong channel: a healthy channel was failed for it, up to the next onset on the signal
@@ -22,20 +22,20 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.flight_outcome import Outcome
-from rig.assess.monitored import Monitored, fault_records
-from rig.assess.scoring import resolver_name
-from rig.assess.words import INJECTED, PRIOR, PUBLIC, Cause
 from rig.bench.channels import usable_samples
 from rig.bench.inject import Injection
-from rig.bench.sources import FIELDS, blocks, put
-from rig.bench.vote import Result, Voted, discrete_params, params_of
-from rig.faults.record import clean_of
-from rig.frame import Block, D, Ilm, S, State, rows
-from rig.recordings.align import Corrections
-from rig.recordings.injection_file import Injected
-from rig.recordings.recording import Recording
-from rig.units.angles import differences
+from rig.bench.rows_of_recording import FIELDS, blocks, put
+from rig.bench.vote_rows import Result, Voted, discrete_params, params_of
+from rig.core.frame import Block, D, Ilm, S, State, rows
+from rig.core.units.angles import differences
+from rig.log.recordings.align import Corrections
+from rig.log.recordings.injection_file import Injected
+from rig.log.recordings.recording import Recording
+from rig.verdict.flight_tally import Outcome
+from rig.verdict.monitored_places import Monitored, fault_records
+from rig.verdict.scoring import resolver_name
+from rig.verdict.words import INJECTED, PRIOR, PUBLIC, Cause
+from rig.world.faults.fault_records import clean_of
 
 _PUBLIC: Final = PUBLIC["injection"]
 OUTCOMES: Final = (*(_PUBLIC[word] for word in INJECTED), PRIOR, _PUBLIC["not executed"])

@@ -15,27 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.control.autopilot import Control
-from rig.computer.redundancy.config import command
-from rig.faults import Fault, actuate, corrupt
-from rig.faults.places import Site, site
-from rig.frame import (
-    FCC,
-    FLAT,
-    FLIGHT_INDEX,
-    MOVED,
-    SURFACES,
-    Block,
-    LaneBlock,
-    has_part,
-    lane_rows,
-    nested,
-)
-from rig.kernels import kernel, long_kernel
-from rig.lanes.stage import Lanes, think_all
-from rig.lanes.think import ComputerData
-from rig.scenario import Scenario
-from rig.sensors import Sensors
-from rig.stages import computers, faults, redundancy
+from rig.computer.lanes.lanes_stage import Lanes, think_all
+from rig.computer.lanes.think import ComputerData
+from rig.computer.redundancy.manager_config import command
+from rig.core.frame import FCC, FLAT, FLIGHT_INDEX, MOVED, SURFACES, Block, LaneBlock, has_part, lane_rows, nested
+from rig.core.kernels import kernel, long_kernel
+from rig.flight.stages import computers, faults, redundancy
+from rig.scenario.scenario import Scenario
+from rig.world.faults import Fault, actuate, corrupt
+from rig.world.faults.places import Site, site
+from rig.world.sensors import Sensors
 
 OUTPUTS: Final = tuple(FCC.names or ())  # what the computers write of a row
 _THOUGHT: Final[set[Site]] = {"reference", "ccdl", "computer"}  # where faults act within ``think``

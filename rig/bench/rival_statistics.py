@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.bench.run import step
+from rig.bench.drive import step
 from rig.computer.redundancy.managers import Manager
-from rig.frame import CHANNELS, Nested
-from rig.kernels import long_kernel
+from rig.core.frame import CHANNELS, Nested
+from rig.core.kernels import long_kernel
 
 
 class Statistics(NamedTuple):

@@ -12,12 +12,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.bench.run import step as bench_step
+from rig.bench.drive import step as bench_step
 from rig.computer.redundancy.compare import is_singular
 from rig.computer.redundancy.state import ManagerData
-from rig.frame import CHANNELS, Pattern
-from rig.kernels import kernel
-from rig.sensors import SensorData
+from rig.core.frame import CHANNELS, Pattern
+from rig.core.kernels import kernel
+from rig.world.sensors import SensorData
 
 LONGEST: Final = 1000  # frames of an excursion that are followed
 RUNS, REACHED, ENDED, CUT = range(4)  # outcomes of a particle

@@ -16,23 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.bench import unit_circle, unit_second_rig
-from rig.bench.run import Stages, run
+from rig.bench.drive import Stages, run
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
-from rig.bench.vote import by_class
+from rig.bench.vote_rows import by_class
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.managers import DEFAULT, Manager
 from rig.computer.redundancy.own import load_manager
-from rig.errors import ManagerFailed
-from rig.frame import nested, new_block
-from rig.frame.fields import FIELDS
-from rig.unit.layout import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Form, Kind, Said, blank
+from rig.core.errors import ManagerFailed
+from rig.core.frame import nested, new_block
+from rig.core.frame.fields import FIELDS
+from rig.core.trust import Trust
+from rig.unit.older_versions import asked_since
 from rig.unit.port import RECEIVED, is_allowed
+from rig.unit.running_unit import UnitUnderTest, running
 from rig.unit.session import box_rule, settings_of
-from rig.unit.settings import Unit, read_unit
-from rig.unit.unit import UnitUnderTest, running
+from rig.unit.unit_file import Unit, read_unit
+from rig.unit.unit_records import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Form, Kind, Said, blank
 from rig.unit.vectors import Case, answers, ask, differences, load
-from rig.unit.versions import asked_since
-from rig.util.trust import Trust
 
 PAUSE_S: Final = 1.0
 HOSTILE_FRAMES: Final = 200

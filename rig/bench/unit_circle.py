@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, SIGNALS, Ilm, State
-from rig.unit.layout import INPUT, TO_UNIT, Kind, Said, blank
-from rig.units.constants import TWO_PI
+from rig.core.frame import CHANNELS, SIGNALS, Ilm, State
+from rig.core.units.constants import TWO_PI
+from rig.unit.unit_records import INPUT, TO_UNIT, Kind, Said, blank
 
 FRAMES: Final = 200
 _THRESHOLD_RAD: Final = 0.05

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, SURFACES, D, Ilm, Resolver, S
-from rig.unit.layout import CONFIG, INPUT, MORE_THAN_HALF, TO_UNIT, Form, Kind, blank
-from rig.units.constants import TWO_PI
+from rig.core.frame import CHANNELS, SURFACES, D, Ilm, Resolver, S
+from rig.core.units.constants import TWO_PI
+from rig.unit.unit_records import CONFIG, INPUT, MORE_THAN_HALF, TO_UNIT, Form, Kind, blank
 
 RATE_HZ: Final = 100.0
 FRAMES: Final = 5000

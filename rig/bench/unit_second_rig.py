@@ -8,11 +8,11 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from rig.unit.layout import HELLO, TO_UNIT, Kind, blank
-from rig.unit.links import MOST_BYTES, SocketLink, clock
-from rig.unit.messages import Ready, UnitStopped, read_ready, sealed
+from rig.unit.ready_message import Ready, UnitStopped, read_ready, sealed
+from rig.unit.running_unit import UnitUnderTest
 from rig.unit.session import end_session
-from rig.unit.unit import UnitUnderTest
+from rig.unit.transport import MOST_BYTES, SocketLink, clock
+from rig.unit.unit_records import HELLO, TO_UNIT, Kind, blank
 from rig.unit.vectors import ask
 
 SILENCE_S: Final = 3.0  # after which a session is over, docs/unit.md

@@ -9,25 +9,25 @@ from typing import Any, NamedTuple
 
 import polars as pl
 
-from rig.assess.requirements import load_requirements, plain
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
 from rig.bench.injection_score import summary as scores
-from rig.bench.requirements import measure_votes
-from rig.bench.vote import Result, of_flight, settings_of, vote, vote_discretes
+from rig.bench.recording_requirements import measure_votes
+from rig.bench.vote_rows import Result, of_flight, settings_of, vote, vote_discretes
 from rig.bench.vote_summary import summary
 from rig.bench.write_votes import output, table, write, write_units_beside
-from rig.errors import BadInput
+from rig.core.errors import BadInput
+from rig.core.progress import tell
+from rig.core.trust import Trust
 from rig.log import read_log
-from rig.recordings.alignment import AlignOptions, run_alignment
-from rig.recordings.flown import Recorded, recorded, refuse_link
-from rig.recordings.injection_file import read_injection
-from rig.recordings.own_logs import is_flight, of_log
-from rig.recordings.read import load
-from rig.recordings.recording import Recording
-from rig.recordings.settings import RecordedDiscrete, RecordedSignal, VoteConfig, config_of, read_config
-from rig.util.progress import tell
-from rig.util.trust import Trust
+from rig.log.recordings.alignment import AlignOptions, run_alignment
+from rig.log.recordings.flown_log import Recorded, recorded, refuse_link
+from rig.log.recordings.injection_file import read_injection
+from rig.log.recordings.own_logs import is_flight, of_log
+from rig.log.recordings.read import load
+from rig.log.recordings.recording import Recording
+from rig.log.recordings.vote_config import RecordedDiscrete, RecordedSignal, VoteConfig, config_of, read_config
+from rig.verdict.requirements import load_requirements, plain
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from rig.bench.vote import Result, Voted, VotedDiscrete
-from rig.frame import Pattern, Resolver, State
-from rig.record.suspects import Suspect, is_many, share_text
-from rig.recordings.alignment import Alignment
-from rig.recordings.clock import Floats, of_rows
-from rig.recordings.recording import Recording
-from rig.recordings.settings import RecordedSignal
+from rig.bench.vote_rows import Result, Voted, VotedDiscrete
+from rig.core.frame import Pattern, Resolver, State
+from rig.flight.suspects import Suspect, is_many, share_text
+from rig.log.recordings.alignment import Alignment
+from rig.log.recordings.recording import Recording
+from rig.log.recordings.stamps import Floats, of_rows
+from rig.log.recordings.vote_config import RecordedSignal
 
 _NEVER = ", never given up"
 _SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]

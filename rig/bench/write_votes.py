@@ -15,17 +15,17 @@ import numpy as np
 import polars as pl
 from pyarrow.parquet import write_table
 
-from rig.bench.sources import FIELDS
-from rig.bench.vote import Result, Voted, VotedDiscrete
-from rig.errors import BadInput, RigError
-from rig.frame import CHANNELS, Ilm, Pattern, Resolver, State
+from rig.bench.rows_of_recording import FIELDS
+from rig.bench.vote_rows import Result, Voted, VotedDiscrete
+from rig.core.errors import BadInput, RigError
+from rig.core.files import replaced
+from rig.core.frame import CHANNELS, Ilm, Pattern, Resolver, State
+from rig.core.outputs import require_apart
 from rig.log.export import parquet_with_units, write_units
-from rig.log.signals import write_topics
-from rig.recordings.clock import TIME
-from rig.recordings.recording import Bytes, Recording
-from rig.recordings.table import TABLES
-from rig.util.files import replaced
-from rig.util.outputs import require_apart
+from rig.log.recordings.columns_file import TABLES
+from rig.log.recordings.recording import Bytes, Recording
+from rig.log.recordings.stamps import TIME
+from rig.log.signal_messages import write_topics
 
 ENDINGS: Final = (*TABLES, ".mcap")
 STATES: Final = ("ok", "suspect", "failed")

@@ -17,14 +17,14 @@ from typer import Argument, Exit, Option, Typer, echo
 from rig.cli import complete
 from rig.cli.common import GROUP, Json, emit, takes_options
 from rig.cli.working import working
-from rig.errors import BadInput
-from rig.text import plain, quoted
-from rig.util.files import is_folder
-from rig.util.outputs import require_apart, require_ending
+from rig.core.errors import BadInput
+from rig.core.files import is_folder
+from rig.core.outputs import require_apart, require_ending
+from rig.core.text import plain, quoted
 
 if TYPE_CHECKING:
     from rig.computer.analytic.designed import Designed
-    from rig.computer.control.gains import Gains
+    from rig.computer.control.gains_file import Gains
     from rig.design.new_aircraft import Answers, NewAircraft
 
 GAINS: Final = "gains.toml"
@@ -45,8 +45,8 @@ def aircraft_list(
     as_json: Json = False,
 ) -> None:
     """List the bundled aircraft, those in the present folder, and their flight points."""
-    from rig.aircraft import names, own_names
     from rig.cli import show_aircraft as show
+    from rig.scenario.aircraft import names, own_names
 
     points = {name: show.flight_points(name) for name in (*names(), *map(str, folders or ()))}
     points |= {name: show.listed(name) for name in own_names() if name not in points}
@@ -59,8 +59,8 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
     """Print everything that is known of an aircraft."""
     import tomli_w
 
-    from rig.aircraft import tables
-    from rig.settings import refuse_what_is_no_setting
+    from rig.core.settings import refuse_what_is_no_setting
+    from rig.scenario.aircraft import tables
 
     settings = tables(name)
     refuse_what_is_no_setting(settings, f"aircraft {name}")
@@ -170,7 +170,7 @@ def _ask(answers: Answers, kind: str) -> Answers:
     """Ask on a terminal for what the model does not tell; Enter takes the assumed figure."""
     from dataclasses import replace
 
-    from rig.design.assumed import FIGURES
+    from rig.design.assumed_figures import FIGURES
 
     figures = FIGURES[kind]  # pyright: ignore[reportArgumentType]  # one of its keys
     echo(f"Enter takes the assumed figure of a {kind} aircraft: {figures.actuator_source}")
@@ -201,10 +201,10 @@ def aircraft_check(
     as_json: Json = False,
 ) -> None:
     """Check what the model reads, trim and margins at each flight point; writes nothing without --accept."""
-    from rig.aircraft import folder
     from rig.cli import show_aircraft as show
-    from rig.design.check import check
-    from rig.plant import airframe
+    from rig.design.aircraft_check import check
+    from rig.scenario.aircraft import folder
+    from rig.world.plant import airframe
 
     home = folder(name)
     if accept:
@@ -245,7 +245,7 @@ def aircraft_design(
 
 def _require_apart(name: str, out: Path | None) -> None:
     """Raise BadInput where gains or references would replace what the aircraft is made from, or one another."""
-    from rig.aircraft import folder
+    from rig.scenario.aircraft import folder
 
     home = folder(name)
     target = out or home / GAINS
@@ -256,9 +256,9 @@ def _require_apart(name: str, out: Path | None) -> None:
 
 def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:
     """Design the gains of an aircraft; RigError with numbers when they keep less than is required."""
-    from rig.aircraft import folder
-    from rig.design.gains import design
-    from rig.plant import airframe
+    from rig.design.design_gains import design
+    from rig.scenario.aircraft import folder
+    from rig.world.plant import airframe
 
     home = folder(name)
     with working("gains and margins", not quiet, steps=True):
@@ -267,8 +267,8 @@ def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:
 
 def _measured(name: str, gains: Gains, out: Path | None = None, *, quiet: bool) -> dict[str, object]:
     """Fly the gains to measure the references, write both; return them as plain data."""
-    from rig.aircraft import folder
-    from rig.design import references
+    from rig.design import design_references as references
+    from rig.scenario.aircraft import folder
 
     with working("references, over 72 healthy flights a flight point", not quiet, steps=True):
         measured = references.design(name, gains)
@@ -278,8 +278,8 @@ def _measured(name: str, gains: Gains, out: Path | None = None, *, quiet: bool) 
 def _written(gains: Gains, measured: Designed, target: Path, *, quiet: bool) -> dict[str, object]:
     """Write the gains, and beside them the references; return both as plain data."""
     from rig.cli import show_aircraft as show
-    from rig.computer.control.gains import write
-    from rig.design import references
+    from rig.computer.control.gains_file import write
+    from rig.design import design_references as references
 
     write(gains, target)
     beside = target.with_name(REFERENCES)

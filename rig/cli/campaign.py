@@ -13,7 +13,7 @@ from rig.cli import show_campaign as show
 from rig.cli.catalogue import of_file
 from rig.cli.common import GROUP, AllowCode, AllowCodeOrSet, Json, Logs, Sets, UnitFile, emit, require_ended
 from rig.cli.fly import show_flight
-from rig.util.outputs import require_apart, require_page
+from rig.core.outputs import require_apart, require_page
 
 app = Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
 
@@ -31,17 +31,17 @@ Runs = Annotated[int | None, Option(metavar="N", help="The first N runs only.", 
 
 
 def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
-    from rig.campaign.config import find, read
-    from rig.campaign.plan import Plan
-    from rig.overrides import named_manager, parse_set
-    from rig.util.trust import Trust
+    from rig.core.trust import Trust
+    from rig.scenario.overrides import named_manager, parse_set
+    from rig.studies.campaign.campaign_file import find, read
+    from rig.studies.campaign.plan import Plan
 
     given, source = dict(map(parse_set, sets or ())), str(find(file))
     return Plan(read(file, given), source, Trust(source, allow_code, named_manager(given.items())))
 
 
 def _unit(path: Path | None) -> Any:
-    from rig.unit.settings import read_unit
+    from rig.unit.unit_file import read_unit
 
     return None if path is None else read_unit(path)
 
@@ -51,7 +51,7 @@ def plan(
     file: File, sets: Sets = None, runs: Runs = None, allow_code: AllowCodeOrSet = False, as_json: Json = False
 ) -> None:
     """List the runs before flying them, with an estimate of time and disk."""
-    from rig.campaign.estimate import estimate
+    from rig.studies.campaign.estimate import estimate
 
     planned = _plan(file, sets, allow_code)
     planned.check()
@@ -82,11 +82,11 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Fly the runs of a campaign that are not done yet: begin it, or go on."""
-    from rig.campaign.pool import get_ready
+    from rig.studies.campaign.pool import get_ready
 
     if scheduler is None:
         get_ready()  # beside what follows, which takes a second to be imported and read
-    from rig.campaign.run import run as fly
+    from rig.studies.campaign.run_campaign import run as fly
 
     planned, tested = _plan(file, sets, allow_code), _unit(unit)
     how: dict[str, Any] = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs, "unit": tested}
@@ -99,9 +99,9 @@ def run(
 @app.command()
 def status(folder: Dir, as_json: Json = False) -> None:
     """Print how far a campaign is, who votes, and the results of its runs."""
-    from rig.campaign.folder import open_folder
-    from rig.campaign.unflown import not_flown
-    from rig.campaign.voters import named, voters
+    from rig.studies.campaign.folder import open_folder
+    from rig.studies.campaign.unflown import not_flown
+    from rig.studies.campaign.voters import named, voters
 
     held = open_folder(folder)
     state = {**held.status(), "by": named(voters(held)), **not_flown(held.tables["runs"])}
@@ -118,8 +118,8 @@ def fly(
     as_json: Json = False,
 ) -> None:
     """Fly one run of a campaign again, with its full log, and compare its digest with the table's."""
-    from rig.campaign.folder import open_folder
-    from rig.campaign.run import again
+    from rig.studies.campaign.folder import open_folder
+    from rig.studies.campaign.run_campaign import again
 
     flight, digest = again(open_folder(folder, allow_code), run, out, _unit(unit))
     same = None if digest is None else digest == flight.digest
@@ -139,8 +139,8 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write the report: one HTML file that opens offline; with --json its figures."""
-    from rig.campaign.campaign_page import report as write
-    from rig.campaign.folder import open_folder
+    from rig.studies.campaign.campaign_page import report as write
+    from rig.studies.campaign.folder import open_folder
 
     target = out or folder / "report.html"
     require_apart({"--out": target}, [folder])
@@ -158,8 +158,8 @@ def schema() -> None:
 @app.command()
 def compare(first: Dir, second: Dir, as_json: Json = False) -> None:
     """Compare two campaigns on the same seeds, run by run: exact paired tests (McNemar)."""
-    from rig.campaign.folder import open_folder
-    from rig.campaign.summary import compare as pair
+    from rig.studies.campaign.campaign_summary import compare as pair
+    from rig.studies.campaign.folder import open_folder
 
     pairs = pair(open_folder(first), open_folder(second))
     emit(as_json, pairs, lambda: show.compare(pairs))

@@ -11,11 +11,11 @@ from typer import Argument, Option, Typer, echo
 
 from rig.cli import complete
 from rig.cli.common import GROUP, Json, ScenarioName, Sets, emit
-from rig.cli.table import Column, columns, line, table
-from rig.text import plain
+from rig.cli.printing import Column, columns, line, table
+from rig.core.text import plain
 
 if TYPE_CHECKING:
-    from rig.faults.catalogue import Entry, Parameter
+    from rig.world.faults.fault_catalogue import Entry, Parameter
 
 scenario_app = Typer(help="Look at scenario files.", **GROUP)
 faults_app = Typer(help="Look at the kinds of faults.", **GROUP)
@@ -25,7 +25,7 @@ _CHOSEN_BY: Final = "kind"  # entries of a list that are complete in themselves:
 @scenario_app.command("show")
 def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Json = False) -> None:
     """Print a scenario with every default written out, as TOML that can be flown."""
-    from rig.scenario import load
+    from rig.scenario.scenario import load
 
     loaded = load(scenario, sets or ())
     emit(as_json, loaded.resolved, lambda: echo(plain(loaded.to_toml(), keep="\n"), nl=False))
@@ -34,8 +34,8 @@ def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Jso
 @scenario_app.command("list")
 def scenario_list(as_json: Json = False) -> None:
     """List the bundled scenarios: name, aircraft, title."""
-    from rig.scenario import find, names
-    from rig.settings import read_toml
+    from rig.core.settings import read_toml
+    from rig.scenario.scenario import find, names
 
     files = {name: read_toml(find(name)) for name in names()}
     titles = {name: str(file.get("title", "")) for name, file in files.items()}
@@ -56,10 +56,10 @@ def scenario_schema() -> None:
 @scenario_app.command("check")
 def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     """Check a scenario without flying it."""
-    from rig.assess.requirements import load_requirements, recorder_of
-    from rig.assess.requirements.reach import notes as requirement_notes
-    from rig.scenario import find, load
-    from rig.scenario_notes import notes
+    from rig.scenario.scenario import find, load
+    from rig.scenario.scenario_notes import notes
+    from rig.verdict.requirements import load_requirements, recorder_of
+    from rig.verdict.requirements.settled_comparisons import notes as requirement_notes
 
     loaded = load(scenario, sets or ())
     requirements = load_requirements(loaded.requirements or ())
@@ -75,7 +75,7 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
 @faults_app.command("list")
 def list_kinds(as_json: Json = False) -> None:
     """List every kind of fault: what it does and why, where it can sit, its own keys."""
-    from rig.faults.catalogue import common, entries
+    from rig.world.faults.fault_catalogue import common, entries
 
     kinds = entries()
     everything = {"kinds": [entry.as_dict() for entry in kinds], "common": list(map(asdict, common()))}
@@ -103,7 +103,7 @@ def show_kind(
     as_json: Json = False,
 ) -> None:
     """Show one kind: cause, keys with units, an example as TOML and the scenario that flies it."""
-    from rig.faults.catalogue import common, entry
+    from rig.world.faults.fault_catalogue import common, entry
 
     shown, shared = entry(kind), common()
     emit(as_json, {**shown.as_dict(), "common": list(map(asdict, shared))}, lambda: _kind(shown, shared))
@@ -139,7 +139,7 @@ def signals(
     as_json: Json = False,
 ) -> None:
     """List every signal and discrete with symbol, unit, range and redundancy."""
-    from rig.frame import DISCRETES, SIGNALS
+    from rig.core.frame import DISCRETES, SIGNALS
 
     data = {"signals": list(map(asdict, SIGNALS)), "discretes": list(map(asdict, DISCRETES))}
     emit(as_json, data, _markdown if markdown else lambda: table(signal_rows(), SIGNAL_COLUMNS))
@@ -153,7 +153,7 @@ SIGNAL_COLUMNS: Final = columns(
 
 def signal_rows() -> list[tuple[str, ...]]:
     """Return the table of the frame, a row a signal, discretes last."""
-    from rig.frame import DISCRETES, SIGNALS
+    from rig.core.frame import DISCRETES, SIGNALS
 
     rows = []
     for s in SIGNALS:
@@ -180,7 +180,7 @@ def of_file(kind: Literal["scenario", "campaign", "unit"]) -> str:
 
 
 def _scenario() -> dict[str, Any]:
-    from rig.scenario import Scenario
+    from rig.scenario.scenario import Scenario
 
     schema = Scenario.model_json_schema()
     for model in (schema, *schema["$defs"].values()):
@@ -191,7 +191,7 @@ def _scenario() -> dict[str, Any]:
 
 def _campaign() -> dict[str, Any]:
     """Return the schema of what is written: a base's name; what varies may be a list, or tables for a dotted key."""
-    from rig.campaign.config import Campaign
+    from rig.studies.campaign.campaign_file import Campaign
 
     schema = Campaign.model_json_schema()
     schema["properties"]["base"] = {"title": "Base", "type": "string"}
@@ -203,6 +203,6 @@ def _campaign() -> dict[str, Any]:
 
 
 def _unit() -> dict[str, Any]:
-    from rig.unit.settings import Unit
+    from rig.unit.unit_file import Unit
 
     return Unit.model_json_schema()

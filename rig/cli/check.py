@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Exit, Option
 
 from rig.cli.common import Json, UnitFile, emit
-from rig.cli.table import MOST_LINES, Column, field, line, rest, table
+from rig.cli.printing import MOST_LINES, Column, field, line, rest, table
 from rig.cli.working import working
-from rig.util.outputs import require_apart, require_ending
-from rig.util.progress import tell
+from rig.core.outputs import require_apart, require_ending
+from rig.core.progress import tell
 
 if TYPE_CHECKING:
-    from rig.campaign.check import CaseResult
-    from rig.campaign.suite import Suite
+    from rig.studies.campaign.suite import Suite
+    from rig.studies.campaign.suite_check import CaseResult
 
 _FAILED = (
     *(Column("case", "case"), Column("test", lambda test: f"{test.id} {test.signal}".rstrip())),
@@ -33,10 +33,10 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Check a suite: exit code 0 when every requirement is met and every decision as before, 1 when not."""
-    from rig.campaign.check import check as check_suite
-    from rig.campaign.junit import write_junit
-    from rig.campaign.suite import read_suite
-    from rig.unit.settings import read_unit
+    from rig.studies.campaign.junit import write_junit
+    from rig.studies.campaign.suite import read_suite
+    from rig.studies.campaign.suite_check import check as check_suite
+    from rig.unit.unit_file import read_unit
 
     read = read_suite(suite)
     require_apart({"--junit": junit}, [*read.inputs, unit])
@@ -55,7 +55,7 @@ def check(
 
 def _updated(suite: Suite, results: list[CaseResult]) -> dict[str, list[str]]:
     """Write the reference decisions; return what moved, by case."""
-    from rig.campaign.check import difference
+    from rig.studies.campaign.suite_check import difference
 
     before = suite.decisions() or {}
     after = {each.name: before.get(each.name, []) if each.decisions is None else each.decisions for each in results}

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol, TypeVar, get_
 from typer import Argument, Exit, Option, echo
 
 from rig.cli import complete
-from rig.errors import BadInput
-from rig.util.interrupt import CODE
+from rig.core.errors import BadInput
+from rig.core.interrupt import CODE
 
 if TYPE_CHECKING:
-    from rig.recordings.alignment import AlignOptions
+    from rig.log.recordings.alignment import AlignOptions
 
 Number = TypeVar("Number", int, float, str)
 Made = TypeVar("Made")
@@ -98,7 +98,7 @@ class Align:
 
     def options(self) -> AlignOptions | None:
         """Return how to align, None without --align; BadInput where the others are given without it."""
-        from rig.recordings.alignment import AlignOptions
+        from rig.log.recordings.alignment import AlignOptions
 
         stretch = (self.align_from, self.align_to, self.align_matrix)
         if not self.align and stretch != (None, None, False):

@@ -22,18 +22,18 @@ def _completion(module: str, names: Callable[[Any], Iterable[str]]) -> Callable[
     return complete
 
 
-scenarios = _completion("rig.scenario", lambda module: module.names())
-aircraft = _completion("rig.aircraft", lambda module: module.names())
-campaigns = _completion("rig.campaign.config", lambda module: module.names())
-requirements = _completion("rig.assess.requirements.requirement", lambda module: module.names())
-kinds = _completion("rig.faults.catalogue", lambda module: (entry.kind for entry in module.entries()))
-tabs = _completion("rig.view.blueprint", lambda module: module.TABS)
+scenarios = _completion("rig.scenario.scenario", lambda module: module.names())
+aircraft = _completion("rig.scenario.aircraft", lambda module: module.names())
+campaigns = _completion("rig.studies.campaign.campaign_file", lambda module: module.names())
+requirements = _completion("rig.verdict.requirements.requirement", lambda module: module.names())
+kinds = _completion("rig.world.faults.fault_catalogue", lambda module: (entry.kind for entry in module.entries()))
+tabs = _completion("rig.show.viewer.blueprint", lambda module: module.TABS)
 
 
 def sets(incomplete: str) -> list[str]:
     """Return keys of ``--set`` that are changed the most, and the values of those that have names."""
-    from rig.aircraft import names
     from rig.computer.redundancy.managers import MANAGERS
+    from rig.scenario.aircraft import names
 
     values = {"aircraft=": names(), "redundancy.manager=": MANAGERS}
     for key, allowed in values.items():

@@ -14,22 +14,22 @@ from typing import TYPE_CHECKING, Annotated, Final
 from typer import Exit, Option, echo
 
 from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit, takes_options
-from rig.cli.requirements import Requirements, Strict, show_notes, show_verdicts
-from rig.cli.table import MOST_LINES, Column, counts, field, line, rest, table
+from rig.cli.printing import MOST_LINES, Column, counts, field, line, rest, table
+from rig.cli.requirements_option import Requirements, Strict, show_notes, show_verdicts
 from rig.cli.working import working
-from rig.errors import BadInput, RigError
-from rig.units.quantities import moment
-from rig.util.progress import tell
+from rig.core.errors import BadInput, RigError
+from rig.core.progress import tell
+from rig.core.units.quantities import moment
 
 if TYPE_CHECKING:
-    from rig.assess.requirements import MeasuredConclusion, Verdict
-    from rig.flight.assembly import Flight
-    from rig.flight.frame_cost import Bench
-    from rig.record.event import Event
-    from rig.scenario import Scenario
-    from rig.util.interrupt import Stop
-    from rig.view.stream import Stream
-    from rig.view.watch.live import Watch
+    from rig.core.event import Event
+    from rig.core.interrupt import Stop
+    from rig.flight.cost import Bench
+    from rig.flight.fly import Flight
+    from rig.scenario.scenario import Scenario
+    from rig.show.terminal.live import Watch
+    from rig.show.viewer.stream import Stream
+    from rig.verdict.requirements import MeasuredConclusion, Verdict
 
 FEW: Final = 3
 _OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (failed by \w+|readmitted)")
@@ -83,9 +83,9 @@ class FlyOptions:
 @takes_options
 def fly(options: FlyOptions) -> None:
     """Fly one scenario, log every frame, print what happened."""
-    from rig.assess.conclusion import next_commands
-    from rig.assess.requirements import MeasuredConclusion, plain, violated
-    from rig.view.watch.live import watching
+    from rig.show.terminal.live import watching
+    from rig.verdict.conclusion import next_commands
+    from rig.verdict.requirements import MeasuredConclusion, plain, violated
 
     if options.watch and options.as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
@@ -137,8 +137,8 @@ def long_flight(scenario: Scenario) -> str:
 
 def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -> Flight:
     """Fly a scenario as the options say."""
-    from rig.flight.assembly import fly
-    from rig.view.watch.keyboard import keyboard
+    from rig.flight.fly import fly
+    from rig.show.terminal.keyboard import keyboard
 
     paced = options.realtime or options.realtime_factor is not None
     return fly(
@@ -162,7 +162,7 @@ def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -
 
 def _verdicts(outcome: MeasuredConclusion, flight: Flight, options: FlyOptions) -> tuple[Verdict, ...]:
     """Return the verdicts of a flight; the unit that flew it flies its twin where that is named."""
-    from rig.unit.unit import running
+    from rig.unit.running_unit import running
 
     with running(options.unit if outcome.needs_twin else None) as tested:
         return outcome.verdicts(flight.log, tested, options.allow_code or bool(options.sets))
@@ -200,7 +200,7 @@ def show_flight(flight: Flight, run: str = "", verdicts: Sequence[Verdict] = ())
 
     run : of a campaign, how it compares with the table
     """
-    from rig.assess.conclusion import next_commands
+    from rig.verdict.conclusion import next_commands
 
     _verdict(flight)
     conclusion(flight.conclusion)
@@ -274,7 +274,7 @@ def _events(events: Iterable[Event]) -> Iterator[Event]:
 
 def _said_of(event: Event) -> tuple[str, str]:
     """Return the signal of an event, and what it says of it or of its channel; "" where it says no such thing."""
-    from rig.frame import DISCRETE_INDEX, INDEX
+    from rig.core.frame import DISCRETE_INDEX, INDEX
 
     if channel := _OF_CHANNEL.fullmatch(event.text):
         return channel[1], f"channel {channel[2]} {channel[3]}"
@@ -329,8 +329,8 @@ def bench(
     as_json: Json = False,
 ) -> None:
     """Measure a frame, logging included, as a ratio to bare JSBSim in the same process."""
-    from rig.flight.frame_cost import bench as measure
-    from rig.scenario import load
+    from rig.flight.cost import bench as measure
+    from rig.scenario.scenario import load
 
     with working("measuring", not as_json):
         result = measure(load(scenario, sets or (), allow_code=allow_code), repeats)

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 from rig.cli.common import Json, Seed, Workers, arg, emit, flag, named, opt, takes_options
-from rig.cli.table import Column, columns, line, table
+from rig.cli.printing import Column, columns, line, table
 from rig.cli.working import working
-from rig.errors import BadInput
-from rig.util.outputs import require_apart, require_page
+from rig.core.errors import BadInput
+from rig.core.outputs import require_apart, require_page
 
 Row = dict[str, Any]
 _MANAGERS: Final = "cross-channel,cusum,glr,parity,innovation,selection,median"
@@ -97,11 +97,11 @@ def league(options: LeagueOptions) -> None:
 
 def _flights(campaign: str, healthy: Path, out: Path, options: LeagueOptions) -> None:
     """Run a league of a campaign, print it, and draw it."""
-    from rig.campaign.config import find, read
-    from rig.campaign.plan import Plan
-    from rig.league.entrants import entrants
-    from rig.league.prepared import Asked
-    from rig.league.run import run
+    from rig.studies.benchmark.entrants import entrants
+    from rig.studies.benchmark.prepared import Asked
+    from rig.studies.benchmark.run_benchmark import run
+    from rig.studies.campaign.campaign_file import find, read
+    from rig.studies.campaign.plan import Plan
 
     asked = named(Asked, options, entrants=entrants(options.managers), budget_per_h=options.budget, healthy=healthy)
     plan = Plan(read(campaign, {}), str(find(campaign)))
@@ -110,7 +110,7 @@ def _flights(campaign: str, healthy: Path, out: Path, options: LeagueOptions) ->
     with working("the league", not options.as_json, steps=True):
         result = run(plan, asked, out, options.workers)
         if options.plot is not None:
-            from rig.league.league_page import write
+            from rig.studies.benchmark.benchmark_page import write
 
             write(options.plot, result)
     emit(options.as_json, result, lambda: _show(result))
@@ -120,11 +120,11 @@ def _recordings(inputs: list[Path], options: LeagueOptions) -> None:
     """Run a league of recordings and print it."""
     if options.config is None:
         raise BadInput("--recordings: needs --config, the settings of rig vote")
-    from rig.league.entrants import entrants
-    from rig.league.recorded import league as of_recordings
-    from rig.recordings.alignment import AlignOptions
-    from rig.thresholds.config import start
-    from rig.thresholds.data import load
+    from rig.log.recordings.alignment import AlignOptions
+    from rig.studies.benchmark.entrants import entrants
+    from rig.studies.benchmark.on_recordings import league as of_recordings
+    from rig.studies.thresholds.data import load
+    from rig.studies.thresholds.in_out import start
 
     settings, _ = start(options.config)
     rivals = entrants(options.managers)
@@ -137,7 +137,7 @@ def _recordings(inputs: list[Path], options: LeagueOptions) -> None:
 
 def _show_recordings(result: dict[str, Any]) -> None:
     """Print false isolations, and the table of all kinds and of each, by signal."""
-    from rig.league.entrants import OURS
+    from rig.studies.benchmark.entrants import OURS
 
     line(f"{result['hours']:.3g} h; each half calibrates to no false isolation, and is tested by the other")
     false = Counter[str]()

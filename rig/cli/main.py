@@ -23,7 +23,7 @@ from rig.cli.check import check
 from rig.cli.common import GROUP
 from rig.cli.fly import bench, fly
 from rig.cli.league import league
-from rig.cli.recorded import thresholds, vote
+from rig.cli.recordings import thresholds, vote
 from rig.cli.replay import diff, export, info, recover, replay
 from rig.cli.safety import reliability_app
 from rig.cli.score import report, score
@@ -31,9 +31,9 @@ from rig.cli.search import search
 from rig.cli.studies import study
 from rig.cli.unit import unit_app
 from rig.cli.view import view, watch
-from rig.errors import BadInput, RigError
-from rig.text import shorten
-from rig.util.interrupt import end_cleanly
+from rig.core.errors import BadInput, RigError
+from rig.core.interrupt import end_cleanly
+from rig.core.text import shorten
 
 EXAMPLE: Final = "Example: rig fly f16_singular_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
 VERBOSE: Final = ("--verbose", "-v")

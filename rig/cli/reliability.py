@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Final
 from typer import Option, Typer, echo
 
 from rig.cli.common import GROUP, Json, Seed, Sets, Workers, arg, comma_list, emit, opt, whole_numbers
-from rig.cli.table import Column, line, table
+from rig.cli.printing import Column, line, table
 from rig.cli.working import working
-from rig.errors import BadInput
-from rig.util.outputs import require_apart, require_page
-from rig.util.progress import tell
+from rig.core.errors import BadInput
+from rig.core.outputs import require_apart, require_page
+from rig.core.progress import tell
 
 if TYPE_CHECKING:
-    from rig.reliability.chain import ChainResult
-    from rig.reliability.margin import Margin
-    from rig.reliability.rates import SignalRates
-    from rig.reliability.result import Result
+    from rig.studies.reliability.chain import ChainResult
+    from rig.studies.reliability.margin import Margin
+    from rig.studies.reliability.per_hour import Result
+    from rig.studies.reliability.rates_file import SignalRates
 
 SCENARIO = "f16_pitch_rate_offset_in_manoeuvre"
 _TRIALS: Final = (
@@ -43,7 +43,7 @@ def chain(
     as_json: Json = False,
 ) -> None:
     """Print the probability of every state of a chain that is given as rates."""
-    from rig.reliability.chain import solve_file
+    from rig.studies.reliability.chain import solve_file
 
     with working("solving the chain", not as_json, steps=True):
         solved = solve_file(file)
@@ -62,10 +62,10 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Print bad votes, known losses and lost aircraft per flight hour, and what decides them."""
-    from rig.frame import CHANNELS
-    from rig.reliability.rates import read_rates
-    from rig.reliability.run import assumptions
-    from rig.reliability.run import run as reckon
+    from rig.core.frame import CHANNELS
+    from rig.studies.reliability.compute_results import assumptions
+    from rig.studies.reliability.compute_results import run as reckon
+    from rig.studies.reliability.rates_file import read_rates
 
     require_apart({"--report": report}, [*folders, rates])
     require_page("--report", report)
@@ -77,7 +77,7 @@ def run(
         )
     lines = assumptions(read, name, results)
     if report is not None:
-        from rig.reliability.reliability_page import write_report
+        from rig.studies.reliability.reliability_page import write_report
 
         write_report(results, lines, report)
     data = lambda: {"assumptions": lines, "results": [result.as_dict() for result in results]}  # noqa: E731
@@ -94,8 +94,8 @@ def plan(
     as_json: Json = False,
 ) -> None:
     """Print how many trials a target needs for each number of good channels, and what they cost here."""
-    from rig.reliability.plan import measure, needed
-    from rig.reliability.rates import read_rates
+    from rig.studies.reliability.rates_file import read_rates
+    from rig.studies.reliability.sample_size import measure, needed
 
     read = read_rates(rates)
     _, given = read.of(signal, str(rates))
@@ -117,11 +117,11 @@ def trials(
     as_json: Json = False,
 ) -> None:
     """Count what the next fault does where it leaves two good channels, in open-loop trials on a recorded truth."""
-    from rig.campaign.config import find, read
-    from rig.campaign.plan import Plan
-    from rig.frame import CHANNELS
-    from rig.overrides import parse_set
-    from rig.reliability.trials_folder import fly_trials
+    from rig.core.frame import CHANNELS
+    from rig.scenario.overrides import parse_set
+    from rig.studies.campaign.campaign_file import find, read
+    from rig.studies.campaign.plan import Plan
+    from rig.studies.reliability.trials_folder import fly_trials
 
     plan = Plan(read(campaign, dict(map(parse_set, sets or []))), str(find(campaign)))
     good = whole_numbers("--good-before", good_before, 1, CHANNELS, "numbers of channels")[::-1]
@@ -151,8 +151,8 @@ def margin(
     as_json: Json = False,
 ) -> None:
     """Count how often healthy channels are failed, down to 1e-12 an hour, by splitting."""
-    from rig.reliability.margin import FLOOR, Effort
-    from rig.reliability.margin_target import run
+    from rig.studies.reliability.margin import FLOOR, Effort
+    from rig.studies.reliability.margin_target import run
 
     if target is not None and not FLOOR <= target <= 1.0:
         raise BadInput(f"--target: false isolations an hour of a channel, from {FLOOR:g} to 1, got {target:g}")
@@ -176,7 +176,7 @@ def _show_chain(solved: ChainResult) -> None:
 
 def _show_run(results: Sequence[Result], given: SignalRates, assumptions: Sequence[str]) -> None:
     """Print assumptions first, then the numbers, then what decides them."""
-    from rig.reliability.result import TARGETS_EXPLAINED, TITLES, decided_by
+    from rig.studies.reliability.per_hour import TARGETS_EXPLAINED, TITLES, decided_by
 
     line("This holds if:")
     for assumption in assumptions:
@@ -195,7 +195,7 @@ def _show_run(results: Sequence[Result], given: SignalRates, assumptions: Sequen
 
 def _numbers(shown: Sequence[str]) -> list[Column]:
     """Return the columns of a result: its case, the estimates ``shown``, perfect isolation, the targets."""
-    from rig.reliability.result import TARGETS, TITLES, interval
+    from rig.studies.reliability.per_hour import TARGETS, TITLES, interval
 
     titles = {what: TITLES[what].partition(",")[0].removesuffix(" of the signal") for what in shown}
     every = lambda n: f"every {n}" if n > 1 else "each flight"  # noqa: E731

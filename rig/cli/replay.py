@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from typer import Argument, Exit, Option, echo
 
 from rig.cli.common import AllowCodeOrSet, Json, LogFile, Sets, UnitFile, emit
-from rig.cli.table import MOST_LINES, Column, field, line, table
+from rig.cli.printing import MOST_LINES, Column, field, line, table
 from rig.cli.working import working
-from rig.errors import BadInput, BadLog
-from rig.text import plain
-from rig.units.quantities import duration, moment, number, unit_shown
-from rig.util.outputs import require_apart, require_ending
+from rig.core.errors import BadInput, BadLog
+from rig.core.outputs import require_apart, require_ending
+from rig.core.text import plain
+from rig.core.units.quantities import duration, moment, number, unit_shown
 
 if TYPE_CHECKING:
-    from rig.recordings.flown import Recorded
-    from rig.replay.compare import Comparison
-    from rig.replay.decisions import Decisions, Moved
+    from rig.bench.replay.compare_flights import Comparison
+    from rig.bench.replay.decisions import Decisions, Moved
+    from rig.log.recordings.flown_log import Recorded
 
 MOST_OVERRIDES: Final = 8  # of a log
 REFERENCE: Final = "reference_usable"  # a decision that follows from the manager, signal by signal
@@ -48,7 +48,7 @@ def replay(
 
     Exit code 0 when all is identical to the bit, 1 when not.  A what if compares decisions, and ends with 0.
     """
-    from rig.recordings.flown import recorded
+    from rig.log.recordings.flown_log import recorded
 
     asks = redundancy is not None or bool(sets)
     if fly and asks:
@@ -69,8 +69,8 @@ def replay(
 
 def _again(recording: Recorded, fly: bool, unit: Path | None, as_json: bool) -> None:
     """Replay or fly again; exit code 1 when anything differs."""
-    from rig.replay.verify import verify
-    from rig.unit.unit import running
+    from rig.bench.replay.verify import verify
+    from rig.unit.running_unit import running
 
     with working("flying again" if fly else "replaying", not as_json), running(unit) as tested:
         result = verify(recording, fly, tested)
@@ -86,7 +86,7 @@ def _again(recording: Recorded, fly: bool, unit: Path | None, as_json: bool) -> 
 
 
 def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path | None, as_json: bool) -> None:
-    from rig.replay.what_if import changed, what_if
+    from rig.bench.replay.what_if import changed, what_if
 
     changes = [*([str(file)] if file else []), *sets]
     with working("replaying", not as_json):
@@ -111,8 +111,8 @@ def diff(
     as_json: Json = False,
 ) -> None:
     """Compare two logs field by field; exit code 0 when nothing differs by more than its tolerance, else 1."""
-    from rig.replay.before_after import diff as compare
-    from rig.replay.before_after import side
+    from rig.bench.replay.before_after import diff as compare
+    from rig.bench.replay.before_after import side
 
     with working("comparing", not as_json):
         left, right = side(a), side(b)
@@ -205,7 +205,7 @@ def info(log: LogFile, as_json: Json = False) -> None:
 
 
 def _info(facts: dict[str, Any]) -> None:
-    from rig.unit.settings import voter
+    from rig.unit.unit_file import voter
 
     result, sets = facts["result"] or {}, facts["overrides"]
     line((facts["title"] or facts["log"], "bold"), f"  {facts['aircraft']}, seed {facts['seed']}")
@@ -300,7 +300,7 @@ def _export_layout(log: Path, viewer: str, out: Path | None, as_json: bool) -> N
     """Write the layout and say what it opens at."""
     if viewer not in LAYOUTS:
         raise BadInput(f"--layout {viewer}: allowed: {', '.join(LAYOUTS)}")
-    from rig.view import foxglove, opened
+    from rig.show.viewer import foxglove, opened
 
     target = out or Path(f"{log.with_suffix('')}{foxglove.ENDING}")
     require_apart({"--out": target}, [log])

@@ -26,20 +26,20 @@ from rig.cli.common import (
     require_ended,
     takes_options,
 )
+from rig.cli.printing import Column, line, table
 from rig.cli.reliability import RatesFile, SignalName, reliability_app
-from rig.cli.table import Column, line, table
 from rig.cli.working import working
-from rig.errors import BadInput
-from rig.util.outputs import CUTSETS, SETS, require_apart, require_page
-from rig.util.progress import tell
-from rig.util.trust import Trust
+from rig.core.errors import BadInput
+from rig.core.outputs import CUTSETS, SETS, require_apart, require_page
+from rig.core.progress import tell
+from rig.core.trust import Trust
 
 if TYPE_CHECKING:
-    from rig.campaign.run import Result
-    from rig.safety.confirm import Row
-    from rig.safety.cutset_plan import Asked
-    from rig.safety.cutsets import Counts, CutSet
-    from rig.safety.tree_result import TreeResult
+    from rig.studies.campaign.run_campaign import Result
+    from rig.studies.safety.confirm_sets import Row
+    from rig.studies.safety.cutset_plan import Asked
+    from rig.studies.safety.cutsets import Counts, CutSet
+    from rig.studies.safety.tree_result import TreeResult
 
 MOST_HOURS: Final = 1e5
 MOST_ORDER: Final = 3
@@ -69,8 +69,8 @@ def tree(
     as_json: Json = False,
 ) -> None:
     """Write the loss of a signal as a fault tree, and the same model as a chain beside it."""
-    from rig.reliability.rates import read_rates
-    from rig.safety.tree_result import write
+    from rig.studies.reliability.rates_file import read_rates
+    from rig.studies.safety.tree_result import write
 
     require_apart({"--out": out, "--chain": chain, "--svg": svg}, [*folders, rates])
     name, _ = read_rates(rates).of(signal, str(rates))
@@ -82,13 +82,13 @@ def tree(
 
 def _tree(folders: Sequence[Path], rates: Path, signal: str, channels: int, hours: str) -> TreeResult:
     """Return the tree of a signal beside its chain; ``hours`` as the option gives them."""
-    from rig.reliability.rates import read_rates
-    from rig.safety.mode_tree import mode_chain, mode_tree, read_mode_model
-    from rig.safety.signal_chain import transitions
-    from rig.safety.signal_tree import signal_tree
-    from rig.safety.tree_input import read_model
-    from rig.safety.tree_result import solve
-    from rig.util.files import is_file
+    from rig.core.files import is_file
+    from rig.studies.reliability.rates_file import read_rates
+    from rig.studies.safety.mode_tree import mode_chain, mode_tree, read_mode_model
+    from rig.studies.safety.signal_chain import transitions
+    from rig.studies.safety.signal_tree import signal_tree
+    from rig.studies.safety.tree_input import read_model
+    from rig.studies.safety.tree_result import solve
 
     allowed = f"hours above 0 and at most {MOST_HOURS:g}"
     flights = comma_list("--hours", hours, allowed, float, lambda h: isfinite(h) and 0.0 < h <= MOST_HOURS)
@@ -128,10 +128,10 @@ class CutsetOptions:
 
 def cutsets(options: CutsetOptions) -> None:
     """Fly all sequences of up to three faults of a signal, and print the sets that lose it."""
-    from rig.overrides import named_manager
-    from rig.safety.confirm import write_sets
-    from rig.safety.cutset_plan import fly
-    from rig.safety.cutsets import minimal, of_folder
+    from rig.scenario.overrides import named_manager
+    from rig.studies.safety.confirm_sets import write_sets
+    from rig.studies.safety.cutset_plan import fly
+    from rig.studies.safety.cutsets import minimal, of_folder
 
     asked = _asked(options)
     trust = Trust("cutsets", named=named_manager(asked.set.items()))
@@ -151,8 +151,8 @@ reliability_app.command()(takes_options(cutsets))  # report calls it too, with o
 
 def _asked(options: CutsetOptions) -> Asked:
     """Return what is enumerated; BadInput where there is no such thing."""
-    from rig.overrides import parse_set
-    from rig.safety.cutset_plan import Asked, require
+    from rig.scenario.overrides import parse_set
+    from rig.studies.safety.cutset_plan import Asked, require
 
     if not 1 <= options.order <= MOST_ORDER:
         why = "four are all channels, and nearly all sequences lose"
@@ -175,8 +175,8 @@ def confirm(
     as_json: Json = False,
 ) -> None:
     """Fly every order and subset of the minimal sets again, with new seeds, and print what disagrees first."""
-    from rig.safety import confirm as again
-    from rig.safety.cutset_plan import read_asked
+    from rig.studies.safety import confirm_sets as again
+    from rig.studies.safety.cutset_plan import read_asked
 
     asked, cut_sets = read_asked(folder), again.claims(folder)
     if not cut_sets:
@@ -225,9 +225,9 @@ def fmea(
     as_json: Json = False,
 ) -> None:
     """Write failure modes and effects of all items, each line with the flights that show it."""
-    from rig.reliability.rates import read_rates
-    from rig.safety.fmea import lines
-    from rig.safety.fmea_file import require_ending, shown, write
+    from rig.studies.reliability.rates_file import read_rates
+    from rig.studies.safety.fmea import lines
+    from rig.studies.safety.fmea_file import require_ending, shown, write
 
     require_apart({"--out": out}, [*folders, rates])
     require_ending(out)
@@ -260,10 +260,10 @@ class ReportOptions:
 @takes_options
 def report(options: ReportOptions) -> None:
     """Write sets, tree, chain, FMEA and confirmation as one page."""
-    from rig.reliability.rates import read_rates
-    from rig.safety.assumptions import assumptions
-    from rig.safety.case_page import read_flown, write_case
-    from rig.safety.fmea import lines
+    from rig.studies.reliability.rates_file import read_rates
+    from rig.studies.safety.assumptions import assumptions
+    from rig.studies.safety.case_page import read_flown, write_case
+    from rig.studies.safety.fmea import lines
 
     file, out = str(options.rates), options.out
     require_apart({"--out": out}, [options.folder, *options.cells, *options.faults, file])
@@ -290,10 +290,10 @@ def _fly_missing(options: ReportOptions, signal: str) -> None:
 
 def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) -> None:
     """Fly what is missing of a bundled campaign."""
-    from rig.campaign.config import find, read
-    from rig.campaign.plan import Plan
-    from rig.campaign.run import run
-    from rig.overrides import named_manager, parse_set
+    from rig.scenario.overrides import named_manager, parse_set
+    from rig.studies.campaign.campaign_file import find, read
+    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.run_campaign import run
 
     given, source = dict(map(parse_set, sets or ())), str(find(name))
     plan = Plan(read(name, given), source, Trust(source, named=named_manager(given.items())))

@@ -11,19 +11,19 @@ from typer import Option, echo
 
 from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit
 from rig.cli.fly import conclusion
-from rig.cli.requirements import Requirements, show_verdicts
-from rig.cli.table import MOST_LINES, Column, columns, counts, field, line, rest, table
+from rig.cli.printing import MOST_LINES, Column, columns, counts, field, line, rest, table
+from rig.cli.requirements_option import Requirements, show_verdicts
 from rig.cli.working import working
-from rig.text import plain
-from rig.units.quantities import moment
-from rig.util.console import styled
-from rig.util.outputs import require_apart, require_page
+from rig.core.console import styled
+from rig.core.outputs import require_apart, require_page
+from rig.core.text import plain
+from rig.core.units.quantities import moment
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from rig.assess.of_log import Scored
-    from rig.assess.record import Deviation, FlightScore, Isolation, Score, Transients
+    from rig.verdict.of_log import Scored
+    from rig.verdict.score_records import Deviation, FlightScore, Isolation, Score, Transients
 
 WIDTH: Final = 18  # of the labels
 _FAULTS: Final = (  # of (outcome, *cells.fault_row)
@@ -62,11 +62,11 @@ def score(
     as_json: Json = False,
 ) -> None:
     """Score a flight against the truth: what was detected, missed and wrong, and how it flew."""
-    from rig.assess.of_log import score_log
-    from rig.assess.record import Yardstick
-    from rig.assess.requirements import load_requirements, measure_scored, plain
-    from rig.settings import build
-    from rig.unit.unit import running
+    from rig.core.settings import build
+    from rig.unit.running_unit import running
+    from rig.verdict.of_log import score_log
+    from rig.verdict.requirements import load_requirements, measure_scored, plain
+    from rig.verdict.score_records import Yardstick
 
     limits = {
         "load_factor": transient_load_factor,
@@ -95,7 +95,7 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write one HTML file of one flight, which opens offline and prints: what happened, when and why."""
-    from rig.report.flight import report as write
+    from rig.show.pages.flight_page import report as write
 
     target = out or log.with_suffix(".html")
     require_apart({"--out": target}, [log, *(requirements or ())])
@@ -112,7 +112,7 @@ def report(
 
 def _show(scored: Scored) -> None:
     """Print all parts of a score."""
-    from rig.assess import cells
+    from rig.verdict import score_tables as cells
 
     score, scenario = scored.score, scored.scenario
     line((scenario.title or scenario.aircraft, "bold"), f"  seed {scenario.seed}, {scored.voter}  {scored.log}")
@@ -153,7 +153,7 @@ def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float, *, 
 
 def _suspects(score: Score) -> None:
     """Print the channels that were ever suspect; one line for the others."""
-    from rig.assess import cells
+    from rig.verdict import score_tables as cells
 
     rows = cells.suspect_rows(score)
     table(rows, columns(*cells.SUSPECTS, worth=_WORTH), MOST_LINES)
@@ -162,7 +162,7 @@ def _suspects(score: Score) -> None:
 
 def _votes(scored: Scored) -> None:
     """Print the votes above the threshold or not those of healthy channels; one line for the others."""
-    from rig.assess import cells
+    from rig.verdict import score_tables as cells
 
     score, rows = scored.score, cells.vote_rows(scored.score, scored.scenario.rate_hz)
     table(rows, columns(*cells.VOTES, worth=_WORTH))
@@ -174,7 +174,7 @@ def _votes(scored: Scored) -> None:
 
 
 def _flight(flight: FlightScore, rate_hz: float) -> None:
-    from rig.assess import cells
+    from rig.verdict import score_tables as cells
 
     verdict = ("survived", "green") if flight.survived else ("lost", "red")
     field("flight", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)", width=WIDTH)

@@ -21,13 +21,13 @@ from rig.cli.common import (
     require_ended,
     takes_options,
 )
-from rig.cli.table import field, line
+from rig.cli.printing import field, line
 from rig.cli.working import working
-from rig.errors import BadInput
+from rig.core.errors import BadInput
 
 if TYPE_CHECKING:
-    from rig.search.plan import SearchPlan
-    from rig.search.run import Ended
+    from rig.studies.search.run_search import Ended
+    from rig.studies.search.search_plan import SearchPlan
 
 _METHODS: Final = ("cma", "random")
 _WIDTH: Final = 11
@@ -65,11 +65,11 @@ class SearchOptions:
 @takes_options
 def search(options: SearchOptions) -> None:
     """Search for the worst case: the flight that violates a requirement by most, confirmed and made simple."""
-    from rig.campaign.pool import get_ready
+    from rig.studies.campaign.pool import get_ready
 
     if options.scheduler is None:
         get_ready()  # beside what follows, which takes a second to be imported and read
-    from rig.search.run import run
+    from rig.studies.search.run_search import run
 
     plan = _plan(options)
     with working("the search", not options.as_json, steps=True):
@@ -80,11 +80,11 @@ def search(options: SearchOptions) -> None:
 
 
 def _plan(options: SearchOptions) -> SearchPlan:
-    from rig.campaign.config import find, read
-    from rig.overrides import named_manager, parse_set
-    from rig.search.objective import chosen
-    from rig.search.plan import Asked, SearchPlan, parse_against
-    from rig.util.trust import Trust
+    from rig.core.trust import Trust
+    from rig.scenario.overrides import named_manager, parse_set
+    from rig.studies.campaign.campaign_file import find, read
+    from rig.studies.search.objective import chosen
+    from rig.studies.search.search_plan import Asked, SearchPlan, parse_against
 
     if options.method not in _METHODS:
         raise BadInput(f"--method {options.method}: must be one of {', '.join(_METHODS)}")

@@ -7,18 +7,18 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rig.aircraft import folder, own_tables
-from rig.cli.table import Column, columns, field, line, table
+from rig.cli.printing import Column, columns, field, line, table
+from rig.core.errors import BadInput
+from rig.core.files import is_file
+from rig.core.settings import read_toml
 from rig.design.new_aircraft import scenario_file
-from rig.errors import BadInput
-from rig.plant.airframe import parse
-from rig.plant.base_model import unit_of
-from rig.settings import read_toml
-from rig.util.files import is_file
+from rig.scenario.aircraft import folder, own_tables
+from rig.world.plant.airframe import parse
+from rig.world.plant.base_model import unit_of
 
 if TYPE_CHECKING:
     from rig.computer.analytic.designed import Designed
-    from rig.design.check import Check
+    from rig.design.aircraft_check import Check
     from rig.design.new_aircraft import NewAircraft
 
 _SEEN = (

@@ -12,14 +12,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as Bar
 
 from rig.cli.common import unflown
-from rig.cli.table import MOST_LINES, Column, field, file_size, line, rest, rough_duration, share, table
+from rig.cli.printing import MOST_LINES, Column, field, file_size, line, rest, rough_duration, share, table
 from rig.cli.working import bar
-from rig.util.console import Screen
+from rig.core.console import Screen
 
 if TYPE_CHECKING:
-    from rig.campaign.estimate import Estimate
-    from rig.campaign.plan import Plan
-    from rig.campaign.run import Progress, Report, Result
+    from rig.studies.campaign.estimate import Estimate
+    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.run_campaign import Progress, Report, Result
 
 _APART_S: Final = 2.0  # two lines in a pipe
 MOST_ROWS: Final = 60  # of a plan on a terminal; --json has all
@@ -256,7 +256,7 @@ def _smallest(row: dict[str, Any], i: int) -> str:
     """Return a magnitude of the fit of smallest magnitudes with its interval, as the report; in words where none is."""
     if row["fit"] is None:
         return "all detected" if row["detected"] else "none detected"
-    from rig.campaign.campaign_page import magnitude_shown, magnitude_unit
+    from rig.studies.campaign.campaign_page import magnitude_shown, magnitude_unit
 
     found, place = row["fit"]["magnitudes"][i], (row["signal"], row["kind"])
     low, high = (magnitude_shown(found[end], *place) or "?" for end in ("low", "high"))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from rig.cli.table import Column, line, table
-from rig.recordings.clock import LONG_AGO_S, digits, of_rows
+from rig.cli.printing import Column, line, table
+from rig.log.recordings.stamps import LONG_AGO_S, digits, of_rows
 
 _SIGNALS = (
     *(Column("signal", "name"), Column("level", "level")),

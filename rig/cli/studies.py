@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from typer import Option, Typer
 
 from rig.cli.common import GROUP, Json, Workers, emit
-from rig.cli.table import Column, columns, line, table
+from rig.cli.printing import Column, columns, line, table
 from rig.cli.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rig.studies.ding2015 import Study
-    from rig.studies.exchange import Row
-    from rig.studies.rate_bias import LawComparison
-    from rig.studies.servo import Compared, Response
-    from rig.studies.tolerant import Summary
+    from rig.studies.papers.ding2015 import Study
+    from rig.studies.papers.lane_exchange import Row
+    from rig.studies.papers.rate_bias_study import LawComparison
+    from rig.studies.papers.servo_study import Compared, Response
+    from rig.studies.papers.tolerant import Summary
 
 HALF = 0.5
 study = Typer(help="Published results, computed again.", **GROUP)
@@ -32,10 +32,10 @@ def ding2015(
     as_json: Json = False,
 ) -> None:
     """Compute the B707 with a wrong pitch-angle sensor: the paper's numbers against ours, and the whole loop flown."""
-    from rig.errors import BadInput
-    from rig.studies import figures
-    from rig.studies.ding2015 import study as compute
-    from rig.util.files import reported
+    from rig.core.errors import BadInput
+    from rig.core.files import reported
+    from rig.studies.papers import ding2015_figures as figures
+    from rig.studies.papers.ding2015 import study as compute
 
     with reported(f"--out {out}", BadInput, "figures cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
@@ -48,7 +48,7 @@ def ding2015(
 @study.command()
 def exchange(as_json: Json = False) -> None:
     """Pass samples between four lanes under all faulty lanes and all that these may say, with one and two rounds."""
-    from rig.studies import exchange as exchanges
+    from rig.studies.papers import lane_exchange as exchanges
 
     with working("passing samples", not as_json):
         rows = exchanges.study()
@@ -75,7 +75,7 @@ def _exchange(rows: Sequence[Row]) -> None:
 @study.command("fault-tolerant")
 def fault_tolerant(seeds: Seeds = 1, workers: Workers = 2, as_json: Json = False) -> None:
     """Fly lying pitch-angle sensors by case and law, in JSBSim: 648 flights for each seed, some ten minutes."""
-    from rig.studies import tolerant
+    from rig.studies.papers import tolerant
 
     with working(f"flying {648 * seeds} flights", not as_json):
         flown, flights = tolerant.study(range(1, seeds + 1), workers)
@@ -90,7 +90,7 @@ def rate_bias(
     as_json: Json = False,
 ) -> None:
     """Fly biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
-    from rig.studies import rate_bias
+    from rig.studies.papers import rate_bias_study as rate_bias
 
     numbers = range(1, seeds + 1)
     random = [flight for seed in numbers for flight in rate_bias.drawn(drawn, seed)]
@@ -113,7 +113,7 @@ def servo(
     as_json: Json = False,
 ) -> None:
     """Move one surface's servo alone: its answer to a step (--json), and at six rates beside a lag."""
-    from rig.studies import servo as servos
+    from rig.studies.papers import servo_study as servos
 
     if as_json:
         emit(True, servos.step_response(aircraft, surface, rate, step).as_dict(), lambda: None)

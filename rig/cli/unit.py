@@ -9,9 +9,9 @@ from typer import Argument, Exit, Option, Typer, echo
 
 from rig.cli.catalogue import of_file
 from rig.cli.common import GROUP, Json, emit
-from rig.cli.table import Column, line, table
+from rig.cli.printing import Column, line, table
 from rig.cli.working import working
-from rig.errors import BadInput
+from rig.core.errors import BadInput
 
 if TYPE_CHECKING:
     from rig.bench.unit_check import Checked

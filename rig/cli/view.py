@@ -16,10 +16,10 @@ from typer import Argument, Option, echo
 
 from rig.cli import complete
 from rig.cli.common import Json, LogFile, emit, takes_options
-from rig.cli.requirements import Requirements
-from rig.errors import BadInput, BadLog
-from rig.text import plain
-from rig.util.outputs import require_apart
+from rig.cli.requirements_option import Requirements
+from rig.core.errors import BadInput, BadLog
+from rig.core.outputs import require_apart
+from rig.core.text import plain
 
 if TYPE_CHECKING:
     from rig.log import Log
@@ -75,8 +75,8 @@ def _without_collection() -> Iterator[None]:
 def _view(options: ViewOptions) -> None:
     """Read the logs, and show, serve or write them."""
     began = perf_counter()
-    from rig.view import opened
-    from rig.view.blueprint import require_tab
+    from rig.show.viewer import opened
+    from rig.show.viewer.blueprint import require_tab
 
     require_tab(options.tab)
     flights = opened.read(options.logs, options.tab, options.map_tiles)
@@ -91,7 +91,7 @@ def _view(options: ViewOptions) -> None:
         data["saved"] = str(options.save)
         where = f"{options.save}; open it with: rerun {options.save}"
     elif options.screenshot is not None:
-        from rig.view.screenshot import screenshot as shoot
+        from rig.show.viewer.screenshot import screenshot as shoot
 
         shot = shoot(flights, options.screenshot, options.time_s)
         data |= {"picture": str(options.screenshot), "views": list(shot.views), "complaints": list(shot.complaints)}
@@ -116,7 +116,7 @@ def _add_violations(path: Path, log: Log, names: list[str]) -> None:
     named = scenario_of(log.metadata, path).get("requirements") or []
     if not names and not named:
         return
-    from rig.assess.requirements import check_log, events, load_requirements
+    from rig.verdict.requirements import check_log, events, load_requirements
 
     required = load_requirements(names)
     with suppress(BadInput):
@@ -126,7 +126,7 @@ def _add_violations(path: Path, log: Log, names: list[str]) -> None:
 
 
 def _require_display() -> None:
-    from rig.view import viewer
+    from rig.show.viewer import viewer
 
     try:
         viewer.require_display("rig view")
@@ -136,8 +136,8 @@ def _require_display() -> None:
 
 def _serve(flights: Any, data: dict[str, Any], as_json: bool) -> None:
     """Serve until Ctrl-C or a request to end."""
-    from rig.util.interrupt import TERMINATIONS
-    from rig.view.opened import serve
+    from rig.core.interrupt import TERMINATIONS
+    from rig.show.viewer.opened import serve
 
     began, over = perf_counter(), threading.Event()
     with suppress(ValueError):  # not the main thread: whoever runs it ends it
@@ -164,9 +164,9 @@ def watch(
     from_s: Annotated[float, Option("--from", metavar="S", help="Where to begin.", min=0.0)] = 0.0,
 ) -> None:
     """Play the redundancy page of a log on the terminal; Ctrl-C ends."""
+    from rig.core.console import console
     from rig.log import read_log
-    from rig.util.console import console
-    from rig.view.watch.live import play
+    from rig.show.terminal.live import play
 
     flight = read_log(log)
     if not len(flight.rows):

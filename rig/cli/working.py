@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from rig.util.console import Screen
-from rig.util.progress import listening
+from rig.core.console import Screen
+from rig.core.progress import listening
 
 if TYPE_CHECKING:
-    from rig.campaign.compile_ahead import Ahead
+    from rig.studies.campaign.compile_ahead import Ahead
 
 COMPILING: Final = "compiling kernels, kept for the next time"
 PATIENCE_S: Final = 3.0  # less is not worth a line
@@ -117,8 +117,8 @@ def _compilation(shown: _Line | _Display) -> Iterator[None]:
     """Have what a flight needs compiled ahead within; show it, and what is compiled in this process."""
     from numba.core import event
 
-    from rig.kernel_cache import before_compiling
-    from rig.util.interrupt import at_once
+    from rig.core.interrupt import at_once
+    from rig.core.kernel_cache import before_compiling
 
     class Listener(event.Listener):
         count, depth = 0, 0
@@ -144,7 +144,7 @@ def _ahead(show: Callable[[int, int], None]) -> Callable[[Callable[..., object],
 
     @cache
     def ahead() -> Ahead:
-        from rig.campaign.compile_ahead import Ahead
+        from rig.studies.campaign.compile_ahead import Ahead
 
         return Ahead(show)
 

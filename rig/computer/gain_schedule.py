@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.kernels import kernel
+from rig.core.kernels import kernel
 
 
 class Point(Protocol):

@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import Final
 
 from rig.computer.analytic.designed import Designed
-from rig.computer.control.gains import Gains, Point
-from rig.design import references
-from rig.design.assumed import limits
-from rig.design.gains import design
+from rig.computer.control.gains_file import Gains, Point
+from rig.core.errors import BadInput, PointFault
+from rig.core.progress import tell
+from rig.design import design_references as references
+from rig.design.assumed_figures import limits
+from rig.design.design_gains import design
+from rig.design.loop_requirements import Requirements, whole
 from rig.design.new_aircraft import NewAircraft, at_points, rewrite
 from rig.design.propose import flight_points
-from rig.design.requirements import Requirements, whole
-from rig.errors import BadInput, PointFault
-from rig.plant.airframe import FlightPoint
-from rig.util.progress import tell
+from rig.world.plant.airframe import FlightPoint
 
 _MOST_LEFT_OUT: Final = 3  # flight points of a proposal, until those that serve must do
 

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.control.autopilot import Config, Control
-from rig.computer.control.gains import Gains
-from rig.computer.control.state import DYNAMIC
-from rig.design.margins import Loop, Matrix, sampled_loop
-from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SURFACES, Block, S, new_block
-from rig.plant.airframe import Airframe, FlightPoint
-from rig.plant.linearise import Linear, Trim
-from rig.units.atmosphere import temperature
-from rig.units.constants import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE
+from rig.computer.control.gains_file import Gains
+from rig.computer.control.law_state import DYNAMIC
+from rig.core.frame import CHANNELS, DISCRETE_INDEX, INDEX, SURFACES, Block, S, new_block
+from rig.core.units.atmosphere import temperature
+from rig.core.units.constants import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE
+from rig.design.stability_margins import Loop, Matrix, sampled_loop
+from rig.world.plant.airframe import Airframe, FlightPoint
+from rig.world.plant.linearise import Linear, Trim
 
 Law = Literal["stick", "autopilot"]
 Plane = Literal["longitudinal", "lateral"]

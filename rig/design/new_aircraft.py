@@ -13,17 +13,17 @@ from typing import Any, Final
 
 import tomli_w
 
-from rig.aircraft import names, sensor_classes
-from rig.design.assumed import FIGURES, REVOLUTIONS, STOP_RAD, limits
+from rig.core.errors import BadInput, PointFault
+from rig.core.files import is_folder, reported, write_text
+from rig.core.frame import CHANNELS, SIGNALS
+from rig.core.settings import build
+from rig.core.text import choices, quoted
+from rig.design.assumed_figures import FIGURES, REVOLUTIONS, STOP_RAD, limits
 from rig.design.propose import Found, airframe_table, flight_points, found_at, limits_at
-from rig.errors import BadInput, PointFault
-from rig.frame import CHANNELS, SIGNALS
-from rig.plant.airframe import Config, FlightPoint, flight_point_at
-from rig.plant.base_model import SURFACES, BaseModel, Kind, read, unit_of
-from rig.sensors.classes import kind as kind_of_signal
-from rig.settings import build
-from rig.text import choices, quoted
-from rig.util.files import is_folder, reported, write_text
+from rig.scenario.aircraft import names, sensor_classes
+from rig.world.plant.airframe import Config, FlightPoint, flight_point_at
+from rig.world.plant.base_model import SURFACES, BaseModel, Kind, read, unit_of
+from rig.world.sensors.classes import kind as kind_of_signal
 
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,60}")
 _NORMALISED: Final = (

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from rig.computer.control.gains import Point
-from rig.design import backup
-from rig.design.backup import Bandwidth, Sensor, regulator
+from rig.computer.control.gains_file import Point
+from rig.design import backup_design as backup
+from rig.design.backup_design import Bandwidth, Sensor, regulator
+from rig.design.loop_requirements import Case
 from rig.design.loops import ACTUATORS, Plane
-from rig.design.margins import Matrix
-from rig.design.requirements import Case
-from rig.plant.linearise import Linear
+from rig.design.stability_margins import Matrix
+from rig.world.plant.linearise import Linear
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Any, Final
 
-from rig.design.assumed import FIGURES, STOP_RAD, held, limits
-from rig.errors import BadInput
-from rig.plant.airframe import Config, FlightPoint, flight_point_at
-from rig.plant.base_model import SURFACES, BaseModel, Kind
-from rig.plant.level import alpha_held
-from rig.plant.linearise import Trim, trim_of
-from rig.plant.loading import NoTrim, load, mass_kg, undeclared
-from rig.settings import build
-from rig.units.atmosphere import density, speed_of_sound
-from rig.units.constants import GRAVITY
-from rig.util.progress import tell
+from rig.core.errors import BadInput
+from rig.core.progress import tell
+from rig.core.settings import build
+from rig.core.units.atmosphere import density, speed_of_sound
+from rig.core.units.constants import GRAVITY
+from rig.design.assumed_figures import FIGURES, STOP_RAD, held, limits
+from rig.world.plant.airframe import Config, FlightPoint, flight_point_at
+from rig.world.plant.base_model import SURFACES, BaseModel, Kind
+from rig.world.plant.level import alpha_held
+from rig.world.plant.linearise import Trim, trim_of
+from rig.world.plant.loading import NoTrim, load, mass_kg, undeclared
 
 ALTITUDES_M: Final[dict[str, tuple[float, ...]]] = {"propeller": (1524.0, 2438.4), "jet": (3048.0, 6096.0, 9144.0)}
 LIFT_COEFFICIENTS: Final = (0.2, 0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.75)  # slow to fast the other way round

@@ -10,14 +10,14 @@ import time
 from collections import deque
 from typing import Final
 
-from rig.faults.fault import END, PAUSE, RESET
+from rig.core.frame import CHANNELS, Nested
+from rig.core.interrupt import Stop
+from rig.flight.events import Event
+from rig.flight.loop import Rig
 from rig.flight.pace import Pace
-from rig.frame import CHANNELS, Nested
-from rig.loop import Rig
-from rig.pressed_keys import Pressed
-from rig.record.events import Event
-from rig.scenario import Scenario
-from rig.util.interrupt import Stop
+from rig.scenario.pressed_keys import Pressed
+from rig.scenario.scenario import Scenario
+from rig.world.faults.scenario_faults import END, PAUSE, RESET
 
 _ALL: Final = (1 << CHANNELS) - 1
 _LOOK_S: Final = 0.02  # between two looks at the keys of a flight that is paused

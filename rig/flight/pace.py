@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.record.histogram import Histogram
+from rig.flight.time_histogram import Histogram
 
 SPIN_S: Final = 0.0003  # the end of a wait is spent polling: a sleep wakes up late
 PRIORITY: Final = 50  # of SCHED_FIFO: above all that is no driver's thread

@@ -17,22 +17,22 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import ManagerFailed
-from rig.faults import Execution
-from rig.faults.places import OF_LANES, lanes_of, site
+from rig.core.errors import ManagerFailed
+from rig.core.frame import COMPUTERS, TIMING, Block, LaneBlock, new_block, to_frame
+from rig.core.interrupt import Stop
+from rig.flight.events import Event, EventFinder, not_executed
+from rig.flight.lane_events import ComputerFinder, Order
+from rig.flight.loop import Recorder
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import JitterCounter, Pace, off_the_core
-from rig.frame import COMPUTERS, TIMING, Block, LaneBlock, new_block, to_frame
+from rig.flight.servo_events import ActuatorFinder
+from rig.flight.summary import Verdict
+from rig.flight.time_histogram import Histogram
 from rig.log import LogWriter
-from rig.loop import Recorder
-from rig.record.actuators import ActuatorFinder
-from rig.record.computers import ComputerFinder, Order
-from rig.record.events import Event, EventFinder, not_executed
-from rig.record.flight_summary import Verdict
-from rig.record.histogram import Histogram
-from rig.scenario import Scenario
-from rig.unit.unit import UnitUnderTest
-from rig.util.interrupt import Stop
+from rig.scenario.scenario import Scenario
+from rig.unit.running_unit import UnitUnderTest
+from rig.world.faults import Execution
+from rig.world.faults.places import OF_LANES, lanes_of, site
 
 INTERRUPTED: Final = "interrupted"  # an end reason
 # A recording spends most of its time outside the interpreter's lock (hash, checksum, compression,

@@ -16,15 +16,15 @@ from typing import Any, Final
 import numpy as np
 
 from rig.computer.control.law import control_law
-from rig.frame import FLAT, Nested, UnitStatus, nested, new_block
-from rig.kernels import bind, kernel
-from rig.lanes.command import keep_integrals
-from rig.lanes.stage import of_lane, think_after, think_before
-from rig.lanes.think import ComputerData, think_shadow
-from rig.loop import ComputerStep, StageData, after, before
-from rig.unit.layout import Form
+from rig.computer.lanes.command import keep_integrals
+from rig.computer.lanes.lanes_stage import of_lane, think_after, think_before
+from rig.computer.lanes.think import ComputerData, think_shadow
+from rig.core.frame import FLAT, Nested, UnitStatus, nested, new_block
+from rig.core.kernels import bind, kernel
+from rig.flight.loop import ComputerStep, StageData, after, before
 from rig.unit.port import BLANK, FLOWN, ON_DISCRETES, STARTING, conclude, fill, fly_trim, take
-from rig.unit.unit import UnitUnderTest
+from rig.unit.running_unit import UnitUnderTest
+from rig.unit.unit_records import Form
 
 _REDUNDANCY: Final = int(Form.REDUNDANCY)
 _NOT_ASKED: Final = int(UnitStatus.NONE)

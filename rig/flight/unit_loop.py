@@ -16,30 +16,30 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import loop
-from rig.actuators.stage import ActuatorData
 from rig.computer.analytic.references import ReferenceData
 from rig.computer.control.law import control_law
-from rig.computer.control.state import ControlData
+from rig.computer.control.law_state import ControlData
 from rig.computer.redundancy import Redundancy
-from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteData
-from rig.faults import FaultData
+from rig.computer.redundancy.manager_config import PARAMS
+from rig.core.blocks import in_blocks
+from rig.core.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Nested, UnitStatus, nested, new_block
+from rig.core.interrupt import Stop
+from rig.core.kernels import bind, kernel
+from rig.flight import loop
+from rig.flight.loop import ComputerStep, Rig, StageData, after, before_votes, compute
 from rig.flight.pace import Pace
 from rig.flight.unit_lane import around_lane
-from rig.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Nested, UnitStatus, nested, new_block
-from rig.kernels import bind, kernel
-from rig.loop import ComputerStep, Rig, StageData, after, before_votes, compute
-from rig.scenario import Scenario
-from rig.sensors import SensorData
-from rig.sensors.inertial import InertialData
+from rig.scenario.scenario import Scenario
 from rig.unit.compiled_exchange import FOREVER_NS, PENDING, try_exchange
-from rig.unit.layout import Form
 from rig.unit.port import BLANK, FLOWN, STARTING, conclude, fill, fly_trim, take
+from rig.unit.running_unit import UnitUnderTest
 from rig.unit.session import configuration
-from rig.unit.unit import UnitUnderTest
-from rig.util.blocks import in_blocks
-from rig.util.interrupt import Stop
+from rig.unit.unit_records import Form
+from rig.world.actuators.servo_stage import ActuatorData
+from rig.world.faults import FaultData
+from rig.world.sensors import SensorData
+from rig.world.sensors.inertial import InertialData
 
 
 class UnitComputer:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rig.log.blocks import LogFile
+from rig.core.event import Event
+from rig.log.log_file import LogFile
 from rig.log.reader import DiscreteArrays, Log, SignalArrays, iter_chunks, read_log, scenario_of, unit_of
 from rig.log.scan import Recovered, recover
 from rig.log.schema import SCHEMA_VERSION
-from rig.record.event import Event
 
 if TYPE_CHECKING:
     from rig.log.writer import LogWriter

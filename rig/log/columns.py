@@ -25,12 +25,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import BadInput
-from rig.frame import FLAT, INDEX, LANE_FIELDS, SIGNALS, Block, Ilm, LaneBlock, LanePart, Pattern, State, parts_of
-from rig.frame.fields import FIELD
+from rig.core.errors import BadInput
+from rig.core.frame import FLAT, INDEX, LANE_FIELDS, SIGNALS, Block, Ilm, LaneBlock, LanePart, Pattern, State, parts_of
+from rig.core.frame.fields import FIELD
+from rig.core.text import choices, quoted
+from rig.core.units.quantities import unit_of_name
 from rig.log.schema import LANE_MESSAGES, LANE_TOPICS, MESSAGES, TOPICS_OF_ROWS, Field, Topic
-from rig.text import choices, quoted
-from rig.units.quantities import unit_of_name
 
 if TYPE_CHECKING:
     import polars as pl

@@ -21,14 +21,14 @@ from mcap.records import Chunk
 from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
-from rig.errors import BadLog
-from rig.frame import Block, LaneBlock
+from rig.core.errors import BadLog
+from rig.core.event import Event, Severity
+from rig.core.frame import Block, LaneBlock
+from rig.core.threads import cores
+from rig.log.chunk_layout import Layout, event_runs
 from rig.log.container import COMPRESSION, Run
-from rig.log.layout import Layout, event_runs
 from rig.log.records import HEAD, MESSAGE_OPCODE
 from rig.log.schema import EVENT_CHANNEL, LEVELS
-from rig.record.event import Event, Severity
-from rig.util.threads import cores
 
 CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB
 AHEAD: Final = 8  # chunks that are decoded before they are asked for

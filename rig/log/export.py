@@ -18,10 +18,12 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow.parquet import ParquetWriter
 
-from rig.errors import BadInput, RigError
-from rig.frame import FLAT, SIGNALS, TIMING, Block, LaneBlock
+from rig.core.blocks import in_blocks
+from rig.core.errors import BadInput, RigError
+from rig.core.files import replaced, write_text
+from rig.core.frame import FLAT, SIGNALS, TIMING, Block, LaneBlock
+from rig.core.text import choices, quoted
 from rig.log import Log
-from rig.log.blocks import Frames, iter_blocks
 from rig.log.columns import (
     LANE_OWNERS,
     OWNERS,
@@ -35,10 +37,8 @@ from rig.log.columns import (
     of_columns,
     unit_of,
 )
+from rig.log.log_file import Frames, iter_blocks
 from rig.log.scan import About
-from rig.text import choices, quoted
-from rig.util.blocks import in_blocks
-from rig.util.files import replaced, write_text
 
 _FOR_VOTE: Final = ("channels", "ilm", "reference")
 UNITS: Final = ".units.json"  # behind the name of a CSV or npz

@@ -14,10 +14,10 @@ from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
-from rig.errors import BadInput, BadLog
+from rig.core.errors import BadInput, BadLog
 from rig.log.decode import MALFORMED
-from rig.log.messages import Budget, LimitedFile, Summary, messages, summary
-from rig.log.signals import FIELDS
+from rig.log.mcap_messages import Budget, LimitedFile, Summary, messages, summary
+from rig.log.signal_messages import FIELDS
 
 _MALFORMED: Final = (
     *MALFORMED,

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from rig import aircraft
-from rig.errors import BadInput
+from rig.core.errors import BadInput
+from rig.core.settings import build, parse_toml
 from rig.log.reader import scenario_of, unit_of
 from rig.log.scan import RECOVERED, Contents, contents
 from rig.log.schema import topics
-from rig.scenario import Scenario, from_resolved
-from rig.scenario_notes import notes
-from rig.settings import build, parse_toml
+from rig.scenario import aircraft
+from rig.scenario.scenario import Scenario, from_resolved
+from rig.scenario.scenario_notes import notes
 
 FILE: Final = "scenario.toml"  # the attachment
 

@@ -9,13 +9,13 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final
 
-from rig.aircraft import names
-from rig.errors import BadInput, RigError
+from rig.core.errors import BadInput, RigError
+from rig.core.files import new_folder, numbered, reported
+from rig.core.versions import versions
 from rig.log.writer import LogWriter
-from rig.overrides import parse_set
-from rig.scenario import Scenario
-from rig.util.files import new_folder, numbered, reported
-from rig.util.versions import versions
+from rig.scenario.aircraft import names
+from rig.scenario.overrides import parse_set
+from rig.scenario.scenario import Scenario
 
 LONGEST_TAG: Final = 40  # characters of the overrides in a log's name
 NAME_BYTES: Final = 160  # of a log's name; behind them come seed, overrides, number and ending

@@ -1,4 +1,4 @@
-"""Frames to the message records of a chunk, without a call per message; layout.py says where each byte goes."""
+"""Frames to the message records of a chunk, without a call per message; chunk_layout.py says where each byte goes."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
-from rig.frame import FLAT, FLIGHT_INDEX, Block, LaneBlock, LanePart, LaneParts, parts_of
-from rig.kernels import kernel
-from rig.log.layout import FRAMES, LANES, POSES, Moves
+from rig.core.errors import RigError
+from rig.core.frame import FLAT, FLIGHT_INDEX, Block, LaneBlock, LanePart, LaneParts, parts_of
+from rig.core.kernels import kernel
+from rig.log.chunk_layout import FRAMES, LANES, POSES, Moves
 from rig.log.records import DERIVED, TIMES, WIRE, place
 from rig.log.schema import MESSAGES, POSE_EVERY
 

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import BadInput, BadLog
-from rig.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, LaneBlock, has_part, lane_rows, links
-from rig.log.blocks import Frames
+from rig.core.blocks import cuts
+from rig.core.errors import BadInput, BadLog
+from rig.core.event import Event
+from rig.core.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, LaneBlock, has_part, lane_rows, links
+from rig.core.text import choices, quoted
+from rig.log.log_file import Frames
 from rig.log.scan import About, iter_parts
-from rig.record.event import Event
-from rig.text import choices, quoted
-from rig.util.blocks import cuts
 
 if TYPE_CHECKING:
     import polars as pl

@@ -15,17 +15,8 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from rig.frame import FLAT, LANE_PARTS, TIMING
-from rig.log.schema import (
-    ALL_TOPICS,
-    DOUBLE,
-    FIXED32,
-    FLOAT,
-    PART_OF,
-    POSE_TOPICS,
-    Field,
-    Topic,
-)
+from rig.core.frame import FLAT, LANE_PARTS, TIMING
+from rig.log.schema import ALL_TOPICS, DOUBLE, FIXED32, FLOAT, PART_OF, POSE_TOPICS, Field, Topic
 
 WORLD: Final = "world"
 AIRCRAFT: Final = "aircraft"

@@ -22,12 +22,14 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 from zlib_ng.zlib_ng import crc32
 
-from rig.errors import BadLog
-from rig.frame import LaneParts
+from rig.core.errors import BadLog
+from rig.core.files import open_regular, replaced, reported
+from rig.core.frame import LaneParts
+from rig.core.text import quoted
+from rig.log.chunk_layout import Layout, layout_of
 from rig.log.container import MAGIC, RECORD_HEAD, Container, Packed
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
-from rig.log.layout import Layout, layout_of
-from rig.log.messages import RECORD_LIMIT
+from rig.log.mcap_messages import RECORD_LIMIT
 from rig.log.schema import (
     ALL_TOPICS,
     BY_TOPIC,
@@ -45,8 +47,6 @@ from rig.log.schema import (
     older,
     opening,
 )
-from rig.text import quoted
-from rig.util.files import open_regular, replaced, reported
 
 _RATES_HZ: Final = (1.0, 1000.0)  # of a flight, as a scenario has them
 RECOVERED: Final = "recovered"  # name of the metadata record of a log that was mended

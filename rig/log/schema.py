@@ -1,4 +1,4 @@
-"""What the log says: every topic and message, made from the tables of rig/frame/.
+"""What the log says: every topic and message, made from the tables of rig/core/frame/.
 
 Each field of the frame has one place in one message, so a signal, a command or a field added there
 appears in the log by itself.  The descriptors of the messages are embedded in the log; a viewer needs
@@ -27,7 +27,8 @@ from google.protobuf.descriptor_pb2 import (
 from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
-from rig.frame import (
+from rig.core.event import Severity
+from rig.core.frame import (
     COMPUTER_FIELDS,
     COMPUTERS,
     DISCRETES,
@@ -41,10 +42,9 @@ from rig.frame import (
     SensorFault,
     UnitStatus,
 )
-from rig.frame.fields import FIELD, Kind, Place, elements, places
-from rig.frame.fields import Field as LaneField
+from rig.core.frame.fields import FIELD, Kind, Place, elements, places
+from rig.core.frame.fields import Field as LaneField
 from rig.log.container import Opening
-from rig.record.event import Severity
 
 BY_TOPIC: Final = 5  # the first version whose chunks stand topic by topic
 SCHEMA_VERSION: Final = 6  # history in docs/log.md

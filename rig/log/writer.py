@@ -13,14 +13,14 @@ from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
 from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
-from rig.errors import BadInput, RigError
-from rig.frame import TIMING, Block, LaneBlock, LaneParts, lane_rows, new_block
+from rig.core.errors import BadInput, RigError
+from rig.core.event import Event
+from rig.core.frame import TIMING, Block, LaneBlock, LaneParts, lane_rows, new_block
+from rig.log.chunk_layout import event_runs, frame_runs, log_times, row_bytes
 from rig.log.container import Container, Packed, Run
-from rig.log.layout import event_runs, frame_runs, log_times, row_bytes
 from rig.log.packing import pack, parts_of, plan
 from rig.log.records import HEAD, MESSAGE_OPCODE
 from rig.log.schema import EVENT_CHANNEL, LEVELS, RESULT, RIG, SCHEMA_VERSION, opening
-from rig.record.event import Event
 
 # Nearly all that repeats is in the record before, so a small table finds it.  A target length of 1 leaves what does
 # not repeat as it is: noise, of which entropy coding would save 4 % in a sixth more time.

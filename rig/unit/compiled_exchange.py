@@ -19,12 +19,12 @@ from numba.core import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from rig.frame import UnitStatus
-from rig.kernels import kernel
+from rig.core.frame import UnitStatus
+from rig.core.kernels import kernel
+from rig.core.threads import cores
 from rig.unit.crc import crc32
-from rig.unit.layout import FROM_UNIT, OUTPUT, SEAM, Kind, Seam, blank, place
 from rig.unit.port import PLAIN, RECEIVED, Port, copy_bytes
-from rig.util.threads import cores
+from rig.unit.unit_records import FROM_UNIT, OUTPUT, SEAM, Kind, Seam, blank, place
 
 PENDING: Final = -1  # no status of frame.UnitStatus: Python goes on with this frame
 FOREVER_NS: Final = np.iinfo(np.int64).max

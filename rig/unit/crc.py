@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.kernels import kernel
+from rig.core.kernels import kernel
 
 _POLYNOMIAL: Final = 0xEDB88320
 _ALL: Final = 0xFFFFFFFF

@@ -1,6 +1,7 @@
 """The carrier ``fmu``: an FMU unpacked, its description compared, and the process started that steps it (fmu_host.py).
 
-An FMU made with our description (fmu_description.py) has the records of layout.py as its variables; of any other the
+An FMU made with our description (fmu_description.py) has the records of unit_records.py as its variables; of any other
+the
 unit file maps them (fmu_mapping.py).
 """
 
@@ -18,15 +19,15 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, get_args
 from xml.etree import ElementTree
 
-from rig.errors import BadInput
-from rig.text import quoted
-from rig.unit import links
+from rig.core.errors import BadInput
+from rig.core.text import quoted
+from rig.unit import transport as links
 from rig.unit.fmu_description import IDENTIFIER, TOKEN, TOKENS, Place, Version, variables
 from rig.unit.fmu_mapping import UNSAID, mapped
 from rig.unit.fmu_variables import Described, described
-from rig.unit.layout import CONFIG, INPUT, OUTPUT, SINCE, place
-from rig.unit.links import SocketLink
-from rig.unit.settings import Unit
+from rig.unit.transport import SocketLink
+from rig.unit.unit_file import Unit
+from rig.unit.unit_records import CONFIG, INPUT, OUTPUT, SINCE, place
 
 PLAN: Final = "rig-unit.json"  # beside what was in the FMU: what the child sets and gets
 _MOST_BYTES, _MOST_FILES = 500 << 20, 10_000  # of an FMU unpacked

@@ -1,4 +1,4 @@
-"""The records of layout.py as the variables of an FMU, FMI 2.0 or 3.0, co-simulation: ``rig unit header --fmu``.
+"""The records of unit_records.py as the variables of an FMU, FMI 2.0 or 3.0, co-simulation: ``rig unit header --fmu``.
 
 CONFIG becomes fixed parameters, INPUT inputs, OUTPUT outputs.  FMI 2.0 has a scalar for each element, FMI 3.0 arrays.
 A value reference says where the variable is, so that a unit needs no table of them: from the lowest bit 14 bits first
@@ -17,9 +17,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from rig.frame import DISCRETES, SIGNALS, SURFACES, D, S
-from rig.frame.fields import FIELD
-from rig.unit.layout import CONFIG, HELLO, INPUT, OUTPUT, RECORDS, SEAMS, Seam, place, walk
+from rig.core.frame import DISCRETES, SIGNALS, SURFACES, D, S
+from rig.core.frame.fields import FIELD
+from rig.unit.unit_records import CONFIG, HELLO, INPUT, OUTPUT, RECORDS, SEAMS, Seam, place, walk
 
 Version = Literal["2", "3"]  # of FMI
 IDENTIFIER: Final = "rig_unit"  # how the library in an FMU is called

@@ -27,9 +27,9 @@ from fmpy.fmi3 import FMU3Slave
 
 if __name__ == "__main__" and (_root := str(Path(__file__).parents[2])) not in sys.path:
     sys.path.insert(0, _root)  # python -I looks for the rig only where it is installed, and that may be another
+from rig.core.decimals import slack
 from rig.unit.fmu_moves import TYPES, Call, Views, moving, views_of
 from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, serve
-from rig.util.decimals import slack
 
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")

@@ -22,17 +22,17 @@ from functools import cache
 from itertools import accumulate
 from typing import Any, Final, NamedTuple
 
-from rig.errors import BadInput
-from rig.frame import INDEX, SIGNALS, Law
-from rig.frame.fields import FIELD
-from rig.text import choices
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, SIGNALS, Law
+from rig.core.frame.fields import FIELD
+from rig.core.text import choices
+from rig.core.units.conversion import conversion
+from rig.core.units.quantities import unit_of_name
 from rig.unit.fmu_description import Base, Place, of_record
 from rig.unit.fmu_moves import REAL, range_of
 from rig.unit.fmu_variables import WHOLE, Described, find
-from rig.unit.layout import ANSWERS, OUTPUT, REFERENCES, Said, place
-from rig.unit.settings import Unit
-from rig.units.conversion import conversion
-from rig.units.quantities import unit_of_name
+from rig.unit.unit_file import Unit
+from rig.unit.unit_records import ANSWERS, OUTPUT, REFERENCES, Said, place
 
 _SET: Final = ("parameter", "input")
 _CAUSALITIES: Final = {"inputs": ("input",), "outputs": ("output", "local"), "parameters": _SET, "constants": _SET}

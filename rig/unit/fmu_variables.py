@@ -7,8 +7,8 @@ from math import prod
 from typing import Final, NamedTuple
 from xml.etree import ElementTree
 
-from rig.errors import BadInput
-from rig.text import choices
+from rig.core.errors import BadInput
+from rig.core.text import choices
 from rig.unit.fmu_description import Version
 from rig.unit.fmu_moves import REAL
 

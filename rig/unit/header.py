@@ -1,13 +1,13 @@
-"""The records of layout.py as text, by one walk over their fields: C, Ada and tables (``rig unit header``)."""
+"""The records of unit_records.py as text, by one walk over their fields: C, Ada and tables (``rig unit header``)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any, Final
 
-from rig.frame import CHANNELS, DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES, D, S
-from rig.frame.fields import FIELD
-from rig.unit.layout import ANSWERS, ENUMS, FROM_UNIT, LAYOUT, RECORDS, TO_UNIT, VERSION, Entry, members, walk
+from rig.core.frame import CHANNELS, DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES, D, S
+from rig.core.frame.fields import FIELD
+from rig.unit.unit_records import ANSWERS, ENUMS, FROM_UNIT, LAYOUT, RECORDS, TO_UNIT, VERSION, Entry, members, walk
 
 _TYPES: Final = {  # in C and in Ada
     "<f8": ("double", "IEEE_Float_64"),

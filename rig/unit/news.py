@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from rig.record.event import Event, Severity
-from rig.unit.layout import Status
+from rig.core.event import Event, Severity
 from rig.unit.port import CHANGES, MOST_CHANGES, STARTING, Inbound
+from rig.unit.unit_records import Status
 
 _SEVERITY: Final[dict[str, Severity]] = {"failed": "error", "degraded": "warning"}
 _NAMES: Final = {status.value: status.name.lower().replace("_", "-") for status in Status}

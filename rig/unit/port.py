@@ -17,12 +17,12 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from rig.computer.analytic.references import remember
-from rig.computer.redundancy.assumed import level_of, state_of
+from rig.computer.redundancy.assumed_states import level_of, state_of
 from rig.computer.redundancy.discrete import vote_discretes
-from rig.frame import CHANNELS, FLAT, SURFACES, Law, S, State, UnitStatus, to_frame
-from rig.frame.fields import FIELD, FIELDS
-from rig.kernels import kernel
-from rig.unit.layout import (
+from rig.core.frame import CHANNELS, FLAT, SURFACES, Law, S, State, UnitStatus, to_frame
+from rig.core.frame.fields import FIELD, FIELDS
+from rig.core.kernels import kernel
+from rig.unit.unit_records import (
     ANSWERS,
     FROM_UNIT,
     INPUT,

@@ -12,11 +12,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from rig.errors import BadInput
-from rig.text import one_line
+from rig.core.errors import BadInput
+from rig.core.interrupt import signal_name
+from rig.core.text import one_line
 from rig.unit.guard import END_S, MOST_SHOWN
 from rig.unit.host import LOOKS
-from rig.util.interrupt import signal_name
 
 _HERE: Final = Path(__file__).parent
 _HOSTS: Final = {"library": "host.py", "fmu": "fmu_host.py"}

@@ -11,11 +11,13 @@ from typing import Any, Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import PARAMS, without_lanes
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.frame import D, S
+from rig.computer.redundancy.manager_config import PARAMS, without_lanes
+from rig.core.frame import D, S
 from rig.unit.host import HEAD
-from rig.unit.layout import (
+from rig.unit.ready_message import UnitStopped, read_ready, sealed
+from rig.unit.transport import SocketLink
+from rig.unit.unit_records import (
     CONFIG,
     FROM_UNIT,
     HELLO,
@@ -31,8 +33,6 @@ from rig.unit.layout import (
     blank,
     place,
 )
-from rig.unit.links import SocketLink
-from rig.unit.messages import UnitStopped, read_ready, sealed
 
 _TAIL: Final = struct.Struct("<II")
 _BEGIN: Final = struct.Struct("<24sq")  # all of the head that a session keeps, and the frame

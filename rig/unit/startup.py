@@ -12,10 +12,10 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from rig.unit.layout import HELLO, PART, PART_BYTES, SEAMS, TO_UNIT, Kind, Seam, blank
-from rig.unit.links import MOST_BYTES, Disconnected, SocketLink, clock
-from rig.unit.messages import Ready, UnitStopped, read_ready, sealed
-from rig.unit.versions import config_for
+from rig.unit.older_versions import config_for
+from rig.unit.ready_message import Ready, UnitStopped, read_ready, sealed
+from rig.unit.transport import MOST_BYTES, Disconnected, SocketLink, clock
+from rig.unit.unit_records import HELLO, PART, PART_BYTES, SEAMS, TO_UNIT, Kind, Seam, blank
 
 _AGAIN_S: Final = 0.2  # after which an unanswered HELLO or CONFIG is repeated: a box may have lost it
 _BUSY: Final = "busy"  # how REFUSED begins while another session is open: it ends with END, or after a silence

@@ -22,12 +22,12 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import ManagerFailed, RigError
-from rig.frame import DISCRETES, SIGNALS, UnitStatus
-from rig.unit.layout import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, SINCE, Said
+from rig.core.errors import ManagerFailed, RigError
+from rig.core.files import NOT_WHOLE, reported
+from rig.core.frame import DISCRETES, SIGNALS, UnitStatus
 from rig.unit.port import RECEIVED, complete
-from rig.unit.unit import UnitUnderTest
-from rig.util.files import NOT_WHOLE, reported
+from rig.unit.running_unit import UnitUnderTest
+from rig.unit.unit_records import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, SINCE, Said
 
 FILE: Final = Path(__file__).with_name("vectors.npz")
 BODY: Final = tuple(  # that all versions have

@@ -120,8 +120,8 @@ _THINGS: Final[dict[str, Any]] = {
 
 def aircraft(draw: Draw, store: Store) -> Case:
     """A leaf of one of the files of an aircraft of the user's own, or that file damaged as a whole."""
-    from rig.settings import read_toml
-    from rig.util.files import bundled
+    from rig.core.files import bundled
+    from rig.core.settings import read_toml
 
     home, name = bundled("aircraft") / draw.rng.choice(("f16", "b707")), draw.rng.choice(_FILES)
     data = read_toml(home / name)

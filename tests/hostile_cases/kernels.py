@@ -43,9 +43,9 @@ def _check(manager: str, wraps: bool, rng: Random) -> int:
 
 def _sequence(manager: str, wraps: bool, rng: Random) -> str:
     """What broke in one sequence of random samples, or nothing."""
-    from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
+    from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
     from rig.computer.redundancy.managers import Manager, vote_signals
-    from rig.frame import nested, new_block
+    from rig.core.frame import nested, new_block
 
     fitted, fade_s = rng.choice([2, 3, 4, 4]), rng.choice([0.0, 0.0, 0.05])
     limits = (
@@ -91,7 +91,7 @@ def _broken(
     block: Any, manager: str, limits: tuple[float, float], fitted: int, wraps: bool, fade_s: float, settings: Any
 ) -> str:
     """The first frame in which the property does not hold."""
-    from rig.frame import Resolver, State
+    from rig.core.frame import Resolver, State
 
     samples, valid = block["channels"][:, 0, :fitted], block["valid"][:, 0, :fitted] != 0
     states, voted = block["state"][:, 0, :fitted], block["voted"][:, 0]

@@ -330,7 +330,7 @@ def _is_text(annotation: Any) -> bool:
 def _keys_of_text() -> list[str]:
     """Model and name of every key of all settings that holds a text."""
     import rig
-    from rig.settings import Settings
+    from rig.core.settings import Settings
 
     for module in pkgutil.walk_packages(rig.__path__, "rig."):
         if not module.name.endswith(("__main__", "fmu_host", "guard", "host", "warmed")):

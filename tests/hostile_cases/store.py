@@ -85,7 +85,7 @@ class Store:
     @cached_property
     def scenarios(self) -> dict[str, dict[str, Any]]:
         """Resolved scenarios by name; ``everything`` has a fault of every kind."""
-        from rig.scenario import load
+        from rig.scenario.scenario import load
 
         everything = self.folder / "everything.toml"
         found = {"everything": load(everything).resolved()}
@@ -166,9 +166,9 @@ class Store:
 
 def _everything() -> dict[str, Any]:
     """A scenario of the F-16 with a fault of every kind, resets, wind and manoeuvres."""
-    from rig.faults.catalogue import EXAMPLES
-    from rig.scenario import find
-    from rig.settings import read_toml
+    from rig.core.settings import read_toml
+    from rig.scenario.scenario import find
+    from rig.world.faults.fault_catalogue import EXAMPLES
 
     faults = []
     for kind, name in EXAMPLES.items():

@@ -21,26 +21,35 @@ from hostile_cases.checks import MEMORY, Outcome, failures
 
 LIMIT_S: Final = 20.0
 # Imported only: polars and Arrow start their threads when they are first used, which is in a case's own process.
-_RECORDED: Final = ("rig.recordings.align", "rig.bench.vote_summary", "rig.bench.vote", "rig.bench.write_votes")
-_CAMPAIGN: Final = ("rig.campaign.campaign_page", "rig.campaign.run", "rig.campaign.estimate")
+_RECORDED: Final = (
+    "rig.log.recordings.align",
+    "rig.bench.vote_summary",
+    "rig.bench.vote_rows",
+    "rig.bench.write_votes",
+)
+_CAMPAIGN: Final = (
+    "rig.studies.campaign.campaign_page",
+    "rig.studies.campaign.run_campaign",
+    "rig.studies.campaign.estimate",
+)
 _OTHERS: Final = (
-    *("rig.replay.verify", "rig.replay.what_if", "rig.assess.of_log", "rig.view.watch.live"),
-    "rig.flight.frame_cost",
+    *("rig.bench.replay.verify", "rig.bench.replay.what_if", "rig.verdict.of_log", "rig.show.terminal.live"),
+    "rig.flight.cost",
 )
 _IMPORTED: Final = (
     *_RECORDED,
     *_CAMPAIGN,
     *_OTHERS,
-    "rig.flight.frame_cost",
+    "rig.flight.cost",
     "rig.cli.show_campaign",
-    "rig.view.opened",
+    "rig.show.viewer.opened",
 )
 _PAGE: Final = os.sysconf("SC_PAGE_SIZE")
 
 
 def warm() -> None:
     """Import what commands need and compile the kernels, without starting a thread pool that a fork would break."""
-    from rig.campaign.worker import warm as compile_all
+    from rig.studies.campaign.worker import warm as compile_all
 
     compile_all()
     for module in _IMPORTED:

@@ -22,18 +22,18 @@ import numpy as np
 from atlas_page import name_of, write
 from search_here import REQUIREMENT, plan_of, search_here, space
 
-from rig import aircraft
-from rig.assess.requirements import check_rows
-from rig.campaign.flying import fly
-from rig.frame import INDEX, Block, State
-from rig.scenario import Scenario
-from rig.search import confirm
-from rig.search.confirm import new_seeds
-from rig.search.objective import Measured
-from rig.search.result import write_scenario
-from rig.search.shrink import SEEDS as FEW
-from rig.search.shrink import shrink, simplest
-from rig.settings import build
+from rig.core.frame import INDEX, Block, State
+from rig.core.settings import build
+from rig.scenario import aircraft
+from rig.scenario.scenario import Scenario
+from rig.studies.campaign.flying import fly
+from rig.studies.search import confirm_worst as confirm
+from rig.studies.search.confirm_worst import new_seeds
+from rig.studies.search.objective import Measured
+from rig.studies.search.search_result import write_scenario
+from rig.studies.search.shrink import SEEDS as FEW
+from rig.studies.search.shrink import shrink, simplest
+from rig.verdict.requirements import check_rows
 
 MANAGERS: Final = ("cross-channel", "median", "mean")
 AIRCRAFT: Final = ("f16", "b747", "b737")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 from xml.sax.saxutils import escape
 
-from rig.util.palette import BLUE, LIGHT_BLUE, PALE_BLUE, PALE_RED, RED
+from rig.core.palette import BLUE, LIGHT_BLUE, PALE_BLUE, PALE_RED, RED
 
 Row = dict[str, Any]
 WIDTH, HEIGHT, LEFT, TOP = 62, 36, 178, 64  # of a cell; of labels

@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig import loop
-from rig.assess.of_log import score_log
-from rig.assess.record import Yardstick
-from rig.flight.assembly import fly
-from rig.frame import DISCRETES, SIGNALS, Resolver, State, Trust
+from rig.core.frame import DISCRETES, SIGNALS, Resolver, State, Trust
+from rig.flight import loop
+from rig.flight.fly import fly
 from rig.log import read_log
-from rig.scenario import Scenario, names
+from rig.scenario.scenario import Scenario, names
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 
 COMPARISON = "comparison"
 WORDS = {  # how a fault's sentence ends, by the resolver of the row

@@ -26,9 +26,9 @@ from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 import rig
-from rig.aircraft import bundled
-from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Pattern, Resolver, Source, State
-from rig.frame.fields import FIELD
+from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, Block, Pattern, Resolver, Source, State
+from rig.core.frame.fields import FIELD
+from rig.scenario.aircraft import bundled
 
 DECIDED: Final = (
     *("frame", "state", "level", "pattern", "resolver", "reference_usable", "common_mode", "source"),

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from rig import aircraft
+from rig.scenario import aircraft
 
 FILES = ("gains.toml", "references.toml")
 

@@ -19,19 +19,20 @@ from tempfile import TemporaryDirectory
 from typing import Final
 from unittest.mock import patch
 
-from rig import loop, scenario
-from rig.campaign import config
-from rig.campaign.flying import fly as fly_in_memory
-from rig.campaign.folder import open_folder
-from rig.campaign.plan import Plan
-from rig.campaign.run import again, run
-from rig.flight.assembly import fly
+from rig.bench.replay.what_if import what_if
+from rig.core.files import bundled
+from rig.flight import loop
+from rig.flight.fly import fly
+from rig.flight.summary import Verdict
 from rig.log import read_log
-from rig.record.flight_summary import Verdict
-from rig.recordings.flown import recorded
-from rig.replay.what_if import what_if
-from rig.scenario import Scenario, from_resolved
-from rig.util.files import bundled
+from rig.log.recordings.flown_log import recorded
+from rig.scenario import scenario
+from rig.scenario.scenario import Scenario, from_resolved
+from rig.studies.campaign import campaign_file as config
+from rig.studies.campaign.flying import fly as fly_in_memory
+from rig.studies.campaign.folder import open_folder
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.run_campaign import again, run
 
 BLOCKS_S: Final = (0.1, 0.37, 0.5, 1.0, 5.0)
 AT_ONCE: Final = 1e6  # times as fast as the clock: paced, and never waiting

@@ -13,9 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from rig import loop, scenario
-from rig.frame import COMPUTERS, Block, LaneBlock, nested
-from rig.loop import Rig
+from rig.core.frame import COMPUTERS, Block, LaneBlock, nested
+from rig.flight import loop
+from rig.flight.loop import Rig
+from rig.scenario import scenario
 
 EXACT: Final = (0.0,) * len(COMPUTERS)
 _NOTED = ("voted", "state", "level", "pattern", "resolver", "surface")  # fields of COMPUTER that are the FCC's

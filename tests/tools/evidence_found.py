@@ -8,14 +8,14 @@ import numpy as np
 from evidence_rows import BY_FRAMES, UNIT_OF, Table, Try
 from numpy.typing import NDArray
 
-from rig import scenario
-from rig.assess import score
-from rig.assess.monitored import monitor
-from rig.campaign.flying import CampaignFlight, fly
-from rig.faults import Fault
-from rig.frame import CHANNELS, INDEX, SIGNALS, S, Source, State
-from rig.units.angles import Floats, differences
-from rig.units.constants import DENSITY_PRINTED
+from rig.core.frame import CHANNELS, INDEX, SIGNALS, S, Source, State
+from rig.core.units.angles import Floats, differences
+from rig.core.units.constants import DENSITY_PRINTED
+from rig.scenario import scenario
+from rig.studies.campaign.flying import CampaignFlight, fly
+from rig.verdict import score
+from rig.verdict.monitored_places import monitor
+from rig.world.faults import Fault
 
 Flags = NDArray[np.bool_]
 WRAPS = np.array([signal.wraps for signal in SIGNALS])

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
-from rig.aircraft import tables
-from rig.frame import SIGNALS
+from rig.core.frame import SIGNALS
+from rig.scenario.aircraft import tables
 
 AIRCRAFT: Final = ("f16", "b747", "b737")
 ALL: Final = (*AIRCRAFT, "b707")

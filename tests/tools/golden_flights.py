@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from rig import scenario
-from rig.loop import Rig, frames
-from rig.replay.decisions import history
+from rig.bench.replay.decisions import history
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
 
 FOLDER = Path(__file__).parents[1] / "golden"
 SEEDS = 3

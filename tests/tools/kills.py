@@ -25,8 +25,8 @@ from typing import Final
 
 import polars as pl
 
-from rig.campaign import tables as table
-from rig.campaign.tables import TABLES
+from rig.studies.campaign import tables as table
+from rig.studies.campaign.tables import TABLES
 
 ROOT: Final = Path(__file__).parents[2]
 RIG: Final = (sys.executable, "-m", "rig")

@@ -310,7 +310,7 @@ def written(section: Section, runs: Sequence[Run], measured: str) -> str:
 
 def page(name: str) -> str:
     """Run the commands of a page; return it."""
-    from rig.util.versions import versions
+    from rig.core.versions import versions
 
     numbers = versions()
     packages = ", ".join(

@@ -9,9 +9,9 @@ import sys
 import numpy as np
 from trial_vs_flight import TrialVsFlight, trial_vs_flight
 
-from rig.campaign.config import read
-from rig.campaign.plan import Plan
-from rig.reliability.trials import leaves_two_good, planned
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.plan import Plan
+from rig.studies.reliability.cell_trials import leaves_two_good, planned
 
 
 def told(found: list[TrialVsFlight]) -> str:

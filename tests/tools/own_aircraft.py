@@ -56,7 +56,7 @@ def flown(folder: Path, name: str, point: str) -> tuple[bool, str]:
 
 def main() -> None:
     """Print the table."""
-    from rig.plant.base_model import names
+    from rig.world.plant.base_model import names
 
     asked = [word for word in sys.argv[1:] if not word.startswith("--")]
     options = ("--no-design",) if "--propose" in sys.argv else ()

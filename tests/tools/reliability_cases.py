@@ -17,12 +17,12 @@ from typing import Final
 import numpy as np
 from isolation_exact import isolations
 
-from rig.frame import S
-from rig.reliability.chain import probabilities, solve_file
-from rig.reliability.margin import Effort, Margin, estimate
-from rig.reliability.margin_bench import Bench
-from rig.reliability.recorded import Recording
-from rig.scenario import load
+from rig.core.frame import S
+from rig.scenario.scenario import load
+from rig.studies.reliability.chain import probabilities, solve_file
+from rig.studies.reliability.held_flight import Recording
+from rig.studies.reliability.margin import Effort, Margin, estimate
+from rig.studies.reliability.margin_bench import Bench
 
 WINSURE: Final = Path(__file__).parents[3] / "shared" / "data" / "winsure"
 Rates = dict[tuple[int, int], float]

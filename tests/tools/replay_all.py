@@ -4,10 +4,10 @@ import sys
 import tempfile
 from time import perf_counter
 
-from rig.flight.assembly import fly
-from rig.recordings.flown import recorded
-from rig.replay.verify import verify
-from rig.util.files import bundled
+from rig.bench.replay.verify import verify
+from rig.core.files import bundled
+from rig.flight.fly import fly
+from rig.log.recordings.flown_log import recorded
 
 
 def main() -> int:

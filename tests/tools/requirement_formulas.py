@@ -1,4 +1,4 @@
-"""Random formulas of requirements, measured by rig.assess.requirements and, frame by frame, by their definition.
+"""Random formulas of requirements, measured by rig.verdict.requirements and, frame by frame, by their definition.
 
     python tests/tools/requirement_formulas.py [--count 2000]
 
@@ -16,10 +16,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from rig.assess.requirements import Requirement, RequirementsRecorder
-from rig.assess.requirements import recorder as recorder_module
-from rig.assess.requirements.subject import EVERYTHING, Subject, Watched
-from rig.frame import DISCRETES, INDEX, SIGNALS, End, State, new_block
+from rig.core.frame import DISCRETES, INDEX, SIGNALS, End, State, new_block
+from rig.verdict.requirements import Requirement, RequirementsRecorder
+from rig.verdict.requirements import requirement_recorder as recorder_module
+from rig.verdict.requirements.subject import EVERYTHING, Subject, Watched
 
 RATE_HZ, MOST, LEAST = 100.0, 1000.0, 1e-9
 Q, P = INDEX["pitch_rate"], INDEX["roll_rate"]

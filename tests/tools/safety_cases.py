@@ -11,10 +11,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from test_safety_tree import CASES, HOURS, ORDER_DECIDES, TWINS, model, scram
 
-from rig.safety.mode_tree import mode_chain, mode_tree
-from rig.safety.signal_chain import transitions
-from rig.safety.signal_tree import signal_tree
-from rig.safety.tree_result import solve
+from rig.studies.safety.mode_tree import mode_chain, mode_tree
+from rig.studies.safety.signal_chain import transitions
+from rig.studies.safety.signal_tree import signal_tree
+from rig.studies.safety.tree_result import solve
 
 
 def main() -> None:

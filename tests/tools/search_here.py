@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
-from rig.campaign.config import Campaign, from_what
-from rig.campaign.plan import Run
-from rig.search.bench import trial_row
-from rig.search.objective import Measured, chosen, measured
-from rig.search.plan import Asked, SearchPlan
-from rig.search.schedule import Method, schedule
+from rig.studies.campaign.campaign_file import Campaign, from_what
+from rig.studies.campaign.plan import Run
+from rig.studies.search.objective import Measured, chosen, measured
+from rig.studies.search.open_loop import trial_row
+from rig.studies.search.rounds import Method, schedule
+from rig.studies.search.search_plan import Asked, SearchPlan
 
 REQUIREMENT: Final = "vote"
 DURATION_S: Final = 14.0

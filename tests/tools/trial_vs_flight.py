@@ -7,19 +7,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.monitored import allowed_frames, lingers
-from rig.assess.outcome import NEVER
-from rig.bench.trials import Trials
-from rig.frame import INDEX, SIGNALS, Block, State, new_block
-from rig.loop import fly_rows
-from rig.reliability.drawn import Cell
-from rig.reliability.one_signal import faults_of, one_signal
-from rig.reliability.recorded import Recording, of_rows
-from rig.reliability.tally import SECOND, TESTED
-from rig.reliability.trials import fly_trials, off_votes
-from rig.scenario import Scenario
-from rig.sensors import Sensors
-from rig.units.angles import differences
+from rig.bench.one_signal_trials import Trials
+from rig.core.frame import INDEX, SIGNALS, Block, State, new_block
+from rig.core.units.angles import differences
+from rig.flight.loop import fly_rows
+from rig.scenario.scenario import Scenario
+from rig.studies.reliability.cell_trials import fly_trials, off_votes
+from rig.studies.reliability.drawn import Cell
+from rig.studies.reliability.held_flight import Recording, of_rows
+from rig.studies.reliability.one_signal import faults_of, one_signal
+from rig.studies.reliability.tally import SECOND, TESTED
+from rig.verdict.monitored_places import allowed_frames, lingers
+from rig.verdict.signal_kernels import NEVER
+from rig.world.sensors import Sensors
 
 
 class TrialVsFlight(NamedTuple):

@@ -24,9 +24,9 @@ from unit_files import build, compiled, library, written
 
 import rig
 from rig.bench.unit_check import check
-from rig.errors import RigError
+from rig.core.errors import RigError
 from rig.unit import guard
-from rig.unit.settings import read_unit
+from rig.unit.unit_file import read_unit
 
 SHORT = ("duration_s=0.3", "faults=[]")
 IN_FLIGHT = ("segv", "abort", "exit", "hang", "error", "state", "silent")  # of tests/units/faulty.c

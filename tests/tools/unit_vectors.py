@@ -52,7 +52,7 @@ from vector_flights import (
 )
 from vector_records import MISSING, Session
 
-from rig.frame import D, S
+from rig.core.frame import D, S
 from rig.unit.vectors import FILE, Case, save
 
 Wanted = Callable[[Flown], bool]

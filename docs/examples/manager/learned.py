@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.units.angles import into_range, unwrap
+from rig.core.units.angles import into_range, unwrap
 
 SHORT, LONG, PERSISTENCE = 100, 1000, 8  # frames
 

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 import rig
-from rig.frame import INDEX
+from rig.core.frame import INDEX
 
 LENGTH, ONSET, LATER, EVERY = 2500, 1500, 50, 10  # frames
 KINDS = ("none", "offset", "drift", "noise", "oscillation", "stuck")

@@ -1,7 +1,7 @@
 """Analytic redundancy: what a signal should read, from its physical partners or from the inertial unit.
 
 references.py     the references of a frame, and what they keep of the votes
-sources.py        which source a signal has, and what that reads
+reference_sources.py  which source a signal has, and what that reads
 kinematics.py     equations of motion that tie a signal to its partners
 inertial_unit.py, strapdown.py  what the inertial unit says in a signal's place
 designed.py       the designed numbers of an aircraft's references

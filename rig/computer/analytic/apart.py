@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, SIGNALS, State, sig
-from rig.kernels import kernel
-from rig.units.angles import difference
+from rig.core.frame import CHANNELS, SIGNALS, State, sig
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference
 
 LEARNING: Final = (sig.P_S, sig.PSI)  # signals whose own references remember their votes (sources.REMEMBERED)
 RECENT_S, USUAL_S = 0.5, 10.0  # of the means of how far the channels are from the vote

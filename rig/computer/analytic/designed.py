@@ -1,4 +1,4 @@
-"""The designed numbers of one aircraft's references: what design/references.py writes to references.toml."""
+"""The designed numbers of one aircraft's references: what design/design_references.py writes to references.toml."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from rig.computer import gain_schedule
-from rig.settings import Settings
+from rig.core.settings import Settings
 
 
 class Point(Settings):

@@ -20,10 +20,10 @@ from typing import Final
 
 import numpy as np
 
-from rig.frame import sig
-from rig.kernels import kernel
-from rig.units.atmosphere import air_density
-from rig.units.constants import GRAVITY
+from rig.core.frame import sig
+from rig.core.kernels import kernel
+from rig.core.units.atmosphere import air_density
+from rig.core.units.constants import GRAVITY
 
 SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 CROSSOVER_RAD_S: Final = 0.4  # of the climb rate: below it barometric, above it inertial

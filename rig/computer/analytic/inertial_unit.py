@@ -13,10 +13,10 @@ import numpy as np
 
 from rig.computer.analytic import strapdown
 from rig.computer.analytic.strapdown import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
-from rig.frame import INERTIAL, sig
-from rig.kernels import kernel
-from rig.units.atmosphere import air_density
-from rig.units.constants import GRAVITY
+from rig.core.frame import INERTIAL, sig
+from rig.core.kernels import kernel
+from rig.core.units.atmosphere import air_density
+from rig.core.units.constants import GRAVITY
 
 # Of the static pressure: the value of this frame, and how the unit's vertical velocity is off.
 PRESSURE: Final = np.dtype(

@@ -24,10 +24,10 @@ from rig.computer.analytic.flight_path import (
     yaw_rate_of,
 )
 from rig.computer.analytic.pitch_filter import begin, follow_path, learn_yaw_drift, predict
-from rig.frame import INERTIAL, sig
-from rig.kernels import kernel
-from rig.units.angles import wrap
-from rig.units.constants import GRAVITY
+from rig.core.frame import INERTIAL, sig
+from rig.core.kernels import kernel
+from rig.core.units.angles import wrap
+from rig.core.units.constants import GRAVITY
 
 _FIRST_PITCH_RAD: Final = 0.05  # sigma of level flight as a first guess
 _DRAWN_S: Final = 10.0  # longer than a slip, shorter than the gyros need to drift off

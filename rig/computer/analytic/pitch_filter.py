@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from rig.computer.analytic.flight_path import PATH_SIGNALS, VERTICAL, pitching
-from rig.frame import sig
-from rig.kernels import kernel
-from rig.settings import Settings, record
-from rig.units.angles import wrap
+from rig.core.frame import sig
+from rig.core.kernels import kernel
+from rig.core.settings import Settings, record
+from rig.core.units.angles import wrap
 
 
 class Noise(Settings):

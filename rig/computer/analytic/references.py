@@ -22,13 +22,13 @@ from rig.computer.analytic import inertial_unit, kinematics, pitch_filter, strap
 from rig.computer.analytic.apart import APART, LEARNING, RECENT_S, USUAL_S, stand_still
 from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
 from rig.computer.analytic.flight_path import SLOWEST
-from rig.computer.analytic.sources import PARTNERS, Config, second, source
+from rig.computer.analytic.reference_sources import PARTNERS, Config, second, source
 from rig.computer.gain_schedule import look_up
-from rig.frame import CHANNELS, INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S, State, sig
-from rig.kernels import kernel
-from rig.settings import record
-from rig.units.angles import difference
-from rig.units.atmosphere import air_density
+from rig.core.frame import CHANNELS, INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S, State, sig
+from rig.core.kernels import kernel
+from rig.core.settings import record
+from rig.core.units.angles import difference
+from rig.core.units.atmosphere import air_density
 
 PARAM: Final = np.dtype(
     [

@@ -29,10 +29,10 @@ from typing import Final
 
 import numpy as np
 
-from rig.frame import INERTIAL, sig
-from rig.kernels import kernel
-from rig.units.angles import wrap
-from rig.units.constants import GRAVITY, TWO_PI
+from rig.core.frame import INERTIAL, sig
+from rig.core.kernels import kernel
+from rig.core.units.angles import wrap
+from rig.core.units.constants import GRAVITY, TWO_PI
 
 STATE: Final = np.dtype(
     [

@@ -20,10 +20,10 @@ from typing import Final
 import numpy as np
 
 from rig.computer.analytic.flight_path import SLOWEST
-from rig.frame import INERTIAL, sig
-from rig.kernels import kernel
-from rig.units.angles import wrap
-from rig.units.constants import GRAVITY
+from rig.core.frame import INERTIAL, sig
+from rig.core.kernels import kernel
+from rig.core.units.angles import wrap
+from rig.core.units.constants import GRAVITY
 
 UNIT: Final = np.dtype(
     [

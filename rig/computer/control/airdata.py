@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-from rig.kernels import kernel
-from rig.units.atmosphere import LOWEST_PRESSURE
-from rig.units.constants import GAS_CONSTANT, HEAT_RATIO, SEA_LEVEL_DENSITY
+from rig.core.kernels import kernel
+from rig.core.units.atmosphere import LOWEST_PRESSURE
+from rig.core.units.constants import GAS_CONSTANT, HEAT_RATIO, SEA_LEVEL_DENSITY
 
 
 @kernel

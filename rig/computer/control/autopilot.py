@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from rig.computer.control.gains import COLUMNS, Gains
+from rig.computer.control.gains_file import COLUMNS, Gains
 from rig.computer.control.law import control_law
+from rig.computer.control.law_state import STATE, ControlData
 from rig.computer.control.modes import LATERAL, LAWS, SPEED, VERTICAL, Lateral, LawName, Speed, Vertical, names
-from rig.computer.control.state import STATE, ControlData
-from rig.computer.fdi.state import STATE as FDI_STATE
-from rig.computer.fdi.state import Config as Tolerant
-from rig.computer.fdi.state import parameters as fdi_parameters
-from rig.frame import SURFACES, Block, nested
-from rig.settings import Settings, numbers, record, share_in_frame
+from rig.computer.fdi.pitch_test_state import STATE as FDI_STATE
+from rig.computer.fdi.pitch_test_state import Config as Tolerant
+from rig.computer.fdi.pitch_test_state import parameters as fdi_parameters
+from rig.core.frame import SURFACES, Block, nested
+from rig.core.settings import Settings, numbers, record, share_in_frame
 
 
 class Config(Settings):

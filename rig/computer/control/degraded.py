@@ -24,13 +24,13 @@ from typing import Final
 from rig.computer.analytic.flight_path import SLOWEST, pitch_rate_of, pitching, roll_rate_of, yaw_rate_of
 from rig.computer.control import laws
 from rig.computer.control.airdata import flight_path_angle
+from rig.computer.control.law_state import C_GAMMA, C_PSI
 from rig.computer.control.laws import clamp
 from rig.computer.control.source import carry, put
-from rig.computer.control.state import C_GAMMA, C_PSI
-from rig.frame import Source, sig
-from rig.kernels import kernel
-from rig.units.angles import wrap
-from rig.units.constants import GRAVITY
+from rig.core.frame import Source, sig
+from rig.core.kernels import kernel
+from rig.core.units.angles import wrap
+from rig.core.units.constants import GRAVITY
 
 _FLATTEST: Final = 0.5  # cosine; divisions by the cosine of an attitude take at least this
 _HASTE: Final = 0.3  # of the time in which an estimated bank is erected, when the roll rate is the model's alone

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 
 from rig.computer.analytic.flight_path import SLOWEST
-from rig.computer.control import backup, degraded, laws, modes
+from rig.computer.control import backup_law as backup
+from rig.computer.control import degraded, laws, modes
 from rig.computer.control.airdata import equivalent_airspeed, flight_path_angle, mach_number, true_airspeed
+from rig.computer.control.law_state import C_BETA, C_EAS, C_GAMMA, C_P, C_PRESSURE_ALTITUDE, C_Q, C_SPEED
 from rig.computer.control.laws import move
 from rig.computer.control.modes import AIRSPEED
 from rig.computer.control.source import select
-from rig.computer.control.state import C_BETA, C_EAS, C_GAMMA, C_P, C_PRESSURE_ALTITUDE, C_Q, C_SPEED
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.gain_schedule import look_up
-from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, Law, S, Source, sig
-from rig.kernels import kernel
-from rig.units.atmosphere import pressure_altitude, temperature
-from rig.units.constants import GRAVITY
+from rig.core.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, Law, S, Source, sig
+from rig.core.kernels import kernel
+from rig.core.units.atmosphere import pressure_altitude, temperature
+from rig.core.units.constants import GRAVITY
 
 _ENGAGED, _WHEELS, _GEAR = (DISCRETE_INDEX[name] for name in ("autopilot_engaged", "weight_on_wheels", "gear_down"))
 _DEMANDS, _SURFACES, _COMMANDS = len(DEMANDS), len(SURFACES), len(COMMANDS)

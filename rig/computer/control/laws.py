@@ -12,10 +12,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.computer.control.gains import COLUMNS
-from rig.kernels import kernel
-from rig.units.angles import wrap
-from rig.units.constants import GRAVITY
+from rig.computer.control.gains_file import COLUMNS
+from rig.core.kernels import kernel
+from rig.core.units.angles import wrap
+from rig.core.units.constants import GRAVITY
 
 (
     TRIM_ALPHA,

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.control import laws
+from rig.computer.control.law_state import C_ALTITUDE, C_BETA, C_P, C_PHI, C_PSI, C_Q, C_SPEED, C_THETA
 from rig.computer.control.laws import clamp
-from rig.computer.control.state import C_ALTITUDE, C_BETA, C_P, C_PHI, C_PSI, C_Q, C_SPEED, C_THETA
 from rig.computer.fdi.monitor import monitor_pitch_angle
-from rig.frame import Law, sig
-from rig.kernels import kernel
-from rig.units.angles import wrap
-from rig.units.constants import GRAVITY, TWO_PI
+from rig.core.frame import Law, sig
+from rig.core.kernels import kernel
+from rig.core.units.angles import wrap
+from rig.core.units.constants import GRAVITY, TWO_PI
 
 _BRAKING: Final = 0.3  # share of the allowed load factor change that a change of altitude plans with
 _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alpha limit

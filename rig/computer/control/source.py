@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from rig.frame import SIGNALS, S, Source, sig
-from rig.kernels import kernel
-from rig.units.angles import difference, limit
+from rig.core.frame import SIGNALS, S, Source, sig
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference, limit
 
 _LOW: Final = np.array([signal.low for signal in SIGNALS])
 _HIGH: Final = np.array([signal.high for signal in SIGNALS])

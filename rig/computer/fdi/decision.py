@@ -17,9 +17,9 @@ from typing import Final
 
 from rig.computer.analytic.pitch_filter import forget
 from rig.computer.fdi import fault_estimate, rate_bias
-from rig.computer.fdi.state import KEPT
-from rig.frame import Trust, sig
-from rig.kernels import kernel
+from rig.computer.fdi.pitch_test_state import KEPT
+from rig.core.frame import Trust, sig
+from rig.core.kernels import kernel
 
 _RECENT_S: Final = 0.5
 _KNOWN_S: Final = 10.0  # after which drift and path offset are known well enough to go back to

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.frame import SensorFault
-from rig.kernels import kernel
+from rig.core.frame import SensorFault
+from rig.core.kernels import kernel
 
 _FIRST_EFFECTIVENESS: Final = 0.6  # sigma of what is not known at the start
 _FIRST_OFFSET_RAD: Final = 0.05

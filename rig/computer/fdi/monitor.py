@@ -9,8 +9,8 @@ from rig.computer.analytic.flight_path import PATH_SIGNALS, climb, path_pitch_an
 from rig.computer.analytic.pitch_filter import begin, correct, follow_path, learn_yaw_drift, move
 from rig.computer.fdi import fault_estimate, rate_bias
 from rig.computer.fdi.decision import decide, innovate
-from rig.frame import INDEX, SensorFault, Source, Trust, sig
-from rig.kernels import kernel
+from rig.core.frame import INDEX, SensorFault, Source, Trust, sig
+from rig.core.kernels import kernel
 
 _PATH: Final = tuple(INDEX[name] for name in PATH_SIGNALS)
 _FIRST_THETA_RAD: Final = 0.001  # sigma of the sensor at the start

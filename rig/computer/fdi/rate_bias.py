@@ -29,10 +29,10 @@ from rig.computer.analytic.unit_bank import (
     learn_bank,
     learned,
 )
-from rig.computer.fdi.state import BOTH, GYROS_ALONE, KEPT, UNIT_ALONE
-from rig.frame import Trust, sig
-from rig.kernels import kernel
-from rig.units.angles import wrap
+from rig.computer.fdi.pitch_test_state import BOTH, GYROS_ALONE, KEPT, UNIT_ALONE
+from rig.core.frame import Trust, sig
+from rig.core.kernels import kernel
+from rig.core.units.angles import wrap
 
 _AGREES: Final = 0.5  # ratio of the two residuals from which on they show the same fault
 _DIFFERS: Final = 0.25  # the ratio below which they do not; between the two more must be seen

@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from rig.computer.analytic.apart import still_within
 from rig.computer.analytic.designed import Designed
+from rig.computer.analytic.reference_sources import PARTNERS, TELLING, second, source
 from rig.computer.analytic.references import ReferenceData, References, refer, remember
-from rig.computer.analytic.sources import PARTNERS, TELLING, second, source
-from rig.computer.redundancy.config import Config, SignalConfig, box_of_signals, parameters, without_lanes
 from rig.computer.redundancy.discrete import DiscreteData, DiscreteVoter, vote_discretes
 from rig.computer.redundancy.discrete_config import discrete_parameters
 from rig.computer.redundancy.durations import in_frames
+from rig.computer.redundancy.manager_config import Config, SignalConfig, box_of_signals, parameters, without_lanes
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, Manager, manager_kind, vote_signals, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.computer.redundancy.state import ManagerData
-from rig.frame import CHANNELS, INDEX, SIGNALS, D
-from rig.kernels import kernel
-from rig.util.trust import Trust
+from rig.core.frame import CHANNELS, INDEX, SIGNALS, D
+from rig.core.kernels import kernel
+from rig.core.trust import Trust
 
 
 class RedundancyData(NamedTuple):

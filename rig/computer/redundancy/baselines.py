@@ -14,10 +14,10 @@ from typing import Final
 
 from rig.computer.redundancy.compare import rank, threshold
 from rig.computer.redundancy.manager import anchor, publish, report
+from rig.computer.redundancy.median_vote import median
 from rig.computer.redundancy.persistence import latch, readmit, watch_failed
-from rig.computer.redundancy.vote import median
-from rig.frame import CHANNELS, Pattern
-from rig.kernels import kernel
+from rig.core.frame import CHANNELS, Pattern
+from rig.core.kernels import kernel
 
 KEPT: Final = 0.95  # of the low-passed deviation, from one sample to the next
 _LARGEST: Final = 1e150  # of a deviation: its square is finite

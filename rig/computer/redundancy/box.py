@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.compare import is_singular
-from rig.computer.redundancy.lasting import begin_sums
-from rig.frame import CHANNELS, Resolver, State
-from rig.kernels import kernel
+from rig.computer.redundancy.slow_faults import begin_sums
+from rig.core.frame import CHANNELS, Resolver, State
+from rig.core.kernels import kernel
 
 MOST_BOXES: Final = 16  # as many as signals; place 0 is that of signals in no box
 BOXES: Final = np.dtype(

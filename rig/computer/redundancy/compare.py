@@ -6,9 +6,9 @@ Ours: thresholds by the number of samples, the outlier threshold, what is not co
 
 from __future__ import annotations
 
-from rig.frame import CHANNELS, Pattern
-from rig.kernels import kernel
-from rig.units.angles import difference
+from rig.core.frame import CHANNELS, Pattern
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference
 
 
 @kernel

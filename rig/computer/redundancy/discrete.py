@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.persistence import readmit
-from rig.frame import CHANNELS, Ilm, State
-from rig.kernels import kernel
+from rig.core.frame import CHANNELS, Ilm, State
+from rig.core.kernels import kernel
 
 STATE: Final = np.dtype(
     [

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rig.frame import to_frame
-from rig.settings import Settings
+from rig.core.frame import to_frame
+from rig.core.settings import Settings
 
 
 def refuse_both(settings: Settings, *names: str) -> None:

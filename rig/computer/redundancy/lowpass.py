@@ -14,10 +14,10 @@ from math import expm1
 import numpy as np
 
 from rig.computer.redundancy.compare import comparable, sort_again
-from rig.computer.redundancy.lasting import is_stale
-from rig.computer.redundancy.vote import mean
-from rig.kernels import kernel
-from rig.units.angles import difference
+from rig.computer.redundancy.median_vote import mean
+from rig.computer.redundancy.slow_faults import is_stale
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference
 
 
 def gain(filter_s: float, rate_hz: float) -> float:

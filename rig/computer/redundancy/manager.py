@@ -9,21 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig.computer.redundancy import vote
+from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy.box import accused, begin_counts, fail_boxes
 from rig.computer.redundancy.compare import comparable, is_singular, pattern_of, rank, threshold
-from rig.computer.redundancy.lasting import (
-    NOBODY,
-    begin_sums,
-    count_repeats,
-    is_stale,
-    lasts,
-    learn_bias,
-    middle,
-    outlier_limit,
-    take_bias_off,
-    watch_sums,
-)
 from rig.computer.redundancy.lowpass import begins_at, follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
@@ -37,9 +25,21 @@ from rig.computer.redundancy.reference_monitor import (
     watch_common,
 )
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
-from rig.frame import CHANNELS, Pattern, Resolver, State
-from rig.kernels import kernel
-from rig.units.angles import difference, limit
+from rig.computer.redundancy.slow_faults import (
+    NOBODY,
+    begin_sums,
+    count_repeats,
+    is_stale,
+    lasts,
+    learn_bias,
+    middle,
+    outlier_limit,
+    take_bias_off,
+    watch_sums,
+)
+from rig.core.frame import CHANNELS, Pattern, Resolver, State
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference, limit
 
 
 @kernel

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit
 from rig.computer.redundancy.box import boxes
 from rig.computer.redundancy.manager import manage
-from rig.computer.redundancy.rivals import settings as of_rivals
+from rig.computer.redundancy.rivals import rival_settings as of_rivals
 from rig.computer.redundancy.rivals.bayes import BAYES_STATE, bayes
 from rig.computer.redundancy.rivals.glr import GLR_STATE, glr
 from rig.computer.redundancy.rivals.parity import parity
@@ -23,8 +23,8 @@ from rig.computer.redundancy.rivals.step import NOBODY, RIVAL_STATE
 from rig.computer.redundancy.rivals.sums import CUSUM_STATE, cusum, innovation
 from rig.computer.redundancy.rivals.weighted import weighted
 from rig.computer.redundancy.state import ManagerData, new_state
-from rig.frame import CHANNELS
-from rig.kernels import inlined, kernel
+from rig.core.frame import CHANNELS
+from rig.core.kernels import inlined, kernel
 
 
 class MonitorLevel(NamedTuple):

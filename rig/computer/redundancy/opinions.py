@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from rig.frame import Ilm
-from rig.kernels import kernel
-from rig.units.angles import difference
+from rig.core.frame import Ilm
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference
 
 NO_ANSWER: Final = -1
 LOW_SIDE: Final = 1

@@ -5,7 +5,7 @@ compiled, is called as ``vote(bus, fcc, k, params, state)``.  Either may take on
 
 bus, fcc : BUS and FCC records of a block of rows, which is used again and again; of row k both read ``channels``,
 ``valid``, ``ilm``, ``reset`` and ``reference``, and must write ``voted``, and may write ``level`` and ``state`` of
-channels that they fail, in every frame (docs/redundancy.md has one of each); assumed.py has what is assumed else
+channels that they fail, in every frame (docs/redundancy.md has one of each); assumed_states.py has what is assumed else
 state : (S,) records of the module's dtype ``STATE``, or of one number; zeros at first, kept from frame to frame
 frame : number of the frame in the flight, from 0, where ``k`` is but a row of the block
 
@@ -24,11 +24,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.assumed import begin_answer, complete_answer
-from rig.errors import BadInput, ManagerFailed
-from rig.frame import Block, State, nested, new_block
-from rig.kernels import bind
-from rig.util.trust import Trust
+from rig.computer.redundancy.assumed_states import begin_answer, complete_answer
+from rig.core.errors import BadInput, ManagerFailed
+from rig.core.frame import Block, State, nested, new_block
+from rig.core.kernels import bind
+from rig.core.trust import Trust
 
 Step = Callable[[Any, Any, int, int], object]  # bus, fcc, row, frame
 _PLAIN_STATE: Final = np.dtype([("value", "f8")])

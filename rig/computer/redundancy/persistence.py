@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from rig.computer.redundancy.compare import comparable, is_singular
-from rig.computer.redundancy.lasting import is_stale, outlier_limit
-from rig.frame import Resolver
-from rig.kernels import kernel
-from rig.units.angles import difference
+from rig.computer.redundancy.slow_faults import is_stale, outlier_limit
+from rig.core.frame import Resolver
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference
 
 
 @kernel

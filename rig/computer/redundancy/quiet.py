@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from rig.computer.redundancy.compare import threshold
-from rig.computer.redundancy.lasting import CALM, NOBODY, largest_sum, learn_one, outlier_limit, sum_one
-from rig.frame import CHANNELS, Pattern
-from rig.kernels import kernel
+from rig.computer.redundancy.slow_faults import CALM, NOBODY, largest_sum, learn_one, outlier_limit, sum_one
+from rig.core.frame import CHANNELS, Pattern
+from rig.core.kernels import kernel
 
 
 @kernel

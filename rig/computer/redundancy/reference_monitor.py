@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 
 from rig.computer.redundancy.compare import is_singular
-from rig.frame import Ilm, Pattern, Resolver
-from rig.kernels import kernel
-from rig.units.angles import difference
-from rig.units.constants import DENSITY_PRINTED
+from rig.core.frame import Ilm, Pattern, Resolver
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference
+from rig.core.units.constants import DENSITY_PRINTED
 
 # With 1.0 reference thresholds healthy last channels were failed in 11 of 384 flights, with 1.5 in none.
 REFERENCE_MARGIN: Final = 1.5

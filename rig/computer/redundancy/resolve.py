@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from rig.computer.redundancy import opinions, vote
+from rig.computer.redundancy import median_vote as vote
+from rig.computer.redundancy import opinions
 from rig.computer.redundancy.compare import is_singular
-from rig.frame import Pattern, Resolver
-from rig.kernels import kernel
-from rig.units.angles import difference
+from rig.core.frame import Pattern, Resolver
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference
 
 
 class Compared(NamedTuple):

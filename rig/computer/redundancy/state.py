@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.opinions import NO_ANSWER
-from rig.frame import CHANNELS
+from rig.core.frame import CHANNELS
 
 STATE: Final = np.dtype(
     [
@@ -29,7 +29,7 @@ STATE: Final = np.dtype(
         ("smooth_order", "i8", (CHANNELS,)),
         ("smooth_reference", "f8"),
         ("smooth_vote", "f8"),
-        # What lasts (lasting.py), each where it is on.
+        # What lasts (slow_faults.py), each where it is on.
         ("bias", "f8", (CHANNELS,)),
         ("learned", "i8", (CHANNELS,)),  # frames that the bias is of
         ("compared", "f8", (CHANNELS,)),

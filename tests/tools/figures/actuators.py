@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from figures import table
 from figures.patterns import SMALL
-from rig import loop
-from rig.campaign.flying import CampaignFlight, fly
-from rig.flight.assembly import fly as fly_logged
-from rig.frame import INDEX, MOVED
-from rig.plant.airframe import Actuator
-from rig.scenario import Scenario, load
-from rig.studies.servo import FREQUENCIES_HZ, RATES_HZ, Compared, compare, step_response
-from rig.util.palette import BLUE, INK, ORANGE
+from rig.core.frame import INDEX, MOVED
+from rig.core.palette import BLUE, INK, ORANGE
+from rig.flight import loop
+from rig.flight.fly import fly as fly_logged
+from rig.scenario.scenario import Scenario, load
+from rig.studies.campaign.flying import CampaignFlight, fly
+from rig.studies.papers.servo_study import FREQUENCIES_HZ, RATES_HZ, Compared, compare, step_response
+from rig.world.plant.airframe import Actuator
 
 AIRCRAFT: Final = ("f16", "b747", "b737")
 BASE: Final = "f16_elevator_coil_hardover"

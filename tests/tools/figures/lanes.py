@@ -17,10 +17,10 @@ import polars as pl
 
 from figures import table
 from figures.actuators import AIRCRAFT, ONSET_S, flown, transient
-from rig.assess import Score, score
-from rig.campaign.flying import CampaignFlight
-from rig.frame import COMPUTERS, INDEX, State
-from rig.record.computers import ComputerFinder, is_engaged, test_name
+from rig.core.frame import COMPUTERS, INDEX, State
+from rig.flight.lane_events import ComputerFinder, is_engaged, test_name
+from rig.studies.campaign.flying import CampaignFlight
+from rig.verdict import Score, score
 
 FOUR: Final = "computers.count=4"
 ONE_ROUND: Final = "computers.exchange_rounds=1"

@@ -26,19 +26,19 @@ from figures import table
 from figures.actuators import BASE, BY_HAND, FOLDER, aircraft_and_rates, costs, healthy_flight
 from figures.lanes import FOUR, findings, four
 from figures.patterns import SMALL
-from rig import scenario
-from rig.campaign.flying import CampaignFlight
-from rig.flight.assembly import fly as fly_logged
-from rig.frame import COMPUTERS, SIGNALS, Health
+from rig.bench.replay.before_after import diff, side
+from rig.bench.replay.verify import verify
+from rig.core.frame import COMPUTERS, SIGNALS, Health
+from rig.core.palette import BLUE, GREEN, INK, ORANGE, RED, VIOLET
+from rig.flight.fly import fly as fly_logged
+from rig.flight.lane_events import test_name
 from rig.log import read_log
 from rig.log.export import export
+from rig.log.recordings.flown_log import recorded
 from rig.log.scan import recover
-from rig.record.computers import test_name
-from rig.recordings.flown import recorded
-from rig.replay.before_after import diff, side
-from rig.replay.verify import verify
-from rig.studies.servo import RATES_HZ
-from rig.util.palette import BLUE, GREEN, INK, ORANGE, RED, VIOLET
+from rig.scenario import scenario
+from rig.studies.campaign.flying import CampaignFlight
+from rig.studies.papers.servo_study import RATES_HZ
 
 ROOT: Final = Path(__file__).parents[3]
 
@@ -47,8 +47,8 @@ ROOT: Final = Path(__file__).parents[3]
 DIGESTS: Final = """
 import sys
 from hashlib import sha256
-from rig import scenario
-from rig.loop import Rig, fly
+from rig.scenario import scenario
+from rig.flight.loop import Rig, fly
 class Digest:
     def __init__(self):
         self.hashes = sha256(), sha256()
@@ -230,7 +230,7 @@ def _cold(sets: Sequence[str]) -> float:
     with TemporaryDirectory() as folder:
         environment = {**os.environ, "RIG_CACHE_DIR": f"{folder}/cache", "NUMBA_CACHE_DIR": f"{folder}/cache"}
         program = (
-            "import os, sys\nfrom rig.loop import fly_rows\nfrom rig.scenario import load\n"
+            "import os, sys\nfrom rig.flight.loop import fly_rows\nfrom rig.scenario.scenario import load\n"
             f"fly_rows(load({BASE!r}, ['duration_s=1', 'faults=[]', *sys.argv[1:]]))\nprint(sum(os.times()[:4]))"
         )
         ran = subprocess.run(

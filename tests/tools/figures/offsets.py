@@ -12,10 +12,10 @@ import polars as pl
 from evidence_rows import AIRCRAFT, SIGNAL_NAMES, Table, flight, manoeuvre, offset, toml
 
 from figures import table
-from rig import scenario
-from rig.campaign.flying import fly
-from rig.campaign.pool import each
-from rig.frame import INDEX
+from rig.core.frame import INDEX
+from rig.scenario import scenario
+from rig.studies.campaign.flying import fly
+from rig.studies.campaign.pool import each
 
 LEAST_FAULTS: Final = 30  # to say a share of
 DETECTED_SHARE: Final = 0.99

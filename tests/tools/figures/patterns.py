@@ -16,12 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 import rig
-from rig.frame import INDEX, Block, State
-from rig.report.figures import reference
-from rig.util.palette import QUIET, RED, REFERENCE, YELLOW
-from rig.util.runs import runs
-from rig.view.notebook import lines
-from rig.view.series import limits, series
+from rig.core.frame import INDEX, Block, State
+from rig.core.palette import QUIET, RED, REFERENCE, YELLOW
+from rig.core.runs import runs
+from rig.show.pages.flight_figures import reference
+from rig.show.viewer.notebook import lines
+from rig.show.viewer.series import limits, series
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

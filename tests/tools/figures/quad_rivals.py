@@ -18,21 +18,21 @@ from numpy.typing import NDArray
 from figures import table
 from figures.quadrotor import AXES, config
 from figures.thresholds import EARLIEST, GIVEN, RATE_HZ, Signals
-from rig.assess.outcome import NEVER
 from rig.computer.redundancy.managers import Manager
-from rig.computer.redundancy.rivals.settings import Cusum, Rivals
-from rig.league.calibration import calibrate
-from rig.league.entrants import Entrant, OfSignal, manager
-from rig.league.healthy import Flight, Healthy
-from rig.recordings.alignment import AlignOptions
-from rig.thresholds.data import Data, load
-from rig.thresholds.design import DataBlock, Grid
-from rig.thresholds.lasting import RULES, Rule, residuals
-from rig.thresholds.monitored import failures, outcomes_of, parameters
-from rig.thresholds.run import design
-from rig.thresholds.tail import GAP_S
-from rig.thresholds.tradeoff import Pieces, faulty
-from rig.util.runs import cluster_starts
+from rig.computer.redundancy.rivals.rival_settings import Cusum, Rivals
+from rig.core.runs import cluster_starts
+from rig.log.recordings.alignment import AlignOptions
+from rig.studies.benchmark.calibration import calibrate
+from rig.studies.benchmark.calibration_data import Flight, Healthy
+from rig.studies.benchmark.entrants import Entrant, OfSignal, manager
+from rig.studies.thresholds.data import Data, load
+from rig.studies.thresholds.design import DataBlock, Grid
+from rig.studies.thresholds.design_signals import design
+from rig.studies.thresholds.pieces import failures, outcomes_of, parameters
+from rig.studies.thresholds.slow_fault_limits import RULES, Rule, residuals
+from rig.studies.thresholds.tail import GAP_S
+from rig.studies.thresholds.tradeoff import Pieces, faulty
+from rig.verdict.signal_kernels import NEVER
 
 Floats = NDArray[np.float64]
 Make = Callable[[str, list[DataBlock], float], Manager]  # of an axis, its flights and a budget an hour

@@ -14,12 +14,12 @@ import numpy as np
 from figures import table
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
-from rig.bench.vote import Result, vote
-from rig.recordings.align import align
-from rig.recordings.alignment import AlignOptions, run_alignment
-from rig.recordings.read import read
-from rig.recordings.recording import Recording
-from rig.recordings.settings import VoteConfig
+from rig.bench.vote_rows import Result, vote
+from rig.log.recordings.align import align
+from rig.log.recordings.alignment import AlignOptions, run_alignment
+from rig.log.recordings.read import read
+from rig.log.recordings.recording import Recording
+from rig.log.recordings.vote_config import VoteConfig
 
 THRESHOLDS: Final = (2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0, 20.0, 30.0)  # deg/s
 PERSISTENCES: Final = (8, 12, 24)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from figures import table
-from rig import aircraft
 from rig.computer.analytic.designed import Designed, Error
-from rig.settings import build, read_toml
+from rig.core.settings import build, read_toml
+from rig.scenario import aircraft
 
 
 def settles(error: Error, monitor: float) -> str:

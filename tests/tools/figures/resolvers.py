@@ -12,7 +12,7 @@ from typing import Final
 import polars as pl
 
 from figures import table
-from rig.campaign.statistics import proportion
+from rig.studies.campaign.statistics import proportion
 
 ALL: Final = "all in the default order"
 ORDERS: Final = ("ilm alone", "reference alone", "trend alone", "extremes and middle alone", ALL)

@@ -13,10 +13,10 @@ from typing import Final
 import polars as pl
 
 from figures import table
-from rig.assess.words import BY_DESIGN
-from rig.campaign.folder import open_folder
-from rig.reliability.cells import of_tables
-from rig.reliability.tally import OUTCOMES
+from rig.studies.campaign.folder import open_folder
+from rig.studies.reliability.campaign_cells import of_tables
+from rig.studies.reliability.tally import OUTCOMES
+from rig.verdict.words import BY_DESIGN
 
 Tables = dict[str, pl.DataFrame]
 HEADS: Final = ("aircraft", "fault", "flights", *(name.replace("_", " ") for name in OUTCOMES))

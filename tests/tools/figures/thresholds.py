@@ -20,18 +20,18 @@ from scipy.stats import poisson
 
 from figures import table
 from figures.quadrotor import AXES, SELECTION, TRIADS, config
-from rig.assess.outcome import NEVER
-from rig.bench.vote import vote
-from rig.recordings.alignment import AlignOptions
-from rig.recordings.recording import Recording, Samples
-from rig.recordings.settings import RecordedSignal
-from rig.thresholds.data import Data, load
-from rig.thresholds.design import DataBlock, Design, Grid, designs
-from rig.thresholds.holdout import OVER, Count, count
-from rig.thresholds.lasting import RULES
-from rig.thresholds.monitored import outcomes
-from rig.thresholds.run import STRETCHES, design
-from rig.thresholds.tradeoff import Pieces, faulty
+from rig.bench.vote_rows import vote
+from rig.log.recordings.alignment import AlignOptions
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.studies.thresholds.data import Data, load
+from rig.studies.thresholds.design import DataBlock, Design, Grid, designs
+from rig.studies.thresholds.design_signals import STRETCHES, design
+from rig.studies.thresholds.holdout import OVER, Count, count
+from rig.studies.thresholds.pieces import outcomes
+from rig.studies.thresholds.slow_fault_limits import RULES
+from rig.studies.thresholds.tradeoff import Pieces, faulty
+from rig.verdict.signal_kernels import NEVER
 
 Floats = NDArray[np.float64]
 Signals = dict[str, list[DataBlock]]

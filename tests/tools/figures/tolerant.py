@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from figures import table
-from rig import scenario
-from rig.aircraft import tables
-from rig.campaign.pool import each
-from rig.campaign.statistics import poisson
 from rig.computer.analytic.unit_bank import bank_by
-from rig.computer.fdi.state import BOTH
-from rig.frame import ESTIMATES, INDEX, Block, SensorFault, Trust
-from rig.loop import Rig, frames
-from rig.studies.rate_bias import AFTER_S, ALL_CHANNELS, POINTS, TURBULENCE, Case, Fault, settings
-from rig.units.angles import wrap
+from rig.computer.fdi.pitch_test_state import BOTH
+from rig.core.frame import ESTIMATES, INDEX, Block, SensorFault, Trust
+from rig.core.units.angles import wrap
+from rig.flight.loop import Rig, frames
+from rig.scenario import scenario
+from rig.scenario.aircraft import tables
+from rig.studies.campaign.pool import each
+from rig.studies.campaign.statistics import poisson
+from rig.studies.papers.rate_bias_study import AFTER_S, ALL_CHANNELS, POINTS, TURBULENCE, Case, Fault, settings
 
 THETA, PHI = INDEX["pitch_angle"], INDEX["roll_angle"]
 ANGLE, INNOVATION, SIGMA = (ESTIMATES.index(f"{x}_rad") for x in ("pitch_angle", "innovation", "innovation_sigma"))

@@ -23,14 +23,14 @@ from unit_files import udp, written
 
 import rig
 from figures import table
-from rig import loop
+from rig.bench.replay.vote_again import OUTPUTS, vote_again
+from rig.core.frame import Block, UnitStatus
+from rig.flight import loop
 from rig.flight.unit_loop import UnitComputer
 from rig.flight.unit_loop import fly_rows as fly_unit
-from rig.frame import Block, UnitStatus
-from rig.replay.vote_again import OUTPUTS, vote_again
-from rig.scenario import Scenario, load, names
-from rig.unit.settings import Unit
-from rig.unit.unit import UnitUnderTest, running
+from rig.scenario.scenario import Scenario, load, names
+from rig.unit.running_unit import UnitUnderTest, running
+from rig.unit.unit_file import Unit
 
 CARRIERS: Final[dict[str, dict[str, Any]]] = {
     "in process": {"path": "libmonitor.so", "isolate": False},

@@ -14,10 +14,10 @@ import psutil
 from unit_files import library, udp, unit, written
 
 from figures import table
-from rig.errors import BadLog
+from rig.core.errors import BadLog
 from rig.log import read_log
 from rig.log.info import info
-from rig.unit.settings import Unit
+from rig.unit.unit_file import Unit
 
 RIG: Final = [sys.executable, "-m", "rig", "fly", "--set", "duration_s=2", "--set", "faults.0.start_s=0.5"]
 BY_LIBRARY: Final = {

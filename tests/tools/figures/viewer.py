@@ -16,8 +16,8 @@ from typing import Final, NamedTuple
 from PIL import Image
 
 import rig
-from rig.view.opened import read
-from rig.view.screenshot import screenshot
+from rig.show.viewer.opened import read
+from rig.show.viewer.screenshot import screenshot
 
 FOLDER: Final = Path(__file__).parents[3] / "docs"
 HEAD: Final = 37  # px of the viewer's own head

@@ -22,7 +22,7 @@ import hypothesis.extra.numpy  # noqa: F401  # warm
 import pytest
 import scipy.spatial.transform  # noqa: F401  # warm
 
-import rig.loop  # noqa: F401  # warm: the libraries stay, itself is forgotten below
+import rig.flight.loop  # noqa: F401  # warm: the libraries stay, itself is forgotten below
 
 for name in [name for name in sys.modules if name.split(".")[0] == "rig"]:
     del sys.modules[name]

@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
-from rig.computer.redundancy.rivals.settings import MEMBERS, SETS
+from rig.computer.redundancy.rivals.rival_settings import MEMBERS, SETS
 from rig.computer.redundancy.rivals.step import (
     begin,
     begin_again,
@@ -35,8 +35,8 @@ from rig.computer.redundancy.rivals.step import (
     limit_of,
     residual,
 )
-from rig.frame import CHANNELS
-from rig.kernels import kernel
+from rig.core.frame import CHANNELS
+from rig.core.kernels import kernel
 
 BAYES_STATE: Final = (
     ("began", "u1"),

@@ -16,10 +16,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.computer.redundancy.rivals.settings import WINDOW
+from rig.computer.redundancy.rivals.rival_settings import WINDOW
 from rig.computer.redundancy.rivals.step import begin, begin_again, end, isolate, largest_above, limit_of, residual
-from rig.frame import CHANNELS
-from rig.kernels import kernel
+from rig.core.frame import CHANNELS
+from rig.core.kernels import kernel
 
 GLR_STATE: Final = (
     ("window", "f8", (WINDOW, CHANNELS)),  # a ring; zero where a channel had no sample

@@ -23,7 +23,7 @@ from rig.computer.redundancy.rivals.step import (
     limit_of,
     residual,
 )
-from rig.kernels import kernel
+from rig.core.kernels import kernel
 
 
 @kernel

@@ -12,12 +12,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rig.computer.redundancy.compare import classify, rank, threshold
-from rig.computer.redundancy.lasting import count_repeats, middle
 from rig.computer.redundancy.manager import anchor, beside, publish, report
 from rig.computer.redundancy.persistence import latch, readmit, watch_failed
 from rig.computer.redundancy.reference_monitor import check_last, monitor_reference, reference_threshold, watch_common
-from rig.frame import CHANNELS, Resolver
-from rig.kernels import kernel
+from rig.computer.redundancy.slow_faults import count_repeats, middle
+from rig.core.frame import CHANNELS, Resolver
+from rig.core.kernels import kernel
 
 NOBODY: Final = -1
 RIVAL_STATE: Final = (

@@ -22,8 +22,8 @@ from rig.computer.redundancy.rivals.step import (
     limit_of,
     residual,
 )
-from rig.frame import CHANNELS
-from rig.kernels import kernel
+from rig.core.frame import CHANNELS
+from rig.core.kernels import kernel
 
 CUSUM_STATE: Final = (("up", "f8", (CHANNELS,)), ("down", "f8", (CHANNELS,)))
 _LEAD: Final = 0.5  # of the limit: by so much less a sum must be for the selection to go there

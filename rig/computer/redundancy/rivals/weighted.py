@@ -8,8 +8,8 @@ of generalized voters for redundant systems.
 from __future__ import annotations
 
 from rig.computer.redundancy.baselines import finish, ranked
-from rig.computer.redundancy.vote import mean
-from rig.kernels import kernel
+from rig.computer.redundancy.median_vote import mean
+from rig.core.kernels import kernel
 
 
 @kernel

@@ -1,0 +1,76 @@
+"""``rig.score``, ``rig.vote``: what a flight or a recording came to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rig.bench.vote_run import Laps, Options, Votes, vote_file
+from rig.bench.write_votes import output, write, write_units_beside
+from rig.core.settings import build
+from rig.flight.flight_result import Flight
+from rig.log.recordings.alignment import AlignOptions
+from rig.scenario.scenario import plain_data
+from rig.unit.running_unit import running
+from rig.verdict.of_log import Scored, score_log
+from rig.verdict.score_records import Yardstick
+
+
+def score(
+    flight: Flight | Path | str,
+    *,
+    twin: bool = True,
+    unit: Path | str | None = None,
+    allow_code: bool = False,
+    **limits: float,
+) -> Scored:
+    """Score a flight, or its log, against the truth: what was detected, missed and wrong, and how it flew.
+
+    twin       : fly the fault-free reference run too, for the transients
+    unit       : the unit file of the flight software under test that flew a log; a flight knows its own
+    allow_code : a manager class that a log names may be run; one that a flight was flown with may be in any case
+    limits     : of a failure transient: ``load_factor`` [g], ``pitch_rate_rad_s``, ``window_s`` after an onset
+    BadInput, one line: no log of a flight, no verdict, a key of ``limits`` that there is not.
+    """
+    yardstick = build(Yardstick, limits, "score")
+    if isinstance(flight, Flight):
+        unit, allow_code = unit or flight.unit_file or None, True
+    with running(unit) as tested:
+        return score_log(_log(flight), yardstick, twin, allow_code, tested)
+
+
+def vote(
+    recorded: Path | str,
+    config: Path | str | Mapping[str, Any] | None = None,
+    *,
+    out: Path | str | None = None,
+    align: AlignOptions | bool = False,
+    faults: Path | str | None = None,
+    repair_time: bool = False,
+    allow_code: bool = False,
+) -> Votes:
+    """Vote on recorded channels with the redundancy manager of the flight.
+
+    recorded : CSV, Parquet or MCAP, or a folder of tables; config : settings of the signals, a file or its tables
+    (docs/vote.md), not needed for the log of a flight; out : .csv, .parquet or .mcap to write too
+    align : take constant delays and offsets off the channels, True for the first six seconds
+    faults : a file or bundled scenario whose faults are put in; repair_time : drop rows whose time steps back
+    BadInput, one line, names the file and the key.
+    """
+    asked = AlignOptions() if align is True else align or None
+    options = Options(asked, None if faults is None else str(faults), repair_time, allow_code)
+    settings = plain_data(config, "config") if isinstance(config, Mapping) else None if config is None else Path(config)
+    path = Path(recorded)
+    if out is None:
+        return vote_file(path, settings, options, Laps())
+    files = [path, settings if isinstance(settings, Path) else None, faults]
+    with output(Path(out), files) as part:
+        votes = vote_file(path, settings, options, Laps())
+        write(part, Path(out), votes.recording, votes.voted)
+    write_units_beside(Path(out), votes.voted)
+    return votes
+
+
+def _log(flight: Flight | Path | str) -> Path:
+    return flight.log if isinstance(flight, Flight) else Path(flight)

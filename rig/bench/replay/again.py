@@ -1,0 +1,42 @@
+"""The recorded frames of a flight once more, open loop: its computers and the monitors of its servo actuators."""
+
+from __future__ import annotations
+
+from rig.bench import lanes_again
+from rig.bench.lanes_again import LanesAgain
+from rig.bench.replay import vote_again, watch_again
+from rig.bench.replay.vote_again import VoteAgain
+from rig.bench.replay.watch_again import WatchAgain
+from rig.core.frame import has_part
+from rig.log.columns import LANE_COLUMNS, LaneColumn
+from rig.log.log_file import Frames
+from rig.scenario.scenario import Scenario
+from rig.unit.running_unit import UnitUnderTest
+
+
+class Again:
+    """The computers of ``scenario`` and its monitors over recorded frames, which are given in their order.
+
+    One computer votes again; several do all that they do.  BadInput: several, and another manager or ``unit``.
+    """
+
+    def __init__(self, scenario: Scenario, unit: UnitUnderTest | None = None) -> None:
+        several = scenario.computers.count > 1
+        self._vote = None if several else VoteAgain(scenario, unit)
+        self._lanes = LanesAgain(scenario, None if unit is None else "a unit under test") if several else None
+        self._watch = WatchAgain(scenario)
+        self.outputs = lanes_again.OUTPUTS if several else vote_again.outputs(unit)  # fields of the rows
+        self.lane_columns = [column for column in LANE_COLUMNS if _written(column)]
+
+    def add(self, frames: Frames) -> Frames:
+        """Copy the next ``frames``, with what is written again."""
+        rows, lanes = frames.rows, frames.lanes
+        if self._vote is not None:
+            rows = self._vote.add(rows)
+        if self._lanes is not None and has_part(lanes, "computer"):
+            rows, lanes = self._lanes.add(rows, lanes)
+        return Frames(rows, frames.timing, self._watch.add(lanes))
+
+
+def _written(column: LaneColumn) -> bool:
+    return column.part == "computer" or column.field in watch_again.OUTPUTS

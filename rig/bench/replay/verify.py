@@ -1,0 +1,91 @@
+"""Whether the same code still says the same of a recorded flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Any
+
+from rig.bench.replay.again import Again
+from rig.bench.replay.before_after import of_replay
+from rig.bench.replay.compare_flights import Comparison, Field, compare, joined
+from rig.bench.replay.decisions import Decisions, Moves
+from rig.core.errors import BadInput
+from rig.core.frame import Block, LaneBlock
+from rig.core.versions import versions
+from rig.flight.unit_loop import fly_blocks
+from rig.log.columns import COLUMNS, chosen_lanes
+from rig.log.log_file import Frames
+from rig.log.recordings.flown_log import Recorded
+from rig.unit.running_unit import UnitUnderTest
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """A recording against the present code: every field, and the decisions that moved."""
+
+    comparison: Comparison
+    decisions: Decisions
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        return {**self.comparison.as_dict(), "decisions": self.decisions.as_dict()}
+
+
+def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = None) -> Verified:
+    """Replay the computers and the monitors of actuators over what was recorded, or ``fly`` the scenario again.
+
+    A replay compares what these write; a flight compares the whole frame.  BadInput: a what if was never flown,
+    a unit under test flew it and none is given.
+    unit : that votes in the place of the recorded manager
+    """
+    scenario, log = recording.scenario, recording.log
+    if fly and recording.what_if is not None:
+        raise BadInput(f"{recording.path}: is a what if ({recording.what_if}); it was never flown")
+    if recording.unit and unit is None:
+        name = recording.unit.get("name")
+        raise BadInput(f"{recording.path}: the unit under test {name!r} flew it: replay it with --unit FILE")
+    if unit is not None and recording.unit:
+        unit.fly_as(recording.unit)
+    if not fly and unit is not None and unit.lane is not None:
+        raise BadInput(f"{recording.path}: {unit.unit.name} is one lane of several: fly it again, --fly")
+    computer = None if fly else Again(scenario, unit)
+    again = fly_blocks(scenario, log.frames, unit) if computer is None else _replayed(recording, computer)
+    fields, moves, frames = list[Field](), Moves(), 0
+    for old, new in zip_longest(log.blocks(), again):
+        rows, lanes = new or (old.rows[:0], None if old.lanes is None else old.lanes[:0])
+        compared = _compared(old, rows, lanes, computer)
+        fields = [joined(*pair) for pair in zip(fields, compared, strict=True)] if fields else compared
+        moves.add(old.rows, rows, old.lanes, lanes)
+        frames += len(rows)
+    lengths = [f"recorded {log.frames} frames, flown again {frames}"] if log.frames != frames else []
+    notes = [*of_replay(log.metadata, versions()), *_of_unit(recording, unit)]
+    return Verified(Comparison(min(log.frames, frames), fields, lengths, notes), moves.decisions())
+
+
+def _replayed(recording: Recorded, computer: Again) -> Iterator[tuple[Block, LaneBlock | None]]:
+    for block in recording.log.blocks():
+        frames = computer.add(block)
+        yield frames.rows, frames.lanes
+
+
+def _compared(old: Frames, rows: Block, lanes: LaneBlock | None, again: Again | None) -> list[Field]:
+    """Compare what is written ``again``; all fields of a flight."""
+    columns = [column for column in COLUMNS if again is None or column.field in (*again.outputs, "acting")]
+    fields = compare(old.rows, rows, columns)
+    if old.lanes is None or lanes is None:
+        return fields
+    chosen = [column for column in chosen_lanes(lanes) if again is None or column in again.lane_columns]
+    return fields + compare(old.lanes, lanes, chosen)
+
+
+def _of_unit(recording: Recorded, unit: UnitUnderTest | None) -> list[str]:
+    """Return notes on the unit then and now."""
+    if unit is None:
+        return []
+    then, now = recording.unit, unit.unit.about()
+    if not then:
+        return [f"unit: flown by our own manager, replayed by {now['name']}"]
+    same = then.get("sha256") == now["sha256"]
+    return [] if same else [f"unit: {now['name']} is another build than the one that flew"]

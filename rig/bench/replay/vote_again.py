@@ -1,0 +1,72 @@
+"""The recorded frames once more: through the redundancy stage alone, or flown from the first frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from rig.bench.drive import Decide, Stages, run, write_sources
+from rig.bench.lanes_again import blank, copied, places_of
+from rig.bench.vote_rows import by_class
+from rig.core.frame import Block, nested
+from rig.flight import loop
+from rig.flight.unit_loop import UnitVoter
+from rig.scenario.scenario import Scenario
+from rig.unit.running_unit import UnitUnderTest
+from rig.unit.unit_records import Form
+
+# What the redundancy stage writes of a row, and the source that the control law takes on its word.
+OUTPUTS: Final = (
+    *("voted", "reference", "second_reference", "trend_high", "trend_low", "state", "level", "pattern", "resolver"),
+    *("reference_usable", "common_mode"),
+    *("source", "discrete_voted", "discrete_state", "discrete_level"),
+)
+COMMANDED: Final = ("surface", "law")  # by a unit in the form of a flight computer
+
+
+def vote_again(rows: Block, scenario: Scenario, unit: UnitUnderTest | None = None) -> Block:
+    """Copy all ``rows`` of a flight, with OUTPUTS as VoteAgain writes them."""
+    return VoteAgain(scenario, unit).add(rows)
+
+
+class VoteAgain:
+    """The redundancy stage of ``scenario`` over the channels of recorded rows, which are given in their order.
+
+    Faults on references act again, in the frames in which they did.  Open loop: truth, channels, commands and all
+    else stay those of the rows.  BadInput: the user's manager.
+
+    unit : that votes in the place of the manager; one in the form of a flight computer writes SURFACES too
+    """
+
+    def __init__(self, scenario: Scenario, unit: UnitUnderTest | None = None) -> None:
+        self._scenario, self._unit, self._stage = scenario, unit, loop.redundancy(scenario)
+        self._voter: UnitVoter | None = None
+        self._on_references = [i for i, fault in enumerate(scenario.faults) if "reference" in places_of(fault)]
+        flown = scenario if self._on_references else scenario.model_copy(update={"faults": []})
+        self._faults, data = loop.faults(flown), self._stage.data
+        self._stages = Stages(
+            faults=self._faults.data, references=data.references, manager=data.manager, discretes=data.discretes
+        )
+
+    def add(self, rows: Block) -> Block:
+        """Copy the next ``rows`` (n,), with OUTPUTS written again."""
+        again = blank(rows, self._scenario, outputs(self._unit), self._on_references)
+        self._faults.prepare(again)
+        flown = nested(copied(rows) if self._on_references else again)
+        run(nested(again), replace(self._stages, faults=self._faults.data), flown, self._decide(again))
+        write_sources(nested(again))
+        return again
+
+    def _decide(self, again: Block) -> Decide | None:
+        """Return what votes in the place of the manager: a unit, a user's class, or None."""
+        if self._unit is None:
+            return None if self._stage.own is None else by_class(self._stage.own, again, nested(again))
+        if self._voter is None:
+            self._voter = UnitVoter(self._unit, self._scenario, self._stage, again)
+        voter = self._voter
+        return lambda _, k: voter.step(again, k)
+
+
+def outputs(unit: UnitUnderTest | None) -> tuple[str, ...]:
+    """Return the fields that a replay writes."""
+    return OUTPUTS if unit is None or unit.form is Form.REDUNDANCY else (*OUTPUTS, *COMMANDED)

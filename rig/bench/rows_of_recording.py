@@ -1,0 +1,98 @@
+"""Recorded channels as rows of the frame, and the answers out of them: a block of rows at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from rig.bench.drive import ROWS
+from rig.core.frame import Block, Ilm, Rows, S
+from rig.log.recordings.recording import Bytes, Samples
+from rig.log.recordings.stamps import Floats
+
+FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
+# What a flight's log has besides, and a vote by its scenario gives again.
+FLIGHT_FIELDS: Final = ("common_mode", "source", "reset")
+
+
+def blocks(kind: Rows, n: int) -> Iterator[tuple[slice, Block]]:
+    """Yield parts of n rows, and blank rows for each; the same memory again and again."""
+    size = max(1, ROWS * S // max(kind.signals, S))
+    memory = kind.block(size)
+    for start in range(0, n, size):
+        part = slice(start, min(start + size, n))
+        block = memory[: part.stop - start]
+        block["frame"], block["acting"] = np.arange(part.start, part.stop), 0
+        block["channels"] = block["reference"] = block["second_reference"] = np.nan
+        block["valid"] = 1
+        block["ilm"] = block["discrete_ilm"] = Ilm.ABSENT
+        yield part, block
+
+
+class Columns(NamedTuple):
+    """The results of one signal, (n,) each."""
+
+    fields: dict[str, Any]
+    states: list[Bytes]
+    spread: Floats
+
+    @classmethod
+    def of(cls, n: int, fitted: int, flown: bool) -> Columns:
+        """Return room for n rows; ``flown`` : with FLIGHT_FIELDS."""
+        names = (*FIELDS, *(FLIGHT_FIELDS if flown else ()))
+        fields: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in names}
+        return cls(fields, [np.empty(n, np.uint8) for _ in range(fitted)], np.empty(n))
+
+    def take(self, block: Block, i: int, part: slice) -> None:
+        """Keep the answers of ``part`` for signal i of the block."""
+        for name, column in self.fields.items():
+            column[part] = block[name][:, i]
+        for c, column in enumerate(self.states):
+            column[part] = block["state"][:, i, c]
+
+
+def put(block: Block, i: int, samples: Samples, part: slice, second: bool) -> None:
+    """Write the samples of ``part`` as signal i of the block."""
+    for c, column in enumerate(samples.channels):
+        block["channels"][:, i, c] = column[part]
+    for c, flags in enumerate(samples.ilm or ()):
+        block["ilm"][:, i, c] = flags[part]
+    for c, flags in enumerate(samples.valid or ()):
+        block["valid"][:, i, c] = flags[part]
+    if samples.reference is not None:
+        block["reference"][:, i] = samples.reference[part]
+    if second and samples.second_reference is not None:
+        block["second_reference"][:, i] = samples.second_reference[part]
+
+
+def put_discrete(block: Block, d: int, samples: Samples, part: slice) -> None:
+    """Write the samples of ``part`` as discrete d of the block; an empty one is invalid."""
+    valid = block["discrete_valid"]
+    for c, column in enumerate(samples.channels):
+        block["discrete_channels"][:, d, c], valid[:, d, c] = column[part] == 1, ~np.isnan(column[part])
+    for c, flags in enumerate(samples.valid or ()):
+        valid[:, d, c] &= flags[part] != 0
+    for c, flags in enumerate(samples.ilm or ()):
+        block["discrete_ilm"][:, d, c] = flags[part]
+
+
+class DiscreteColumns:
+    """Samples and results of one discrete."""
+
+    def __init__(self, n: int, samples: Samples, reset: Bytes) -> None:
+        self.samples, self.reset = samples, reset
+        self.voted, self.level = np.empty(n, np.uint8), np.empty(n, np.uint8)
+        self.state = [np.empty(n, np.uint8) for _ in samples.channels]
+
+    def put(self, block: Block, d: int, part: slice) -> None:
+        """Write the samples of ``part`` as discrete d."""
+        put_discrete(block, d, self.samples, part)
+        block["discrete_reset"][:, d] = self.reset[part]
+
+    def take(self, block: Block, d: int, part: slice) -> None:
+        """Keep the answers of ``part``."""
+        self.voted[part], self.level[part] = block["discrete_voted"][:, d], block["discrete_level"][:, d]
+        for c, column in enumerate(self.state):
+            column[part] = block["discrete_state"][:, d, c]

@@ -1,0 +1,215 @@
+"""How every command prints for people: one printer of tables, lines with a label, numbers with an interval."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from textwrap import wrap
+from typing import Any, Final, NamedTuple
+
+from rich.cells import cell_len
+from rich.table import Table
+from rich.text import Text
+
+from rig.core.console import console, styled
+from rig.core.text import plain
+
+MOST_LINES: Final = 40  # of one kind on the terminal; --json has all
+KEPT: Final = 9  # worth of a column that is never left out
+_LABEL: Final = 9  # characters before what a line tells
+_PROSE: Final = 32  # a column with longer text is folded at words
+_WORD: Final = re.compile(r"\S+")
+_PADDING: Final = 2  # characters between two columns
+
+
+class Column(NamedTuple):
+    """A column of a table.
+
+    value : a row's attribute, key or index, with dots for one inside another; or a function of the row
+    format : of numbers, as Python's format() takes it; text is shown as it is
+    unit : shown after the title
+    empty : shown where there is no value
+    worth : up to KEPT; a table that is too wide is printed without the columns that are worth least
+    """
+
+    title: str
+    value: str | int | Callable[[Any], Any]
+    format: str = ""
+    unit: str = ""
+    empty: str = ""
+    worth: int = KEPT
+
+    @property
+    def head(self) -> str:
+        """The title with its unit."""
+        return f"{self.title}, {self.unit}".rstrip(", ")
+
+    def cell(self, row: Any) -> Text:
+        """Return what the column shows of a row."""
+        value = self.value(row) if callable(self.value) else _lookup(row, self.value)
+        if isinstance(value, Text):
+            return value
+        return styled(self.empty if value is None else value if isinstance(value, str) else format(value, self.format))
+
+
+def _lookup(row: Any, name: str | int) -> Any:
+    """Return the item ``name`` of a row: an index, or names of keys and attributes with dots between."""
+    if isinstance(name, int):
+        return row[name]
+    for part in name.split("."):
+        row = row[part] if isinstance(row, Mapping) else getattr(row, part)
+    return row
+
+
+def columns(*titles: str, worth: Mapping[str, int] | None = None) -> list[Column]:
+    """Return the columns of rows that are tuples of text; ``worth`` of those that may be left out, by title."""
+    return [Column(title, i, worth=(worth or {}).get(title, KEPT)) for i, title in enumerate(titles)]
+
+
+def table(
+    rows: Iterable[Any], columns: Sequence[Column], most: int | None = None, style: Callable[[Any], str] | None = None
+) -> None:
+    """Print ``rows`` under the titles of ``columns``, as many as the screen is wide for; nothing where there are none.
+
+    No head and no number is cut: heads are folded at words, and where even these do not fit, the other columns follow
+    below, each part with the first column.
+
+    most : rows that are printed; a line tells how many more there are
+    style : of a row
+    """
+    rows = list(rows)
+    if not rows:
+        return
+    screen = console()
+    cells = [[column.cell(row) for row in rows[:most]] for column in columns]
+    heads, widths = _heads(columns, cells, screen.width)
+    kept = _fitting(columns, widths, screen.width)
+    for part in _parts(kept, [_narrowest(head, shown) for head, shown in zip(heads, cells, strict=True)], screen.width):
+        printed = Table(box=None)
+        for i in part:
+            fixed = widths[i] <= _PROSE and len(part) > 1
+            printed.add_column(Text(heads[i]), no_wrap=fixed, overflow="fold", vertical="top")
+        for k, row in enumerate(rows[:most]):
+            printed.add_row(*(cells[i][k] for i in part), style=style(row) if style else None)
+        screen.print(printed)
+    if gone := [column.title for i, column in enumerate(columns) if i not in kept]:
+        line(f"  left out at {screen.width} columns, all with --json: {', '.join(gone)}")
+    if most is not None:
+        rest(len(rows), most)
+
+
+def _heads(columns: Sequence[Column], cells: Sequence[Sequence[Text]], width: int) -> tuple[list[str], list[int]]:
+    """Return heads and widths of columns; heads that do not fit are folded at words, in as few lines as it takes."""
+    titles = [plain(column.head) for column in columns]
+    widest = [max(cell.cell_len for cell in shown) for shown in cells]
+    lines = 1
+    while True:
+        heads = [_in_lines(title, lines) for title in titles]
+        widths = [max(least, *map(cell_len, head), 0) for head, least in zip(heads, widest, strict=True)]
+        fits = sum(min(each, _PROSE) + _PADDING for each in widths) <= width
+        if fits or lines > max(len(title.split()) for title in titles):
+            return ["\n".join(head) for head in heads], widths
+        lines += 1
+
+
+def _in_lines(title: str, lines: int) -> list[str]:
+    """Return a title in at most so many lines, as narrow as they can be; no word is cut."""
+    narrowest = max(map(len, title.split()), default=1)
+    folded = (wrap(title, width, break_on_hyphens=False) for width in range(narrowest, len(title) + 1))
+    return next((each for each in folded if len(each) <= lines), [title])
+
+
+def _narrowest(head: str, cells: Sequence[Text]) -> int:
+    """Return the least width of a column in which no word is cut; text up to _PROSE stays in one line."""
+    widest = max(cell.cell_len for cell in cells)
+    inside = widest if widest <= _PROSE else max(cell_len(word) for cell in cells for word in cell.plain.split())
+    return max(inside, *map(cell_len, head.splitlines()), 0)
+
+
+def _parts(kept: Sequence[int], narrowest: Sequence[int], width: int) -> list[list[int]]:
+    """Return the columns of each part of a table: one, or as many as it takes, each with the first column."""
+    parts, first = [list(kept[:1])], kept[0]
+    for i in kept[1:]:
+        if sum(narrowest[k] + _PADDING for k in (*parts[-1], i)) > width:
+            again = narrowest[first] + narrowest[i] + 2 * _PADDING <= width
+            parts.append([first] if again else [])
+        parts[-1].append(i)
+    return parts
+
+
+def _fitting(columns: Sequence[Column], widths: Sequence[int], width: int) -> list[int]:
+    """Return which columns fit: all but those that are worth least, of equal ones the last."""
+    kept = list(range(len(columns)))
+    leaving = sorted((i for i in kept if columns[i].worth < KEPT), key=lambda i: (columns[i].worth, -i))
+    for i in leaving:
+        if sum(min(widths[k], _PROSE) + _PADDING for k in kept) <= width:
+            break
+        kept.remove(i)
+    return kept
+
+
+def rest(count: int, most: int, text: str = "  and {} more, with --json") -> None:
+    """Print how many of ``count`` are not shown, where more than ``most`` there are."""
+    if count > most:
+        line(text.format(count - most))
+
+
+def line(*parts: str | tuple[str, str], style: str = "", fold: bool = True, indent: int | None = None) -> None:
+    """Print one line, each part text, or text with its style; on a terminal folded at words, in a pipe never.
+
+    fold : False for a command, which is to be copied
+    indent : of what follows the first fold; that of the line when not given
+    """
+    screen, text = console(), styled(*parts)
+    if not (fold and screen.is_terminal):
+        screen.print(text, style=style, soft_wrap=True)
+        return
+    start = len(text) - len(text.plain.lstrip(" ")) if indent is None else indent
+    begin, body = text[:start], text[start:]
+    for part in body.divide(_folds(body.plain, screen.width - start)):
+        part.rstrip()
+        screen.print(begin + part, style=style, soft_wrap=True)
+        begin = Text(" " * start)
+
+
+def _folds(text: str, width: int) -> list[int]:
+    """Return where lines of ``width`` characters begin, but for the first: at words; a longer word stays whole."""
+    folds = [0]
+    for word in _WORD.finditer(text):
+        if word.end() - folds[-1] > width and word.start() > folds[-1]:
+            folds.append(word.start())
+    return folds[1:]
+
+
+def field(label: str, *parts: str | tuple[str, str], style: str = "", width: int = _LABEL, fold: bool = True) -> None:
+    """Print one line that begins with its label."""
+    line(f"{label:{width}}", *parts, style=style, fold=fold, indent=width)
+
+
+def counts(numbers: Mapping[str, Any], names: Iterable[str] | None = None) -> list[str]:
+    """Return ``3 late``, ``1 replies lost`` for the counts that are above zero, those of ``names`` alone if given."""
+    shown = numbers if names is None else list(names)
+    return [f"{numbers[name]} {name.replace('_', ' ')}" for name in shown if _is_count(numbers[name])]
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value > 0
+
+
+def share(rate: Mapping[str, Any]) -> str:
+    """Return a proportion with its interval; ``rate`` has count, of, value, low and high."""
+    if rate["value"] is None:
+        return "none"
+    return f"{rate['count']} of {rate['of']}: {rate['value']:.4f} ({rate['low']:.4f} to {rate['high']:.4f})"
+
+
+def rough_duration(seconds: float) -> str:
+    """Return a duration for a plan: ``90 s``, ``12 min``, ``3.5 h``."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+def file_size(count: int) -> str:
+    """Return a number of bytes in MB or GB."""
+    return f"{count / 1e6:.1f} MB" if count < 1e9 else f"{count / 1e9:.1f} GB"

@@ -1,0 +1,276 @@
+"""``rig vote`` and ``rig thresholds``: recorded channels voted, thresholds designed from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from typer import Argument, Option
+
+from rig.cli.common import Align, AllowCode, Json, comma_list, emit, takes_options, whole_numbers
+from rig.cli.printing import KEPT, Column, line, table
+from rig.cli.requirements_option import Requirements
+from rig.cli.working import working
+from rig.core.errors import BadInput
+from rig.core.text import quoted
+
+if TYPE_CHECKING:
+    from rig.studies.thresholds.design import Grid
+
+MOST_FRAMES: Final = 10_000
+LEAST_BUDGET: Final = 1e-12  # false isolations an hour
+MOST_S: Final = 1e3  # of a filter
+_MARKED: Final = 100.0  # extrapolations beyond this are marked
+
+
+@dataclass(frozen=True, kw_only=True)
+class VoteOptions:
+    """The options of ``rig vote``."""
+
+    recorded: Annotated[
+        Path, Argument(metavar="INPUT", help="CSV, Parquet or MCAP, or a folder of tables.", show_default=False)
+    ]
+    out: Annotated[Path, Option(metavar="FILE", help="What to write: .csv, .parquet or .mcap.", show_default=False)]
+    config: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Settings of the signals, TOML.", show_default="those of the flight's log"),
+    ] = None
+    align: Align
+    inject: Annotated[
+        str | None,
+        Option(metavar="FILE", help="Put the faults of FILE into the channels and score who is failed."),
+    ] = None
+    repair_time: Annotated[
+        bool, Option("--repair-time", help="Drop rows whose time repeats or steps back, and say how many.")
+    ] = False
+    requirements: Requirements = None
+    allow_code: AllowCode = False
+    as_json: Json = False
+
+
+@takes_options
+def vote(options: VoteOptions) -> None:
+    """Vote on recorded channels with the redundancy manager of the flight."""
+    from rig.bench.vote_run import Options, run
+    from rig.cli import show_vote
+
+    requirements = tuple(options.requirements or ())
+    how = Options(options.align.options(), options.inject, options.repair_time, options.allow_code, requirements)
+    with working("reading", not options.as_json):
+        summary = run(options.recorded, options.config, options.out, how)
+    emit(options.as_json, summary, lambda: show_vote.vote(summary))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThresholdsOptions:
+    """The options of ``rig thresholds``."""
+
+    inputs: Annotated[
+        list[Path],
+        Argument(metavar="INPUT...", help="Recordings, folders of them, logs, a campaign.", show_default=False),
+    ]
+    budget: Annotated[float, Option(metavar="X", help="False isolations an hour and signal.", show_default=False)]
+    out: Annotated[
+        Path, Option(metavar="FILE", help="What to write: CONFIG with the thresholds, TOML.", show_default=False)
+    ]
+    config: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Settings of rig vote; logs of ours may do without.", show_default=False),
+    ] = None
+    persistence: Annotated[str, Option(metavar="N,N...", help="Frames to try.")] = "8,12,24,48"
+    levels: Annotated[str, Option(metavar="N,N...", help="Channels in use to design for.")] = "4,3,2"
+    filters: Annotated[str, Option("--filter", metavar="S,S...", help="Low-pass of the comparison to try.")] = "0,0.1"
+    lasting: Annotated[str, Option(metavar="RULE,RULE...", help="What lasts, to try: bias, slow, stale, or none.")] = (
+        "bias,slow,stale"
+    )
+    align: Align
+    repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False
+    keep: Annotated[bool, Option("--keep", help="Also use flights in which one channel deviates from the others.")] = (
+        False
+    )
+    transients: Annotated[
+        bool,
+        Option("--transients", help="No threshold within the noise of single frames: transients fail nobody."),
+    ] = False
+    outlier: Annotated[
+        bool, Option("--outlier", help="Write outlier_threshold, and keep the threshold that there is.")
+    ] = False
+    monitored: Annotated[
+        list[Path] | None,
+        Option(
+            metavar="FILE",
+            help="A recording on which they will be used; warns if it moves more than the design data. Repeatable.",
+            show_default=False,
+        ),
+    ] = None
+    plot: Annotated[Path | None, Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)] = (
+        None
+    )
+    seed: Annotated[int, Option(metavar="N", help="Seed of the bootstrap.", min=0)] = 0
+    as_json: Json = False
+
+
+@takes_options
+def thresholds(options: ThresholdsOptions) -> None:
+    """Compute thresholds from healthy recordings that keep false isolations within a budget an hour."""
+    from rig.studies.thresholds.design_run import Options, run
+
+    grid = _grid(options)
+    how = Options(
+        inputs=options.inputs,
+        config=options.config,
+        out=options.out,
+        page=options.plot,
+        grid=grid,
+        repair_time=options.repair_time,
+        align=options.align.options(),
+        keep=options.keep,
+        outlier=options.outlier,
+        monitored=options.monitored or [],
+    )
+    with working("reading", not options.as_json):
+        summary = run(how)
+    emit(options.as_json, summary, lambda: _show(summary))
+
+
+def _grid(options: ThresholdsOptions) -> Grid:
+    """Return the designs to try."""
+    from rig.studies.thresholds.design import Grid
+
+    if not (isfinite(options.budget) and options.budget >= LEAST_BUDGET):
+        raise BadInput(f"--budget: false isolations an hour, {LEAST_BUDGET:g} or more, got {options.budget}")
+    frames = whole_numbers("--persistence", options.persistence, 1, MOST_FRAMES)
+    counts = whole_numbers("--levels", options.levels, 2, 4)
+    rules = () if options.outlier else _rules(options.lasting)  # beside thresholds that are kept: one kind of design
+    filters = _seconds("--filter", options.filters)
+    return Grid(options.budget, frames, counts, filters, options.seed, rules, options.transients)
+
+
+def _seconds(option: str, text: str) -> list[float]:
+    seconds = comma_list(option, text, f"seconds from 0 to {MOST_S:.0f}", float, lambda value: 0.0 <= value <= MOST_S)
+    return sorted(set(seconds))
+
+
+def _rules(text: str) -> list[Any]:
+    """Return the rules of what lasts that ``text`` names."""
+    from rig.studies.thresholds.slow_fault_limits import RULES
+
+    if text.strip() == "none":
+        return []
+    named = {name.strip() for name in text.split(",")}
+    if unknown := sorted(named.difference(RULES)):
+        raise BadInput(f"--lasting: none, or of {', '.join(RULES)}, got {quoted(unknown[0])}")
+    return [rule for rule in RULES if rule in named]
+
+
+def _show(summary: dict[str, Any]) -> None:
+    """Print the thresholds of each signal, what they isolate, the hold-out check and the remarks."""
+    signals = summary["signals"]
+    hours, flights = f"{summary['hours']:.4g} h", f"{summary['flights']} recordings"
+    line(f"{summary['budget_per_h']:g} false isolations an hour and signal, from {hours} in {flights}")
+    for name, signal in signals.items():
+        if signal["designs"]:
+            line()
+            line(f"{name}: threshold (95 % upper) and point estimate, {signal['unit'] or 'unit of the signal'}")
+            table(_level_rows(signal), _LEVELS)
+    _tradeoffs(signals)
+    line(f"chosen (>): {summary['rule']}")
+    held_out = [(name, level, count) for name, signal in signals.items() for level, count in signal["hold_out"].items()]
+    if held_out:
+        line()
+        line("hold-out: half of the data design, false isolations in the other half, both ways")
+        table(held_out, _HOLD_OUT)
+    line()
+    line("motion of the data, 95 %: thresholds hold for data that move no more")
+    table(({"signal": name, **signal["motion"]} for name, signal in signals.items()), _MOTION)
+    for note in summary["notes"]:
+        line(f"note: {note}")
+    line(", ".join(f"{stage} {taken:.2f} s" for stage, taken in summary["seconds"].items()))
+    line(f"written  {summary['out']}")
+
+
+def _chosen(signal: dict[str, Any], design: dict[str, Any]) -> str:
+    chosen = signal["chosen"]
+    keys = ("persistence", "filter_s", "bias_bound", "slow_limit")
+    same = chosen and all(chosen.get(key) == design[key] for key in keys)
+    return ">" if same else ""
+
+
+def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return a row for each design and level; what a design has once is in its first row."""
+    rows = []
+    for design in signal["designs"]:
+        mark = "*" if design["extrapolation"] > _MARKED else ""
+        for i, (level, threshold) in enumerate(design["levels"].items()):
+            once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
+            rows.append(
+                {
+                    **threshold,
+                    "level": level,
+                    "threshold": f"{threshold['upper']:.4g}{mark}",
+                    "design": {} if i else once,
+                }
+            )
+        for level, threshold in design["outlier_levels"].items():
+            rows.append(
+                {
+                    **threshold,
+                    "level": f"{level}, outlier",
+                    "threshold": f"{threshold['upper']:.4g}{mark}",
+                    "design": {},
+                }
+            )
+    return rows
+
+
+def _of_design(title: str, key: str, format: str = "", unit: str = "", worth: int = KEPT) -> Column:
+    """Return a column of what a design has once."""
+    return Column(title, lambda row: row["design"].get(key), format, unit, worth=worth)
+
+
+_LEVELS: Final = (
+    *(_of_design("", "chosen"), _of_design("filter", "filter_s", "g", "s"), _of_design("frames", "persistence")),
+    *(_of_design("bias", "bias_bound", ".3g", worth=8), _of_design("sum", "slow_limit", ".3g", worth=8)),
+    *(Column("in use", "level"), Column("threshold", "threshold"), Column("point", "point", ".4g")),
+    *(Column("clusters", "clusters", worth=6), Column("shape", "shape", ".2f", worth=5)),
+    _of_design("extrapolation", "beyond", worth=7),
+)
+_HOLD_OUT: Final = (
+    *(Column("signal", 0), Column("in use", 1), Column("counted", lambda row: row[2]["counted"])),
+    Column("budget allows", lambda row: row[2]["expected"], ".3g"),
+    Column("", lambda row: "over" if row[2]["significantly_over"] else ""),
+)
+_MOTION: Final = (
+    *(Column("signal", "signal"), Column("from its median", "value", ".4g"), Column("a second", "rate_per_s", ".4g")),
+    *(Column("between channels", "noise", ".4g", worth=7), Column("", lambda row: "at rest" if row["still"] else "")),
+)
+
+
+def _tradeoffs(signals: dict[str, Any]) -> None:
+    """Print what each design isolates of faults injected into the same data."""
+    rows = [
+        {"chosen": _chosen(signal, design), "signal": name, **design, **design["tradeoff"]}
+        for name, signal in signals.items()
+        for design in signal["designs"]
+        if design["tradeoff"] is not None
+    ]
+    if not rows:
+        return
+    faults = (Column(kind, lambda row, kind=kind: _right(row["faults"][kind]), worth=5) for kind in rows[-1]["faults"])
+    shown = (
+        *(Column("", "chosen"), Column("signal", "signal"), Column("filter", "filter_s", "g", "s")),
+        *(Column("frames", "persistence"), Column("bias", "bias_bound", ".3g"), Column("sum", "slow_limit", ".3g")),
+        *(Column("stale", "stale_frames", worth=8), Column("smallest offset", "smallest_offset", ".3g", empty="none")),
+        Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none", worth=7),
+        *(*faults, Column("share", "found_rightly", ".3f")),
+    )
+    line()
+    line("faults injected into the same data: found rightly (offsets in parts of the motion)")
+    table(rows, shown)
+
+
+def _right(fault: dict[str, Any]) -> str:
+    of = fault["right"] + fault["wrong"] + fault["missed"]
+    return f"{fault['right']}/{of}" + (f" -{fault['wrong']}" if fault["wrong"] else "")

@@ -1,0 +1,201 @@
+"""What lasts: a bias that is learned, small deviations summed over seconds, samples that repeat.
+
+All three are ours (docs/redundancy.md, 'What lasts') and off by default.  The residual of a channel is its sample less
+the middle of those in use: their median, or of an even number the usable reference between the two in the middle,
+else the mean of those.  Nothing here moves a vote: it changes who is compared with whom, and who is failed.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from rig.computer.redundancy import median_vote as vote
+from rig.computer.redundancy import opinions
+from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, sort_again
+from rig.computer.redundancy.reference_monitor import REFERENCE_MARGIN, reference_threshold
+from rig.core.frame import Pattern
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference
+
+NOBODY: Final = -1
+CALM: Final = 0.5  # of the limit: what a strict majority must be below, or the sums cannot tell who is right
+
+
+@kernel
+def lasts(p):
+    """Return True if residuals of a signal are learned or summed."""
+    return p["bias_bound"] > 0.0 or p["slow_limit"] > 0.0
+
+
+@kernel
+def middle(n, reference, st):
+    """Return the middle of ``n`` ranked samples, n >= 1; reference : NaN where there is none."""
+    x, order = st["x"], st["order"]
+    low, high = x[order[(n - 1) // 2]], x[order[n // 2]]
+    if n % 2 == 0 and st["reference_usable"] and not np.isnan(reference):
+        return opinions.middle(high, low, reference)
+    return vote.mean(low, high, 0.5)
+
+
+@kernel
+def take_bias_off(values, order, n, st):
+    """Write ``compared`` (4,), the ``n`` ranked values less each channel's bias, and ``compared_order``."""
+    compared, compared_order, bias = st["compared"], st["compared_order"], st["bias"]
+    for i in range(n):
+        c = order[i]
+        compared[c], compared_order[i] = values[c] - bias[c], c
+    sort_again(compared, compared_order, n)
+
+
+@kernel
+def learn_bias(m, n, p, st):
+    """Move the biases of the ``n`` ranked channels towards their residuals; nobody's who is suspected.
+
+    m : the middle of the samples
+    """
+    if p["bias_bound"] <= 0.0 or n < 2 or st["pattern"] != Pattern.NORMAL:
+        return
+    for i in range(n):
+        c = st["order"][i]
+        if not st["miscomparing"][c] and not st["blamed"][c] and st["count"][c] == 0:
+            learn_one(c, m, p, st)
+
+
+@kernel
+def learn_one(c, m, p, st):
+    """Move a channel's bias towards its residual, within the bound.
+
+    It is the mean of the residuals for as many frames as the time constant has, then it follows.
+    """
+    bias, bound, gain, learned = st["bias"], p["bias_bound"], p["bias_gain"], st["learned"]
+    if learned[c] * gain < 1.0:
+        gain = max(gain, 1.0 / (learned[c] + 1.0))
+    bias[c] = min(max(bias[c] + gain * (st["x"][c] - m - bias[c]), -bound), bound)
+    learned[c] += 1
+
+
+@kernel
+def has_learned(n, p, st):
+    """Return True if the bias of each of the ``n`` ranked channels is a mean over the time constant, or none is on."""
+    if p["bias_bound"] <= 0.0:
+        return True
+    learned = True
+    for i in range(n):
+        learned &= (st["learned"][st["order"][i]] + 0.5) * p["bias_gain"] >= 1.0
+    return learned
+
+
+@kernel
+def outlier_limit(n, p, st):
+    """Return the outlier threshold of ``n`` samples; 0, none, until it can be kept to without the biases."""
+    limit = outlier_threshold(n, p)
+    return limit if limit > 0.0 and has_learned(n, p, st) else 0.0
+
+
+@kernel
+def watch_sums(m, n, p, st):
+    """Sum what each residual exceeds the allowance by, upwards and downwards; return whom that fails, or NOBODY.
+
+    Page 1954, with a step of at most limit / (persistence - 1/2): what lasts less than the persistence fails nobody,
+    however large.  At most one channel a frame, and none without a strict majority that is calm.
+    m : the middle of the ``n`` ranked samples
+    """
+    limit = p["slow_limit"]
+    if limit <= 0.0 or n < 3 or is_singular(st["pattern"]):
+        return NOBODY
+    calm, most = 0, limit / (p["persistence"] - 0.5)
+    for i in range(n):
+        calm += sum_one(st["order"][i], m, most, p, st) < CALM * limit
+    return largest_sum(n, limit, st) if 2 * calm > n else NOBODY
+
+
+@kernel
+def sum_one(c, m, most, p, st):
+    """Move the two sums of a channel by a frame; return the larger one."""
+    above, below, allowance = st["above"], st["below"], p["slow_allowance"]
+    residual = st["x"][c] - st["bias"][c] - m
+    above[c] = _sum(above[c], residual - allowance, most)
+    below[c] = _sum(below[c], -residual - allowance, most)
+    return max(above[c], below[c])
+
+
+@kernel
+def _sum(last, excess, most):
+    step = min(excess, most)
+    return max(last + step, 0.0) if np.isfinite(step) else 0.0
+
+
+@kernel
+def largest_sum(n, limit, st):
+    """Return the channel with the largest sum beyond the limit, or NOBODY; of equals that of the least sample."""
+    worst = NOBODY
+    for i in range(n):
+        c = st["order"][i]
+        reached = max(st["above"][c], st["below"][c])
+        if reached > limit:
+            worst, limit = c, reached
+    return worst
+
+
+@kernel
+def begin_sums(st):
+    """Set all sums of a signal to zero: another number of channels has another middle."""
+    st["above"][:] = 0.0
+    st["below"][:] = 0.0
+
+
+@kernel
+def count_repeats(samples, valid, reference, seen, p, st):
+    """Count the frames in which each channel's sample was the last one again, bit for bit, while most others moved.
+
+    A frame without a sample counts neither way.  Nothing is told by a sample at the end of the range, nor where most
+    repeat alike: sensors at their stop, or at rest with a coarse quantum, are in order, unless a usable reference
+    contradicts them.  Beside the only channel in use its reference is what moves.
+    reference, seen : as it is, and as the sensors could read it
+    Writes ``stale``, a bit for each channel that has repeated for ``stale_frames``, and ``standing``.
+    """
+    frames, repeats, last, failed = p["stale_frames"], st["repeats"], st["last_sample"], st["failed"]
+    if frames == 0:
+        return
+    low, high, in_use, moving, repeating = p["low"], p["high"], 0, 0, 0
+    for c in range(p["fitted"]):  # no branch here: with a coarse quantum none is predictable
+        x, working = samples[c], not failed[c]
+        there = comparable(x, valid[c], low, high)
+        moved = there & (x != last[c])
+        repeats[c] = 0 if moved else repeats[c]
+        last[c] = x if moved else last[c]
+        repeating |= np.int64(there != moved) << c
+        moving += moved & working
+        in_use += there & working
+    reference_moved = np.isfinite(reference) and reference != st["last_reference"]
+    st["last_reference"], st["stale"], st["standing"] = reference, 0, moving == 0
+    if repeating == 0:
+        return
+    stale = 0
+    for c in range(p["fitted"]):
+        if (repeating >> c) & 1 == 0:
+            continue
+        others = in_use - (not failed[c])
+        at_stop = p["wraps"] == 0 and (samples[c] <= low or samples[c] >= high)
+        beside_movers = reference_moved if others == 0 else 2 * moving >= others
+        if (beside_movers and not at_stop) or contradicts(seen, samples[c], p, st):
+            repeats[c] += 1
+        elif at_stop:
+            repeats[c] = 0
+        stale |= np.int64(repeats[c] >= frames) << c
+    st["stale"] = stale
+
+
+@kernel
+def contradicts(seen, sample, p, st):
+    """Return True if a usable reference is off a sample that repeats; seen : NaN where there is none."""
+    off = abs(difference(sample, seen, p["wraps"]))
+    return st["reference_usable"] != 0 and off > REFERENCE_MARGIN * reference_threshold(seen, p)
+
+
+@kernel
+def is_stale(c, st):
+    """Return True if a channel's sample has repeated for ``stale_frames``."""
+    return (st["stale"] >> c) & 1 != 0

@@ -1,0 +1,82 @@
+"""The frame: every signal's name, unit and range, and the block of frames that all stages share.
+
+signals.py  which signals, discretes and other numbers there are
+enums.py    states, patterns, resolvers and what else has one byte
+fields.py   the one table of fields: part, shape, meaning, place in the log
+sig.py      the places of the signals by their symbols, for kernels
+second_row.py  the second row, of flights with servo actuators or several computers
+row.py      the row type of some signals; FRAME, that of a flight, nested by part; FLAT, the same by field; blocks
+"""
+
+from rig.core.frame.enums import (
+    ActuatorMonitor,
+    End,
+    Health,
+    Ilm,
+    LaneTest,
+    Law,
+    LinkState,
+    Pattern,
+    Resolver,
+    SensorFault,
+    Source,
+    State,
+    Trust,
+    UnitStatus,
+)
+from rig.core.frame.fields import MOST_FAULTS
+from rig.core.frame.row import (
+    ACTUATION,
+    BUS,
+    FCC,
+    FLAT,
+    FRAME,
+    TIMING,
+    TRUTH,
+    Block,
+    Nested,
+    Rows,
+    nested,
+    new_block,
+    offset,
+    rows,
+    to_frame,
+)
+from rig.core.frame.second_row import (
+    ACTUATOR,
+    COMPUTER,
+    COMPUTER_FIELDS,
+    COMPUTERS,
+    INTEGRATED,
+    LANE_FIELDS,
+    LANE_PARTS,
+    LINK,
+    LINKS,
+    MOVED,
+    SYSTEMS,
+    LaneBlock,
+    LanePart,
+    LaneParts,
+    has_part,
+    lane_rows,
+    links,
+    parts_of,
+)
+from rig.core.frame.signals import (
+    CHANNELS,
+    COMMANDS,
+    DEMANDS,
+    DISCRETE_INDEX,
+    DISCRETES,
+    ESTIMATES,
+    FLIGHT,
+    FLIGHT_INDEX,
+    INDEX,
+    INERTIAL,
+    SIGNALS,
+    SURFACES,
+    D,
+    Discrete,
+    S,
+    Signal,
+)

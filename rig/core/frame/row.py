@@ -1,0 +1,143 @@
+"""The row of a frame, and the block of frames that all stages share.
+
+A block is one plain structured array of about one second of frames.  Each stage writes its own fields of row k in
+place; the log, the stream and the score read the same rows.  What a stage computes *is* what is logged.
+
+FRAME is nested by who writes a field: kernels are given the parts that they may read and write.  FLAT names the same
+bytes field by field: ``rows["voted"]`` of a FLAT block is ``rows["fcc"]["voted"]`` of its view as FRAME.
+
+Order of writing in one frame (see loop.py):
+
+    pilot      bus: demand, resets; truth: sticks, discrete_truth[autopilot_engaged]
+    plant      truth
+    sensors    bus: channels, valid, ilm, the same of the discretes, inertial
+    faults     bus, corrupted; actuation: acting
+    references fcc: reference, second_reference; then corrupted by faults
+    manager    fcc: voted, state, level, pattern, resolver, ...; the same of the discretes
+    control    fcc: source, law, command, surface, estimate, trust, lie
+    faults     actuation: actuator = surface, corrupted; acting
+
+SI units throughout; angles in rad, load factors in g (1), sticks normalised (-1 to 1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from math import ceil
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.decimals import slack_of_product
+from rig.core.frame.fields import BASES, DISCRETE, FIELD, FIELDS, PARTS, SIGNAL, Field, Part
+from rig.core.frame.signals import D, S
+
+Block = NDArray[Any]  # structured, dtype FLAT, shape (n,)
+Nested = NDArray[Any]  # the same bytes, dtype FRAME
+
+# Signals and discretes of the row types that there are: a kernel is compiled once for each that it meets.
+_CAPACITIES: Final = ((1, 1), (S, D), (64, 64))
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """A row type: its room for signals and discretes; ``frame`` nested by part, ``flat`` the same bytes by field."""
+
+    signals: int
+    discretes: int
+    frame: np.dtype[Any]
+    flat: np.dtype[Any]
+
+    def block(self, frames: int, first_frame: int = 0) -> Block:
+        """Return an empty block of ``frames`` rows, numbered from ``first_frame``."""
+        block = np.zeros(frames, self.flat)
+        block["frame"] = np.arange(first_frame, first_frame + frames)
+        return block
+
+    def nested(self, block: Block) -> Nested:
+        """Return the rows of ``block`` nested by part: the same memory."""
+        return block.view(self.frame)
+
+
+def rows(signals: int, discretes: int = 0) -> Rows:
+    """Return the smallest row type with room for so many signals and discretes.
+
+    A flight has S and D.  Kernels see one signal at a time, so they are shared by all types; what loops over rows is
+    compiled for each.  So there are types for 1, 16 and 64 signals, and for multiples of 64.
+    """
+    for room in _CAPACITIES:
+        if signals <= room[0] and discretes <= room[1]:
+            return _row_type(*room)
+    many = 64 * ceil(max(signals, discretes) / 64)
+    return _row_type(many, many)
+
+
+@cache
+def _row_type(signals: int, discretes: int) -> Rows:
+    parts = {part: _part(part, signals, discretes) for part in PARTS}
+    frame = np.dtype([("frame", "i8"), *parts.items()], align=True)
+    offsets = {field.name: _offset(frame, field.part) + _offset(parts[field.part], field.name) for field in FIELDS}
+    in_memory = sorted(FIELDS, key=lambda field: offsets[field.name])  # numpy and buffers want no other order
+    flat = np.dtype(
+        {
+            "names": ["frame", *(field.name for field in in_memory)],
+            "formats": ["i8", *((BASES[field.kind], _shape(field, signals, discretes)) for field in in_memory)],
+            "offsets": [0, *(offsets[field.name] for field in in_memory)],
+            "itemsize": frame.itemsize,
+        },
+        align=True,
+    )
+    return Rows(signals, discretes, frame, flat)
+
+
+def _part(part: Part, signals: int, discretes: int) -> np.dtype[Any]:
+    """Return the fields of a part, the widest first: no padding but at its end."""
+    fields = [(f.name, BASES[f.kind], _shape(f, signals, discretes)) for f in FIELDS if f.part == part]
+    return np.dtype(sorted(fields, key=lambda field: -np.dtype(field[1]).itemsize), align=True)
+
+
+def _shape(field: Field, signals: int, discretes: int) -> tuple[int, ...]:
+    """Return the shape of a field in a row of so many signals and discretes."""
+    many = {SIGNAL: signals, DISCRETE: discretes}.get(field.message)
+    return field.shape if many is None else (many, *field.shape[1:])
+
+
+def _offset(dtype: np.dtype[Any], name: str) -> int:
+    fields: Any = dtype.fields
+    return fields[name][1]
+
+
+_FLIGHT: Final = rows(S, D)
+FRAME: Final = _FLIGHT.frame
+FLAT: Final = _FLIGHT.flat
+TRUTH, BUS, FCC, ACTUATION = (FRAME[part] for part in PARTS)
+
+
+def offset(name: str) -> int:
+    """Return where a field begins in a row of a flight, in bytes."""
+    part = FIELD[name].part
+    return _offset(FRAME, part) + _offset(FRAME[part], name)
+
+
+# Measured by the wall clock, so kept apart from what must be the same in every run.
+TIMING: Final = np.dtype([("frame_us", "f8"), ("late_us", "f8"), ("reply_us", "f8")])
+
+
+def new_block(frames: int, first_frame: int = 0) -> Block:
+    """Return an empty block of ``frames`` rows of a flight, numbered from ``first_frame``."""
+    return _FLIGHT.block(frames, first_frame)
+
+
+def nested(block: Block) -> Nested:
+    """Return the rows of a flight's ``block`` as FRAME: the same memory."""
+    return block.view(FRAME)
+
+
+def to_frame(time_s: float, rate_hz: float) -> int:
+    """Return the first frame at or after ``time_s``; a time on a frame is that frame, rounding apart.
+
+    At 60 Hz 0.0166667 s is frame 1.
+    """
+    return ceil(time_s * rate_hz - max(1e-6, slack_of_product(time_s, rate_hz)))

@@ -1,0 +1,165 @@
+"""How kernels are compiled: ``@kernel`` is numba's njit with a cache that notices every edit (kernel_cache.py).
+
+With ``NUMBA_DISABLE_JIT=1`` kernels are plain Python.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cached_property, update_wrapper
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from numba.core import config
+from numba.core.types import BaseTuple, NamedTuple
+
+from rig.core.errors import RigError
+from rig.core.kernel_cache import REMEDY, KernelCache, folder
+from rig.core.kernel_locks import give_all_back
+
+_config: Any = config
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def cache_root() -> Path:
+    """Return where generated files may be kept between flights; RIG_CACHE_DIR overrides it."""
+    named = os.environ.get("RIG_CACHE_DIR")
+    if named:
+        return Path(named)
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jsbsim-rig"
+    except RuntimeError:  # this user has none
+        raise RigError(f"no home folder for files that are kept between flights; {REMEDY}") from None
+
+
+class Kernel:
+    """A compiled function, in two forms, each with its cache.
+
+    Kernels call the one that has no wrappers for Python and C, which would be an eighth of the work of compiling;
+    Python calls the other, which is compiled for the few kernels that Python calls at all.
+    """
+
+    def __init__(self, function: Callable[..., object], *, nogil: bool = False, inlined: bool = False) -> None:
+        update_wrapper(self, function)
+        self.py_func: Any = function
+        self._nogil = nogil
+        self.targetoptions = {"inline": "always" if inlined else "never"}  # where numba looks for it in a call
+
+    @property
+    def _numba_type_(self) -> Any:
+        """Return what numba takes this for where a kernel names it."""
+        return self.inner._numba_type_
+
+    @cached_property
+    def inner(self) -> Any:
+        """The dispatcher of the form that kernels call; from Python it must not be called."""
+        return _dispatcher(self.py_func, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+    @cached_property
+    def outer(self) -> Any:
+        """The dispatcher of the form that Python calls."""
+        return _dispatcher(self.py_func, nogil=self._nogil, no_cfunc_wrapper=True)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python, compiled for what the arguments are."""
+        try:
+            return self.outer(*arguments)
+        except BaseException:  # it did not compile
+            give_all_back()
+            raise
+
+
+def _dispatcher(function: Callable[..., object], **more: bool) -> Any:
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False, **more}
+    made: Any = numba.njit(**options)(function)
+    made._cache = KernelCache(function, folder(cache_root()), repr(options))
+    return made
+
+
+def kernel(function: F) -> F:
+    """Compile ``function`` for the frame loop: no Python objects, no exceptions on division, no allocation.
+
+    Without numba's runtime an allocation does not compile, and views of a row's fields cost no counting.
+    """
+    return _compiled(function)
+
+
+def inlined(function: F) -> F:
+    """``kernel`` whose statements become the caller's: a step between others, which numba would optimise once more.
+
+    Every kernel is optimised with all that it reaches, so one that only calls others costs as much as they do together.
+    """
+    return _compiled(function, inlined=True)
+
+
+def long_kernel(function: F) -> F:
+    """``kernel`` for a loop over many frames: other threads run meanwhile, for a tenth of a microsecond a call."""
+    return _compiled(function, nogil=True)
+
+
+def _compiled(function: F, **how: bool) -> F:
+    made: Any = function if _config.DISABLE_JIT else Kernel(function, **how)
+    return made
+
+
+def bind(function: F, *arguments: object) -> F:
+    """Compile ``function`` for the types of ``arguments``, without numba's look-up of types at every call.
+
+    That look-up costs more than most kernels.  The caller promises the same types ever after: a block of
+    any length, the arrays that it keeps.  With ``NUMBA_DISABLE_JIT=1`` it is ``function`` itself.
+    """
+    dispatcher: Any = getattr(function, "outer", function)
+    if not hasattr(dispatcher, "overloads"):
+        return function
+    key = function, _kind(arguments)
+    if key not in _bound:
+        _bound[key] = _compile(dispatcher, arguments).entry_point
+    return _bound[key]
+
+
+def compile_inner(function: Callable[..., object], *arguments: object) -> None:
+    """Compile the form of ``function`` that kernels call, for the types of ``arguments``."""
+    if isinstance(function, Kernel):
+        _compile(function.inner, arguments)
+
+
+def _compile(dispatcher: Any, arguments: tuple[object, ...]) -> Any:
+    types = tuple(map(_typeof, arguments))
+    try:
+        dispatcher.compile(types)
+    except BaseException:
+        give_all_back()
+        raise
+    return dispatcher.overloads[types]
+
+
+_bound: dict[tuple[Any, Any], Any] = {}  # entry points, by function and kinds of arguments
+
+
+def _kind(argument: Any) -> Any:
+    """Return the key of an argument's type: numba's own answer costs a flight a millisecond."""
+    if isinstance(argument, tuple):
+        return type(argument), *map(_kind, argument)  # the class alone does not tell what a named tuple holds
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return argument.dtype if isinstance(argument, np.void) else type(argument)
+
+
+_records: dict[tuple[Any, ...], Any] = {}  # numba's types of structured arrays, by what decides them
+
+
+def _typeof(argument: Any) -> Any:
+    """``numba.typeof``, which works a structured dtype out again each time: half the cost of a flight's start."""
+    if isinstance(argument, tuple):
+        held = tuple(map(_typeof, argument))
+        return NamedTuple(held, type(argument)) if hasattr(argument, "_fields") else BaseTuple.from_types(held)
+    if not isinstance(argument, np.ndarray) or argument.dtype.names is None:
+        return numba.typeof(argument)
+    flags = argument.flags
+    key = (argument.dtype, argument.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned)
+    if key not in _records:
+        _records[key] = numba.typeof(argument)
+    return _records[key]

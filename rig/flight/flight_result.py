@@ -1,0 +1,129 @@
+"""The result of a flight, for a program and ``rig fly``; a notebook has more of it (rig/show/notebook/flight.py)."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig.core.event import Event
+from rig.core.frame import Block
+from rig.flight.failures import failed_text
+from rig.flight.pace import Jitter
+from rig.flight.summary import Peaks
+from rig.flight.suspects import Suspect, lasting_text
+from rig.log import Log, SignalArrays, read_log
+from rig.scenario.scenario import Scenario
+from rig.scenario.scenario_notes import notes
+from rig.show.viewer.stream import StreamReport
+from rig.unit.unit_file import voter
+
+if TYPE_CHECKING:
+    import polars as pl
+
+
+@dataclass(frozen=True, repr=False)
+class Flight:
+    """The result of a flight; its frames are read from the log when asked for."""
+
+    log: Path
+    scenario: Scenario
+    frames: int
+    digest: str
+    survived: bool
+    end_reason: str
+    failed: dict[str, list[int]]
+    not_executed: list[str]  # faults that did nothing: never triggered, or their channels were out already
+    peaks: Peaks
+    events: list[Event]
+    wall_s: float
+    us_per_frame: float
+    jitter: Jitter | None  # paced flights only
+    stream: StreamReport | None
+    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
+    printed: str  # by the unit's process, its end
+    realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
+    conclusion: tuple[str, ...]  # sentences, of a flight that was assessed
+    suspects: tuple[Suspect, ...] = ()  # channels that were ever suspect
+    overrides: tuple[str, ...] = ()  # ``key=value``, laid over the scenario's file
+    unit_file: str = ""  # of the unit under test
+    # Channels of servo actuators: by surface and channel from 1, time [s] and monitor.
+    coils_failed: dict[str, dict[int, tuple[float, str]]] = field(default_factory=dict)
+    lanes_failed: dict[str, float] = field(default_factory=dict)  # of several computers: when first, s
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time flown."""
+        return self.frames / self.scenario.rate_hz
+
+    @property
+    def voter(self) -> str:
+        """Return who voted: ``manager cross-channel``, or ``unit NAME`` under test."""
+        unit = self.unit or {}
+        return voter(self.scenario.redundancy.manager, unit.get("name"), unit.get("lane"))
+
+    @property
+    def notes(self) -> list[str]:
+        """Return what in the scenario is hardly meant: a point that was not designed, a trigger that never holds."""
+        return notes(self.scenario)
+
+    @cached_property
+    def recorded(self) -> Log:
+        """The log, read when it is first asked for."""
+        return read_log(self.log)
+
+    @property
+    def rows(self) -> Block:
+        """All frames as one block, read from the log."""
+        return self.recorded.rows
+
+    def signal(self, name: str) -> SignalArrays:
+        """Return the arrays of one signal; BadInput when there is no such signal."""
+        return self.recorded.signal(name)
+
+    def to_polars(self, *owners: str) -> pl.DataFrame:
+        """One row a frame, the columns named as in ``rig export``; of ``owners`` alone if there are any (Log)."""
+        return self.recorded.to_polars(*owners)
+
+    def __repr__(self) -> str:
+        """One line: what was flown, and how it ended."""
+        named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
+        verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
+        told = f"failed {failed_text(self.failed)}{lasting_text(self.suspects)}"
+        return f"<Flight {named}: {verdict}, {told}, log {self.log}>"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the flight as plain data, as ``rig fly --json`` prints it."""
+        dt_s = 1.0 / self.scenario.rate_hz
+        timing: dict[str, Any] = {
+            "us_per_frame": self.us_per_frame,
+            "realtime_factor": self.duration_s / self.wall_s,
+        }
+        if self.jitter is not None:
+            timing["jitter"] = asdict(self.jitter)
+        if self.realtime:
+            timing["realtime"] = self.realtime
+        return {
+            "log": str(self.log),
+            "frames": self.frames,
+            "duration_s": self.duration_s,
+            "seed": self.scenario.seed,
+            "manager": self.scenario.redundancy.manager,
+            "overrides": list(self.overrides),
+            "digest": self.digest,
+            "survived": self.survived,
+            "end_reason": self.end_reason,
+            "failed": self.failed,
+            "suspects": [suspect.as_dict() for suspect in self.suspects],
+            "not_executed": self.not_executed,
+            "notes": self.notes,
+            "peaks": asdict(self.peaks),
+            "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],
+            "timing": timing,
+            "stream": None if self.stream is None else asdict(self.stream),
+            **({"gains_below_requirement": below} if (below := self.scenario.gains.below) else {}),
+            **({} if self.unit is None else {"unit": self.unit}),
+            **({} if self.scenario.actuators.model == "lag" else {"coils_failed": self.coils_failed}),
+            **({} if self.scenario.computers.count == 1 else {"lanes_failed": self.lanes_failed}),
+        }

@@ -1,0 +1,255 @@
+"""A flight with its records: the frames of loop.py into log, stream and summary.
+
+import rig
+flight = rig.fly("faults/f16_pitch_rate_hardover.toml", seed=2)
+flight.survived, flight.failed            # True, {'pitch_rate': [3]}
+flight.signal("pitch_rate").voted         # (frames,) array, rad/s
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from io import StringIO
+from pathlib import Path
+from typing import Any, Protocol
+
+import tomli_w
+from numpy.typing import NDArray
+
+from rig.core.errors import ManagerFailed, RigError
+from rig.core.frame import Block, LaneBlock
+from rig.core.interrupt import Stop, interruptible
+from rig.core.settings import toml_text
+from rig.core.threads import cores
+from rig.core.trust import Trust
+from rig.flight import loop
+from rig.flight.flight_result import Flight
+from rig.flight.operator_keys import Keys
+from rig.flight.pace import Pace
+from rig.flight.pace import realtime as real_time
+from rig.flight.recorder import FlightRecords, RecordingThread, Watcher
+from rig.flight.unit_loop import UnitComputer
+from rig.log.of_flight import new_log
+from rig.scenario.overrides import Overrides, override_texts, plain_data
+from rig.scenario.scenario import Given, Scenario, find, load
+from rig.show.viewer.facts import of_resolved
+from rig.show.viewer.sink import check_where
+from rig.show.viewer.stream import Stream, StreamReport, open_stream
+from rig.unit.running_unit import UnitUnderTest, running
+from rig.unit.unit_file import Unit, as_lane, read_unit
+
+Progress = Callable[[int, int], None]  # frames flown, frames in all
+Watch = Callable[..., None]  # a block, its rate in Hz, its events; of a flight with servos, their rows too
+
+
+class Viewer(Protocol):
+    """Told of the stream when it opens and when the flight is over, before it closes."""
+
+    def opened(self, stream: Stream, stop: Stop) -> None:
+        """Show the stream, which is open at known addresses; the flight begins when this returns."""
+
+    def flown(self, stream: Stream, stop: Stop) -> None:
+        """Note that the last frame has been handed over; the stream closes when this returns."""
+
+
+class Outcome(Protocol):
+    """Assesses a flight while it is flown."""
+
+    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
+        """Take the scenario as it is flown, and the lane that a unit under test is; the first frame comes next."""
+
+    def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
+        """Take the next rows, their (n,) CLEAN, and the (n,) ``lanes`` of a flight with servo actuators."""
+
+    def sentences(self, log: Path, frames: int) -> list[str]:
+        """Return the conclusion of the finished flight of so many ``frames``."""
+        ...
+
+
+def fly(
+    scenario: Given = None,
+    *,
+    overrides: Overrides = (),
+    seed: int | None = None,
+    out: str | Path = "logs",
+    rerun: str = "off",
+    realtime_factor: float | None = None,
+    progress: Progress | None = None,
+    viewer: Viewer | None = None,
+    watch: Watch | None = None,
+    allow_code: bool = False,
+    unit: Unit | str | Path | None = None,
+    lane: str | None = None,
+    realtime: bool = False,
+    live: Callable[[Keys], AbstractContextManager[object]] | None = None,
+    outcome: Outcome | None = None,
+) -> Flight:
+    """Fly a scenario and log every frame.
+
+    scenario : a file or a bundled name; a table with the keys of such a file; or what ``rig.load`` returned
+    overrides, seed : laid over it, as ``--set`` and ``--seed``: texts ``key=value``, or a table of dotted keys
+    out             : folder of the log; rerun : see view.stream.open_stream
+    realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
+    watch : given every block while it is recorded, on a thread of its own where a second core is free; it must be
+            quick, and copy the rows that it keeps
+    allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
+    realtime : ask the system for frames on time (flight/pace.py); at the pace of the clock when no factor is given
+    live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs
+    outcome : given every block with the clean channels, by which the flight is assessed
+    unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
+    lane : of several computers, the one that the unit is, A to D; the others are the rig's own
+    Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
+    raises: the log is then finished.
+    """
+    text, name, sets = *_file(scenario), override_texts(overrides)
+    scenario = load(scenario, overrides, seed, allow_code=allow_code)
+    pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
+    scenario = scenario if live is None else scenario.armed()
+    tested = read_unit(unit) if isinstance(unit, str | Path) else unit
+    tested = as_lane(tested, lane)
+    if tested is not None and tested.carrier == "python":
+        scenario, tested = managed(scenario, tested), None
+    destination = _Destination(name, text, Path(out), rerun, progress, viewer, watch, sets, outcome)
+    with interruptible() as stop, running(tested) as under_test, real_time(realtime) as granted:
+        keys = None if live is None else Keys(scenario, pace, stop)
+        with nullcontext() if live is None or keys is None else live(keys):
+            flight = _fly_and_record(scenario, destination, pace, stop, under_test, keys)
+    printed, file = ("", "") if under_test is None else (under_test.printed, under_test.unit.unit_file)
+    return replace(flight, overrides=sets, realtime=granted, printed=printed, unit_file=file)
+
+
+def _file(scenario: Given) -> tuple[str, str]:
+    """Return text and name of a scenario's file, for the log; empty for one that was loaded."""
+    if isinstance(scenario, Scenario):
+        return "", ""
+    if isinstance(scenario, Mapping):
+        return tomli_w.dumps(plain_data(scenario, "scenario")), ""
+    path = find(scenario)
+    return StringIO(toml_text(path), newline=None).read(), path.stem  # line ends as a text file's
+
+
+@dataclass(frozen=True, slots=True)
+class _Destination:
+    """Places that a flight is recorded to, and who is told of it."""
+
+    name: str  # of the log
+    text: str  # of the scenario's file
+    out: Path
+    rerun: str
+    progress: Progress | None
+    viewer: Viewer | None
+    watch: Watch | None
+    overrides: tuple[str, ...] = ()  # of the scenario's file
+    outcome: Outcome | None = None
+
+
+def managed(scenario: Scenario, unit: Unit) -> Scenario:
+    """Return the scenario with the manager class that a unit file names, which is permission to run it."""
+    named = scenario.redundancy.model_copy(update={"manager": unit.manager})
+    return scenario.model_copy(update={"redundancy": named}).trusted(Trust(unit.source, named=unit.manager))
+
+
+def _fly_and_record(
+    scenario: Scenario, to: _Destination, pace: Pace, stop: Stop, unit: UnitUnderTest | None, keys: Keys | None
+) -> Flight:
+    """Fly into summary, log and stream; the log is finished whatever happens."""
+    check_where(to.rerun)
+    kept = (
+        0
+        if to.outcome is None
+        else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
+    )
+    rig = loop.Rig(scenario, None if unit is None else UnitComputer(unit, pace, stop), keep_clean=kept)
+    assess_rows = None
+    if (outcome := to.outcome) is not None:
+        outcome.begin(scenario, None if unit is None else unit.lane)
+        assess_rows = lambda rows, lanes: outcome.add(rows, rig.faults.clean_of(rows), lanes)  # noqa: E731 # every block
+    named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
+    software = "" if unit is None else unit.unit.name
+    with new_log(to.out, named, scenario, to.text, about, to.overrides, software) as writer:
+        path, viewer = writer.path, to.viewer
+        clocked = {"unit": software, "paced": pace.period_s is not None}
+        facts = replace(of_resolved(scenario.resolved()), **clocked)
+        stream = open_stream(to.rerun, scenario.title or path.stem, scenario.rate_hz, path, facts)
+        if stream is not None and viewer is not None:
+            viewer.opened(stream, stop)
+        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream), assess_rows)
+        began = time.perf_counter()
+        try:
+            failure = _fly(rig, records, pace, stop, keys)
+            wall_s = time.perf_counter() - began
+            reason = records.close(stop, failure)
+            if failure is not None:
+                raise RigError(f"{failure}; the log is complete up to there: {path}")
+            if stream is not None and viewer is not None and not stop.terminated:
+                viewer.flown(stream, stop)
+        finally:
+            report = None if stream is None else stream.close(10.0)
+    conclusion = () if outcome is None else outcome.sentences(path, records.verdict.frames)
+    return _result(records, path, reason, wall_s, report, tuple(conclusion))
+
+
+def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> list[Watcher]:
+    """Return who is given every block with its events when the log has it."""
+    watchers: list[Watcher] = []
+    if stream is not None:
+        watchers.append(lambda rows, events, timing, moved: stream.put(rows.copy(), events, timing.copy(), moved))
+    if (watch := to.watch) is not None:
+        watchers.append(
+            lambda rows, events, timing, moved: watch(
+                rows, scenario.rate_hz, events, *(() if moved is None else (moved,))
+            )
+        )
+    if (progress := to.progress) is not None:
+        watchers.append(lambda rows, *_: progress(int(rows["frame"][-1]) + 1, scenario.frames))
+    return watchers
+
+
+def _fly(rig: loop.Rig, records: FlightRecords, pace: Pace, stop: Stop, keys: Keys | None) -> ManagerFailed | None:
+    """Fly to the end of the flight, or until the user's own manager raises or the unit stops, which is returned."""
+    before_row = None if keys is None else keys.before_row
+    beside = pace.period_s is not None or cores() > 1  # on one core it would only take turns with the frames
+    with RecordingThread(records) if beside else nullcontext(records) as recorder:
+        try:
+            loop.fly(rig, [recorder], pace=pace, stop=stop, before_row=before_row)
+        except ManagerFailed as failure:
+            return failure
+    return None
+
+
+def _result(
+    records: FlightRecords,
+    path: Path,
+    reason: str,
+    wall_s: float,
+    report: StreamReport | None,
+    conclusion: tuple[str, ...],
+) -> Flight:
+    """Return what the records of a finished flight come to."""
+    verdict = records.verdict
+    return Flight(
+        log=path,
+        scenario=records.scenario,
+        frames=verdict.frames,
+        digest=verdict.digest,
+        survived=verdict.survived,
+        end_reason=reason,
+        failed=verdict.failed,
+        suspects=tuple(one for one in verdict.suspects.channels() if one.rows),
+        not_executed=[name for name, _ in records.execution.missing],
+        peaks=verdict.peaks,
+        events=verdict.events,
+        wall_s=wall_s,
+        us_per_frame=wall_s / max(verdict.frames, 1) * 1e6,
+        jitter=None if records.jitter is None else records.jitter.result(),
+        stream=report,
+        unit=records.unit_result(),
+        printed="",
+        realtime={},
+        coils_failed=records.actuators.failed_at(records.scenario.rate_hz),
+        lanes_failed=records.computers.failed_at(),
+        conclusion=conclusion,
+    )

@@ -1,0 +1,118 @@
+"""Suspect channels, counted: a fault that comes and goes is failed by no persistence, and would be told nowhere.
+
+A channel is suspect in a row in which its monitor doubts it, or in which it is in use and has no comparable sample.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, Block, D, S, State, new_block
+from rig.core.kernels import kernel
+
+LEAST_ROWS: Final = 10  # of a channel that is told in a sentence, and
+LEAST_SHARE: Final = 0.01  # of all rows; every count is in the tables
+COUNT: Final = np.dtype([("rows", "i8"), ("failed", "u1"), ("fitted", "u1")], align=True)  # of a channel
+
+
+class Suspect(NamedTuple):
+    """In how many rows a channel was suspect."""
+
+    signal: str  # or discrete
+    channel: int  # from 1
+    rows: int
+    of: int  # rows in all
+    failed: bool  # in any of them
+
+    @property
+    def share(self) -> float:
+        """Of all rows, 0 to 1."""
+        return self.rows / max(self.of, 1)
+
+    @property
+    def lasting(self) -> bool:
+        """Whether it was suspect in many rows and never failed."""
+        return not self.failed and is_many(self.rows, self.of)
+
+    def as_dict(self) -> dict[str, str | int | float | bool]:
+        """Return it as plain data, for --json."""
+        return {**self._asdict(), "share": self.share}
+
+    def text(self, rows: str = "frames") -> str:
+        """Return how often, as people read it: ``in 1750 of 2000 frames (87.5 %), never failed``."""
+        never = "" if self.failed else ", never failed"
+        return f"{share_text(self.rows, self.of, rows)}{never}"
+
+
+def is_many(rows: int, of: int) -> bool:
+    """Return whether so many rows ``of`` all are told in a sentence."""
+    return rows >= max(LEAST_ROWS, LEAST_SHARE * of)
+
+
+def share_text(rows: int, of: int, unit: str = "rows") -> str:
+    """Return a count and its share as people read it: ``in 1750 of 2000 frames (87.5 %)``."""
+    return f"in {rows} of {of} {unit} ({100 * rows / max(of, 1):.3g} %)"
+
+
+def lasting_text(suspects: Iterable[Suspect]) -> str:
+    """Return the lasting ones of ``suspects`` behind what failed: ``; pitch_rate 3 suspect in ..``; "" without any."""
+    return "".join(f"; {one.signal} {one.channel} suspect {one.text()}" for one in suspects if one.lasting)
+
+
+def doubted(state: NDArray[np.uint8], usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return where channels are suspect: by ``state``, or in use without a ``usable`` sample; both of one shape."""
+    return (state == State.SUSPECT) | ((state == State.OK) & ~usable)
+
+
+@kernel
+def count_suspects(rows, counts):
+    """Add (n,) FLAT ``rows`` to ``counts`` (signals and discretes, 4) of COUNT."""
+    for k in range(len(rows)):
+        row = rows[k]
+        state, valid, samples = row["state"], row["valid"], row["channels"]
+        for s in range(S):
+            for c in range(CHANNELS):
+                count_state(state[s, c], valid[s, c] != 0 and math.isfinite(samples[s, c]), counts[s, c])
+        state, valid = row["discrete_state"], row["discrete_valid"]
+        for d in range(D):
+            for c in range(CHANNELS):
+                count_state(state[d, c], valid[d, c] != 0, counts[S + d, c])
+
+
+@kernel
+def count_state(state, usable, count):
+    """Add one channel of one row to its COUNT, by the rule of ``doubted``."""
+    if state == State.OK:
+        count["rows"] += not usable
+        count["fitted"] = 1
+    elif state != State.ABSENT:
+        count["rows"] += state == State.SUSPECT
+        count["failed"] |= state == State.FAILED
+        count["fitted"] = 1
+
+
+class SuspectCount:
+    """Counts the suspect rows of a flight's channels, block after block."""
+
+    def __init__(self) -> None:
+        self._of = 0
+        self._counts: NDArray[np.void] = np.zeros((S + D, CHANNELS), COUNT)
+        count_suspects(new_block(0), self._counts)  # compiles before the first frame
+
+    def add(self, rows: Block) -> None:
+        """Take the next rows (n,)."""
+        count_suspects(rows, self._counts)
+        self._of += len(rows)
+
+    def channels(self) -> list[Suspect]:
+        """Return every channel that had a state, whether it was ever suspect or not."""
+        return [
+            Suspect(item.name, c + 1, int(self._counts["rows"][i, c]), self._of, bool(self._counts["failed"][i, c]))
+            for i, item in enumerate((*SIGNALS, *DISCRETES))
+            for c in np.flatnonzero(self._counts["fitted"][i]).tolist()
+        ]

@@ -1,0 +1,122 @@
+"""Misalignment and gains of triads: a 3 x 3 matrix for each recorder, by least squares against the median.
+
+Channel c of the three signals of a triad is one recorder.  After delays and offsets are taken off, A of a recorder with
+samples v(k) is what makes the sum over the stretch of |A v(k) - m(k)|^2 least, m(k) the medians of all recorders, axis
+by axis.  Both are means of SMOOTHED rows: motion is slow, and vibration that recorders do not share would shrink A.
+An axis without a sample takes part in the others with the median, and stays without one itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from rig.core.errors import BadInput
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.stamps import Floats
+from rig.log.recordings.vote_config import RecordedSignal
+
+GAINS: Final = (0.9, 1.1)  # smallest and largest stretch of a vector that is believed to be misalignment
+SMOOTHED: Final = 12  # rows; 0.1 s at 120 Hz
+_MIN_ROWS: Final = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Matrix:
+    """What was found for one recorder; ``applied`` is False where it was left alone."""
+
+    triad: str
+    channel: int
+    applied: bool
+    matrix: list[list[float]]
+    rotation_deg: float  # angle of the rotation in it
+    gains: list[float]  # singular values, largest first
+    rms_before: float  # of |v - m| in the stretch, unit of the signals
+    rms_after: float
+
+
+def take_off_matrices(
+    recording: Recording,
+    settings: Mapping[str, RecordedSignal],
+    triads: Mapping[str, Sequence[str]],
+    stretch: tuple[float, float],
+) -> tuple[Recording, list[Matrix]]:
+    """Return the recording with every recorder turned and scaled, and the matrices found within ``stretch``.
+
+    BadInput: no triads, or axes with different numbers of channels.
+    """
+    if not triads:
+        raise BadInput("--align-matrix needs [triads] in CONFIG: three signals that are the axes of one vector")
+    start, end = np.searchsorted(recording.time_s, stretch[0]), np.searchsorted(recording.time_s, stretch[1], "right")
+    signals, fits = dict(recording.signals), []
+    for triad, axes in triads.items():
+        counts = [len(recording.signals[axis].channels) for axis in axes]
+        if len(set(counts)) > 1:
+            raise BadInput(f"--align-matrix: triad {triad}: its signals have {counts} channels, which must be alike")
+        x = np.array([_valid(recording.signals[axis], settings[axis]) for axis in axes])  # (3, C, n)
+        center = np.nan_to_num(_median(x))
+        for c in range(counts[0]):
+            fit = _fit(triad, c + 1, x[:, c, start:end], center[:, start:end])
+            shown = settings[axes[0]].shown
+            fits.append(replace(fit, rms_before=shown(fit.rms_before), rms_after=shown(fit.rms_after)))
+            if fit.applied:
+                x[:, c] = _applied(np.array(fit.matrix), x[:, c], center)
+        for i, axis in enumerate(axes):
+            turned = [fit.applied for fit in fits if fit.triad == triad]
+            signals[axis] = _samples(recording.signals[axis], x[i], settings[axis], turned)
+    return replace(recording, signals=signals), fits
+
+
+def _valid(samples: Samples, settings: RecordedSignal) -> list[Floats]:
+    low, high = settings.limits
+    return [np.where((column >= low) & (column <= high), column, np.nan) for column in samples.channels]
+
+
+def _median(x: Floats) -> Floats:
+    """(3, n) over the recorders; NaN where none has a sample."""
+    if np.isfinite(x).all():
+        return np.median(x, axis=1)
+    median = np.full((len(x), x.shape[2]), np.nan)
+    for axis, columns in enumerate(x):
+        some = np.isfinite(columns).any(axis=0)
+        median[axis, some] = np.nanmedian(columns[:, some], axis=0)
+    return median
+
+
+def _fit(triad: str, channel: int, v: Floats, m: Floats) -> Matrix:
+    """v, m : (3, rows) of the stretch."""
+    rows = np.isfinite(v).all(axis=0)
+    v, m = v[:, rows], m[:, rows]
+    before = _rms(v - m)
+    if v.shape[1] < _MIN_ROWS or np.linalg.matrix_rank(v) < 3:
+        return Matrix(triad, channel, False, np.eye(3).tolist(), 0.0, [1.0, 1.0, 1.0], before, before)
+    a = np.linalg.lstsq(_smooth(v).T, _smooth(m).T, rcond=None)[0].T
+    left, gains, right = np.linalg.svd(a)
+    rotation = left @ right
+    angle = float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0))))
+    believed = GAINS[0] <= gains[-1] and gains[0] <= GAINS[1]
+    return Matrix(triad, channel, bool(believed), a.tolist(), angle, gains.tolist(), before, _rms(a @ v - m))
+
+
+def _smooth(x: Floats) -> Floats:
+    """Means of SMOOTHED rows that follow each other; x : (3, rows)."""
+    sums = np.cumsum(np.concatenate([np.zeros((len(x), 1)), x], axis=1), axis=1)
+    return (sums[:, SMOOTHED:] - sums[:, :-SMOOTHED]) / SMOOTHED
+
+
+def _rms(off: Floats) -> float:
+    return float(np.sqrt((off**2).sum(axis=0).mean())) if off.size else 0.0
+
+
+def _applied(a: Floats, v: Floats, center: Floats) -> Floats:
+    there = np.isfinite(v)
+    return np.where(there, a @ np.where(there, v, center), np.nan)
+
+
+def _samples(before: Samples, columns: Floats, settings: RecordedSignal, turned: Sequence[bool]) -> Samples:
+    low, high = settings.limits
+    pairs = zip(before.channels, columns, turned, strict=True)
+    return replace(before, channels=[np.clip(new, low, high) if is_turned else old for old, new, is_turned in pairs])

@@ -1,0 +1,175 @@
+"""INPUT of ``rig vote``: a CSV, Parquet or MCAP file, or a folder of tables with a mapping.
+
+    our columns or our log       read as they are
+    [mapping] in CONFIG          "<column of ours>" = "<source>:<field>"; the source is a topic of an MCAP file, or
+                                 a file in the folder INPUT; a single table needs no source: "<field>"
+
+Signals are read in the unit that CONFIG gives them and converted to SI (``load``).
+
+Sources have times of their own, which are checked or repaired first (stamps.py).  The rows are those of the first
+source that the mapping names; of another, each row takes the sample nearest in time, or none when the nearest is
+more than its sampling interval away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from stat import S_ISDIR
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.errors import BadInput
+from rig.core.files import reported
+from rig.core.text import shorten
+from rig.log import foreign
+from rig.log.foreign import Source
+from rig.log.recordings.columns_file import TABLES, Table
+from rig.log.recordings.csv_file import TableFormat
+from rig.log.recordings.doubts import out_of_range
+from rig.log.recordings.own_logs import read_ours
+from rig.log.recordings.recording import Recording, assemble, with_discretes
+from rig.log.recordings.stamps import TIME, Floats, clock, gaps, strange_rate
+from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
+
+ENDINGS: Final = (*TABLES, ".mcap")
+
+
+def load(
+    path: Path, config: VoteConfig, source: str, repair: bool = False
+) -> tuple[Recording, dict[str, RecordedSignal]]:
+    """Return the recording at ``path`` and the settings of its signals, both in SI units, with what is doubtful told.
+
+    source : of ``config``, named in errors.  BadInput in one line: as ``read``, settings that do not fit the
+    recording, every channel of a signal out of a range that nobody gave.
+    """
+    recording = read(path, config, repair)
+    settings = config.signals(recording.signals, source)
+    if not recording.in_si:
+        converted = {
+            name: recording.signals[name].times(chosen.scale) for name, chosen in settings.items() if chosen.scale != 1
+        }
+        recording = replace(recording, signals={**recording.signals, **converted})
+    warnings = out_of_range(str(path), recording, settings)
+    return replace(recording, warnings=(*recording.warnings, *warnings)), settings
+
+
+def read(path: Path, config: VoteConfig, repair: bool = False) -> Recording:
+    """Return the recording at ``path``, with ``repair`` without rows whose time repeats or steps back.
+
+    BadInput in one line when it cannot be used.
+    """
+    return with_discretes(str(path), _read(path, config, repair), config.discrete)
+
+
+def _read(path: Path, config: VoteConfig, repair: bool) -> Recording:
+    if _is_folder(path):
+        return _joined(path, config, *_folder(path, _wanted(path, config), config.tables), repair)
+    if path.suffix not in ENDINGS:
+        raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}, or a folder of tables")
+    if path.suffix == ".mcap" and config.tables != TableFormat(config.time_column):
+        raise BadInput(f"{path}: time_unit, separator and decimal are those of tables; messages have their log time")
+    if path.suffix == ".mcap" and config.mapping:
+        return _joined(path, config, foreign.read(path, _wanted(path, config)), [], repair)
+    return read_ours(path, repair) if path.suffix == ".mcap" else _table(path, config, repair)
+
+
+def _is_folder(path: Path) -> bool:
+    with reported(path, BadInput, "cannot be read"):
+        try:
+            return S_ISDIR(path.stat().st_mode)
+        except FileNotFoundError:
+            raise BadInput(f"{path}: no such file") from None
+
+
+def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:
+    """Return the fields of each source that the mapping names, the source of the rows first."""
+    if not config.mapping:
+        raise BadInput(f"{path}: a folder: CONFIG needs a [mapping] of columns to its files")
+    wanted: dict[str, set[str]] = {}
+    for column, place in config.mapping.items():
+        source, colon, field = place.rpartition(":")
+        if not (source and colon and field):
+            raise BadInput(f"[mapping] {column}: must be '<source>:<field>', got {place!r}")
+        wanted.setdefault(source, set()).add(field)
+    return wanted
+
+
+def _table(path: Path, config: VoteConfig, repair: bool) -> Recording:
+    """Return the recording in one table, by the mapping if there is one."""
+    mapping, time = config.mapping, config.time_column
+    table = Table(path, {time, *mapping.values()}.__contains__ if mapping else lambda _: True, config.tables)
+    names = mapping or {name: name for name in table.names if name != time}
+    for name in (*([time] if mapping or time != TIME else []), *mapping.values()):
+        _must_have(path, table, name)
+    if time not in table.names:
+        return assemble(str(path), names, table.column)  # which refuses it
+    time_s, _ = table.time_s()
+    made = assemble(
+        str(path), [TIME, *names], lambda name: time_s if name == TIME else table.column(names[name]), repair
+    )
+    return replace(made, remarks=tuple(table.remarks), warnings=(*made.warnings, *strange_rate(str(path), made.time_s)))
+
+
+def _must_have(path: Path, table: Table, name: str) -> None:
+    if name not in table.names:
+        there = shorten(", ".join(table.header))
+        raise BadInput(f"{path}: no column {name!r}, which CONFIG names (time_column, [mapping]); there are: {there}")
+
+
+def _folder(path: Path, wanted: Mapping[str, set[str]], written: TableFormat) -> tuple[dict[str, Source], list[str]]:
+    """Return the sources in a folder, with time since the first row of the first, and what is told of them."""
+    sources: dict[str, Source] = {}
+    remarks: list[str] = []
+    zero, time = None, written.time_column
+    for name, fields in wanted.items():
+        file = path / name
+        if Path(name).is_absolute() or ".." in Path(name).parts:
+            raise BadInput(f"[mapping] {name}: must be a file in the folder {path}")
+        if file.suffix not in TABLES:
+            raise BadInput(f"{file}: a source in a folder is one of {', '.join(TABLES)}")
+        table = Table(file, {time, *fields}.__contains__, written)
+        for needed in (time, *sorted(fields)):
+            _must_have(file, table, needed)
+        time_s, own_zero = table.time_s(zero)
+        if sources and (zero is None) != (own_zero is None):
+            raise BadInput(f"{file}: {time} is a time of the calendar in one source and a number in another")
+        zero = own_zero
+        sources[name] = Source(time_s, {field: table.column(field) for field in fields})
+        remarks += table.remarks
+    return sources, remarks
+
+
+def _joined(
+    path: Path, config: VoteConfig, sources: Mapping[str, Source], remarks: list[str], repair: bool
+) -> Recording:
+    """Return the columns of the mapping on the rows of the first source."""
+    clocks = {name: clock(f"{path}: {name}", source.time_s, repair) for name, source in sources.items()}
+    first = next(iter(clocks.values()))
+    nearest = {name: nearest_rows(first.time_s, own.time_s) for name, own in clocks.items()}
+
+    def column(name: str) -> Floats:
+        if name == TIME:
+            return first.time_s
+        source, _, field = config.mapping[name].rpartition(":")
+        rows, near = nearest[source]
+        return np.where(near, clocks[source].of(sources[source].fields[field])[rows], np.nan)
+
+    repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
+    warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
+    warnings += strange_rate(first.source, first.time_s)
+    made = assemble(str(path), [TIME, *config.mapping], column)
+    return replace(made, kept=first.kept, repairs=repairs, remarks=tuple(remarks), warnings=tuple(warnings))
+
+
+def nearest_rows(time_s: Floats, own_s: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """For each of ``time_s`` the row of ``own_s`` (rising) nearest to it, and whether it is near enough."""
+    after = np.clip(np.searchsorted(own_s, time_s), 1, max(len(own_s) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(own_s) - 1)
+    rows = np.where(time_s - own_s[before] <= own_s[after] - time_s, before, after)
+    interval = float(np.median(np.diff(own_s))) if len(own_s) > 1 else 0.0
+    return rows, np.abs(own_s[rows] - time_s) <= interval

@@ -1,0 +1,1 @@
+"""What is flown, as a person wrote it."""

@@ -1,0 +1,142 @@
+"""An aircraft is a folder: ``aircraft.toml`` (airframe, sensors, monitors), and what was designed from it:
+``gains.toml`` (control law) and ``references.toml``.
+
+``defaults.toml`` beside the bundled aircraft holds what they share; an aircraft's own file says what
+differs.  Tables are merged as plain data here and checked once, by scenario.py.  ``sensor_classes.toml`` holds
+the data-sheet classes that a sensor may name.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any, Final
+
+from rig.core.errors import BadInput, RigError
+from rig.core.files import NOT_WHOLE, bundled, is_file
+from rig.core.frame import INDEX
+from rig.core.settings import build, read_own, read_toml
+from rig.core.text import choices, quoted
+from rig.world.sensors.classes import SensorClass, under
+
+DEFAULT: Final = "f16"  # of a scenario that names none
+DESIGNED_AT_HZ: Final = 100.0  # outlier thresholds: a sample is taken up to a part of a frame early
+SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
+BESIDE: Final = {"threshold", "threshold_triplex"}  # what outlier thresholds are designed beside
+OUTLIERS: Final = {"outlier_threshold": None, "outlier_threshold_triplex": None}
+STALE: Final = {"stale_frames": 0}  # designed by the repeats of a sensor's samples, whatever the threshold
+
+
+def names() -> list[str]:
+    """Return the bundled aircraft, in alphabetical order."""
+    return sorted(path.parent.name for path in bundled("aircraft").glob("*/aircraft.toml"))
+
+
+def own_names() -> list[str]:
+    """Return the aircraft in the present folder: its folders with an aircraft.toml, in alphabetical order."""
+    return sorted(str(path.parent) for path in Path().glob("*/aircraft.toml"))
+
+
+def folder(name: str) -> Path:
+    """Return the folder of a bundled aircraft, or of one of the user's own given by its path."""
+    for candidate in (bundled("aircraft") / name, Path(name)):
+        if is_file(candidate / "aircraft.toml"):
+            return candidate
+    if name == DEFAULT:
+        raise RigError(f"{bundled('aircraft') / name / 'aircraft.toml'}: {NOT_WHOLE}: no such file")
+    raise BadInput(f"aircraft: unknown aircraft {quoted(name)}, {choices(name, names())} or a folder's path")
+
+
+def located(name: str, beside: Path) -> str:
+    """Return ``name``, or its path from ``beside`` when an aircraft's folder is there and none by that name."""
+    if not any(is_file(home / name / "aircraft.toml") for home in (bundled("aircraft"), Path())):
+        path = os.path.normpath(beside / name)
+        if is_file(Path(path) / "aircraft.toml"):
+            return path
+    return name
+
+
+def tables(name: str) -> dict[str, Any]:
+    """Return all tables of an aircraft: defaults, its own, its designed gains and references."""
+    merged = own_tables(name)
+    for kind in ("gains", "references"):
+        path = folder(name) / f"{kind}.toml"
+        if not is_file(path):
+            raise BadInput(f"{path}: no such file, write it with: rig aircraft design {name}")
+        merged = merge(merged, {kind: read_toml(path)})
+    return merged
+
+
+def default_stale_frames() -> dict[str, int]:
+    """Return the count of stale samples that all aircraft share, by signal."""
+    signals = read_own(bundled("aircraft") / "defaults.toml")["redundancy"]["signals"]
+    return {name: int(keys.get("stale_frames", 0)) for name, keys in signals.items()}
+
+
+def default_boxes() -> dict[str, list[str]]:
+    """Return the sets of signals that one unit of each channel measures, as all aircraft share them."""
+    return read_own(bundled("aircraft") / "defaults.toml")["redundancy"]["boxes"]
+
+
+def own_tables(name: str) -> dict[str, Any]:
+    """Return an aircraft's tables before anything is designed: the defaults and its own."""
+    path = folder(name) / "aircraft.toml"
+    return lay_over(read_own(bundled("aircraft") / "defaults.toml"), read_toml(path), str(path))
+
+
+def sensor_classes() -> dict[str, SensorClass]:
+    """Return the data-sheet classes of sensors, by name."""
+    path = bundled("aircraft") / "sensor_classes.toml"
+    return {name: build(SensorClass, table, f"{path}: {name}") for name, table in read_own(path).items()}
+
+
+def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:
+    """Merge, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``.
+
+    What is designed from healthy samples goes where ``above`` has other sensors, or other thresholds beside it.
+    """
+    below = without_designed(below, above)
+    wanted, present = above.get("sensors"), below.get("sensors")
+    if not isinstance(wanted, dict) or not isinstance(present, dict):
+        return merge(below, above)
+    return merge({**below, "sensors": under(present, wanted, sensor_classes(), source)}, above)
+
+
+def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Return ``below`` without outlier thresholds of signals whose sensors or thresholds ``above`` changes, and without
+    a count of stale samples where it changes the sensors."""
+    signals = _tables(below.get("redundancy"), "signals")
+    sensors = _other_sensors(above)
+    off = {**dict.fromkeys(_redesigned(above, sensors), OUTLIERS), **{key: {**OUTLIERS, **STALE} for key in sensors}}
+    gone = {name: {**signals[name], **keys} for name, keys in off.items() if name in signals}
+    return merge(below, {"redundancy": {"signals": gone}}) if gone else below
+
+
+def _other_sensors(above: dict[str, Any]) -> Collection[str]:
+    """Return the signals that ``above`` gives other errors."""
+    return [name for name, table in _tables(above, "sensors").items() if table.keys() - SAME_ERRORS]
+
+
+def _redesigned(above: dict[str, Any], sensors: Collection[str]) -> Collection[str]:
+    """Return the signals that ``above`` gives other errors or thresholds; at a lower rate, all of them."""
+    rate_hz = above.get("rate_hz")
+    if isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ:
+        return INDEX
+    monitors = _tables(above.get("redundancy"), "signals")
+    return {*sensors, *(name for name, table in monitors.items() if table.keys() & BESIDE)}
+
+
+def _tables(data: Any, key: str) -> dict[str, dict[str, Any]]:
+    """Return the tables in the table ``key`` of ``data``; none where anything else is there."""
+    inner = data.get(key) if isinstance(data, dict) else None
+    return {name: table for name, table in inner.items() if isinstance(table, dict)} if isinstance(inner, dict) else {}
+
+
+def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Return ``below`` with ``above`` laid over it: tables key by key, everything else replaced."""
+    merged = dict(below)
+    for key, value in above.items():
+        lower = merged.get(key)
+        merged[key] = merge(lower, value) if isinstance(value, dict) and isinstance(lower, dict) else value
+    return merged

@@ -1,0 +1,51 @@
+"""What the keys of a flight did: as its log holds it, and laid on its scenario, which then is an ordinary one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from rig.computer.redundancy.manager_config import Reset
+from rig.core.errors import BadInput
+from rig.core.frame import DISCRETES, SIGNALS
+from rig.scenario.scenario import Scenario
+
+
+@dataclass
+class Pressed:
+    """Effects of the keys, by frame: the faults' first and last (excluded), and resets of all channels."""
+
+    faults: dict[str, list[int]] = field(default_factory=dict)  # by their labels
+    resets: list[int] = field(default_factory=list)
+
+    def to_json(self) -> str:
+        """Return it as the log's result holds it."""
+        return json.dumps({"faults": self.faults, "resets": self.resets})
+
+
+def pressed(scenario: Scenario, result: Mapping[str, str] | None, source: str) -> Scenario:
+    """Return the scenario as the keys of its flight made it; ``result`` of its log.  BadInput naming ``source``."""
+    if result is None or "keys" not in result:
+        return scenario
+    try:
+        keys = json.loads(result["keys"])
+        faults = [_moved(fault, keys["faults"].get(fault.label), scenario.rate_hz) for fault in scenario.faults]
+        resets = [reset for frame in keys["resets"] for reset in _resets(frame / scenario.rate_hz)]
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError):
+        raise BadInput(f"{source}: what its keys did is damaged") from None
+    redundancy = scenario.redundancy.model_copy(update={"resets": [*scenario.redundancy.resets, *resets]})
+    made = scenario.model_copy(update={"faults": faults, "redundancy": redundancy})
+    return made.trusted(scenario.trust)
+
+
+def _moved(fault: Any, moments: list[int] | None, rate_hz: float) -> Any:
+    if not moments:
+        return fault
+    times = dict(zip(("start_s", "end_s"), (moment / rate_hz for moment in moments), strict=False))
+    return fault.model_copy(update=times)
+
+
+def _resets(at_s: float) -> list[Reset]:
+    return [Reset(at_s=at_s, signal=signal.name) for signal in (*SIGNALS, *DISCRETES)]

@@ -1,0 +1,68 @@
+"""Notes on a scenario that can be flown, and that hardly anyone means as it is: told, not refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from rig.computer.gain_schedule import Point
+from rig.core.units import atmosphere
+from rig.core.units.constants import HEAT_RATIO
+from rig.scenario.scenario import Scenario
+from rig.world.faults.reach import never_holding
+from rig.world.plant.airframe import FlightPoint
+
+_SAME: Final = 0.02  # of a dynamic pressure: within it, a point is where it was designed
+
+
+def notes(scenario: Scenario) -> list[str]:
+    """Return a line for each: a flight point that was not designed, a trigger whose condition can never hold."""
+    return [*_undesigned(scenario), *_never(scenario)]
+
+
+def _undesigned(scenario: Scenario) -> Iterator[str]:
+    """Yield a line where the control law or the references fly with the numbers of other points."""
+    point = scenario.airframe.point(scenario.flight_point)
+    here = f"flight point {point.name}"
+    remedy = f"rig aircraft design {scenario.aircraft}"
+    files = (("gains.toml", scenario.gains.points), ("references.toml", scenario.references.points))
+    missing = [(file, points) for file, points in files if point.name not in [each.name for each in points]]
+    if missing:
+        names = " and ".join(file for file, _ in missing)
+        flown = " and ".join(file.removesuffix(".toml") for file, _ in missing)
+        yield f"{here} was not designed (not in {names}): {flown} {_beyond(point, missing[0][1])}; {remedy}"
+        return
+    moved = [
+        f"at {_kilo(each.dynamic_pressure_pa)} in {file}"
+        for file, points in files
+        for each in points
+        if each.name == point.name and abs(_pressure(point) / each.dynamic_pressure_pa - 1.0) > _SAME
+    ]
+    if moved:
+        yield f"{here}, at {_kilo(_pressure(point))}, was designed {' and '.join(moved)}; {remedy}"
+
+
+def _beyond(point: FlightPoint, points: Sequence[Point]) -> str:
+    """Say which numbers are flown with at a point, by its dynamic pressure."""
+    low, high = points[0].dynamic_pressure_pa, points[-1].dynamic_pressure_pa
+    at = _pressure(point)
+    if low <= at <= high:
+        return f"between those of {_kilo(low)} and {_kilo(high)}"
+    end = high if at > high else low
+    return f"held at those of {_kilo(end)}, and it is at {_kilo(at)}"
+
+
+def _pressure(point: FlightPoint) -> float:
+    """Return the dynamic pressure [Pa] at a flight point."""
+    return 0.5 * HEAT_RATIO * float(atmosphere.pressure(point.altitude_m)) * point.mach**2
+
+
+def _kilo(pressure_pa: float) -> str:
+    return f"{pressure_pa / 1e3:.3g} kPa"
+
+
+def _never(scenario: Scenario) -> Iterator[str]:
+    """Yield a line for each trigger whose condition can never hold."""
+    for i, fault in enumerate(scenario.faults):
+        for never in never_holding(fault.when) if fault.when is not None else ():
+            yield f"faults.{i}.when: {never}; numbers are in SI units"

@@ -1,0 +1,1 @@
+"""A flight and a log for programs and notebooks."""

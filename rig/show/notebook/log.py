@@ -1,0 +1,48 @@
+"""``rig.read_log`` and ``rig.Log``: a log for programs and notebooks.
+
+Without the flight's modules: a log is read before numba and JSBSim would be loaded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rig import log
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Log(log.Log):
+    """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, events, metadata, result, attachments."""
+
+    def plot(self, name: str) -> Figure:
+        """Return channels, vote and truth of one signal over the flight; BadInput when there is no such signal."""
+        from rig.show.viewer.notebook import plot
+
+        return plot(self, name)
+
+    def __repr__(self) -> str:
+        """Return one line: what was flown, and how it ended."""
+        from rig.show.viewer.notebook import line
+
+        return line(self)
+
+    def _repr_html_(
+        self, overrides: Sequence[str] = (), path: Path | None = None, conclusion: Sequence[str] | None = None
+    ) -> str:
+        """Return a small table for a notebook: scenario, verdict, failed channels, conclusion, digest."""
+        from rig.show.viewer.notebook import table
+        from rig.verdict.of_log import conclude
+
+        return table(self, conclude(self) if conclusion is None else conclusion, overrides, path)
+
+
+def read_log(path: Path | str) -> Log:
+    """Read the flight at ``path``; BadLog in one line when it is missing, foreign, cut or damaged.
+
+    Two kilobytes of memory a frame, twice that while reading; ``rig.log.iter_chunks`` reads long logs.
+    """
+    return Log.read(path)

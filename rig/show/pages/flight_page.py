@@ -1,0 +1,260 @@
+"""The report of one flight: one HTML file with everything in it, for a browser without a network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.managers import manager_kind
+from rig.core.frame import INDEX, SIGNALS, SURFACES
+from rig.core.outputs import require_apart, require_page
+from rig.core.progress import tell
+from rig.core.units.quantities import duration, quantity, seconds
+from rig.flight.flight_result import Flight
+from rig.log import LogFile, scenario_of
+from rig.log.info import FILE, overrides
+from rig.log.log_file import Frames
+from rig.log.schema import SCHEMA_VERSION
+from rig.show.pages import flight_figures as draw
+from rig.show.pages import lane_figures as computers
+from rig.show.pages import servo_figures as actuators
+from rig.show.pages.course import Course
+from rig.show.pages.gathered import errors, of_signal, of_surface
+from rig.show.pages.lines import line
+from rig.show.pages.moments import Moment, affected, limit, moment, signals_of
+from rig.show.pages.page import DASH, write_page
+from rig.show.pages.requirement_figures import Margins
+from rig.show.pages.timeline import MOST_GROUPS, groups, spans, timeline
+from rig.show.viewer.series import threshold
+from rig.verdict import score_tables as cells
+from rig.verdict.context import Context
+from rig.verdict.counting import another
+from rig.verdict.of_log import Scored, score_log
+from rig.verdict.requirements import plain
+from rig.verdict.score_records import Yardstick
+
+MOST_SIGNALS: Final = 8  # that are drawn
+MOST_MOMENTS: Final = 4
+MOST_ROWS: Final = 300  # of a table
+QUIETEST: Final = 4  # signals whose vote's error is drawn where nothing happened to any
+
+
+def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str, Any]:
+    """Write the report of the log at ``path`` to ``out``; what it says as plain data.
+
+    requirements : bundled sets and files, beside those of the scenario
+
+    The log is gone through block by block, as often as is asked of it.  BadInput or BadLog, one line: no log of
+    ``rig fly``, no verdict.
+    """
+    log = LogFile.open(path)
+    scored = score_log(path, Yardstick(), twin=False, log=log)
+    margins = Margins.of(log, scored.scenario, requirements)
+    tell("looking for what happened")
+    course = Course(log.mapped(), len(scored.scenario.faults))
+    names = affected(scored, course)
+    moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
+    drawn = _figures(log, scored, course, names, moments) | margins.figures()
+    about = {
+        **_about(log, scored, course, names, moments),
+        "requirements": margins.rows(),
+        "unmeasured": margins.remark,
+    }
+    write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
+    told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
+    told |= {"requirements": [plain(one) for one in margins.verdicts]} if margins.verdicts else {}
+    return {"report": str(out), **told, **scored.as_dict()}
+
+
+def write_report(flight: Flight | Path | str, out: Path | str | None = None, requirements: Sequence[str] = ()) -> Path:
+    """Write one HTML file of a flight or its log, which opens offline, and return its path.
+
+    out : beside the log, with its name, when not given; requirements : bundled sets and files, as of ``report``
+    BadInput, one line: no log of a flight, no verdict, an ``out`` that is the log or no page.
+    """
+    log = flight.log if isinstance(flight, Flight) else Path(flight)
+    target = log.with_suffix(".html") if out is None else Path(out)
+    require_apart({"out": target}, [log, *requirements])
+    require_page("out", None if out is None else target)
+    report(log, target, requirements)
+    return target
+
+
+def _part(flight: Frames, one: Any) -> Frames:
+    """Return the frames of a stretch, from its ``begin`` to its ``end``."""
+    return Frames(*(None if part is None else part[one.begin : one.end] for part in flight))
+
+
+def _figures(
+    log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
+) -> dict[str, go.Figure]:
+    """Draw the pictures, by the id of their element, in the order of the page; names : signals with an event."""
+    shown, rows = names[:MOST_SIGNALS], course.flight.rows
+    rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
+    surfaces = actuators.happened(scored) if "actuator" in log.lanes else []
+    lanes, thresholds = computers.happened(scored, log.events), _thresholds(scored, shown)
+    labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
+    beside = computers.states(course, rate_hz, scored.scenario.computers.count) if lanes else []
+    health = [span for span in beside if span.lane.startswith("lane ") or span.lane == "leading lane"]
+    states = spans(course, rate_hz, names, labels, [*health, *actuators.states(course, rate_hz)])
+    found = {"timeline": timeline(states, course.frames / rate_hz)} if states else {}
+    for one in moments:
+        acts = acting[one.signal][one.begin : one.end]
+        about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
+        found[f"moment-{one.signal}"] = draw.of_moment(_part(course.flight, one).rows, rate_hz, *about)
+    for name in shown:
+        found[f"signal-{name}"] = draw.of_flight(
+            of_signal(rows, rate_hz, name, threshold(resolved, name)), rate_hz, name, acting[name]
+        )
+    for one in surfaces:
+        found[f"actuator-{one.surface}"] = actuators.of_actuator(_part(course.flight, one), scored, one)
+    if lanes is not None:
+        found["computers"] = timeline(beside, course.frames / rate_hz)
+        found["commands"] = computers.commands(_part(course.flight, lanes), scored, lanes)
+    time_s = rows["frame"] / rate_hz
+    shares = {name: line(time_s, errors(rows, name) / limit) for name, limit in thresholds.items()}
+    found["votes"] = draw.vote_errors(shares, thresholds)
+    found["surfaces"] = draw.surfaces([of_surface(rows, rate_hz, i) for i in range(len(SURFACES))])
+    return found
+
+
+def _acting(course: Course, scored: Scored) -> dict[str, NDArray[np.bool_]]:
+    """Return (n,) whether a fault on a signal, or on its reference, acts; by the signal."""
+    on: dict[str, list[int]] = {signal.name: [] for signal in SIGNALS}
+    for fault in scored.score.faults:
+        for name in signals_of(fault, scored.scenario):
+            on[name].append(fault.index)
+    acting, faults = course.acting, np.zeros((len(SIGNALS), 8 * course.acting.shape[1]), np.uint8)
+    for s, numbers in enumerate(on.values()):
+        faults[s, numbers] = 1
+    masks = np.packbits(faults, axis=1, bitorder="little")
+    return {name: (acting & masks[s]).any(axis=1) for s, name in enumerate(on)}
+
+
+def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
+    """Return the thresholds of ``names``; of none, of the signals whose vote came nearest to theirs."""
+    signals = scored.scenario.resolved()["redundancy"]["signals"]
+    limits = {name: float(signals[name]["threshold"]) for name in INDEX}
+    found = scored.score.vote_error
+    ranked = sorted(INDEX, key=lambda name: -found[name].peak / limits[name])
+    return {name: limits[name] for name in names or ranked[:QUIETEST]}
+
+
+def _waits(scored: Scored, name: str) -> dict[str, int]:
+    """Return for how many frames the manager waits on a signal, by the setting's name; nothing where none compares."""
+    evidence = scored.score.evidence
+    if evidence.by_unit or not manager_kind(scored.scenario.redundancy.manager).compares:
+        return {}
+    p = evidence.params[INDEX[name]]
+    return {"persistence": int(p["persistence"]), "singular persistence": int(p["singular_persistence"])}
+
+
+def _about(
+    log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
+) -> dict[str, Any]:
+    """Return what the page says beside its pictures."""
+    alike = groups(course, names)
+    scenario, score, rate_hz = scored.scenario, scored.score, log.rate_hz
+    text = log.attachments.get(FILE, b"").decode(errors="replace")
+    return {
+        "title": scenario.title or scenario.aircraft,
+        "scored": scored,
+        "score": score,
+        "point": scenario.airframe.point(scenario.flight_point).name,
+        "sets": overrides(text, scenario_of(log.metadata, scored.log)),
+        "voter": scored.voter,
+        "ended": seconds(score.flight.frames, rate_hz),
+        "cards": _cards(scored, rate_hz),
+        "moments": [(one, _said(one, rate_hz)) for one in moments],
+        "actuators": actuators.happened(scored) if "actuator" in log.lanes else [],
+        "computers": computers.happened(scored, log.events),
+        "signals": names[:MOST_SIGNALS],
+        "alike": [one for one in alike[:MOST_GROUPS] if len(one) > 1],
+        "not_in_timeline": [name for one in alike[MOST_GROUPS:] for name in one],
+        "left_out": names[MOST_SIGNALS:],
+        "limits": _limits(scored, names[:MOST_SIGNALS]),
+        "tables": _tables(scored, rate_hz),
+        "peaks": cells.peaks(score.flight),
+        "events": [(seconds(one.frame, rate_hz), one.level, one.name, one.text) for one in log.events],
+        "most": MOST_ROWS,
+        "flown_by": {key: text for key, text in log.metadata.items() if key.startswith(("version ", "git", "machine"))},
+        "schema": f"{log.metadata['schema_version']} (this rig writes {SCHEMA_VERSION})",
+    }
+
+
+def _said(one: Moment, rate_hz: float) -> str:
+    first = f"first out at {seconds(one.first, rate_hz)}"
+    if one.isolated is None:
+        return f"{first}; no channel was failed for it"
+    frames = one.isolated - one.first
+    if not frames:
+        return f"{first}, failed in the same frame"
+    later = f"{duration(frames, rate_hz)} later ({frames + 1} frames)"
+    return f"{first}, failed at {seconds(one.isolated, rate_hz)}, {later}"
+
+
+def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
+    """Return big figures, what they are, and whether they are bad."""
+    score = scored.score
+    context = Context(scored.scenario, score)
+    found = [fault for fault in score.faults if fault.outcome == "detected"]
+    detected = [fault for fault in found if another(fault, context) is None]
+    missed = sum(fault.outcome == "missed" for fault in score.faults) + len(found) - len(detected)
+    wrong = len(score.false_alarms) + len(score.wrong_isolations)
+    delays = [fault.delay_from_exceeded_frames for fault in detected if fault.delay_from_exceeded_frames is not None]
+    off = [name for name, error in score.vote_error.items() if error.above_threshold_s > 0]
+    failed = [(fault.failed_frame or fault.law_frame or 0, fault.resolver) for fault in detected if fault.resolver]
+    failed += [(each.frame, each.resolver) for _, each in score.isolations]
+    deciders = dict.fromkeys(resolver for _, resolver in sorted(failed))
+    lost = sum(signal.level_at_end == 0 for signal in score.signals.values())
+    lasting = sum(suspect.lasting for suspect in score.suspects)
+    return [
+        (f"{len(detected)} of {len(detected) + missed}", "detectable faults detected", missed > 0),
+        (duration(max(delays), rate_hz) if delays else DASH, "longest delay from the threshold", False),
+        (str(wrong), "healthy channels failed", wrong > 0),
+        (", ".join(deciders) or DASH, "found the faults or failed the channels", False),
+        (str(len(off)), _off_by(scored, off), bool(off)),
+        (str(lost), "signals without a channel at the end", lost > 0),
+        *([(str(lasting), "channels suspect in many frames, never failed", True)] if lasting else []),
+    ]
+
+
+def _off_by(scored: Scored, names: Sequence[str]) -> str:
+    """Return what the tile of wrong votes says: whose threshold, which is not the outlier threshold."""
+    limits = [
+        f"{name} {quantity(value, SIGNALS[INDEX[name]].unit)}" for name, value in _thresholds(scored, names).items()
+    ]
+    which = f": {', '.join(limits[:QUIETEST])}" if names else ""
+    return f"signals whose vote was off the truth by more than their threshold{which}"
+
+
+def _limits(scored: Scored, names: Sequence[str]) -> list[str]:
+    """Return the thresholds of the signals with an event, by name and with their figures."""
+    resolved = scored.scenario.resolved()
+    lines = []
+    for name, value in _thresholds(scored, names).items() if names else ():
+        monitor, unit = limit(resolved, name), SIGNALS[INDEX[name]].unit
+        own = f", {monitor.text}" if monitor.name != "threshold" else ""
+        lines.append(f"{name} threshold {quantity(value, unit)}{own}")
+    return lines
+
+
+def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], list[cells.Row]]]:
+    """Return title, heads and rows of the tables of the score; those without rows are left out."""
+    score = scored.score
+    found = [
+        ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
+        ("Channels of actuators", cells.ACTUATORS, cells.actuator_rows(score, rate_hz)),
+        ("Computers and links", cells.COMPUTERS, cells.computer_rows(score, rate_hz)),
+        ("The fault-tolerant law", cells.LAW, cells.law_rows(score, rate_hz)),
+        ("Suspect channels", cells.SUSPECTS, cells.suspect_rows(score)),
+        ("Healthy channels that were failed", cells.ISOLATIONS, cells.isolation_rows(score, rate_hz)),
+        ("Patterns without a majority", cells.RESOLVERS, cells.resolver_rows(score)),
+        ("Votes", cells.VOTES, cells.vote_rows(score, rate_hz)),
+    ]
+    return [(title, heads, rows) for title, heads, rows in found if rows]

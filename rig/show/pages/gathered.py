@@ -1,0 +1,58 @@
+"""The lines that the pictures of a flight show."""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.core.frame import FLIGHT_INDEX, INDEX, SIGNALS, SURFACES, Block
+from rig.core.units.angles import near
+from rig.show.pages.lines import Array, Line, line
+from rig.show.viewer.series import Series, limits, series
+
+
+class SignalLines(NamedTuple):
+    """A signal as it is drawn, in the unit that people read; ends : of the axis."""
+
+    voted: Line
+    truth: Line
+    channels: list[Line]
+    ends: tuple[float, float]
+
+
+def signal_lines(shown: Series, ends: tuple[float, float]) -> SignalLines:
+    """Return the lines of a signal over some rows."""
+    voted, truth, *channels = (line(shown.time_s, of) for of in (shown.voted, shown.truth, *shown.channels.T))
+    return SignalLines(voted, truth, channels, ends)
+
+
+def of_signal(rows: Block, rate_hz: float, name: str, limit: float) -> SignalLines:
+    """Return a signal over a whole flight; limit : SI, what channels may be off the vote."""
+    shown = series(rows, rate_hz, name)
+    return signal_lines(shown, limits(shown, limit))
+
+
+def errors(rows: Block, name: str) -> Array:
+    """Return vote less truth (n,) of a signal, SI, angles the short way round; NaN where either is no number."""
+    voted, truth = rows["voted"][:, INDEX[name]], rows["truth"][:, INDEX[name]]
+    with np.errstate(invalid="ignore"):
+        return (near(voted, truth) if SIGNALS[INDEX[name]].wraps else voted) - truth
+
+
+class SurfaceLines(NamedTuple):
+    """A surface, degrees, or the throttle; changed : a fault changed what reached the actuator."""
+
+    command: Line
+    actuated: Line
+    position: Line
+    changed: bool
+
+
+def of_surface(rows: Block, rate_hz: float, i: int) -> SurfaceLines:
+    """Return surface ``i`` over a whole flight."""
+    scale, time_s = degrees(1.0) if SURFACES[i].endswith("_rad") else 1.0, rows["frame"] / rate_hz
+    shown = rows["surface"][:, i], rows["actuator"][:, i], rows["flight"][:, FLIGHT_INDEX[SURFACES[i]]]
+    changed = not np.array_equal(*shown[:2], equal_nan=True)
+    return SurfaceLines(*(line(time_s, values * scale) for values in shown), changed)

@@ -1,0 +1,123 @@
+"""Several computers in a report: who was failed by whom and for what, and what the lanes commanded then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from rig.core.event import Event
+from rig.core.frame import COMPUTERS, SURFACES, LaneBlock
+from rig.core.palette import CHANNELS, DASHES, VOTE
+from rig.core.runs import runs_where
+from rig.core.units.quantities import scale_shown, seconds, unit_of_name, unit_shown
+from rig.flight import lane_events as lanes
+from rig.flight.failures import decisive_s
+from rig.log.log_file import Frames
+from rig.show.pages.course import Course
+from rig.show.pages.flight_figures import ACTING, DOTTED, draw_line
+from rig.show.pages.page import lay_out
+from rig.show.pages.timeline import Span, eventful, spans_of
+from rig.show.viewer import lanes_view as computers
+from rig.verdict.of_log import Scored
+from rig.world.faults.places import OF_LANES, site
+
+_HEIGHT: Final = 720
+_FAILURES: Final = (lanes.FAILED, lanes.LINK_FAILED, lanes.BACKUP)
+_TOLD: Final = (
+    *_FAILURES,
+    *(lanes.DISENGAGED, lanes.RESTARTING, lanes.READMITTED, lanes.REFUSED, lanes.LEADING, lanes.LINK_BACK),
+)
+
+
+class Happened(NamedTuple):
+    """What a report tells of the computers, and the frames of the first failure, end excluded."""
+
+    said: list[str]
+    begin: int
+    end: int
+
+
+def happened(scored: Scored, events: Sequence[Event]) -> Happened | None:
+    """Return what became of the computers; None where nothing failed and no fault sat on them."""
+    rate_hz, last = scored.scenario.rate_hz, scored.score.flight.frames - 1
+    onsets = [
+        fault.onset_frame
+        for fault in scored.score.faults
+        if site(scored.scenario.faults[fault.index].signal) in OF_LANES and fault.onset_frame is not None
+    ]
+    failed = [event.frame for event in events if event.name in _FAILURES]
+    if not onsets and not failed:
+        return None
+    decided = min(failed, default=None)
+    first = max((onset for onset in onsets if decided is None or onset <= decided), default=decided or 0)
+    begin_s, end_s = decisive_s(first / rate_hz, None if decided is None else decided / rate_hz, last / rate_hz)
+    return Happened(list(_said(events, rate_hz)), round(begin_s * rate_hz), round(end_s * rate_hz) + 1)
+
+
+def _said(events: Sequence[Event], rate_hz: float) -> Iterator[str]:
+    told = [event for event in events if event.name in _TOLD]
+    for event in told:
+        yield f"{seconds(event.frame, rate_hz)}: {event.name}, {event.text}"
+    if not told:
+        yield "no lane and no link failed"
+
+
+def states(course: Course, rate_hz: float, count: int) -> list[Span]:
+    """Return lane by lane health and leading lane, and the votes of commands and links that were not as always."""
+    of, found = [*computers.HEALTH[:count], computers.LEADING], list[Span]()
+    for lane in (*of, *computers.VOTES, *computers.fitted(computers.OF_LINKS, count)):
+        if (change := course.lanes.get(lane.path)) is not None:
+            spans = spans_of(change, lane, course.frames, rate_hz)
+            found += spans if lane in of or eventful(spans) else []
+    return found
+
+
+def commands(kept: Frames, scored: Scored, one: Happened) -> go.Figure:
+    """Draw what each lane commanded, and the vote of the leading one with the threshold of the others about it.
+
+    kept : the rows of ``one``, of a flight with several computers
+    """
+    rows, time_s = kept.lanes["computer"], kept.rows["frame"] / scored.scenario.rate_hz
+    figure = make_subplots(rows=len(SURFACES), cols=1, shared_xaxes=True, vertical_spacing=0.03)
+    voted, config = _voted(kept.lanes), scored.scenario.computers
+    for s, (name, (low, high)) in enumerate(zip(SURFACES, scored.scenario.airframe.surface_limits, strict=True)):
+        scale, panel = scale_shown(unit_of_name(name)), {"row": s + 1, "col": 1, "showlegend": s == 0}
+        for i in range(config.count):
+            look = CHANNELS[i], 1.3, DASHES[i]
+            draw_line(figure, time_s, rows["surface"][:, i, s] * scale, f"lane {COMPUTERS[i]}", look, **panel)
+        draw_line(figure, time_s, voted[:, s] * scale, "vote of the leading lane", (VOTE, 2.2, "solid"), **panel)
+        for sign in (-1, 1):
+            limit = (voted[:, s] + sign * config.command_threshold * (high - low)) * scale
+            figure.add_scatter(x=time_s, y=limit, mode="lines", line=DOTTED, row=s + 1, col=1, showlegend=False)
+        unit = unit_shown(unit_of_name(name))
+        figure.update_yaxes(title=f"{name.removesuffix('_rad')}{unit and f', {unit}'}", row=s + 1, col=1)
+    _mark(figure, kept, scored, time_s)
+    lay_out(figure, "commands of the lanes", _HEIGHT)
+    figure.update_xaxes(title="time, s", row=len(SURFACES), col=1)
+    return figure
+
+
+def _voted(rows: LaneBlock) -> Any:
+    """Return (n, 4) what the leading lane puts out; NaN while the back-up flies."""
+    leading = computers.leading(rows)
+    whose = np.minimum(leading, len(COMPUTERS) - 1)
+    output = rows["computer"]["output"][np.arange(len(rows)), whose]
+    return np.where((leading == computers.BACKUP)[:, None], np.nan, output)
+
+
+def _mark(figure: go.Figure, kept: Frames, scored: Scored, time_s: Any) -> None:
+    """Shade the time in which a fault on computers or links acts, and mark each lane's failure."""
+    every: dict[str, Any] = {"row": "all", "col": 1}
+    of = [i for i, fault in enumerate(scored.scenario.faults) if site(fault.signal) in OF_LANES]
+    acting = np.asarray(np.unpackbits(kept.rows["acting"], axis=1, bitorder="little")[:, of].any(axis=1))
+    for a, b in runs_where(acting):
+        figure.add_vrect(float(time_s[a]), float(time_s[b - 1]), fillcolor=ACTING, line_width=0, layer="below", **every)
+    finder = lanes.ComputerFinder(scored.scenario.rate_hz)
+    finder.find(kept.lanes)
+    for failure in finder.failures:
+        if failure.frame > kept.rows["frame"][0]:
+            figure.add_vline(x=failure.frame / scored.scenario.rate_hz, line=DOTTED, **every)

@@ -1,0 +1,82 @@
+"""What every report shares: the page's frame, plotly's library inlined once, the look of figures, numbers as text."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import jinja2
+import plotly.graph_objects as go
+from plotly.offline import get_plotlyjs
+
+from rig.core.files import NOT_WHOLE, reported, write_text
+from rig.core.palette import CSS
+from rig.core.versions import versions
+
+LAYOUT: Final[dict[str, Any]] = {
+    "template": "plotly_white",
+    "font": {"family": "system-ui, sans-serif", "size": 13},
+    "title": {"font": {"size": 15}},
+    "margin": {"l": 10, "r": 10, "t": 40, "b": 10},
+    "xaxis": {"automargin": True},
+    "yaxis": {"automargin": True},
+    "showlegend": False,
+}
+DASH: Final = "–"  # noqa: RUF001 # in a table, where there is nothing
+
+
+def lay_out(figure: go.Figure, title: str, height: int, **layout: Any) -> None:
+    """Give a figure the look of all reports; base.html writes its legend below it."""
+    figure.update_layout(**LAYOUT)
+    head: dict[str, Any] = {"title_text": title} if title else {"margin_t": 10}
+    figure.update_layout(height=height, **head, **layout)
+
+
+def write_page(
+    out: Path, template: str, figures: Mapping[str, go.Figure], filters: Mapping[str, Callable[..., str]], **data: Any
+) -> None:
+    """Write the page of ``template``, like ``campaign.html``, which extends base.html of this folder.
+
+    figures : drawn into the elements with their names as id
+    data : names in the template; one that it uses and is not given is an error
+
+    Raise BadInput or RigError where the file cannot be written.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(_template),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "percent": percent, "rate": rate, **filters}
+    drawn = {name: json.loads(figure.to_json() or "null") for name, figure in figures.items()}
+    text = json.dumps(drawn, allow_nan=False).replace("<", "\\u003c")  # nothing in it can end the script element
+    about = {"plotly": get_plotlyjs(), "versions": versions(), "palette": CSS}
+    write_text(out, environment.get_template(template).render(figures=text, **about, **data))
+
+
+def _template(name: str) -> str:
+    """Return the text of a template of this folder.  RigError: it is not there, or cannot be read."""
+    path = Path(__file__).with_name(name)
+    with reported(path, what=NOT_WHOLE):
+        return path.read_text(encoding="utf-8")
+
+
+def percent(value: float | None) -> str:
+    """Return a share as a reader would say it."""
+    return DASH if value is None else f"{100 * value:.3g} %"
+
+
+def rate(share: Mapping[str, Any]) -> str:
+    """Return a share with its interval; ``share`` has value, low and high."""
+    if share["value"] is None:
+        return DASH
+    return f"{percent(share['value'])} ({percent(share['low'])} to {percent(share['high'])})"
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number as a reader would say it."""
+    return DASH if value is None else f"{value:.{digits}g}"

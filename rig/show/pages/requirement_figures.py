@@ -1,0 +1,88 @@
+"""Requirements of a flight on its page: their verdicts, and the picture of their margins over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Final, Self
+
+import numpy as np
+import plotly.graph_objects as go
+
+from rig.core.errors import BadInput
+from rig.core.palette import series_colour
+from rig.core.units.quantities import quantity
+from rig.log import LogFile
+from rig.scenario.scenario import Scenario
+from rig.show.pages.flight_figures import DOTTED
+from rig.show.pages.lines import Line, line
+from rig.show.pages.page import DASH, lay_out
+from rig.verdict.requirements import Verdict, load_requirements, margin_text, recorder_of
+
+CUT: Final = 3.0  # a margin beyond is drawn here
+MOST: Final = 12  # lines
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """What was measured: verdicts, and lines by requirement and signal."""
+
+    verdicts: tuple[Verdict, ...] = ()
+    lines: tuple[tuple[str, Line], ...] = ()
+    remark: str = ""  # what is not measured, and why
+
+    @classmethod
+    def of(cls, log: LogFile, scenario: Scenario, names: Sequence[str]) -> Self:
+        """Measure a log; names : of sets and files, BadInput; beside those of the scenario, if they are there.
+
+        The page flies nothing: what names the twin is left to ``rig score``.
+        """
+        asked = load_requirements(names)
+        try:
+            every = load_requirements([*names, *(scenario.requirements or ())])
+            remark = ""
+        except BadInput as error:
+            every, remark = asked, f"requirements of the scenario are not measured: {error}"
+        alone = [each for each in every if not each.names_twin]
+        if late := [each.id for each in every if each.names_twin]:
+            told = f"against the flight without faults, by rig score: {', '.join(late)}"
+            remark = f"{remark}; {told}" if remark else told
+        if not alone:
+            return cls(remark=remark)
+        recorder = recorder_of(scenario, alone, twin=False, lines=True)
+        for block in log.blocks():
+            recorder.record(block.rows)
+        verdicts = recorder.finish()
+        time_s = np.arange(log.frames) / log.rate_hz
+        drawn = [
+            (f"{id_} {signal}".rstrip(), line(time_s, np.clip(values, -CUT, CUT)))
+            for (id_, signal), values in recorder.lines().items()
+        ]
+        return cls(verdicts, tuple(drawn[:MOST]), remark)
+
+    def figures(self) -> dict[str, go.Figure]:
+        """Return the picture by the id of its element; none where nothing is drawn."""
+        if not any(one.drawn for _, one in self.lines):
+            return {}
+        figure = go.Figure()
+        for i, (name, one) in enumerate(self.lines):
+            about = {"name": name, "mode": "lines", "line": {"color": series_colour(i), "width": 1.2}}
+            figure.add_scatter(x=one.time_s, y=one.values, hovertemplate="%{x:.2f} s: %{y:.3g}", **about)
+        figure.add_hline(y=0.0, line=DOTTED)
+        lay_out(figure, "margin of each requirement", 320)
+        figure.update_xaxes(title="time, s")
+        figure.update_yaxes(title="margin", range=[-1.1 * CUT, 1.1 * CUT])
+        return {"requirements": figure}
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return the rows of the table, the violated first."""
+        order = ("violated", "met", "not applicable")
+        return [_row(one) for one in sorted(self.verdicts, key=lambda one: order.index(one.status))]
+
+
+def _row(one: Verdict) -> tuple[str, ...]:
+    if not isfinite(one.margin):
+        return one.requirement, one.signal, one.status, DASH, DASH, ""
+    there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in one.values.items())
+    return one.requirement, one.signal, one.status, margin_text(one.margin) or DASH, f"{one.instant_s:.2f} s", there

@@ -1,0 +1,161 @@
+"""The pictures of servo actuators in a report: what the channels of a surface saw around a fault, and their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+from plotly.subplots import make_subplots
+
+from rig.core.frame import MOVED
+from rig.core.palette import CHANNELS, DASHES, INK, TRUTH
+from rig.core.runs import runs_where
+from rig.core.units.quantities import scale_shown, seconds
+from rig.flight.failures import decisive_s
+from rig.flight.stages import actuator_monitors
+from rig.log.log_file import Frames
+from rig.show.pages.course import Course
+from rig.show.pages.flight_figures import ACTING, DOTTED, draw_line
+from rig.show.pages.page import lay_out
+from rig.show.pages.timeline import Span, eventful, spans_of
+from rig.show.viewer.servo_series import of_surface
+from rig.verdict.of_log import Scored
+from rig.verdict.score_records import ActuatorFailure, ActuatorScore
+from rig.verdict.servo_sentence import bypass_text
+from rig.world.faults.places import number, site
+
+_HEIGHT: Final = 640
+_LATEST_S: Final = 10.0  # a failure this long after the first is not drawn
+_DEG: Final = scale_shown("rad")
+Array = NDArray[np.float64]
+
+
+class Happened(NamedTuple):
+    """What is drawn of one surface, frames."""
+
+    surface: str
+    begin: int
+    end: int  # excluded
+    said: list[str]
+
+
+def happened(scored: Scored) -> list[Happened]:
+    """Return the surfaces of which a channel was shut off, or on whose actuator a fault acted."""
+    found = []
+    for name, one in scored.score.actuators.items():
+        onsets = [
+            fault.onset_frame
+            for fault in scored.score.faults
+            if fault.signal == f"actuator.{name}" and fault.onset_frame is not None
+        ]
+        first = min([*onsets, *(failure.frame for failure in one.failures)], default=one.bypassed_frame)
+        if first is not None:
+            found.append(_happened(name, one, first, scored))
+    return found
+
+
+def _happened(name: str, one: ActuatorScore, first: int, scored: Scored) -> Happened:
+    rate_hz, frames = scored.scenario.rate_hz, scored.score.flight.frames
+    decided = [failure.frame for failure in one.failures] + [one.bypassed_frame or first]
+    last = max(frame for frame in decided if frame - first <= _LATEST_S * rate_hz)
+    begin_s, end_s = decisive_s(first / rate_hz, last / rate_hz if last > first else None, (frames - 1) / rate_hz)
+    return Happened(name, round(begin_s * rate_hz), round(end_s * rate_hz) + 1, list(_said(one, frames, rate_hz)))
+
+
+def _said(one: ActuatorScore, frames: int, rate_hz: float) -> Iterator[str]:
+    for failure in one.failures:
+        at = seconds(failure.frame, rate_hz)
+        yield f"channel {failure.channel} shut off at {at} by {failure.monitor}{_for(failure)}"
+    for channel, frame in one.valves_differ.items():
+        yield f"valve of channel {channel} not as commanded from {seconds(frame, rate_hz)} on"
+    if text := bypass_text(one, frames, rate_hz):
+        yield text
+    if not one.failures:
+        yield "no channel was shut off"
+
+
+def _for(failure: ActuatorFailure) -> str:
+    return "" if failure.cause == "own fault" else f": {failure.cause}"
+
+
+def states(course: Course, rate_hz: float) -> list[Span]:
+    """Return, of each surface with an event, which of its channels was shut off when, and how many moved it."""
+    found = list[Span]()
+    for surface in MOVED:
+        of = [(lane, course.lanes[lane.path]) for lane in of_surface(surface) if lane.path in course.lanes]
+        spans = [span for lane, change in of for span in spans_of(change, lane, course.frames, rate_hz)]
+        found += spans if eventful(spans) else []
+    return found
+
+
+def of_actuator(kept: Frames, scored: Scored, one: Happened) -> go.Figure:
+    """Draw a surface's actuator: positions, then what its monitors compare, with their thresholds.
+
+    kept : the rows of ``one``, of a flight with servo actuators
+    """
+    i = MOVED.index(one.surface)
+    rows, time_s = kept.lanes["actuator"][:, i], kept.rows["frame"] / scored.scenario.rate_hz
+    acting = np.unpackbits(kept.rows["acting"], axis=1, bitorder="little")
+    figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04)
+    _positions(figure, rows, time_s)
+    for panel, (title, values, limit) in enumerate(_compared(rows, i, scored), 2):
+        _panel(figure, time_s, values, panel)
+        for level in (-limit, limit):
+            figure.add_hline(y=level, line=DOTTED, row=panel, col=1)  # pyright: ignore[reportArgumentType]
+        figure.update_yaxes(title=title, row=panel, col=1)
+    _mark(figure, scored, one, _acts(acting, scored, one.surface), time_s)
+    lay_out(figure, f"{one.surface}, the actuator", _HEIGHT)
+    figure.update_xaxes(title="time, s", row=4, col=1)
+    return figure
+
+
+def _positions(figure: go.Figure, rows: NDArray[Any], time_s: Array) -> None:
+    draw_line(figure, time_s, rows["asked"][:, 0] * _DEG, "asked", (INK, 1.4, "dot"), row=1, col=1)
+    draw_line(figure, time_s, rows["ram"] * _DEG, "ram", (TRUTH, 1.8, "solid"), row=1, col=1)
+    for c, values in enumerate(rows["lvdt"].T.astype(float)):
+        draw_line(figure, time_s, values * _DEG, f"channel {c + 1}", (CHANNELS[c], 1.3, DASHES[c]), row=1, col=1)
+    figure.update_yaxes(title="LVDT, deg", row=1, col=1)
+
+
+def _compared(rows: NDArray[Any], i: int, scored: Scored) -> list[tuple[str, Array, float]]:
+    """Return title, (n, 4) and threshold of what the monitors of surface ``i`` compare, of channels not shut off."""
+    designed, monitors = actuator_monitors(scored.scenario)
+    limits, lvdt = monitors.limits[i], rows["lvdt"].astype(float)
+    asked = np.clip(designed[i]["gain"] * (rows["asked"] - lvdt), -1.0, 1.0)  # as servo.asked_current
+    out = np.vstack([rows["failed_by"][:1], rows["failed_by"][:-1]]) != 0
+    compared = [
+        ("current - asked", rows["current"] - asked, float(limits["current"])),
+        ("model - spool", rows["spool_model"].astype(float) - rows["spool"][:, None], float(limits["spool"])),
+        ("model - LVDT, deg", (rows["ram_model"] - lvdt) * _DEG, float(limits["ram"]) * _DEG),
+    ]
+    return [(title, np.where(out, np.nan, values), limit) for title, values, limit in compared]
+
+
+def _panel(figure: go.Figure, time_s: Array, values: Array, panel: int) -> None:
+    for c, column in enumerate(values.T):
+        look = CHANNELS[c], 1.3, DASHES[c]
+        held: dict[str, Any] = {"row": panel, "col": 1, "showlegend": False, "line_shape": "hv"}  # for its frame
+        draw_line(figure, time_s, column, f"channel {c + 1}", look, **held)
+
+
+def _acts(acting: NDArray[np.uint8], scored: Scored, surface: str) -> NDArray[np.bool_]:
+    """Return (n,) whether a fault on the surface's actuator, or on the hydraulics, acts."""
+    of = [
+        i
+        for i, fault in enumerate(scored.scenario.faults)
+        if (where := site(fault.signal)) == "hydraulics"
+        or (where == "actuator" and number(fault.signal) == MOVED.index(surface))
+    ]
+    return np.asarray(acting[:, of].any(axis=1))
+
+
+def _mark(figure: go.Figure, scored: Scored, one: Happened, acts: NDArray[np.bool_], time_s: Array) -> None:
+    every: dict[str, Any] = {"row": "all", "col": 1}
+    for a, b in runs_where(acts):
+        figure.add_vrect(float(time_s[a]), float(time_s[b - 1]), fillcolor=ACTING, line_width=0, layer="below", **every)
+    for failure in scored.score.actuators[one.surface].failures:
+        if one.begin <= failure.frame < one.end:
+            figure.add_vline(x=failure.frame / scored.scenario.rate_hz, line=DOTTED, **every)

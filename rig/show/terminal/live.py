@@ -1,0 +1,165 @@
+"""The page while a flight is flown, and of a log, played at a speed.
+
+While a flight is flown, the recorder hands over a block and goes on.
+
+A thread picks the frames to be drawn, ten a second: of a paced block (half a second) those that were flown by then, one
+block late; of a flight that is as fast as it can be, the latest.  A process of its own draws them, so that
+drawing takes neither the interpreter nor the terminal's time from the frames.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Final, NamedTuple
+
+from rich.console import Console
+
+from rig.core.console import Screen
+from rig.core.errors import BadInput
+from rig.core.event import Event
+from rig.core.frame import Block, LaneBlock, to_frame
+from rig.core.settings import LONGEST_S
+from rig.log import Log
+from rig.show.terminal.draw import Drawer, InPipe, InProcess, OnTerminal
+
+UPDATE_S: Final = 0.1
+
+
+@contextmanager
+def watching(enabled: bool, realtime_factor: float | None) -> Iterator[Watch | None]:
+    """Yield the argument ``watch`` of a flight; None when not enabled.
+
+    On a terminal the page, which stays when the flight is over; else a line an event, and the page of the last
+    frame.  On standard error, for standard output has the verdict.
+    """
+    if not enabled:
+        yield None
+        return
+    screen = Screen(stderr=True)
+    watch = Watch(InProcess() if screen.is_terminal else InPipe(Screen(stderr=True, width=120)), realtime_factor)
+    try:
+        yield watch
+    finally:
+        watch.close()
+
+
+class _Flown(NamedTuple):
+    """A block with the rows of its servos, if it has any."""
+
+    rows: Block
+    moved: LaneBlock | None
+
+    def part(self, k: int) -> _Flown:
+        """Return row ``k`` (1,)."""
+        end = k + 1 or None
+        return _Flown(self.rows[k:end], None if self.moved is None else self.moved[k:end])
+
+
+class Watch:
+    """Takes blocks and has the pages of some of their frames drawn."""
+
+    def __init__(self, drawer: Drawer, realtime_factor: float | None) -> None:
+        self._drawer = drawer
+        self._factor = realtime_factor
+        self._queue: deque[tuple[_Flown, float, Sequence[Event]]] = deque()
+        self._changed = threading.Condition()  # guards the queue and _closing
+        self._closing = False
+        self.drawn = 0  # pages
+        self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
+        self._thread.start()
+
+    def __call__(self, rows: Block, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
+        """Take a block; never waits for the terminal."""
+        kept = _Flown(rows.copy(), moved) if self._factor else _Flown(rows[-1:].copy(), moved).part(-1)
+        with self._changed:
+            self._queue.append((kept, rate_hz, events))
+            self._changed.notify()
+
+    def close(self, timeout_s: float = 15.0) -> None:
+        """Draw the last frame and end; a terminal that does not take it is left."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        last: _Flown | None = None
+        rate_hz = 1.0
+        while (blocks := self._take()) is not None:
+            flown, rate_hz, _ = blocks[-1]
+            self._play(flown, rate_hz, [event for _, _, events in blocks for event in events])
+            last = flown.part(-1)
+        if last is not None:
+            self._draw(last, rate_hz, ())
+        self._drawer.close()
+
+    def _play(self, flown: _Flown, rate_hz: float, events: Sequence[Event]) -> None:
+        """Draw frames of a block as they were flown, until it is over or others wait."""
+        pace_hz = rate_hz * (self._factor or float("inf"))
+        rows, began, k = flown.rows, time.monotonic(), -1
+        while k < len(rows) - 1 and (k < 0 or not self._waiting()):
+            k = int(min((time.monotonic() - began + UPDATE_S) * pace_hz, len(rows) - 1))
+            due = [event for event in events if event.frame <= rows["frame"][k]]
+            events = events[len(due) :]
+            self._draw(flown.part(k), rate_hz, due)
+            with self._changed:
+                self._changed.wait_for(lambda: self._closing, UPDATE_S)
+        self._drawer.draw(None, rate_hz, events)  # of frames that were not drawn
+
+    def _draw(self, flown: _Flown, rate_hz: float, events: Sequence[Event]) -> None:
+        self._drawer.draw(flown.rows, rate_hz, events, flown.moved)
+        self.drawn += 1
+
+    def _take(self) -> list[tuple[_Flown, float, Sequence[Event]]] | None:
+        """Wait for blocks and take all of them; None when there will be no more."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._queue or self._closing)
+            taken = list(self._queue)
+            self._queue.clear()
+            return taken or None
+
+    def _waiting(self) -> bool:
+        with self._changed:
+            return bool(self._queue) or self._closing
+
+
+def play(
+    log: Log,
+    title: str,
+    screen: Console,
+    speed: float = 1.0,
+    from_s: float = 0.0,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> None:
+    """Show the log from ``from_s`` on, ``speed`` times as fast as it was flown; the last page stays.
+
+    In a pipe: its events from there on, a line each, and the page of its last frame.
+    BadInput: the log ends before ``from_s``.
+    """
+    last = len(log.rows) - 1
+    first = to_frame(min(from_s, LONGEST_S), log.rate_hz)  # beyond all flights
+    if first > last:
+        raise BadInput(f"--from {from_s:g}: the log ends at {last / log.rate_hz:g} s")
+    flown = _Flown(log.rows, log.lanes)
+    if not screen.is_terminal:
+        page, end = InPipe(screen, title), flown.part(-1)
+        page.draw(end.rows, log.rate_hz, [event for event in log.events if event.frame >= first], end.moved)
+        page.close()
+        return
+    page, began, shown = OnTerminal(screen, title), clock(), -1
+    try:
+        while shown < last:
+            k = min(first + int((clock() - began) * speed * log.rate_hz), last)
+            now, due = flown.part(k), [e for e in log.events if shown < e.frame <= k]
+            page.draw(now.rows, log.rate_hz, due, now.moved)
+            shown = k
+            sleep(UPDATE_S)
+    except KeyboardInterrupt:
+        return
+    finally:
+        page.close()  # the terminal is as before, whatever ended it

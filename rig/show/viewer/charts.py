@@ -1,0 +1,104 @@
+"""Which numbers of control and flight are drawn together: one unit a chart, and the least span that it shows.
+
+Noise of a thousandth of a degree would fill a chart of its own scale and look like motion.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.frame import COMMANDS, DEMANDS, FLIGHT_INDEX, SURFACES, Block
+from rig.show.viewer.derived import DEGREE_NAMES, degrees
+from rig.show.viewer.style import plain
+
+
+class Chart(NamedTuple):
+    """Lines of one unit.
+
+    names : of DEGREE_NAMES; or command_*, surface_*, actuator_*, demand_* of FRAME, and flight_* of FLIGHT
+    span  : the least that its axis shows, in its unit
+    """
+
+    name: str
+    unit: str
+    names: tuple[str, ...]
+    span: float
+
+    @property
+    def title(self) -> str:
+        """Its name and unit."""
+        return f"{self.name}, {self.unit}"
+
+
+CONTROL: Final = (
+    Chart(
+        "commanded angles",
+        "deg",
+        tuple(f"command_{a}_rad" for a in ("pitch_angle", "roll_angle", "sideslip", "flight_path_angle")),
+        2.0,
+    ),
+    Chart("commanded rates", "deg/s", ("command_pitch_rate_rad_s", "command_roll_rate_rad_s"), 2.0),
+    Chart("commanded heading", "deg", ("command_heading_rad",), 2.0),
+    Chart("commanded and pressure altitude", "m", ("command_altitude_m", "command_pressure_altitude_m"), 20.0),
+    Chart("commanded and equivalent airspeed", "m/s", ("command_airspeed_m_s", "command_equivalent_airspeed_m_s"), 5.0),
+    Chart("demanded changes of angles", "deg", tuple(f"demand_{name}" for name in DEMANDS if name[-4:] == "_rad"), 2.0),
+    Chart("demanded change of altitude", "m", ("demand_altitude_m",), 20.0),
+    Chart("demanded change of airspeed", "m/s", ("demand_airspeed_m_s",), 5.0),
+)
+SURFACE: Final = (
+    *(
+        Chart(name[:-4], "deg", tuple(f"{what}_{name}" for what in ("surface", "actuator", "position")), 2.0)
+        for name in SURFACES
+        if name.endswith("_rad")
+    ),
+    Chart("throttle", "1", ("surface_throttle", "actuator_throttle", "flight_throttle"), 0.1),
+)
+FLOWN: Final = (
+    Chart("altitude and height", "m", ("flight_altitude_m", "flight_height_m"), 20.0),
+    Chart(
+        "airspeed and wind",
+        "m/s",
+        tuple(f"flight_{n}_m_s" for n in ("true_airspeed", "wind_north", "wind_east", "wind_down")),
+        5.0,
+    ),
+)
+CHARTS: Final = (*CONTROL, *SURFACE, *FLOWN)
+_TABLES: Final = {"command": COMMANDS, "surface": SURFACES, "actuator": SURFACES, "demand": DEMANDS}
+
+
+def label(name: str, chart: Chart) -> str:
+    """Return a name of a chart in words, without its unit and what the chart's name says."""
+    where, _, field = name.partition("_")
+    if where in ("surface", "actuator", "position") or chart.name == "throttle":
+        return {"surface": "command", "actuator": "actuator input"}.get(where, "position")
+    for unit in ("_rad_s", "_m_s", "_rad", "_m"):
+        field = field.removesuffix(unit)
+    return plain(field)
+
+
+def ranges(rows: Block) -> dict[str, tuple[float, float]]:
+    """Return the axis range of each chart for ``rows``, by its name."""
+    turned = degrees(rows)
+    ranges_by_name = {}
+    for chart in CHARTS:
+        columns = [turned[:, DEGREE_NAMES.index(n)] if n in DEGREE_NAMES else _column(rows, n) for n in chart.names]
+        ranges_by_name[chart.name] = spanned(np.concatenate(columns), chart.span)
+    return ranges_by_name
+
+
+def spanned(values: NDArray[np.float64], span: float) -> tuple[float, float]:
+    """Return the range of the finite ``values`` and a tenth of it either side, but not less than ``span``."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+    middle, half = (low + high) / 2, max(0.6 * (high - low), span / 2)
+    return middle - half, middle + half
+
+
+def _column(rows: Block, name: str) -> NDArray[np.float64]:
+    where, _, field = name.partition("_")
+    if where == "flight":
+        return rows["flight"][:, FLIGHT_INDEX[field]]
+    return rows[where][:, _TABLES[where].index(field)]

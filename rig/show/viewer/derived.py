@@ -1,0 +1,147 @@
+"""What is worked out for the viewer from the rows, and is not in the log: lists of numbers, one a frame.
+
+Of each signal, VALUES; a view picks its lines of them by their names in NAMES:
+
+    fault, low, high, voted, ch_1 .. ch_4, reference, truth
+                    in the unit that people read, deg for rad, and without the jump of an angle on the circle;
+                    low and high: the vote -+ its threshold; fault: the vote while a fault acts on the signal
+    off_*           voted and channels less truth, in the same unit; NaN where a channel is not trusted
+    apart_*         truth and channels less the vote, in thresholds of the monitor, within +-LIMIT;
+                    apart_fault: 0 while a fault acts; apart_low, apart_high: -1 and 1
+
+Of control, DEGREES: commands, demands and surfaces that are angles or rates.
+
+On the scale of the signal four good channels lie on one another, and one hardover squeezes the rest flat.  Less truth
+they can be told apart; less the vote, one channel off the scale leaves the scale to the others.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.frame import CHANNELS, COMMANDS, DEMANDS, FLIGHT_INDEX, SIGNALS, SURFACES, Block, S, State
+from rig.core.units.angles import differences, short_way
+from rig.core.units.quantities import scale_shown
+from rig.show.viewer.facts import Facts
+from rig.show.viewer.state_strips import acting
+
+VALUES: Final = "rig.Derived"
+DEGREES: Final = "rig.Degrees"
+LIMIT: Final = 1.5  # thresholds: a difference beyond it is drawn there
+_CH: Final = tuple(f"ch_{c + 1}" for c in range(CHANNELS))
+NAMES: Final = (
+    *("fault", "low", "high", "voted", *_CH, "reference", "truth"),
+    *(f"off_{name}" for name in ("voted", *_CH)),
+    *(f"apart_{name}" for name in ("fault", "low", "high", "truth", *_CH)),
+)
+_AT: Final = {name: i for i, name in enumerate(NAMES)}
+_WRAPS: Final = np.array([signal.wraps for signal in SIGNALS])
+_SCALE: Final = np.array([scale_shown(signal.unit) for signal in SIGNALS])
+
+_Floats = NDArray[np.float64]
+_Singles = NDArray[np.float32]
+
+
+class Derived:
+    """The lists of a flight, block after block; it keeps how often an angle has gone round."""
+
+    def __init__(self, facts: Facts) -> None:
+        self._facts = facts
+        self._threshold = np.array([facts.threshold(i) for i in range(S)])
+        self._on = [facts.faults_on(signal.name) for signal in SIGNALS]
+        self._last: tuple[_Floats, _Floats] | None = None  # of angles that wrap: truth as it was, without jumps
+
+    def values(self, rows: Block) -> NDArray[np.float32]:
+        """Return the numbers of NAMES of all signals: (S, n, m), in single precision, for they are drawn."""
+        values = np.empty((S, len(rows), len(NAMES)), np.float32)
+        by_row = values.swapaxes(0, 1)
+        with np.errstate(invalid="ignore", over="ignore"):  # a flight that ends not finite
+            voted, truth, acts = rows["voted"], rows["truth"], self._acts(rows)
+            every = np.concatenate([voted[..., None], rows["channels"], rows["reference"][..., None]], axis=2)
+            off = differences(every.swapaxes(1, 2), truth[:, None], _WRAPS).swapaxes(1, 2)  # from the truth
+            apart = differences(rows["channels"].swapaxes(1, 2), voted[:, None], _WRAPS).swapaxes(1, 2)  # from the vote
+            self._shown(by_row[..., : _AT["off_voted"]], self._turned(truth), off, acts)
+            self._deviation(by_row[..., _AT["off_voted"] : _AT["apart_fault"]], rows, off, apart)
+            self._difference(by_row[..., _AT["apart_fault"] :], apart, off[..., 0], acts)
+        return values
+
+    def _acts(self, rows: Block) -> NDArray[np.bool_]:
+        """Return (n, S) whether a fault on each signal acts."""
+        acts, on_signal = acting(rows, len(self._facts.faults)), np.zeros((len(rows), S), bool)
+        for i, numbers in enumerate(self._on):
+            if numbers:
+                on_signal[:, i] = acts[:, numbers].any(axis=1)
+        return on_signal
+
+    def _turned(self, truth: _Floats) -> _Floats:
+        """Return ``truth`` (n, S) without the jumps of angles on the circle, through all blocks."""
+        angles = truth[:, _WRAPS]
+        last, turned = self._last if self._last is not None else (np.nan_to_num(angles[0]), np.nan_to_num(angles[0]))
+        finite = _carried(np.concatenate([last[None], angles]))
+        steps = np.diff(finite, axis=0)
+        whole = turned + np.cumsum(np.nan_to_num(short_way(steps)), axis=0)
+        self._last = finite[-1], whole[-1]
+        out = truth.copy()
+        out[:, _WRAPS] = np.where(np.isfinite(angles), whole, np.nan)
+        return out
+
+    def _shown(self, to: _Singles, truth: _Floats, off: _Floats, acts: NDArray[np.bool_]) -> None:
+        """Write fault .. truth; ``off`` (n, S, 6) are vote, channels and reference less truth."""
+        around = (truth[..., None] + off) * _SCALE[:, None]
+        voted, half = around[..., 0], self._threshold * _SCALE
+        to[..., 0] = np.where(acts, voted, np.nan)
+        to[..., 1] = voted - half
+        to[..., 2] = voted + half
+        to[..., 3:-1] = around
+        to[..., -1] = truth * _SCALE
+
+    def _deviation(self, to: _Singles, rows: Block, off: _Floats, apart: _Floats) -> None:
+        trusted = (rows["state"] == State.OK) & ~(np.abs(apart) > self._threshold[:, None])
+        to[..., 0] = off[..., 0] * _SCALE
+        to[..., 1:] = np.where(trusted, off[..., 1 : 1 + CHANNELS] * _SCALE[:, None], np.nan)
+
+    def _difference(self, to: _Singles, apart: _Floats, voted: _Floats, acts: NDArray[np.bool_]) -> None:
+        """Write apart_*; ``voted`` (n, S) is the vote less truth."""
+        to[..., 0] = np.where(acts, 0.0, np.nan)
+        to[..., 1:3] = (-1.0, 1.0)
+        to[..., 3] = np.clip(-voted / self._threshold, -LIMIT, LIMIT)
+        to[..., 4:] = np.clip(apart / self._threshold[:, None], -LIMIT, LIMIT)
+
+
+def _carried(values: _Floats) -> _Floats:
+    """Return ``values`` (n, m) with what is not finite replaced by the last that was, in its column."""
+    finite = np.isfinite(values)
+    if finite.all():
+        return values
+    rows = np.maximum.accumulate(np.where(finite, np.arange(len(values))[:, None], 0), axis=0)
+    return np.take_along_axis(values, rows, axis=0)
+
+
+# Of control: what is an angle or a rate, in the order of its list.
+_COMMANDS: Final = [i for i, name in enumerate(COMMANDS) if name.endswith(("_rad", "_rad_s"))]
+_DEMANDS: Final = [i for i, name in enumerate(DEMANDS) if name.endswith("_rad")]
+_SURFACES: Final = [i for i, name in enumerate(SURFACES) if name.endswith("_rad")]
+_POSITIONS: Final = [FLIGHT_INDEX[SURFACES[i]] for i in _SURFACES]
+DEGREE_NAMES: Final = (
+    *(f"command_{COMMANDS[i]}" for i in _COMMANDS),
+    *(f"demand_{DEMANDS[i]}" for i in _DEMANDS),
+    *(f"{what}_{SURFACES[i]}" for what in ("surface", "actuator", "position") for i in _SURFACES),
+)
+_ROUND: Final = [DEGREE_NAMES.index("command_heading_rad")]
+
+
+def degrees(rows: Block) -> _Floats:
+    """Return the numbers of DEGREE_NAMES in deg or deg/s: (n, m); the commanded heading within 180 deg of north."""
+    parts = [
+        rows["command"][:, _COMMANDS],
+        rows["demand"][:, _DEMANDS],
+        rows["surface"][:, _SURFACES],
+        rows["actuator"][:, _SURFACES],
+        rows["flight"][:, _POSITIONS],
+    ]
+    numbers = np.concatenate(parts, axis=1) * scale_shown("rad")
+    numbers[:, _ROUND] = short_way(numbers[:, _ROUND], 180.0)
+    return numbers

@@ -1,0 +1,185 @@
+"""What the viewer must know of a scenario beside its frames: thresholds, faults by name, a title.
+
+A stream has it from the scenario that is flown, a log from the scenario that was recorded in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite, nan
+from typing import Any, Final, NamedTuple
+
+from rig.core import fault_names
+from rig.core.errors import BadLog
+from rig.core.frame import INDEX, MOST_FAULTS, SIGNALS
+from rig.log import scenario_of, unit_of
+from rig.show.viewer.series import threshold
+
+
+@dataclass(frozen=True, slots=True)
+class FaultFact:
+    """A fault of the scenario.
+
+    place    : the signals that it acts on, joined by "+", or another place as the scenario names it
+    channels : numbered from 1; none when it acts on no channel or on all of them
+    lanes    : from 0, computers on which it sits, or whose words it changes; each owns its channel
+    start_s  : when it begins; NaN when that depends on the flight
+    """
+
+    label: str
+    place: str
+    channels: tuple[int, ...] = ()
+    start_s: float = nan
+    lanes: tuple[int, ...] = ()
+
+    @property
+    def places(self) -> list[str]:
+        """The places one by one."""
+        return self.place.split("+")
+
+    def acts_on(self, signal: str, channel: int) -> bool:
+        """Return True if it acts on ``channel``, numbered from 1, of ``signal``, or on the computer that owns it."""
+        on_place = signal in self.places and (not self.channels or channel in self.channels)
+        return on_place or channel - 1 in self.lanes
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a whole flight has shown, which the layout is made for; a stream has none of it.
+
+    survived   : None when the flight was not ended
+    isolated_s : when the decisive fault was isolated; None: it was not
+    zoom_s     : from half a second before the decisive fault to one second after the isolation; None: no fault acted
+    main       : the signal of that fault; empty: none
+    coils_s    : as zoom_s, about the first channel of a servo that was shut off; None: none was
+    lanes_s    : as zoom_s, about the first computer or link that failed; None: none did
+    noted      : signals with a fault or a channel that was not ok, by their names
+    ranges     : lowest and highest value of what is drawn, by its name, in the unit in which it is drawn
+    """
+
+    survived: bool | None = None
+    end_s: float = 0.0
+    isolated_s: float | None = None
+    zoom_s: tuple[float, float] | None = None
+    coils_s: tuple[float, float] | None = None
+    lanes_s: tuple[float, float] | None = None
+    main: str = ""
+    noted: tuple[str, ...] = ()
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """``thresholds`` in the unit of their signal, by its name; a signal that is not in it has no band."""
+
+    title: str = ""
+    thresholds: Mapping[str, float] = field(default_factory=dict)
+    faults: tuple[FaultFact, ...] = ()
+    unit: str = ""  # under test, by its name; empty: our own manager
+    paced: bool = False  # by the clock
+    servos: bool = False  # move the surfaces
+    computers: int = 1
+    seen: Seen | None = None  # of a flight that is over
+
+    def threshold(self, index: int) -> float:
+        """Return the threshold of signal ``index``; NaN when the scenario has none."""
+        return self.thresholds.get(SIGNALS[index].name, nan)
+
+    def faults_on(self, signal: str) -> list[int]:
+        """Return the faults that sit on ``signal``, as numbers from 0."""
+        return [i for i, fault in enumerate(self.faults) if signal in fault.places]
+
+    @property
+    def first_faulted(self) -> str | None:
+        """The signal that the first fault on any signal sits on."""
+        places = (place for fault in self.faults for place in fault.places)
+        return next((place for place in places if place in INDEX), None)
+
+    @property
+    def first_start_s(self) -> float | None:
+        """Return when the first fault begins whose time the scenario says."""
+        return min((fault.start_s for fault in self.faults if isfinite(fault.start_s)), default=None)
+
+
+# Of a log without a scenario that can be read: its faults have numbers for names.
+UNKNOWN: Final = Facts(faults=tuple(FaultFact(f"fault {i + 1}", "") for i in range(MOST_FAULTS)))
+
+TAGS: Final = "ABCD"  # of flights that lie over each other, in their order
+
+
+class Shown(NamedTuple):
+    """One of the flights that lie over each other.
+
+    below : how many lie over it; the viewer draws in the order of ``root``, so the last is on top
+    """
+
+    below: int = 0
+    root: str = ""  # before its paths
+    tag: str = ""  # its letter
+    facts: Facts = UNKNOWN
+
+    @property
+    def prefix(self) -> str:
+        """Before a name in a legend or a lane."""
+        return f"{self.tag} " if self.tag else ""
+
+
+def together(facts: Sequence[Facts]) -> list[Shown]:
+    """Return flights that lie over each other, as A, B, .., the last on top; one alone needs no letter."""
+    if len(facts) == 1:
+        return [Shown(facts=facts[0])]
+    return [Shown(len(facts) - 1 - i, f"/{TAGS[i]}", TAGS[i], each) for i, each in enumerate(facts)]
+
+
+class Layout(NamedTuple):
+    """What the viewer is to open with; see blueprint.blueprint."""
+
+    shown: Sequence[Shown] = (Shown(),)
+    tab: str = "overview"
+    map_tiles: bool = False
+
+
+def of_resolved(scenario: Mapping[str, Any]) -> Facts:
+    """Return the facts of a scenario as plain data, with its defaults written out; KeyError: one is missing."""
+    computers = scenario.get("computers", {}).get("count", 1)
+    return Facts(
+        scenario.get("title") or scenario["aircraft"],
+        {signal.name: threshold(scenario, signal.name) for signal in SIGNALS},
+        tuple(_fault(fault, computers > 1) for fault in scenario["faults"]),
+        servos=scenario.get("actuators", {}).get("model") == "servo",
+        computers=computers,
+    )
+
+
+def _fault(fault: Mapping[str, Any], several: bool) -> FaultFact:
+    """Return a fault of a scenario, with the lanes that it concerns where there are ``several`` computers."""
+    start, place = fault.get("start_s"), fault_names.place(fault)
+    return FaultFact(
+        fault_names.label(fault),
+        place,
+        tuple(fault.get("channels") or ()),
+        float(start) if isinstance(start, (int, float)) else nan,
+        _lanes(place) if several else (),
+    )
+
+
+def _lanes(place: str) -> tuple[int, ...]:
+    from rig.world.faults.places import (  # the kernels of faults take half a second to be imported
+        OF_LANES,
+        senders,
+        site,
+    )
+
+    return tuple(senders(place)) if site(place) in OF_LANES else ()
+
+
+def of_log(metadata: Mapping[str, str]) -> Facts:
+    """Return the facts of the scenario in a log's metadata; UNKNOWN when there is none that can be read.
+
+    As plain data: a scenario's checks take half a second to be imported, and it has passed them when it was flown.
+    """
+    try:
+        return replace(of_resolved(scenario_of(metadata, "log")), unit=str(unit_of(metadata).get("name", "")))
+    except (AttributeError, BadLog, KeyError, TypeError, ValueError, RecursionError):
+        return UNKNOWN

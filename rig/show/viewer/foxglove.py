@@ -1,0 +1,208 @@
+"""A layout for Foxglove, with which a log opens as it does in Rerun: the same tabs, main signal, decisive seconds.
+
+Written in the form in which the application exports and imports layouts: panels by their ids, and a binary tree of
+ids as their arrangement.  Plots are drawn from the log's own fields, found through rig.log.schema, in the unit that
+people read.  A message path can turn rad into deg but cannot subtract: what derived.py makes (differences from vote and
+truth, the band of the threshold, angles without jumps) is Rerun's alone.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from rig.core.files import write_text
+from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, Discrete, Signal
+from rig.core.units.quantities import unit_shown
+from rig.log.columns import unit_of
+from rig.log.records import AIRCRAFT, WORLD
+from rig.log.schema import POSE_TOPICS
+from rig.show.viewer import charts
+from rig.show.viewer import foxglove_panels as panel
+from rig.show.viewer import state_strips as lanes
+from rig.show.viewer.blueprint import GROUPS, decisive_span, main_signal, status_shown
+from rig.show.viewer.facts import Facts, Shown
+from rig.show.viewer.foxglove_beside import beside_tabs
+from rig.show.viewer.opened import Opened
+from rig.show.viewer.style import CHANNEL_COLORS, PALETTE, QUIET, REFERENCE, TRUTH, VOTED, plain
+
+ENDING: Final = ".foxglove.json"
+_CHANNEL_FIELDS: Final = tuple(f"ch_{c + 1}" for c in range(CHANNELS))
+_LINES: Final = (  # of a signal: field, colour, width
+    ("truth", TRUTH, 1.0),
+    ("reference", REFERENCE, 1.0),
+    *((name, CHANNEL_COLORS[c], 1.5) for c, name in enumerate(_CHANNEL_FIELDS)),
+    ("voted", VOTED, 3.0),
+)
+
+
+class Written(NamedTuple):
+    """What a layout shows first: its main signal, and the decisive seconds; None: no fault acted."""
+
+    panels: int
+    signal: str
+    zoom_s: panel.Span
+
+
+def write(opened: Opened, out: Path) -> Written:
+    """Write the layout for the topmost of the logs that have been read.
+
+    BadInput: ``out`` cannot be written; RigError: the disk does not take it.
+    """
+    shown = opened.about.layout.shown[-1]
+    made = layout(shown, opened.about.text)
+    write_text(out, json.dumps(made, indent=1, allow_nan=False) + "\n")
+    return Written(len(made["configById"]), main_signal([shown]).name, decisive_span([shown]))
+
+
+def layout(shown: Shown, text: str) -> dict[str, Any]:
+    """Return the layout for one flight, whose outcome ``text`` says in Markdown."""
+    panels = panel.Panels()
+    facts, signal, span = shown.facts, main_signal([shown]), decisive_span([shown])
+    tabs = {
+        "overview": _overview(panels, shown, signal, span, text),
+        **{group: _group(panels, facts, [s for s in SIGNALS if s.group == group]) for group in GROUPS},
+        "discretes": panel.split("column", [(_discrete(panels, each), 1) for each in DISCRETES]),
+        "surfaces": panel.grid([_chart(panels, facts, each) for each in charts.SURFACE], 2),
+        **beside_tabs(panels, facts),
+        "control": _control(panels, facts),
+        "flight": _flight(panels, facts),
+        **({"unit": _unit(panels, facts)} if facts.unit else {}),
+    }
+    listed = [{"title": title, "layout": node} for title, node in tabs.items()]
+    root = panels.add("Tab", "", activeTabIdx=0, tabs=listed)
+    playing = {"playbackConfig": {"speed": 1}, "globalVariables": {}, "userNodes": {}}
+    return {"configById": panels.configs, **playing, "layout": root}
+
+
+def _overview(panels: panel.Panels, shown: Shown, signal: Signal, span: panel.Span, text: str) -> panel.Node:
+    """Arrange the headline over the whole flight, its decisive seconds and what is at the cursor."""
+    facts = shown.facts
+    signals = [SIGNALS[lane.at[0]] for lane in status_shown([shown])]
+    patterns = [
+        panel.state(lane, plain(s.name)) for s in signals for lane in lanes.of_signal(s) if lane.field == "pattern"
+    ]
+    whole = [(_signal_plot(panels, facts, signal), 2), (panels.states("patterns", patterns), 3)]
+    surfaces = [(_chart(panels, facts, each), 1) for each in charts.SURFACE] if span is None else []
+    title = "" if span is None else f"zoom {span[0]:.1f} to {span[1]:.1f} s: "
+    zoom = [
+        (_signal_plot(panels, facts, signal, span, title), 2),
+        (_signal_states(panels, facts, signal, span, title), 3),
+    ]
+    bulbs = [(_bulb(panels, signal, channel), 1.0) for channel in range(signal.channels)]
+    raw = panels.add("RawMessages", f"{plain(signal.name)} at the cursor", topicPath=signal.topic)
+    now = [(panel.split("row", bulbs), 1), (raw, 4), (panels.events(), 3)]
+    columns = [
+        (panel.split("column", nodes), share)
+        for nodes, share in ((whole, 9), (zoom, 9), (surfaces, 6), (now, 6))
+        if nodes
+    ]
+    return panel.split("column", [(panels.add("Markdown", "", markdown=text), 1.35), (panel.split("row", columns), 10)])
+
+
+def _group(panels: panel.Panels, facts: Facts, signals: Sequence[Signal]) -> panel.Node:
+    pairs = [[(_signal_plot(panels, facts, s), 3), (_signal_states(panels, facts, s), 2)] for s in signals]
+    return panel.split("column", [(panel.split("row", pair), 1) for pair in pairs])
+
+
+def _signal_plot(panels: panel.Panels, facts: Facts, signal: Signal, span: panel.Span = None, title: str = "") -> str:
+    """Draw truth, reference, channels and vote of a signal, on the scale that Rerun has."""
+    fields = [line for line in _LINES if line[0] not in _CHANNEL_FIELDS[signal.channels :]]
+    paths = [
+        panel.line(f"{signal.topic}.{name}", signal.unit, plain(name), color, width) for name, color, width in fields
+    ]
+    key = signal.name if span is None else "zoom"
+    values = None if signal.wraps else _range(facts, key)
+    return panels.plot(f"{title}{plain(signal.name)}", unit_shown(signal.unit), paths, values, span)
+
+
+def _range(facts: Facts, name: str) -> panel.Span:
+    """Return the scale that Rerun has; not for an angle on the circle, whose jumps the log has and Rerun has not."""
+    return None if facts.seen is None else facts.seen.ranges.get(name)
+
+
+def _signal_states(panels: panel.Panels, facts: Facts, signal: Signal, span: panel.Span = None, title: str = "") -> str:
+    """Draw when faults act, and the states of a signal: its channels, level, pattern, resolver, source."""
+    rows = [panel.state(lane, plain(lane.path.rsplit("/", 1)[1])) for lane in lanes.of_signal(signal)]
+    level = {"value": f"{signal.topic}.level", "label": "level", **panel.DRAWN}
+    return panels.states(f"{title}{lanes.title(signal)}", [*panel.acting(facts), *rows, level], span)
+
+
+def _bulb(panels: panel.Panels, signal: Signal, channel: int) -> str:
+    """Show the state of one channel at the cursor."""
+    lane = lanes.of_signal(signal)[channel]
+    rules = [
+        {"operator": "=", "rawValue": str(code), "label": name.lower(), "color": panel.hex_of(lane.looks[name][1])}
+        for code, name in lane.states.items()
+        if name in lane.looks
+    ]
+    other = {"fallbackLabel": "not fitted", "fallbackColor": panel.hex_of(QUIET)}
+    path = panel.PATHS[lane.field, lane.at]
+    return panels.add("Indicator", f"channel {channel + 1}", path=path, style="bulb", rules=rules, **other)
+
+
+def _discrete(panels: panel.Panels, discrete: Discrete) -> panel.Node:
+    fields = [line for line in _LINES if line[0] not in ("reference", *_CHANNEL_FIELDS[discrete.channels :])]
+    paths = [panel.line(f"{discrete.topic}.{name}", "", plain(name), color, width) for name, color, width in fields]
+    states = [panel.state(lane, plain(lane.path.rsplit("/", 1)[1])) for lane in lanes.of_discrete(discrete)]
+    drawn = panels.plot(plain(discrete.name), "", paths, (-0.1, 1.1))
+    return panel.split("row", [(drawn, 3), (panels.states(f"{plain(discrete.name)}: channels", states), 2)])
+
+
+def _chart(panels: panel.Panels, facts: Facts, chart: charts.Chart) -> str:
+    """Draw numbers of one unit."""
+    lines = []
+    for i, name in enumerate(chart.names):
+        path = _chart_path(name)
+        unit = unit_of(path.removeprefix("/"))
+        lines.append(panel.line(path, unit, charts.label(name, chart), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0))
+    values = None if "command_heading_rad" in chart.names else _range(facts, chart.name)
+    return panels.plot(chart.name, unit_shown(chart.unit), lines, values)
+
+
+def _chart_path(name: str) -> str:
+    """Return the path of a name of a chart."""
+    where, _, field = name.partition("_")
+    topics = {"flight": "/flight", "position": "/flight", "demand": "/demand"}
+    return f"{topics[where]}.{field}" if where in topics else f"/control.{name}"
+
+
+def _control(panels: panel.Panels, facts: Facts) -> panel.Node:
+    law = panels.states("faults, control law", [*panel.acting(facts), panel.state(lanes.LAW, "control law")])
+    return panel.grid([*(_chart(panels, facts, each) for each in charts.CONTROL), law], 3)
+
+
+def _flight(panels: panel.Panels, facts: Facts) -> panel.Node:
+    """Arrange the aircraft in space and on a map over height, speed and events."""
+    pose, position = (topic.name for topic in POSE_TOPICS)
+    sea = {
+        "layerId": "foxglove.Grid",
+        "instanceId": "sea",
+        "frameId": WORLD,
+        "visible": True,
+        "size": 1e5,
+        "divisions": 100,
+    }
+    camera = {"distance": 30.0, "perspective": True, "phi": 70.0, "thetaOffset": 60.0, "fovy": 45.0, "far": 1e5}
+    scene = {"transforms": {"axisSize": 5.0, "showLabel": True, "enablePreloading": True}}
+    follow = {"fixedFrame": WORLD, "followTf": AIRCRAFT, "followMode": "follow-position"}
+    drawn = {"layers": {"sea": sea}, "topics": {pose: {"visible": True}}}
+    space = panels.add("3D", "attitude over a sea of 1 km squares", cameraState=camera, scene=scene, **follow, **drawn)
+    ground = panels.add("map", "track", layer="map", followTopic=position, zoomLevel=12)
+    below = [(_chart(panels, facts, each), 1.0) for each in charts.FLOWN]
+    above = panel.split("row", [(space, 1), (ground, 1)])
+    return panel.split("column", [(above, 3), (panel.split("row", [*below, (panels.events(), 1)]), 2)])
+
+
+def _unit(panels: panel.Panels, facts: Facts) -> panel.Node:
+    """Arrange the unit's reply times over the age of the answers that were flown."""
+    times = [("reply_us", "reply time"), *([("late_us", "lateness")] if facts.paced else [])]
+    drawn = [
+        panel.line(f"/timing.{name}", "", label, PALETTE[i + 6 * (i == 0)]) for i, (name, label) in enumerate(times)
+    ]
+    age = panel.line(panel.PATHS["unit_age", ()], "", "age", PALETTE[0], 3.0)
+    plots = [panels.plot(" and ".join(label for _, label in times), "µs", drawn)]
+    plots.append(panels.plot("age of the answer that was flown", "frames", [age]))
+    return panel.split("column", [(each, 1) for each in plots])

@@ -1,0 +1,182 @@
+"""Several computers in the viewer: their health, who leads, how they vote commands, what comes over their links.
+
+/computer/A ..     the list of NAMES: commands in deg, throttle as a share, frames of the clock
+/lane_A ..         engaged in the colour of its channel; suspect; failed, and for what
+/leading_lane      whose votes and commands are the frame's; the back-up
+/lane_A/accused .. by which lanes
+/vote_elevator ..  the leading lane's vote of the lanes' commands
+/A_to_B ..         what B has of A's message: fresh, old, missing, failed; outvoted by the relays
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.frame import COMPUTERS, LINKS, SURFACES, Health, LaneBlock, LaneTest, LinkState, Pattern, Resolver
+from rig.core.units.quantities import scale_shown, unit_of_name
+from rig.flight.lane_events import test_name
+from rig.show.viewer.beside import Beside, Entity
+from rig.show.viewer.charts import spanned
+from rig.show.viewer.state_strips import Lane
+from rig.show.viewer.style import (
+    ALL_FAILED,
+    CHANNEL_COLORS,
+    ENDED,
+    FAILED,
+    PALETTE,
+    QUIET,
+    REFERENCE,
+    STATE_LOOKS,
+    VOTED,
+    Looks,
+    attention,
+)
+
+VALUES: Final = "rig.Lane"
+CLOCK: Final = "clock_lead"
+NAMES: Final = (*SURFACES, CLOCK)
+LEGEND: Final = "/legend/computers"
+LEGEND_LINES: Final = (
+    *((f"lane {name}", color) for name, color in zip(COMPUTERS, CHANNEL_COLORS, strict=True)),
+    ("to the surface", VOTED),
+    ("suspect", STATE_LOOKS["SUSPECT"][1]),
+    ("failed", FAILED),
+)
+BACKUP: Final = len(COMPUTERS)
+_SCALES: Final = [scale_shown(unit_of_name(name)) for name in SURFACES]
+_TEST_BITS: Final = 4  # below the health, what a lane was failed for
+_OUTVOTED: Final = 8  # above the state of a link
+_UNRESOLVED: Final = 16  # above the pattern of a vote
+_NOT_FITTED: Final = ("not fitted", ENDED)
+_SUSPECT: Final = STATE_LOOKS["SUSPECT"][1]
+
+
+def topic(lane: int) -> str:
+    """Return the entity of a computer."""
+    return f"/computer/{COMPUTERS[lane]}"
+
+
+def _health(lane: int) -> Lane:
+    """Return the lane of a computer's health; what it failed for is a part of the state's name."""
+    looks: Looks = {
+        "ABSENT": _NOT_FITTED,
+        "ENGAGED": ("engaged", CHANNEL_COLORS[lane]),
+        "SUSPECT": ("?", _SUSPECT),
+        "RESTARTING": ("runs again, not engaged", PALETTE[6]),
+        "OFF": ("off by command", PALETTE[7]),
+    }
+    states = {health << _TEST_BITS | test: Health(health).name for health in Health for test in LaneTest}
+    for test in LaneTest:
+        if LaneTest.NONE < test < LaneTest.COMMANDED:
+            name = f"FAILED_{test.name}"
+            looks[name], states[Health.FAILED << _TEST_BITS | test] = (f"failed: {test_name(test)}", FAILED), name
+    return Lane(f"/lane_{COMPUTERS[lane]}", "health", (lane,), states, looks)
+
+
+def _accused(lane: int) -> Lane:
+    """Return the lane of who accuses a computer: a bit an accuser."""
+    looks: Looks = {"NOBODY": ("by nobody", QUIET)}
+    states = {0: "NOBODY"}
+    for n in range(1, len(COMPUTERS) + 1):
+        for accusers in combinations(range(len(COMPUTERS)), n):
+            names = [COMPUTERS[i] for i in accusers]
+            states[sum(1 << i for i in accusers)] = name = f"BY_{''.join(names)}"
+            looks[name] = f"by {', '.join(names)}", _SUSPECT
+    return Lane(f"/lane_{COMPUTERS[lane]}/accused", "accuses", (lane,), states, looks)
+
+
+def _leading() -> Lane:
+    looks: Looks = {name: (name, CHANNEL_COLORS[i]) for i, name in enumerate(COMPUTERS)}
+    looks["BACKUP"] = ("back-up", ALL_FAILED)
+    return Lane("/leading_lane", "leads", (), dict(enumerate(looks)), looks)
+
+
+def _vote(surface: int) -> Lane:
+    """Return the lane of the vote of commands of one of SURFACES."""
+    looks = {**attention(Pattern, Pattern.NORMAL), "UNRESOLVED": ("unresolved", ALL_FAILED)}
+    states = {int(pattern): pattern.name for pattern in Pattern}
+    states |= {pattern | _UNRESOLVED: "UNRESOLVED" for pattern in Pattern}
+    return Lane(f"/vote_{SURFACES[surface].removesuffix('_rad')}", "command_pattern", (surface,), states, looks)
+
+
+_LINK_LOOKS: Final[Looks] = {
+    "ABSENT": _NOT_FITTED,
+    "FRESH": ("fresh", QUIET),
+    "OLD": ("a frame old", PALETTE[6]),
+    "MISSING": ("missing", _SUSPECT),
+    "FAILED": ("failed", FAILED),
+    "OUTVOTED": ("outvoted", REFERENCE),
+}
+
+
+def _link(sender: int, receiver: int) -> Lane:
+    states = {int(state): state.name for state in LinkState}
+    states |= {state | _OUTVOTED: state.name if state == LinkState.FAILED else "OUTVOTED" for state in LinkState}
+    path = f"/{COMPUTERS[sender]}_to_{COMPUTERS[receiver]}"
+    return Lane(path, "link", (receiver, sender), states, _LINK_LOOKS)
+
+
+LEADING: Final = _leading()
+HEALTH: Final = tuple(map(_health, range(len(COMPUTERS))))
+ACCUSED: Final = tuple(map(_accused, range(len(COMPUTERS))))
+VOTES: Final = tuple(map(_vote, range(len(SURFACES))))
+OF_LINKS: Final = tuple(_link(sender, receiver) for sender, receiver in LINKS)
+LANES: Final = (*HEALTH, LEADING, *ACCUSED, *VOTES, *OF_LINKS)
+
+
+def fitted(lanes: tuple[Lane, ...], count: int) -> list[Lane]:
+    """Return those of HEALTH, ACCUSED or OF_LINKS that ``count`` computers have."""
+    return [lane for lane in lanes if max(lane.at) < count]
+
+
+def leading(lanes: LaneBlock) -> NDArray[np.intp]:
+    """Return the leading lane of each row (n,), BACKUP where none leads."""
+    leads = lanes["computer"]["leads"]
+    return np.where(leads.any(axis=1), leads.argmax(axis=1), BACKUP)
+
+
+def codes(lanes: LaneBlock, lane: Lane) -> NDArray[Any]:
+    """Return what a lane of LANES shows in each row (n,)."""
+    rows = lanes["computer"]
+    if lane.field == "leads":
+        return leading(lanes)
+    if lane.field == "health":
+        return rows["health"][:, lane.at[0]] << _TEST_BITS | rows["failed_for"][:, lane.at[0]]
+    if lane.field == "accuses":
+        return np.packbits(rows["accuses"][:, :, lane.at[0]] != 0, axis=1, bitorder="little")[:, 0]
+    if lane.field == "link":
+        receiver, sender = lane.at
+        outvoted = np.where(rows["outvoted"][:, receiver, sender] != 0, _OUTVOTED, 0)
+        return rows["link"][:, receiver, sender] | outvoted
+    whose = np.minimum(leading(lanes), len(COMPUTERS) - 1), lane.at[0]
+    k = np.arange(len(rows))
+    unresolved = rows["command_resolver"][k, *whose] == Resolver.UNRESOLVED
+    return rows["command_pattern"][k, *whose] | np.where(unresolved, _UNRESOLVED, 0)
+
+
+def values(lanes: LaneBlock, i: int) -> NDArray[np.float64]:
+    """Return the numbers of NAMES of computer ``i``: (n, m)."""
+    rows = lanes["computer"][:, i]
+    return np.column_stack([rows["surface"] * _SCALES, rows[CLOCK]])
+
+
+def ranges(lanes: LaneBlock, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
+    """Return the axes of what NAMES names: of commands in a ``part`` of the rows, deg or share; of clocks, frames."""
+    fitted = [i for i in range(len(COMPUTERS)) if (lanes["computer"]["health"][:, i] != Health.ABSENT).any()]
+    every = np.stack([values(lanes, i) for i in fitted]) if fitted else np.zeros((1, len(lanes), len(NAMES)))
+    axes = {name: every[:, slice(None) if name == CLOCK else part, i].ravel() for i, name in enumerate(NAMES)}
+    return {name: spanned(drawn, 2.0 if name.endswith("_rad") else 0.1) for name, drawn in axes.items()}
+
+
+def entities(lanes: LaneBlock) -> Iterator[Entity]:
+    """Yield the lists of all computers."""
+    for i in range(len(COMPUTERS)):
+        yield Entity(topic(i), VALUES, values(lanes, i))
+
+
+SHOWN: Final = Beside("computer", LEGEND, LEGEND_LINES, LANES, codes, entities)

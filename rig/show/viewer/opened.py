@@ -1,0 +1,163 @@
+"""Logs opened for viewing: the same columns and layout as the live stream's, several flights over each other.
+
+Rerun opens our .mcap by itself too, but without a layout, and dates the flight 1970.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from rig.core.errors import BadInput, BadLog, RigError
+from rig.core.files import replaced, reported
+from rig.core.text import plain
+from rig.log import Log, read_log, scenario_of
+from rig.show.viewer import viewer
+from rig.show.viewer.facts import TAGS, Facts, Layout, of_log, together
+from rig.show.viewer.sink import SERVER_MEMORY, About, Sink, open_sink
+from rig.show.viewer.story import look
+
+BATCH: Final = 6000  # frames that are sent at once
+FLUSH_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """Logs that have been read, and how they will be shown; the last is on top."""
+
+    logs: tuple[Log, ...]
+    about: About
+
+    @property
+    def frames(self) -> int:
+        """Of all logs together."""
+        return sum(len(log.rows) for log in self.logs)
+
+    @property
+    def moment_s(self) -> float:
+        """A time worth looking at: the isolation of the decisive fault, else the last event, else the end."""
+        log, seen = self.logs[-1], self.about.layout.shown[-1].facts.seen
+        if seen is not None and seen.isolated_s is not None:
+            return seen.isolated_s
+        frame = log.events[-1].frame if log.events else int(log.rows["frame"][-1])
+        return frame / log.rate_hz
+
+
+def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) -> Opened:
+    """Read the logs at ``paths``, the last of which is on top where they lie over each other.
+
+    BadInput: too many; BadLog, in one line: one that is missing, foreign, cut, damaged or empty.
+    """
+    if not 1 <= len(paths) <= len(TAGS):
+        raise BadInput(f"{len(paths)} logs: 1 to {len(TAGS)} can lie over each other")
+    logs = tuple(read_log(path) for path in paths)
+    for path, log in zip(paths, logs, strict=True):
+        if not len(log.rows):
+            raise BadLog(f"{path}: has no frames")
+    facts_and_headlines = [_looked(log) for log in logs]
+    shown, names = together([facts for facts, _ in facts_and_headlines]), _names(paths)
+    mark = "#" if len(logs) == 1 else "##"
+    lines = [
+        f"{mark} {flight.prefix}{headline}\n\n{_words(flight.prefix + name, log)}"
+        for flight, (_, headline), name, log in zip(shown, facts_and_headlines, names, logs, strict=True)
+    ]
+    title = ", ".join(flight.prefix + name for flight, name in zip(shown, names, strict=True))
+    return Opened(logs, About(title, "\n\n".join(lines), Layout(shown, tab, map_tiles)))
+
+
+def _looked(log: Log) -> tuple[Facts, str]:
+    """Return the facts of a log, and its headline."""
+    facts = replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any()))
+    return look(facts, log.rows, log.rate_hz, log.result is not None, log.lanes)
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Return the files' names, with as many of their folders as it takes to tell them apart."""
+    depth = 1
+    whole = [path.resolve().parts for path in paths]
+    while depth < max(map(len, whole)) and len({parts[-depth:] for parts in whole}) < len(set(whole)):
+        depth += 1
+    return [plain(str(Path(*parts[-depth:]).with_suffix(""))) for parts in whole]
+
+
+def _words(name: str, log: Log) -> str:
+    """Return a line of Markdown that says which flight a log holds."""
+    result = log.result or {}
+    scenario = scenario_of(log.metadata, name)
+    parts = [
+        scenario.get("title") or scenario.get("aircraft", ""),
+        f"seed {log.metadata['seed']}" if "seed" in log.metadata else "",
+        f"{len(log.rows) / log.rate_hz:g} s at {log.rate_hz:g} Hz",
+        result.get("end_reason", "not finished"),
+    ]
+    return f"**{name}** " + "; ".join(filter(None, parts))
+
+
+def send(opened: Opened, sink: Sink) -> None:
+    """Send all frames and events, and wait until they are written or handed on."""
+    sink.begin()
+    longest_s = max(len(log.rows) / log.rate_hz for log in opened.logs)
+    for flight, log in enumerate(opened.logs):
+        for first in range(0, len(log.rows), BATCH):
+            part, events = slice(first, first + BATCH), log.events if first == 0 else ()
+            moved = None if log.lanes is None else log.lanes[part]
+            sink.send(log.rows[part], log.rate_hz, events, log.timing[part], moved, flight)
+        if len(log.rows) / log.rate_hz < longest_s:
+            sink.end(flight)
+    sink.flush(FLUSH_S)
+
+
+def save(opened: Opened, rrd: Path) -> None:
+    """Write ``rrd``, with the layout in it; BadInput when it cannot be opened, RigError: the disk."""
+    if rrd.suffix != ".rrd":
+        raise BadInput(f"{rrd}: must end in .rrd")
+    with replaced(rrd) as part, reported(rrd):
+        sink = open_sink("save", opened.about, part)
+        try:
+            send(opened, sink)
+        except RuntimeError as error:  # of Rerun
+            raise RigError(f"{rrd}: cannot be written: {error}") from None
+        finally:
+            sink.close()
+
+
+def serve(opened: Opened) -> Sink:
+    """Serve the flights to viewers on this machine until the sink is closed; its ``browser`` is the address to open."""
+    room = max(int(SERVER_MEMORY.removesuffix("MB")), 4 * sum(log.rows.nbytes for log in opened.logs) // 1_000_000)
+    sink = open_sink("serve", opened.about, Path(), f"{room}MB")
+    send(opened, sink)
+    return sink
+
+
+@contextmanager
+def as_file(opened: Opened) -> Iterator[Path]:
+    """Write a temporary .rrd of the flights: a viewer loads it much faster than what it is sent."""
+    with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
+        rrd = Path(folder) / "flights.rrd"
+        save(opened, rrd)
+        yield rrd
+
+
+@contextmanager
+def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Open a viewer's window with the flights, closed at the end.  ``arguments`` are for the viewer program.
+
+    It is started first, to get itself ready while the file is written.  RigError: it did not take the file.
+    """
+    port = viewer.free_port()
+    process = viewer.launch(["--port", str(port), "--expect-data-soon", *arguments])
+    try:
+        with as_file(opened) as rrd:
+            viewer.await_port(process, port)
+            try:
+                viewer.connect(port).open(str(rrd))
+            except (RuntimeError, OSError) as error:
+                raise RigError(f"the viewer: {str(error).splitlines()[0]}") from None
+            yield process
+    finally:
+        viewer.stop(process)

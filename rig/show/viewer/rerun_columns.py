@@ -1,0 +1,266 @@
+"""Rows of a block as Rerun columns, in the form in which Rerun's MCAP importer shows our log.
+
+Entities, component names, struct fields and the timeline are the importer's, so one blueprint serves
+the stream and the opened log:
+
+    /signal/<name>, /discrete/<name>   rig.Signal:message, rig.Discrete:message    one struct a frame
+    /control, /demand, /flight         rig.Control:message, ...
+    /pose, /position, /events          Transform3D, GeoPoints, TextLog
+    /actuator/<surface>                rig.Actuator:message, of flights with servos
+    /computer/<A to D>                 lists of numbers alone: a message has 170
+
+and, for the viewer alone, of the wall clock of a flight with a unit under test
+
+    /timing                            rig.Timing:message, one struct a frame
+    /timing/replies                    how many reply times lie in each bin, from the begin of the flight to the cursor
+    /timing/lateness                   the same of the lateness; of paced flights alone
+
+and what derived.py, state_strips.py, servo_series.py, lanes_view.py, matrix.py and scene.py make of the rows.  What
+derived.py makes
+of a signal goes with it, as one more component of its entity: each entity costs the viewer a clock and a name of
+every row.
+
+Each field of FRAME has one place in one struct, so a signal or a command added there appears by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from enum import IntEnum
+from functools import cache, lru_cache
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from numpy.typing import NDArray
+
+from rig.core.event import Event
+from rig.core.frame import TIMING, Block, End, LaneBlock, has_part
+from rig.core.frame.fields import FIELD, Field, places
+from rig.flight.time_histogram import BINS, EDGES_US, binned
+from rig.log.schema import TOPICS_OF_ROWS, Topic
+from rig.show.viewer import derived, matrix
+from rig.show.viewer import lanes_view as computers
+from rig.show.viewer import servo_series as servos
+from rig.show.viewer import state_strips as lanes
+from rig.show.viewer.beside import Beside
+from rig.show.viewer.facts import UNKNOWN, Facts
+from rig.show.viewer.scene import Scene, time_column
+from rig.show.viewer.style import OVER, PALETTE, VOTED, Color
+
+CLOCK: Final = "/timing"
+CLOCK_TYPE: Final = "rig.Timing"
+BESIDE: Final = (servos.SHOWN, computers.SHOWN)
+_BARE: Final = ("fault", "lane", "leading lane", "link", "back-up")  # names of events whose texts need them
+_LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
+
+
+class Bars(NamedTuple):
+    """A histogram."""
+
+    path: str
+    field: str  # of TIMING
+    name: str
+
+
+REPLIES: Final = Bars(f"{CLOCK}/replies", "reply_us", "reply times: frames over log10 of µs")
+LATENESS: Final = Bars(f"{CLOCK}/lateness", "late_us", "lateness: frames over log10 of µs")
+# Where the bars stand: the middle of each bin, and half a decade beyond the last edge.
+_ABSCISSA: Final = np.array(
+    [np.log10(high) - 0.15 for high in EDGES_US] + [np.log10(EDGES_US[-1]) + 0.15], dtype=np.float64
+)
+
+
+class Times:
+    """Sends the timing of one flight, block after block."""
+
+    def __init__(self, send: Callable[[str, Any, Any], None]) -> None:
+        """Begin to count; ``send``: path, time columns, columns."""
+        self._send = send
+        self._counts = {bars: np.zeros(BINS, np.int64) for bars in (REPLIES, LATENESS)}
+
+    def send(self, timing: NDArray[Any], nanoseconds: NDArray[np.float64]) -> None:
+        """Send ``timing`` (n,) of TIMING at these times of the flight, and histograms so far at the last of them."""
+        arrays = {name: pa.array(np.ascontiguousarray(timing[name])) for name in TIMING.names or ()}
+        fields = [pa.field(name, pa.float64(), nullable=False) for name in arrays]
+        structs = pa.StructArray.from_arrays(list(arrays.values()), fields=fields)
+        columns = rr.DynamicArchetype.columns(archetype=CLOCK_TYPE, components={"message": structs})
+        self._send(CLOCK, [time_column(nanoseconds)], columns)
+        for bars, counts in self._counts.items():
+            counts += binned(timing[bars.field])
+            if timing[bars.field].any():
+                drawn = rr.BarChart.columns(values=[counts], abscissa=[_ABSCISSA], color=[PALETTE[0]])
+                self._send(bars.path, [time_column(nanoseconds[-1:])], drawn)
+
+
+class Columns:
+    """Sends the rows of one flight to a recording, block after block, in order.
+
+    root : before every path, empty unless several flights share a recording
+    color : of the flight's figure and path
+    Rerun reports trouble with a sink in its own log, not as an exception.
+    """
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        rate_hz: float,
+        facts: Facts = UNKNOWN,
+        root: str = "",
+        color: Color = VOTED,
+    ) -> None:
+        self._recording = recording
+        self._rate_hz = rate_hz
+        self._facts = facts
+        self._root = root
+        self._before: Block | None = None
+        self._moved: LaneBlock | None = None  # the last row of servos and computers
+        self._derived = derived.Derived(facts)
+        self._scene = Scene(recording, root, color)
+        self._times = Times(self._columns) if facts.unit else None
+
+    def send(
+        self,
+        rows: Block,
+        events: Sequence[Event] = (),
+        timing: NDArray[Any] | None = None,
+        moved: LaneBlock | None = None,
+    ) -> None:
+        """Send every row of ``rows`` and the events among them, one batch an entity.
+
+        timing : (n,) of TIMING, shown of a flight with a unit under test;  moved : (n,) of servos and computers
+        """
+        if not len(rows):
+            return
+        nanoseconds = np.rint(rows["frame"] * (1e9 / self._rate_hz))
+        time = [time_column(nanoseconds)]
+        values = self._derived.values(rows)
+        for topic in TOPICS_OF_ROWS:
+            components = [_message(topic.message, struct(rows, topic))]
+            if topic.message == "rig.Signal" and topic.item is not None:
+                components.append(_values(derived.VALUES, values[topic.item]))
+            if topic.message == "rig.Control":
+                components.append(_values(derived.DEGREES, derived.degrees(rows)))
+            self._columns(topic.name, time, [column for component in components for column in component])
+        for change in lanes.changes(rows, self._before, self._facts.faults):
+            states = rr.StateChange.columns(state=change.states)
+            self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
+        for of in BESIDE:
+            if has_part(moved, of.part):
+                self._lanes(of, moved, nanoseconds)
+        self._moved = None if moved is None else moved[-1:].copy()
+        self._matrix(rows, nanoseconds)
+        self._scene.send(rows, nanoseconds)
+        if self._times is not None and timing is not None:
+            self._times.send(timing, nanoseconds)
+        self._events(events)
+        self._before = rows[-1:].copy()
+        if rows["end"][-1] != End.FLYING:
+            self._ends(End(rows["end"][-1]).name, rows["frame"][-1:])
+
+    def _lanes(self, of: Beside, moved: LaneBlock, nanoseconds: NDArray[np.float64]) -> None:
+        """Send a part of the second row."""
+        if self._moved is None:
+            rr.log(of.legend, matrix.strip(of.legend_lines), static=True, recording=self._recording)
+        for entity in of.entities(moved):
+            components = [*_values(entity.archetype, entity.values.astype(np.float32))]
+            if entity.message:
+                components += _message(entity.message, _struct(entity.columns))
+            self._columns(entity.path, [time_column(nanoseconds)], components)
+        for change in of.changes(moved, self._moved):
+            states = rr.StateChange.columns(state=change.states)
+            self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
+
+    def _matrix(self, rows: Block, nanoseconds: NDArray[np.float64]) -> None:
+        if self._before is None:
+            rr.log(self._root + matrix.NAMES, matrix.names(), static=True, recording=self._recording)
+        changed = matrix.changed(rows, self._before)
+        if len(changed):
+            self._columns(matrix.PATH, [time_column(nanoseconds[changed])], matrix.columns(rows, changed))
+
+    def end(self) -> None:
+        """End the lanes of a flight that is over, while another goes on."""
+        if self._before is not None and self._before["end"][0] == End.FLYING:
+            self._ends(OVER, self._before["frame"])
+
+    def _ends(self, how: str, frame: NDArray[Any]) -> None:
+        time = [time_column(np.rint(frame * (1e9 / self._rate_hz)))]
+        ends = list(lanes.ends(how, self._facts.faults))
+        ends += [(lane.path, how) for of in BESIDE if has_part(self._moved, of.part) for lane in of.lanes]
+        for path, state in ends:
+            self._columns(path, time, rr.StateChange.columns(state=[state]))
+
+    def _events(self, events: Sequence[Event]) -> None:
+        if not events:
+            return
+        time = time_column(np.rint([event.frame * (1e9 / self._rate_hz) for event in events]))
+        tag = f"{self._root[1:]}  " if self._root else ""
+        text = rr.TextLog.columns(
+            text=[tag + words(event) for event in events],
+            level=[_LEVELS.get(event.level, "INFO") for event in events],
+        )
+        self._columns("/events", [time], text)
+
+    def _columns(self, path: str, time: Sequence[rr.TimeColumn], columns: Any) -> None:
+        rr.send_columns(self._root + path, time, columns, recording=self._recording)
+
+
+def _message(archetype: str, structs: pa.StructArray) -> rr.ComponentColumnList:
+    """Return one struct a row as the component <archetype>:message."""
+    return rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
+
+
+def _values(archetype: str, values: NDArray[Any]) -> rr.ComponentColumnList:
+    """Return one list a row, from ``values`` (n, m), as the component <archetype>:values."""
+    flat = pa.array(np.ascontiguousarray(values).ravel())
+    columns = rr.DynamicArchetype.columns(archetype=archetype, components={"values": flat})
+    return columns.partition(np.full(len(values), values.shape[1]))
+
+
+def words(event: Event) -> str:
+    """Return an event in words; the text of some says only of what."""
+    return f"{event.name}: {event.text}" if event.name.startswith(_BARE) else event.text
+
+
+def struct(rows: Block, topic: Topic) -> pa.StructArray:
+    """Return the fields of a topic's message in every row, one struct each."""
+    item = () if topic.item is None else (topic.item,)
+    values = lambda place: rows[place.field][(slice(None), *item, *place.index)]  # noqa: E731 # of one number
+    return _struct((place.name, FIELD[place.field], values(place)) for place in places(topic.message))
+
+
+def _struct(columns: Iterable[tuple[str, Field, NDArray[Any]]]) -> pa.StructArray:
+    """Return one struct a row of its numbers: name, field, values (n,)."""
+    arrays = {name: _array(field, values) for name, field, values in columns}
+    fields = [pa.field(name, array.type, nullable=False) for name, array in arrays.items()]
+    return pa.StructArray.from_arrays(list(arrays.values()), fields=fields)
+
+
+def _array(field: Field, values: NDArray[Any]) -> pa.Array:
+    values = np.ascontiguousarray(values)
+    if field.enum is not None:
+        return _members(field.enum, values)
+    if field.kind == "flag":
+        return pa.array(values != 0)
+    return pa.array(values if values.dtype.kind == "f" else values.astype(np.uint32))
+
+
+def _members(enum: type[IntEnum], values: NDArray[np.uint8]) -> pa.StructArray:
+    if len(values) and (values == values[0]).all():  # nearly always, and ten times as fast
+        return _unchanging(enum, int(values[0]), len(values))
+    return _enum_table(enum).take(pa.array(values))
+
+
+@lru_cache(maxsize=256)
+def _unchanging(enum: type[IntEnum], value: int, rows: int) -> pa.StructArray:
+    return _enum_table(enum).take(pa.array([value] * rows))
+
+
+@cache
+def _enum_table(enum: type[IntEnum]) -> pa.StructArray:
+    """Return the importer's struct of each of the 256 values of a u1; no name where the enum has none."""
+    names = {member.value: member.name for member in enum}
+    return pa.StructArray.from_arrays(
+        [pa.array([names.get(i) for i in range(256)]), pa.array(range(256), pa.int32())], names=["name", "value"]
+    )

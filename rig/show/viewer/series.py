@@ -1,0 +1,82 @@
+"""A signal over a flight as pictures draw it: degrees, angles without jumps, limits that a hardover does not set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.managers import manager_kind
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, SIGNALS, Block, State
+from rig.core.text import choices, quoted
+from rig.core.units.angles import near, unwrapped
+from rig.core.units.quantities import scale_shown, unit_shown
+
+ROOM: Final = 3.0  # thresholds above and below vote and truth
+NEAR: Final = 15.0  # thresholds: a channel in use that is not further from the vote is in the picture
+Array = NDArray[np.float64]
+
+
+class Series(NamedTuple):
+    """One signal in the unit that people read, angles unwrapped along the truth; NaN where there is no number."""
+
+    name: str
+    unit: str  # that is shown
+    scale: float  # shown units in one of the signal's SI unit
+    time_s: Array  # (n,)
+    channels: Array  # (n, channels)
+    used: NDArray[np.bool_]  # (n, channels) not failed
+    voted: Array  # (n,)
+    truth: Array  # (n,)
+
+
+def series(rows: Block, rate_hz: float, name: str, last: float = np.nan) -> Series:
+    """Return the signal ``name`` of ``rows`` (n,); BadInput when there is none.
+
+    last : the truth in the rows before, as shown, which an angle goes on from; NaN: there are none
+    """
+    if name not in INDEX:
+        raise BadInput(f"unknown signal {quoted(name)}, {choices(name, INDEX, 'rig signals')}")
+    signal, s = SIGNALS[INDEX[name]], INDEX[name]
+    truth, voted, channels = rows["truth"][:, s], rows["voted"][:, s], rows["channels"][:, s, : signal.channels]
+    scale = scale_shown(signal.unit)
+    if signal.wraps:
+        truth = unwrapped(truth, last / scale)
+        voted, channels = near(voted, truth), near(channels, truth[:, None])
+    values = (channels * scale, rows["state"][:, s, : signal.channels] != State.FAILED, voted * scale, truth * scale)
+    return Series(name, unit_shown(signal.unit), scale, rows["frame"] / rate_hz, *values)
+
+
+def limits(shown: Series, threshold: float) -> tuple[float, float]:
+    """Return the lowest and highest value to draw: vote and truth with ROOM thresholds (SI), channels in use and NEAR.
+
+    So a hardover leaves the picture, and does not flatten the others.
+    """
+    return ends_of(*reach(shown, threshold))
+
+
+def ends_of(low: float, high: float) -> tuple[float, float]:
+    """Return the ends of an axis that shows ``low`` to ``high``; of one where nothing is a number, low > high."""
+    return (low, high) if low <= high else (-1.0, 1.0)
+
+
+def reach(shown: Series, threshold: float) -> tuple[float, float]:
+    """Return ``limits`` of what is a number; inf, -inf where nothing is."""
+    unit = threshold * shown.scale
+    with np.errstate(invalid="ignore"):
+        close = shown.used & (np.abs(shown.channels - shown.voted[:, None]) <= NEAR * unit)
+    drawn = [shown.voted - ROOM * unit, shown.voted + ROOM * unit, shown.truth - ROOM * unit, shown.truth + ROOM * unit]
+    values = np.concatenate([*drawn, shown.channels[close] - unit, shown.channels[close] + unit])
+    values = values[np.isfinite(values)]
+    return float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
+
+
+def threshold(resolved: Mapping[str, Any], name: str) -> float:
+    """Return how far a channel of a signal may be from the vote, SI, by a scenario as plain data; KeyError: none."""
+    redundancy = resolved["redundancy"]
+    signal = redundancy["signals"][name]
+    by_channels = manager_kind(redundancy["manager"]).compares  # the others have no threshold of a single channel
+    return float((signal.get("outlier_threshold") if by_channels else None) or signal["threshold"])

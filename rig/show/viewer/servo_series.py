@@ -1,0 +1,146 @@
+"""Servo actuators in the viewer, of flights that have them: the second row of a frame as lines and as lanes.
+
+/actuator/elevator ..              rig.Actuator:message as in the log, and the list of NAMES: deg, else shares
+/elevator/channel_1 .. channel_4   engaged; shut off, and by which monitor
+/elevator/moved_by                 how many channels move the surface; bypassed: none does, or no pressure
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.frame import CHANNELS, LANE_FIELDS, MOVED, ActuatorMonitor, LaneBlock
+from rig.core.frame.fields import Field, elements
+from rig.core.units.quantities import scale_shown
+from rig.show.viewer.beside import Beside, Entity
+from rig.show.viewer.charts import spanned
+from rig.show.viewer.state_strips import Lane
+from rig.show.viewer.style import (
+    ALL_FAILED,
+    CHANNEL_COLORS,
+    CHANNEL_NAMES,
+    FAILED,
+    PALETTE,
+    QUIET,
+    REFERENCE,
+    STATE_LOOKS,
+    VOTED,
+    Color,
+    Looks,
+    shade,
+)
+
+VALUES: Final = "rig.Servo"
+MESSAGE: Final = "rig.Actuator"
+DRAWN: Final = ("spool", "ram", "asked", "spool_model", "ram_model", "lvdt", "current", "pressure")  # the first below
+FIELD: Final = {field.name: field for field in LANE_FIELDS}
+NAMES: Final = tuple(name for field in DRAWN for name, _ in elements(FIELD[field]))
+_BYPASSED: Final = CHANNELS + 1
+_MONITORS: Final[Looks] = {
+    monitor.name: (f"shut off by {monitor.name.lower()}", FAILED) if monitor else ("engaged", QUIET)
+    for monitor in ActuatorMonitor
+} | {"WITH_COMPUTER": ("shut off with its computer", FAILED)}
+_WITH_COMPUTER: Final = 1 + max(ActuatorMonitor)
+_HELD: Final[Looks] = {
+    "HELD_0": ("no channel", ALL_FAILED),
+    "HELD_1": ("1 channel", STATE_LOOKS["SUSPECT"][1]),
+    **{f"HELD_{n}": (f"{n} channels", STATE_LOOKS["SUSPECT"][1]) for n in range(2, CHANNELS)},
+    f"HELD_{CHANNELS}": ("all channels", QUIET),
+    "BYPASSED": ("bypassed", ALL_FAILED),
+}
+
+
+class Plot(NamedTuple):
+    """What is drawn together of each surface: its fields of LANES, and the axis; None: as the flight has it."""
+
+    name: str
+    fields: tuple[str, ...]
+    values: tuple[float, float] | None
+
+
+PLOTS: Final = (
+    Plot("position, deg", ("ram", "asked", "ram_model", "lvdt"), None),
+    Plot("current", ("current",), (-1.1, 1.1)),
+    Plot("spool", ("spool", "spool_model"), (-1.1, 1.1)),
+)
+PRESSURE: Final = Plot("pressure: 1 sky blue, 2 green", ("pressure",), (-0.1, 1.1))
+LEGEND: Final = "/legend/servos"
+LEGEND_LINES: Final = (
+    *CHANNEL_NAMES,
+    ("ram, spool", VOTED),
+    ("asked", REFERENCE),
+    ("models: darker", shade(VOTED, 1)),
+    ("shut off", FAILED),
+)
+
+
+def topic(surface: str) -> str:
+    """Return the entity of one of MOVED."""
+    return f"/actuator/{surface}"
+
+
+def look(field: str, number: int) -> tuple[Color, float]:
+    """Return colour and width of a line: of a channel in its colour, models in a darker one."""
+    if field in ("ram", "spool"):
+        return VOTED, 3.5
+    if field == "asked":
+        return REFERENCE, 1.5
+    if field == "pressure":
+        return PALETTE[number], 2.5
+    return (shade(CHANNEL_COLORS[number], 1), 1.0) if field.endswith("_model") else (CHANNEL_COLORS[number], 1.5)
+
+
+def values(servos: LaneBlock, i: int) -> NDArray[np.float64]:
+    """Return the numbers of NAMES of surface ``i`` of MOVED: (n, m)."""
+    rows = servos["actuator"][:, i]
+    columns = [rows[name].reshape(len(rows), -1) * scale_shown(FIELD[name].unit) for name in DRAWN]
+    return np.concatenate(columns, axis=1)
+
+
+def ranges(servos: LaneBlock, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
+    """Return the axis of the position of each surface in a ``part`` of the rows, deg, by its topic."""
+    wanted = [i for i, name in enumerate(NAMES) if name == "ram" or name.startswith(("asked", "lvdt"))]
+    return {topic(surface): spanned(values(servos[part], i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
+
+
+def columns(servos: LaneBlock, i: int) -> Iterator[tuple[str, Field, NDArray[Any]]]:
+    """Yield every number of the message of surface ``i``: its name, its field, its values (n,)."""
+    rows = servos["actuator"][:, i]
+    for field in LANE_FIELDS:
+        for name, index in elements(field):
+            yield name, field, rows[field.name][(slice(None), *index)]
+
+
+def of_surface(surface: str) -> list[Lane]:
+    """Return the lanes of a surface: its channels, and how many of them move it."""
+    i = MOVED.index(surface)
+    monitors = {int(monitor): monitor.name for monitor in ActuatorMonitor} | {_WITH_COMPUTER: "WITH_COMPUTER"}
+    channels = [Lane(f"/{surface}/channel_{c + 1}", "failed_by", (i, c), monitors, _MONITORS) for c in range(CHANNELS)]
+    return [*channels, Lane(f"/{surface}/moved_by", "", (i,), dict(enumerate(_HELD)), _HELD)]
+
+
+LANES: Final = tuple(lane for surface in MOVED for lane in of_surface(surface))
+
+
+def entities(servos: LaneBlock) -> Iterator[Entity]:
+    """Yield what is drawn of each surface."""
+    for i, surface in enumerate(MOVED):
+        yield Entity(topic(surface), VALUES, values(servos, i), MESSAGE, columns(servos, i))
+
+
+def _codes(servos: LaneBlock, lane: Lane) -> NDArray[Any]:
+    """Return what a lane shows in each row."""
+    rows = servos["actuator"][:, lane.at[0]]
+    by, shut = rows["failed_by"], rows["valve"] != 0
+    if lane.field:
+        c = lane.at[1]
+        return np.where(shut[:, c] & (by[:, c] == ActuatorMonitor.NONE), _WITH_COMPUTER, by[:, c])
+    held = ((by == ActuatorMonitor.NONE) & ~shut).sum(axis=1)
+    return np.where(rows["bypassed"] != 0, _BYPASSED, held)
+
+
+SHOWN: Final = Beside("actuator", LEGEND, LEGEND_LINES, LANES, _codes, entities)

@@ -1,0 +1,215 @@
+"""Where a stream goes: a file, a server for viewers, a viewer's window, a viewer that runs already."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from numpy.typing import NDArray
+
+from rig.core.errors import BadInput, RigError
+from rig.core.event import Event
+from rig.core.files import reported
+from rig.core.frame import Block, LaneBlock
+from rig.show.viewer import viewer
+from rig.show.viewer.facts import Facts, Layout
+from rig.show.viewer.piped import DESCRIPTORS, PipedFile
+from rig.show.viewer.story import Story
+
+if TYPE_CHECKING:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    from rig.show.viewer.rerun_columns import Columns
+
+APPLICATION: Final = "jsbsim-rig"  # the viewer keeps one layout per application
+GRPC_PORT: Final = 9876  # Rerun's own default ports, when they are free
+WEB_PORT: Final = 9090
+SERVER_MEMORY: Final = "512MB"  # what late viewers can still be sent; the oldest data go first
+WORDS: Final = ("off", "save", "serve", "spawn")
+_ADDRESS: Final = re.compile(r"rerun\+http://(?:127\.0\.0\.1|localhost):(\d{1,5})/proxy")
+
+
+def check_where(where: str) -> None:
+    """Raise BadInput unless ``where`` is one of WORDS or the address of a viewer that listens on this machine.
+
+    A viewer to be spawned needs a display.  Called before anything is written.
+    """
+    match = _ADDRESS.fullmatch(where)
+    if where not in WORDS and (match is None or not 0 < int(match[1]) < 65536):
+        allowed = f"{', '.join(WORDS)} or rerun+http://127.0.0.1:PORT/proxy"
+        raise BadInput(f"--rerun {where}: not known, or not on this machine; allowed: {allowed}")
+    if match is not None and not viewer.listening(int(match[1])):
+        raise BadInput(f"--rerun {where}: nobody listens there; start the viewer first, or use spawn, serve or save")
+    if where == "spawn":
+        viewer.require_display("--rerun spawn")
+
+
+class About(NamedTuple):
+    """What is shown: its title, which flights it is in words (Markdown), how it is laid out."""
+
+    title: str
+    text: str = ""
+    layout: Layout = Layout()
+
+
+class Sink:
+    """A Rerun recording, what is sent to it, and what has to be closed with it."""
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        where: str,
+        about: About,
+        browser: str = "",
+        connect: Callable[[], None] | None = None,
+        also: Callable[[], None] | None = None,
+        check: Callable[[], None] | None = None,
+    ) -> None:
+        """Keep the recording; ``connect`` is called first of all, ``also`` last, ``check`` before anything is sent."""
+        self.where = where
+        self.browser = browser
+        self._recording = recording
+        self._about = about
+        self._connect = connect
+        self._also = also
+        self._check = check
+        self._columns: list[Columns | None] = [None] * len(about.layout.shown)
+        [*_, top] = about.layout.shown
+        self._live = top.facts if top.facts.seen is None else None  # of a flight that is under way
+        self._story: Story | None = None
+
+    def begin(self) -> None:
+        """Connect and send what does not change; may block for ever, as send and flush may."""
+        from rig.show.viewer.scene import send_about, send_frame
+
+        if self._connect is not None:
+            self._connect()
+        self._recording.send_recording_name(self._about.title)
+        text = self._about.text if self._live is None else f"# IN FLIGHT\n\n{self._about.text}"
+        send_about(self._recording, text, static=self._live is None)
+        send_frame(self._recording)
+
+    def send(
+        self,
+        rows: Block,
+        rate_hz: float,
+        events: Sequence[Event],
+        timing: NDArray[Any] | None = None,
+        moved: LaneBlock | None = None,
+        flight: int = 0,
+    ) -> None:
+        """Hand rows, events, timing and servos of ``flight``, a number into the layout's ``shown``, to Rerun."""
+        from rig.show.viewer.rerun_columns import Columns
+        from rig.show.viewer.style import FLIGHT_COLORS
+
+        if self._check is not None:
+            self._check()
+        columns = self._columns[flight]
+        if columns is None:
+            shown = self._about.layout.shown[flight]
+            columns = Columns(self._recording, rate_hz, shown.facts, shown.root, FLIGHT_COLORS[shown.below])
+            self._columns[flight] = columns
+        columns.send(rows, events, timing, moved)
+        if self._live is not None and len(rows):
+            self._tell(self._live, rows, rate_hz, moved)
+
+    def _tell(self, facts: Facts, rows: Block, rate_hz: float, moved: LaneBlock | None) -> None:
+        """Send the headline of a flight that is under way, when it has changed."""
+        from rig.show.viewer.scene import send_about
+
+        if self._story is None:
+            self._story = Story(facts, rate_hz)
+        if self._story.add(rows, moved):
+            text = f"# {self._story.headline('IN FLIGHT')}\n\n{self._about.text}"
+            send_about(self._recording, text, int(rows["frame"][-1]) / rate_hz)
+
+    def end(self, flight: int) -> None:
+        """End the lanes of ``flight`` where another goes on."""
+        columns = self._columns[flight]
+        if columns is not None:
+            columns.end()
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until all is written or handed on; RuntimeError or ValueError when it is not in time."""
+        self._recording.flush(timeout_sec=timeout_s)
+
+    def close(self) -> None:
+        """Close the file, the connection or the servers.  OSError: the file could not be written, and is removed."""
+        self._recording.disconnect()
+        if self._also is not None:
+            self._also()
+
+
+def open_sink(where: str, about: About, out_path: Path, server_memory: str = SERVER_MEMORY) -> Sink:
+    """Open the sink of ``where`` (checked, not "off"); BadInput or RigError when that is not possible.
+
+    out_path : the file of "save", which is replaced
+    """
+    import rerun as rr
+
+    from rig.show.viewer.blueprint import blueprint
+
+    recording, layout = rr.RecordingStream(APPLICATION), blueprint(about.layout)
+    if where == "save":
+        return _save(recording, layout, out_path, about)
+    if where == "serve":
+        return _serve(recording, layout, about, server_memory)
+    url = where
+    if where == "spawn":  # a viewer in a window of its own, which outlives us
+        port = viewer.free_port(GRPC_PORT)
+        viewer.start(["--port", str(port), "--expect-data-soon"], port, stay=True)
+        url = viewer.address(port)
+    return Sink(recording, url, about, connect=lambda: recording.connect_grpc(url, default_blueprint=layout))
+
+
+def _save(recording: rr.RecordingStream, layout: rrb.Blueprint, path: Path, about: About) -> Sink:
+    with reported(path, BadInput):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not DESCRIPTORS.is_dir():
+            path.open("wb").close()  # an error of ours, rather than a line in Rerun's log
+            recording.save(path, default_blueprint=layout)
+            return Sink(recording, str(path), about)
+        file = PipedFile(path)
+    try:
+        recording.save(file.pipe, default_blueprint=layout)
+    except RuntimeError as error:
+        raise RigError(f"{path}: cannot be written: {error}") from None
+    finally:
+        os.close(file.writing)
+    return Sink(recording, str(path), about, also=file.close, check=file.check)
+
+
+def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, server_memory: str) -> Sink:
+    try:
+        web = viewer.WebViewer(WEB_PORT)
+    except OSError as error:
+        raise RigError(f"the viewer's page cannot be served: {error}") from None
+    try:
+        url = _listen(recording, layout, server_memory, web.port)
+    except (OSError, RuntimeError, RigError) as error:
+        web.close()
+        recording.disconnect()
+        raise RigError(f"the viewer's data cannot be served: {error}") from None
+    web.serve(url)
+    return Sink(recording, url, about, web.url, also=web.close)
+
+
+def _listen(recording: rr.RecordingStream, layout: rrb.Blueprint, server_memory: str, web_port: int) -> str:
+    """Serve ``recording`` to viewers on a port of this process, for the page on ``web_port``: its address.
+
+    rerun-sdk 0.41 logs a port that another process took since it was asked for, and goes on without a server.
+    """
+    import rerun as rr
+
+    for preferred in (GRPC_PORT, 0, 0):
+        port = viewer.free_port(preferred)
+        page = [f"http://{viewer.LOOPBACK}:{web_port}"]
+        server = rr.GrpcServerSink(viewer.LOOPBACK, port, server_memory_limit=server_memory, cors_allow_origin=page)
+        recording.set_sinks(server, default_blueprint=layout)
+        if viewer.opened(port):
+            return server.uri
+    raise RigError("another process took every port that was free")

@@ -1,0 +1,189 @@
+"""States as lanes against time: one entity a lane, one entry a change.
+
+    /pitch_rate                           the channels of a signal together
+    /pitch_rate/channel_1 .. channel_4    each of them; and pattern, resolver, source
+    /gear_down/channel_1 .. channel_4     of a discrete
+    /control_law
+    /fault_1 ..                           while a fault of the scenario acts
+
+The viewer writes a lane's entity above it, so these paths are read by people; it would write a space as "\\ ".
+A flight that ends before the picture does says so in its lanes: why it was lost, or that it is over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cache
+from itertools import product
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.frame import (
+    CHANNELS,
+    DISCRETES,
+    SIGNALS,
+    Block,
+    Discrete,
+    End,
+    Law,
+    Pattern,
+    Resolver,
+    Signal,
+    Source,
+    State,
+)
+from rig.core.frame.fields import FIELD
+from rig.show.viewer.style import ACTING, ALL_FAILED, ENDED, OVER, STATE_LOOKS, Looks, attention, plain
+
+# A suspect is one for some frames, where there is room for one letter.
+_SHORT_LOOKS: Final[Looks] = {**STATE_LOOKS, "SUSPECT": ("?", STATE_LOOKS["SUSPECT"][1])}
+
+
+class Lane(NamedTuple):
+    """One lane: where the viewer finds it, what it shows of FRAME, its states by their codes, how they look."""
+
+    path: str
+    field: str
+    at: tuple[int, ...]
+    states: dict[int, str]
+    looks: Looks
+
+
+class Changes(NamedTuple):
+    """States that a lane takes: (n,) rows of the block, and their names; empty: the lane is blank from there on."""
+
+    path: str
+    rows: NDArray[np.intp]
+    states: list[str]
+
+
+def _lane(path: str, field: str, at: tuple[int, ...], looks: Looks) -> Lane:
+    return Lane(path, field, at, {int(member): member.name for member in FIELD[field].enum or ()}, looks)
+
+
+def _channels(home: str, field: str, index: int, channels: int) -> list[Lane]:
+    return [_lane(f"{home}/channel_{c + 1}", field, (index, c), _SHORT_LOOKS) for c in range(channels)]
+
+
+def of_signal(signal: Signal) -> list[Lane]:
+    """Return the lanes of one signal: its channels, its pattern, who resolved it, where control takes it from."""
+    s, home = SIGNALS.index(signal), f"/{signal.name}"
+    return [
+        *_channels(home, "state", s, signal.channels),
+        _lane(f"{home}/pattern", "pattern", (s,), attention(Pattern, Pattern.NORMAL)),
+        _lane(f"{home}/resolver", "resolver", (s,), attention(Resolver, Resolver.NONE)),
+        _lane(f"{home}/source", "source", (s,), attention(Source, Source.VOTED)),
+    ]
+
+
+def of_discrete(discrete: Discrete) -> list[Lane]:
+    """Return the lanes of one discrete: its channels."""
+    return _channels(f"/{discrete.name}", "discrete_state", DISCRETES.index(discrete), discrete.channels)
+
+
+def status(signal: Signal) -> Lane:
+    """Return the lane of all channels of one signal together."""
+    s = SIGNALS.index(signal)
+    return Lane(f"/{signal.name}", "state", (s,), dict(enumerate(_together())), _together())
+
+
+@cache
+def _together() -> Looks:
+    """Return label and colour of four states together, in the order of their code in base four."""
+    looks: Looks = {}
+    for states in product(State, repeat=CHANNELS):
+        looks["".join(str(int(state)) for state in states)] = _label_of(states)
+    return looks
+
+
+def _label_of(states: Sequence[State]) -> tuple[str, tuple[int, int, int]]:
+    """Return channels that are not ok, by their numbers; the colour of the worst of them."""
+    fitted = [state for state in states if state != State.ABSENT]
+    texts = []
+    for state in (State.FAILED, State.SUSPECT):
+        which = [str(c + 1) for c, each in enumerate(states) if each == state]
+        if which:
+            all_of = len(which) == len(fitted)
+            texts.append(f"{'all' if all_of else 'channel ' + ', '.join(which)} {state.name.lower()}")
+    worst = max(fitted, default=State.OK)
+    color = ALL_FAILED if fitted and min(fitted) == State.FAILED else STATE_LOOKS[worst.name][1]
+    return "; ".join(texts) or "ok", color
+
+
+LAW: Final = _lane("/control_law", "law", (), attention(Law, Law.AUTOPILOT))
+LANES: Final = tuple(
+    lane for lanes in (*map(of_signal, SIGNALS), *map(of_discrete, DISCRETES), [LAW]) for lane in lanes
+)
+STATUS: Final = tuple(map(status, SIGNALS))
+_BY_FIELD: Final = {field: [lane for lane in LANES if lane.field == field] for field in {la.field: 0 for la in LANES}}
+ENDS: Final[Looks] = {
+    **{end.name: (f"lost: {end.label}", ENDED) for end in End if end != End.FLYING},
+    OVER: ("flight over", ENDED),
+}
+
+
+def title(signal: Signal) -> str:
+    """Return the title of a signal's lanes."""
+    return f"{plain(signal.name)}: faults, channels (?: suspect), pattern, resolver, source"
+
+
+def fault_path(number: int) -> str:
+    """Return the lane of fault ``number`` of a scenario, which counts from 0 as everywhere but on the screen."""
+    return f"/fault_{number + 1}"
+
+
+def acting(rows: Block, faults: int) -> NDArray[np.uint8]:
+    """Return (n, faults) whether each of the first ``faults`` faults acts in each row, 0 or 1."""
+    return np.unpackbits(rows["acting"], axis=1, count=faults, bitorder="little")
+
+
+def codes(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return four states each as one number: (n, S, 4) to (n, S)."""
+    a, b, c, d = np.moveaxis(states, 2, 0)
+    return a << 6 | b << 4 | c << 2 | d
+
+
+def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterator[Changes]:
+    """Yield the changes in ``rows`` of any lane, after the row ``before`` (1,); None: all lanes begin here."""
+    for field, lanes in _BY_FIELD.items():
+        values, last = rows[field], None if before is None else before[field]
+        if last is not None and (values == last).all():
+            continue  # nearly always, and at once for all its lanes
+        for lane in lanes:
+            place = (slice(None), *lane.at)
+            yield from changed(lane.path, lane.states, values[place], None if last is None else last[place])
+        if field == "state":
+            yield from _together_changes(codes(values), None if last is None else codes(last))
+    acts, last_acts = acting(rows, len(faults)), None if before is None else acting(before, len(faults))
+    for i in range(len(faults)):
+        last = np.zeros(1, np.uint8) if last_acts is None else last_acts[:, i]
+        yield from changed(fault_path(i), {0: "", 1: ACTING}, acts[:, i], last)
+
+
+def _together_changes(values: NDArray[np.uint8], last: NDArray[np.uint8] | None) -> Iterator[Changes]:
+    """Yield the changes of the lanes of all channels of each signal: ``values`` (n, S) of codes."""
+    for s, lane in enumerate(STATUS):
+        yield from changed(lane.path, lane.states, values[:, s], None if last is None else last[:, s])
+
+
+def changed(path: str, states: dict[int, str], values: NDArray[Any], last: NDArray[Any] | None) -> Iterator[Changes]:
+    """Yield the changes in ``values`` (n,) of one lane after ``last`` (1,), if there are any."""
+    where = _where(values, last)
+    if len(where):
+        yield Changes(path, where, [states.get(int(value), "?") for value in values[where]])
+
+
+def ends(how: str, faults: Sequence[Any]) -> Iterator[tuple[str, str]]:
+    """Yield the last state of every lane of a flight that ends before the picture does; ``how`` of ENDS."""
+    yield from ((lane.path, how) for lane in (*LANES, *STATUS))
+    yield from ((fault_path(i), "") for i in range(len(faults)))
+
+
+def _where(values: NDArray[Any], last: NDArray[Any] | None) -> NDArray[np.intp]:
+    """Return the rows whose value is not the one before; with no ``last`` (1,) the first row is such a one."""
+    moved = np.empty(len(values), bool)
+    moved[0] = last is None or values[0] != last[0]
+    np.not_equal(values[1:], values[:-1], out=moved[1:])
+    return np.flatnonzero(moved)

@@ -1,0 +1,169 @@
+"""The live stream: a bounded queue that never blocks the frame loop, and a worker that talks to Rerun.
+
+A sink may block for seconds (nobody listens) or for ever (a reader that stopped); the flight goes on, blocks
+that find the queue full are dropped and counted.  The log, not the stream, is the record of a flight.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Protocol
+from urllib.parse import urlsplit
+
+from numpy.typing import NDArray
+
+from rig.core.event import Event
+from rig.core.frame import Block, LaneBlock
+from rig.show.viewer import viewer
+from rig.show.viewer.facts import UNKNOWN, Facts, Layout, Shown
+from rig.show.viewer.sink import About, check_where, open_sink
+
+QUEUE_BYTES: Final = 128 * 1024 * 1024  # of rows that wait; minutes of flight, also when flown faster than shown
+FLUSH_S: Final = 30.0  # the worker's patience with a sink at the end; close has its own
+
+
+class SinkLike(Protocol):
+    """What the worker needs of rig.show.viewer.sink.Sink."""
+
+    where: str
+    browser: str
+
+    def begin(self) -> None: ...  # noqa: D102
+    def send(  # noqa: D102
+        self,
+        rows: Block,
+        rate_hz: float,
+        events: Sequence[Event],
+        timing: NDArray[Any] | None = None,
+        moved: LaneBlock | None = None,
+    ) -> None: ...
+    def flush(self, timeout_s: float) -> None: ...  # noqa: D102
+    def close(self) -> None: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class StreamReport:
+    """What became of a stream."""
+
+    where: str  # the .rrd file, or the address of the server
+    browser: str  # what to open in a browser; empty unless served
+    sent_frames: int
+    dropped_frames: int
+    error: str  # empty when all went well
+
+
+def open_stream(
+    where: str, title: str, rate_hz: float, out_path: Path, facts: Facts = UNKNOWN, text: str = ""
+) -> Stream | None:
+    """Open the stream of ``where``; None for "off".
+
+    where : off | save | serve | spawn | rerun+http://127.0.0.1:PORT/proxy
+    out_path : the log's; "save" writes beside it, with the suffix .rrd
+    facts, text : what the viewer shows of the scenario: thresholds and faults; in words
+    BadInput: an unknown word, another machine, no display, nobody listens, no place to write.
+    """
+    check_where(where)
+    if where == "off":
+        return None
+    about = About(title, text or f"**{title}**", Layout([Shown(facts=facts)]))
+    return Stream(open_sink(where, about, out_path.with_suffix(".rrd")), rate_hz)
+
+
+_Item = tuple[Block, "Sequence[Event]", NDArray[Any] | None, LaneBlock | None]
+
+
+class Stream:
+    """Takes blocks from the frame loop and sends them to a sink from a thread of its own."""
+
+    def __init__(self, sink: SinkLike, rate_hz: float, queue_bytes: int = QUEUE_BYTES) -> None:
+        self.where = sink.where
+        self.browser = sink.browser
+        self._sink = sink
+        self._rate_hz = rate_hz
+        self._queue_bytes = queue_bytes
+        self._changed = threading.Condition()  # guards all below
+        self._queue: deque[_Item] = deque()
+        self._closing = False
+        self._frames = 0  # given to put
+        self._pending = 0  # of these, queued or being sent
+        self._sent = 0
+        self._error = ""
+        self._worker = threading.Thread(target=self._run, name="rerun stream", daemon=True)
+        self._worker.start()
+
+    def put(
+        self,
+        rows: Block,
+        events: Sequence[Event] = (),
+        timing: NDArray[Any] | None = None,
+        moved: LaneBlock | None = None,
+    ) -> None:
+        """Queue ``rows``, which the caller no longer touches, events, TIMING and LANES.  Never waits for the sink."""
+        with self._changed:
+            self._frames += len(rows)
+            if not self._closing and (self._pending + len(rows)) * rows.itemsize <= self._queue_bytes:
+                self._queue.append((rows, events, timing, moved))
+                self._pending += len(rows)
+                self._changed.notify_all()
+
+    @property
+    def watched(self) -> bool:
+        """Return whether a viewer is connected to the server of "serve"; True for all that is not served."""
+        return not self.browser or viewer.connected(urlsplit(self.where.removeprefix("rerun+")).port or 0)
+
+    def drain(self, timeout_s: float = 5.0) -> StreamReport:
+        """Wait until all that is queued has been sent; a server goes on serving until close."""
+        with self._changed:
+            done = self._changed.wait_for(lambda: not self._pending, timeout_s)
+            return self._report("" if done else f"not all was sent within {timeout_s:g} s", self._pending)
+
+    def close(self, timeout_s: float = 5.0) -> StreamReport:
+        """Send what is queued, close the sink and report; after ``timeout_s`` the worker is left to itself."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._worker.join(timeout_s)
+        late = self._worker.is_alive()
+        if late:
+            import rerun
+
+            rerun.unregister_shutdown()  # else it would wait, when the process ends, for a sink that does not answer
+        with self._changed:
+            return self._report(f"the sink did not finish within {timeout_s:g} s" if late else "", 0)
+
+    def _report(self, trouble: str, pending: int) -> StreamReport:
+        dropped = self._frames - self._sent - pending
+        return StreamReport(self.where, self.browser, self._sent, dropped, self._error or trouble)
+
+    def _run(self) -> None:
+        self._try(self._sink.begin)
+        while (item := self._next()) is not None:
+            rows, events, timing, moved = item
+            sent = self._try(lambda: self._sink.send(rows, self._rate_hz, events, timing, moved))  # noqa: B023 # called at once
+            with self._changed:
+                self._pending -= len(rows)
+                self._sent += len(rows) if sent else 0
+                self._changed.notify_all()
+        self._try(lambda: self._sink.flush(FLUSH_S))
+        self._try(self._sink.close)
+
+    def _next(self) -> _Item | None:
+        """Wait for the next block; None when there will be no more."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._queue or self._closing)
+            return self._queue.popleft() if self._queue else None
+
+    def _try(self, action: Callable[[], None]) -> bool:
+        """Run ``action``; the first failure is kept for the report, whatever its kind: the flight goes on."""
+        try:
+            action()
+        except Exception as error:  # noqa: BLE001
+            with self._changed:
+                reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+                self._error = self._error or reason.splitlines()[0]
+            return False
+        return True

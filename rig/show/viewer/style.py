@@ -1,0 +1,60 @@
+"""Colours, labels and names: what means the same in every view of every flight, on the viewer's dark ground.
+
+The hues are those of rig/core/palette.py: red is for what failed, orange for a fault that acts, yellow for a suspect.
+No line of a channel, of the vote or of the reference has one of these.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Final
+
+Color = tuple[int, int, int]
+Looks = dict[str, tuple[str, Color]]  # member of an enum: label, colour
+
+CHANNEL_COLORS: Final[tuple[Color, ...]] = ((86, 180, 233), (60, 190, 110), (165, 140, 255), (190, 135, 85))
+CHANNEL_NAMES: Final = tuple((f"channel {c + 1}", color) for c, color in enumerate(CHANNEL_COLORS))
+VOTED: Final[Color] = (255, 255, 255)
+TRUTH: Final[Color] = (128, 136, 144)
+REFERENCE: Final[Color] = (240, 80, 180)
+THRESHOLD: Final[Color] = (70, 130, 140)  # the vote and so much
+FAULT: Final[Color] = (110, 66, 10)  # the ground under the vote while a fault acts
+FAULT_LANE: Final[Color] = (200, 115, 0)
+FAILED: Final[Color] = (214, 50, 50)
+ALL_FAILED: Final[Color] = (140, 20, 30)
+PALETTE: Final[tuple[Color, ...]] = (*CHANNEL_COLORS, VOTED, REFERENCE, (0, 114, 178), (170, 170, 170))
+COLOR_NAMES: Final = ("sky blue", "green", "violet", "brown", "white", "magenta", "blue", "grey")  # of PALETTE
+QUIET: Final[Color] = (70, 76, 82)  # a state that needs no attention
+STATE_LOOKS: Final[Looks] = {
+    "OK": ("ok", (0, 114, 178)),
+    "SUSPECT": ("suspect", (240, 228, 66)),
+    "FAILED": ("failed", FAILED),
+}
+ACTING: Final = "ACTING"
+ENDED: Final[Color] = (36, 36, 40)  # the rest of a lane whose flight has ended
+OVER: Final = "OVER"  # a flight that ended before another did
+# Of flights that lie over each other, from the top down: of figure and path, and how bright all lines are.
+FLIGHT_COLORS: Final[tuple[Color, ...]] = (VOTED, CHANNEL_COLORS[0], REFERENCE, CHANNEL_COLORS[3])
+_SHADES: Final = (1.0, 0.55, 0.4, 0.3)
+
+
+def plain(name: str) -> str:
+    """Return a name of a table as words: pitch_rate as pitch rate."""
+    return name.replace("_", " ")
+
+
+def shade(color: Color, below: int) -> Color:
+    """Return ``color`` for a flight with ``below`` others over it: darker the deeper it lies."""
+    red, green, blue = (round(value * _SHADES[below]) for value in color)
+    return red, green, blue
+
+
+def attention(enum: type[IntEnum], quiet: IntEnum) -> Looks:
+    """Return a look for each member; the one that needs no attention stays in the background."""
+    return {
+        member.name: (
+            getattr(member, "label", member.name.lower()),
+            QUIET if member == quiet else ALL_FAILED if member.name == "LOST" else PALETTE[member.value % len(PALETTE)],
+        )
+        for member in enum
+    }

@@ -1,0 +1,89 @@
+"""The report of a league: one HTML file that opens without a network: verdict, share over size, delay over budget."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import plotly.graph_objects as go
+
+from rig.core.palette import series_colour, series_dash
+from rig.show.pages.page import lay_out, write_page
+from rig.studies.campaign.statistics import proportion
+
+_HEIGHT: Final = 340
+_AT_ONCE: Final = 16  # sentences of the verdict, the worst for ours first; the others fold away
+Row = dict[str, Any]
+
+
+def write(path: Path, result: dict[str, Any]) -> None:
+    """Write the pictures and the verdict of ``result``, as of run_benchmark.py, with the reference as flown."""
+    title = f"{result['budget_per_h']:g} false isolations an hour and signal, calibrated on {result['hours']:.3g} h"
+    entrants = list(dict.fromkeys(row["entrant"] for row in result["levels"]))
+    figures = dict([*_shares(result["by_size"], entrants), *_delays(result["curve"], entrants)])
+    about = {"title": title, "verdict": result["verdict"], "most": _AT_ONCE, "pictures": list(figures)}
+    write_page(path, "league.html", figures, {}, **about)
+
+
+def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
+    """Yield a picture a signal, kind and number of faults: the share isolated over the size, a line an entrant."""
+    for key in dict.fromkeys((row["signal"], row["kind"], row["faults"]) for row in rows):
+        figure = go.Figure()
+        for name in entrants:
+            mine = [r for r in rows if (r["signal"], r["kind"], r["faults"]) == key and r["entrant"] == name]
+            figure.add_scatter(x=[row["size"] for row in mine], **_isolated(mine), **_line(name, entrants))
+        title = f"{key[0]}, {key[1]}, {key[2]} fault{'s' if key[2] > 1 else ''}: share isolated"
+        lay_out(figure, title, _HEIGHT)
+        _log_axis(figure, "size, thresholds")
+        _share_axis(figure)
+        yield title, figure
+
+
+def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
+    """Yield two pictures a signal and number of faults: median delay, and share isolated, over the budget."""
+    for key in dict.fromkeys((row["signal"], row["faults"]) for row in rows):
+        of = f"{key[0]}, {key[1]} fault{'s' if key[1] > 1 else ''}"
+        for what in ("median delay, s", "share isolated"):
+            figure = go.Figure()
+            for name in entrants:
+                mine = [row for row in rows if (row["signal"], row["faults"]) == key and row["entrant"] == name]
+                if len(mine) > 1:
+                    share = what.startswith("share")
+                    values = _isolated(mine) if share else {"y": [row["delay_median_s"] for row in mine]}
+                    figure.add_scatter(x=[row["budget_per_h"] for row in mine], **values, **_line(name, entrants))
+            lay_out(figure, f"{of}: {what}", _HEIGHT)
+            _log_axis(figure, "budget, false isolations an hour")
+            if what.startswith("share"):
+                _share_axis(figure)
+            else:
+                figure.update_yaxes(title=what, rangemode="tozero")
+            yield f"{of}: {what}", figure
+
+
+def _isolated(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return the shares isolated, in %, with their exact 95 % intervals."""
+    rates = [proportion(row["isolated"], row["trials"]) for row in rows]
+    low, values, high = (
+        [100.0 * (share or 0.0) for share in of] for of in zip(*((r.low, r.value, r.high) for r in rates), strict=True)
+    )
+    above, below = ([abs(end - value) for end, value in zip(ends, values, strict=True)] for ends in (high, low))
+    bars = {"type": "data", "array": above, "arrayminus": below, "thickness": 1, "width": 3}
+    counts = [f"{row['isolated']} of {row['trials']}" for row in rows]
+    return {"y": values, "error_y": bars, "customdata": counts, "hovertemplate": "%{x:g}: %{customdata}"}
+
+
+def _share_axis(figure: go.Figure) -> None:
+    figure.update_yaxes(title="isolated, % (95 % interval)", range=[-2, 102])
+
+
+def _log_axis(figure: go.Figure, title: str) -> None:
+    """Give the x axis a tick at each place that is drawn; its default writes 2 to 9 without their power of ten."""
+    places = sorted({float(x) for trace in figure.to_dict()["data"] for x in trace["x"]})
+    ticks: dict[str, Any] = {"tickvals": places, "ticktext": [f"{x:g}" for x in places], "tickangle": 0}
+    figure.update_xaxes(title=title, type="log", **ticks)
+
+
+def _line(name: str, entrants: Sequence[str]) -> dict[str, Any]:
+    place = list(entrants).index(name)
+    return {"name": name, "mode": "lines+markers", "line": {"color": series_colour(place), "dash": series_dash(place)}}

@@ -1,0 +1,247 @@
+"""The level of each entrant for one budget of false isolations, from healthy flights; and what it does in others.
+
+Of ours the design of ``rig thresholds``.  Of any other the series is, frame by frame, the largest level of a grid with
+which the manager fails somebody (it begins again after each), given as the next one, which fails nobody; its tail gives
+the level for the budget as that of thresholds does (thresholds/tail.py).  A wide grid finds the range for a fine one.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.manager_config import SignalConfig
+from rig.core.errors import BadInput
+from rig.core.runs import cluster_starts
+from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
+from rig.studies.benchmark.entrants import (
+    BIASED,
+    LASTING,
+    Entrant,
+    Level,
+    OfSignal,
+    designed_values,
+    fails_nobody,
+    levels,
+    with_settings_of,
+)
+from rig.studies.benchmark.healthy_flights import exceeded, failing, isolations
+from rig.studies.thresholds.data import Data
+from rig.studies.thresholds.design import DataBlock, Design, Grid, Threshold, designs, from_tail
+from rig.studies.thresholds.design_signals import MARKED, extrapolation, of_signal
+from rig.studies.thresholds.distances import in_use
+from rig.studies.thresholds.slow_fault_limits import RULES, Rule
+from rig.studies.thresholds.tail import CLUSTERS, GAP_S, LEAST, peaks
+
+Floats = NDArray[np.float64]
+WIDE: Final = 2.0 ** np.arange(-9.0, 7.0)  # of a level's default
+FINE: Final = 24  # levels of the fine grid
+_KEYS: Final = set(SignalConfig.model_fields) - {"persistence_s", "singular_persistence_s"}
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """What an entrant is told of a signal: settings, how often the data hold what they rest on, and notes."""
+
+    entrant: str
+    signal: str
+    values: dict[str, Any] = field(default_factory=dict)  # as entrants.manager takes them
+    shown: dict[str, float] = field(default_factory=dict)  # in thresholds, or as a rival has them
+    keys: dict[str, Any] = field(default_factory=dict)  # of ours, the table of the signal in a scenario
+    clusters: int | None = None  # events that the tail is fitted to
+    shape: float | None = None
+    extrapolation: float | None = None  # how many times longer the data would be for one event at the budget
+    seen: int | None = None  # false isolations in the calibration's own flights
+    three: dict[str, Any] | None = None  # the level that three calibration flights exceed
+    three_flights: int | None = None  # which can be more
+    others: list[tuple[float, dict[str, Any]]] = field(default_factory=list)  # other budgets, and values for them
+    notes: list[str] = field(default_factory=list)
+
+
+def require_time(budget_per_h: float, hours: float) -> None:
+    """Raise BadInput where the budget is further from the data than ``rig thresholds`` goes without a mark."""
+    if extrapolation(budget_per_h, hours) > MARKED:
+        needed = 1.0 / (budget_per_h * MARKED)
+        raise BadInput(
+            f"--healthy: {hours:.3g} h is too little for a budget of {budget_per_h:g} an hour: "
+            f"{needed:.3g} h are needed, for a budget {MARKED:g} times rarer than what they hold"
+        )
+
+
+def calibrate(
+    entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float, others: Sequence[float] = ()
+) -> Calibrated:
+    """Return an entrant's settings of a signal.  BadInput: no level reaches the budget, or too few events.
+
+    others : budgets for a curve, which an entrant may miss
+    """
+    flights, given = healthy.flights[signal.name], measured(entrant, signal, healthy)
+    signal = with_settings_of(signal, entrant, given)
+    asked = levels(entrant, signal)
+    if not asked and not entrant.designed:
+        seen = None if fails_nobody(entrant, signal) else isolations(entrant, signal, {}, flights)
+        return Calibrated(entrant.name, signal.name, given, seen=seen)
+    made = _design if entrant.designed else _levels
+    found = made(entrant, signal, healthy, (budget_per_h, *others))
+    three = exceeded(entrant, signal, found.values, flights)
+    return replace(
+        found,
+        values={**given, **found.values},
+        others=[(budget, {**given, **values}) for budget, values in found.others],
+        extrapolation=extrapolation(budget_per_h, healthy.hours),
+        seen=isolations(entrant, signal, found.values, flights),
+        three=None if three is None else {**given, **three[0]},
+        three_flights=None if three is None else three[1],
+    )
+
+
+def _levels(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
+    """Return the levels of the first budget, and those of the others where all can be told."""
+    found = {level.name: _level(entrant, signal, level, healthy, budgets) for level in levels(entrant, signal)}
+    others = [
+        (budget, {name: of[budget].upper for name, of in found.items()})
+        for budget in budgets[1:]
+        if all(budget in of for of in found.values())
+    ]
+    at = {name: of[budgets[0]] for name, of in found.items()}
+    values, first = {name: of.upper for name, of in at.items()}, next(iter(at.values()))
+    clusters = min(of.clusters for of in at.values())
+    where = f"no false isolation in {healthy.hours:.3g} h at the least that it may be"
+    notes = [
+        f"{entrant.name}: {signal.name}: {name}: {where}, {of.upper:.3g}" for name, of in at.items() if not of.clusters
+    ]
+    made = {"clusters": clusters, "shape": first.shape, "others": others, "notes": notes}
+    return Calibrated(entrant.name, signal.name, values, values, **made)
+
+
+def _stream(entrant: Entrant, signal: OfSignal, *place: int) -> np.random.Generator:
+    keys = (zlib.crc32(entrant.name.encode()), zlib.crc32(signal.name.encode()), *place)
+    return np.random.default_rng(np.random.SeedSequence(0, spawn_key=keys))
+
+
+def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
+    """Return ours as ``rig thresholds`` designs it, with the scenario's persistence and filter."""
+    made = [_designed(entrant, signal, healthy, budget) for budget in budgets]
+    chosen = made[0]
+    if chosen is None:
+        raise too_few(signal, healthy.hours, 0, entrant.name)
+    settings, notes = chosen.settings(signal.given), list[str]()
+    if entrant.name == BIASED and not chosen.outliers:
+        notes.append(f"{signal.name}: a learned bias does not lower the threshold: without")
+    pairs = zip(budgets[1:], made[1:], strict=True)
+    return Calibrated(
+        entrant.name,
+        signal.name,
+        designed_values(signal, settings),
+        _shown(chosen, signal),
+        settings.model_dump(include=_KEYS, exclude_none=True),
+        chosen.single.clusters,
+        chosen.single.shape,
+        others=[(budget, designed_values(signal, of.settings(signal.given))) for budget, of in pairs if of is not None],
+        notes=notes,
+    )
+
+
+def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float) -> Design | None:
+    """Return the last design of a signal, with learned biases where they lower the threshold; None: too few events.
+
+    With all that lasts it is the one that ``rig thresholds`` chooses.
+    """
+    flights = healthy.flights[signal.name]
+    blocks = [DataBlock(each.name, np.ascontiguousarray(each.samples.T), signal.rate_hz) for each in flights]
+    lasting: dict[str, Sequence[Rule]] = {BIASED: ["bias"], LASTING: RULES}
+    persistence = (int(signal.params["persistence"][0]),)
+    grid = Grid(
+        budget_per_h,
+        persistence,
+        filters_s=(signal.given.filter_s,),
+        lasting=lasting.get(entrant.name, ()),
+        transients=True,
+    )
+    if entrant.name == LASTING:
+        names = [block.name for block in blocks]
+        data = Data(names, signal.rate_hz, healthy.hours, {signal.name: blocks}, {signal.name: signal.given})
+        return of_signal(signal.name, data, grid, keep=True).design
+    made = designs(blocks, signal.given, grid, zlib.crc32(signal.name.encode()))
+    return made[-1] if made else None
+
+
+def _shown(chosen: Design, signal: OfSignal) -> dict[str, float]:
+    amounts = ("threshold", "outlier_threshold", "bias_bound", "slow_")
+    return {name: float(value) / signal.threshold for name, value in chosen.keys().items() if name.startswith(amounts)}
+
+
+def too_few(signal: OfSignal, hours: float, clusters: int, entrant: str) -> BadInput:
+    """Return the error of data that hold too few events."""
+    needed = f"about {hours * LEAST / clusters:.3g} h are needed" if clusters else "record more"
+    return BadInput(
+        f"--healthy: {entrant}: {signal.name}: {clusters} events in {hours:.3g} h, of {LEAST} at least: {needed}"
+    )
+
+
+def _level(
+    entrant: Entrant, signal: OfSignal, level: Level, healthy: Healthy, budgets: Sequence[float]
+) -> dict[float, Threshold]:
+    """Return one level by budget: of all choices of so many channels that may be in use the largest."""
+    found: dict[float, list[Threshold]] = {budget: [] for budget in budgets}
+    for choice, channels in enumerate(in_use(signal.fitted, level.channels)):
+        flights = [each._replace(samples=each.samples[:, list(channels)]) for each in healthy.flights[signal.name]]
+        series = _fine(entrant, signal, level, flights, healthy.hours, budgets[0])
+        for budget in list(found):
+            tail = peaks(series, [signal.rate_hz] * len(series), budget)
+            if tail.clusters >= LEAST:
+                stream = _stream(entrant, signal, level.channels, choice)
+                found[budget].append(from_tail(tail, budget, level.channels, stream))
+            elif level.least > 0.0 and not tail.clusters:  # it cannot alarm more often
+                found[budget].append(Threshold(level.channels, level.least, level.least, 0, 0.0))
+            elif budget == budgets[0]:
+                raise too_few(signal, healthy.hours, tail.clusters, entrant.name)
+            else:
+                del found[budget]
+    return {budget: max(choices, key=lambda at: at.upper) for budget, choices in found.items()}
+
+
+def _fine(
+    entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[Flight], hours: float, budget_per_h: float
+) -> list[Floats]:
+    """Return the series of each flight on a grid between the level that nothing exceeds and one often exceeded."""
+    wide = np.unique(np.maximum(level.default * WIDE, level.least))
+    coarse = _series(entrant, signal, level, flights, wide)
+    counts = np.array([sum(_events(each, at, signal) for each in coarse) for at in wide])
+    if counts[-1] > budget_per_h * hours:
+        raise BadInput(
+            f"--budget {budget_per_h:g}: {entrant.name}: {signal.name}: no {level.name} reaches it: "
+            f"at {wide[-1]:.3g} there are {counts[-1]} false isolations in {hours:.3g} h"
+        )
+    low = int(np.flatnonzero(counts >= CLUSTERS)[-1]) if (counts >= CLUSTERS).any() else 0
+    high = int(np.flatnonzero(counts == 0)[0]) if (counts == 0).any() else len(wide) - 1
+    grid = np.geomspace(wide[low], max(wide[high], 2.0 * wide[low]), FINE)
+    return _series(entrant, signal, level, flights, grid)
+
+
+def _events(series: Floats, at: float, signal: OfSignal) -> int:
+    return len(cluster_starts(np.flatnonzero(series > at), round(GAP_S * signal.rate_hz)))
+
+
+def _series(entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[Flight], grid: Floats) -> list[Floats]:
+    """Return (n,) of each flight the least level of ``grid`` (rising) that fails nobody in a frame; 0 where none does.
+
+    An even split counts as a failure, whatever ``ties`` says: a reference may settle it against the good half.
+    A level with which nobody is failed in a flight ends the search there: one that is larger fails nobody either.
+    """
+    found, above = [np.zeros(len(each.samples)) for each in flights], [*grid[1:], grid[-1] * grid[-1] / grid[-2]]
+    left = list(range(len(flights)))
+    for value, following in zip(grid, above, strict=True):
+        some = [flights[i] for i in left]
+        all_at = failing(entrant, signal, {level.name: float(value)}, some, level.channels, guesses=True)
+        for i, at in zip(left, all_at, strict=True):
+            found[i][at] = following
+        left = [i for i, at in zip(left, all_at, strict=True) if len(at)]
+        if not left:
+            break
+    return found

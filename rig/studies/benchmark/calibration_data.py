@@ -1,0 +1,106 @@
+"""Healthy flights for a calibration: channels and references of one signal, flight by flight, out of logs."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.managers import manager_kind
+from rig.core.errors import BadInput
+from rig.core.units.angles import differences
+from rig.log import read_log
+from rig.log.recordings.flown_log import recorded
+from rig.log.recordings.own_logs import of_log
+from rig.log.recordings.vote_config import VoteConfig
+from rig.studies.benchmark.entrants import VARIANTS, Entrant, OfSignal
+from rig.studies.thresholds.data import SAME_RATE, columns, recordings, without_faults
+
+Floats = NDArray[np.float64]
+
+
+class Flight(NamedTuple):
+    """One signal of a flight."""
+
+    name: str
+    samples: Floats  # (n, C), NaN where the manager would not compare a sample
+    references: Floats  # (n, 2)
+
+
+class Healthy(NamedTuple):
+    """Flights by signal, and what identifies them."""
+
+    flights: dict[str, list[Flight]]
+    hours: float
+    sha256: str
+
+
+def read(folder: Path, aircraft: str, signals: Sequence[OfSignal], option: str = "--healthy") -> Healthy:
+    """Read the logs of ``aircraft`` in ``folder``.  BadInput: a fault in one, another rate, none of the aircraft."""
+    flights: dict[str, list[Flight]] = {signal.name: [] for signal in signals}
+    frames, digest, rate_hz = 0, hashlib.sha256(), signals[0].rate_hz
+    for path in recordings([folder], VoteConfig()):
+        if not without_faults(path):
+            raise BadInput(f"{option}: {path}: no log of a flight of ours")
+        flown = recorded(path)
+        if flown.scenario.aircraft != aircraft:
+            continue
+        if abs(flown.scenario.rate_hz - rate_hz) > SAME_RATE * rate_hz:
+            raise BadInput(
+                f"{option}: {path}: {flown.scenario.rate_hz:g} frames a second, the campaign has {rate_hz:g}"
+            )
+        found = _flights(path, signals)
+        frames += len(next(iter(found.values())).samples)
+        for name, flight in found.items():
+            flights[name].append(flight)
+            digest.update(np.ascontiguousarray(flight.samples).tobytes() + flight.references.tobytes())
+    if frames == 0:
+        raise BadInput(f"{option} {folder}: no flight of the {aircraft}, which the campaign flies")
+    return Healthy(flights, frames / rate_hz / 3600.0, digest.hexdigest())
+
+
+def _flights(path: Path, signals: Sequence[OfSignal]) -> dict[str, Flight]:
+    recording, found = of_log(read_log(path), path), {}
+    for signal in signals:
+        samples = recording.signals[signal.name]
+        if len(samples.channels) != signal.fitted:
+            count = len(samples.channels)
+            raise BadInput(f"{path}: {signal.name} has {count} channels, in the campaign {signal.fitted}")
+        assert samples.reference is not None and samples.second_reference is not None  # a log of ours has both
+        both = np.column_stack([samples.reference, samples.second_reference])
+        found[signal.name] = Flight(path.name, np.ascontiguousarray(columns(samples, signal.given).T), both)
+    return found
+
+
+def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy) -> dict[str, Any]:
+    """Return what a rival is told of healthy residuals from the median, thresholds, and its variant.
+
+    ``spread``: standard deviation within a flight; ``bias``: the largest mean over one; ``rms``: of all
+    """
+    kind = manager_kind(entrant.manager).settings
+    if kind is None:
+        return {}
+    squares, within, frames, bias = 0.0, 0.0, 0, 0.0
+    for flight in healthy.flights[signal.name]:
+        samples = flight.samples[np.isfinite(flight.samples).all(axis=1)]
+        if len(samples):
+            apart = differences(samples, samples[:, :1], signal.given.wraps)
+            residual = (apart - np.median(apart, axis=1)[:, None]) / signal.threshold
+            bias = max(bias, float(np.abs(residual.mean(axis=0)).max()))
+            squares, within = (
+                squares + float((residual**2).sum()),
+                within + float(residual.var(axis=0).sum()) * len(samples),
+            )
+            frames += residual.size
+    found: dict[str, Any] = {"bias": bias}
+    if within > 0.0:
+        found |= {"spread": math.sqrt(within / frames), "rms": math.sqrt(squares / frames)}
+    found = {name: value for name, value in found.items() if name in kind.model_fields}
+    for word in entrant.variant:
+        found |= VARIANTS[word]
+    return found

@@ -1,0 +1,219 @@
+"""Who takes part in a league, and which of its settings a calibration chooses.
+
+Ours is there four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the same with learned
+biases, with all that lasts, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's scenario.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.managers import DEFAULT, MANAGERS, RIVALS, Manager, manager_kind, with_settings
+from rig.computer.redundancy.rivals.rival_settings import Rivals
+from rig.core.errors import BadInput
+from rig.core.frame import CHANNELS
+from rig.core.text import choices
+from rig.core.trust import Trust
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.scenario.scenario import Scenario
+from rig.studies.benchmark.own_class import calibrated_number
+
+OURS: Final = DEFAULT
+BIASED, LASTING, SHIPPED = f"{OURS} bias", f"{OURS} lasting", f"{OURS} shipped"
+UNBOUNDED: Final = "unbounded"
+VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of rivals, named behind one: "cusum 60 guess"
+    "guess": {"ties": "guess"},
+    UNBOUNDED: {"bounded": False},  # as published; outside the verdict
+    "middle": {"vote": "middle"},
+    "60": {"limit": 60.0},
+    "120": {"limit": 120.0},
+}
+_DESIGNED: Final = tuple(
+    name
+    for name in PARAMS.names or ()
+    if name.startswith(
+        ("threshold", "outlier_threshold", "bias_", "slow_", "stale_", "filter_", "persistence", "singular")
+    )
+)
+Values = Mapping[str, Any]  # of settings by name
+
+
+class Level(NamedTuple):
+    """A setting that a calibration chooses, for so many channels in use, in thresholds or as the rival has it."""
+
+    name: str
+    channels: int
+    default: float
+    least: float = 0.0  # that the setting may have
+
+
+class Entrant(NamedTuple):
+    """One row of the league."""
+
+    name: str
+    manager: str
+    variant: tuple[str, ...] = ()  # of VARIANTS
+
+    @property
+    def is_ours(self) -> bool:
+        """Return True for each of our rows."""
+        return self.manager == OURS
+
+    @property
+    def is_own(self) -> bool:
+        """Return True for a class or function of the user's."""
+        return ":" in self.manager
+
+    @property
+    def designed(self) -> bool:
+        """Return True if ``rig thresholds`` designs it."""
+        return self.is_ours and self.name != SHIPPED
+
+
+class OfSignal(NamedTuple):
+    """A signal of the campaign: how it is monitored before any calibration."""
+
+    name: str
+    params: NDArray[np.void]  # (1,) config.PARAMS
+    given: RecordedSignal
+    rivals: Rivals
+    rate_hz: float
+
+    @property
+    def threshold(self) -> float:
+        """Return the threshold that amounts are in, unit of the signal."""
+        return float(self.params["threshold"][0])
+
+    @property
+    def fitted(self) -> int:
+        """Return the number of its channels."""
+        return int(self.params["fitted"][0])
+
+
+def entrants(managers: str) -> list[Entrant]:
+    """Return the rows for names with commas between, ours always the first.  BadInput: a name, or one twice."""
+    names = [name.strip() for name in managers.split(",") if name.strip()]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput(f"--managers: {name}: given more than once")
+    others = [_entrant(name) for name in names if name != OURS]
+    if not others:
+        raise BadInput(f"--managers: name one or more besides {OURS}, of {', '.join(MANAGERS[1:])}, or module:name")
+    return [*(Entrant(name, OURS) for name in (OURS, BIASED, LASTING, SHIPPED)), *others]
+
+
+def _entrant(name: str) -> Entrant:
+    if ":" in name:
+        calibrated_number(name)
+        return Entrant(name, name)
+    manager, *variant = name.split()
+    if manager not in MANAGERS:
+        raise BadInput(f"--managers: unknown manager, {choices(manager, MANAGERS)}")
+    kind = manager_kind(manager).settings
+    for word in variant:
+        if word not in VARIANTS:
+            raise BadInput(f"--managers: {name}: unknown variant, {choices(word, VARIANTS)}")
+        if kind is None or not set(VARIANTS[word]) <= set(kind.model_fields) - set(kind.levels):
+            raise BadInput(f"--managers: {name}: {manager} has no variant {word!r}")
+    return Entrant(name, manager, tuple(variant))
+
+
+def with_settings_of(signal: OfSignal, entrant: Entrant, settings: Values) -> OfSignal:
+    """Return the signal with ``settings`` of a rival in its table; as it is for another manager."""
+    if entrant.manager not in RIVALS:
+        return signal
+    own = getattr(signal.rivals, entrant.manager).of(signal.name).model_copy(update=dict(settings))
+    told = signal.rivals.model_copy(update={entrant.manager: own.model_copy(update={"signals": {}})})
+    return signal._replace(rivals=told)
+
+
+def levels(entrant: Entrant, signal: OfSignal) -> list[Level]:
+    """Return the settings to calibrate by false isolations, empty for ours and for who fails nobody."""
+    if entrant.is_own:
+        number = calibrated_number(entrant.manager)
+        return [] if number is None else [Level(number[0], signal.fitted, number[1])]
+    kind, level = manager_kind(entrant.manager).settings, manager_kind(entrant.manager).level
+    if kind is None:
+        return [] if level is None else [Level(level.name, signal.fitted, level.default)]
+    chosen = getattr(signal.rivals, entrant.manager).of(signal.name)
+    first = float(getattr(chosen, kind.levels[0])) if kind.levels else 0.0
+    return [
+        Level(name, CHANNELS - i, getattr(chosen, name) or first, _least(kind.model_fields[name].metadata))
+        for i, name in enumerate(kind.levels)
+        if CHANNELS - i <= signal.fitted
+    ]
+
+
+def _least(bounds: Sequence[object]) -> float:
+    return max((float(getattr(bound, "ge", 0.0)) for bound in bounds), default=0.0)
+
+
+def fails_nobody(entrant: Entrant, signal: OfSignal) -> bool:
+    """Return True for a manager without a threshold: it is compared by the error of its vote alone."""
+    return not entrant.is_ours and not levels(entrant, signal)
+
+
+def manager(entrant: Entrant, signal: OfSignal, values: Values, channels: int | None = None) -> Manager:
+    """Return an entrant that is no class of the user's with calibrated ``values``, for ``channels`` of the signal.
+
+    values : as ``levels`` names them; of ours fields of PARAMS, unit of the signal
+    """
+    params = signal.params.copy()
+    params["fitted"] = channels or signal.fitted
+    if entrant.manager in RIVALS:
+        told = with_settings_of(signal, entrant, values).rivals
+        return Manager(entrant.manager, with_settings(params, entrant.manager, told, [signal.name]))
+    level = manager_kind(entrant.manager).level
+    if level is not None and values:
+        given = signal.given.model_copy(update=_keys_of(entrant, signal, values))
+        values = _params_of(signal, given, level.params)
+    for name, value in values.items():
+        params[name] = value
+    return Manager(entrant.manager, params)
+
+
+def _keys_of(entrant: Entrant, signal: OfSignal, values: Values) -> dict[str, float]:
+    """Return the settings of the signal that give a baseline its calibrated level; empty for all others."""
+    level = manager_kind(entrant.manager).level
+    if level is None or not values:
+        return {}
+    amount = values[level.name] * signal.threshold
+    return {key: factor * amount for key, factor in level.settings.items()}
+
+
+def flown_by(
+    scenario: Scenario, entrant: Entrant, signal: OfSignal, values: Values, keys: Mapping[str, Any]
+) -> Scenario:
+    """Return ``scenario`` with an entrant as its manager; other signals than the calibrated one are as they were.
+
+    keys : of ours as designed, the table of the signal
+    """
+    of = scenario.redundancy
+    told: dict[str, Any] = {"manager": entrant.manager}
+    table = {**keys, **_keys_of(entrant, signal, values)}
+    if entrant.manager in RIVALS:
+        rival = getattr(of.rivals, entrant.manager)
+        own = rival.model_copy(update={"signals": {**rival.signals, signal.name: dict(values)}})
+        told["rivals"] = of.rivals.model_copy(update={entrant.manager: own})
+    if table:
+        before = getattr(of.signals, signal.name)
+        now = SignalConfig(**keys) if keys else before.model_copy(update=table)
+        told["signals"] = of.signals.model_copy(update={signal.name: now})
+    made = scenario.model_copy(update={"redundancy": of.model_copy(update=told)})
+    return made.trusted(Trust(named=entrant.manager) if entrant.is_own else scenario.trust)
+
+
+def designed_values(signal: OfSignal, settings: RecordedSignal) -> dict[str, float]:
+    """Return what a design of ours changes of PARAMS; references and all else stay the scenario's."""
+    return _params_of(signal, settings, _DESIGNED)
+
+
+def _params_of(signal: OfSignal, settings: RecordedSignal, names: Sequence[str]) -> dict[str, float]:
+    made = np.zeros(1, PARAMS)
+    fill(made[0], settings, settings.limits, signal.fitted, settings.wraps, signal.rate_hz)
+    return {name: made[name][0].item() for name in names}

@@ -1,0 +1,204 @@
+"""Whom an entrant fails in healthy flights: false isolations, levels that some flights exceed, transients."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.managers import RIVALS
+from rig.core.runs import cluster_starts
+from rig.core.threads import heed
+from rig.studies.benchmark.calibration_data import Flight
+from rig.studies.benchmark.entrants import Entrant, OfSignal, Values, fails_nobody, levels, manager
+from rig.studies.benchmark.own_class import voted
+from rig.studies.campaign.statistics import poisson
+from rig.studies.thresholds.pieces import failures, four
+from rig.studies.thresholds.tail import GAP_S
+
+Frames = NDArray[np.int64]
+POOLED: Final = "all"  # signals together
+FLIGHTS: Final = 3  # that exceed the level at which a second campaign is counted
+_STEPS: Final = 64  # of a factor of 2^(1/16), down to a sixteenth
+_STRIDE: Final = 8
+BURSTS: Final = (1, 3, 7)  # frames
+SIZES: Final = (10.0, 100.0)  # thresholds
+_EVERY, _AFTER, _MOST = 500, 200, 24  # frames from burst to burst, frames in which one counts, flights
+
+
+def failing(
+    entrant: Entrant,
+    signal: OfSignal,
+    values: Values,
+    flights: Sequence[Flight],
+    channels: int | None = None,
+    guesses: bool = False,
+) -> list[Frames]:
+    """Return the frames of each flight in which an entrant fails somebody.
+
+    It begins again after each, with what it has learned; a manager of the user's own goes on, and what it has failed
+    stays failed.
+    channels : of the flights, if fewer than the signal has; guesses : an even split counts as a failure
+    """
+    heed()
+    if entrant.is_own:
+        return _own(entrant, signal, values, flights, channels)
+    made = manager(entrant, signal, values, channels)
+    if guesses and entrant.manager in RIVALS:
+        made.params["holds_ties"] = 0
+    return [failures(flight.samples, flight.references, made) for flight in flights]
+
+
+def _own(
+    entrant: Entrant, signal: OfSignal, values: Values, flights: Sequence[Flight], channels: int | None
+) -> list[Frames]:
+    longest = max(len(flight.samples) for flight in flights)
+    params = signal.params.copy()
+    params["fitted"] = channels or signal.fitted
+    pads = [[(0, longest - len(flight.samples)), (0, 0)] for flight in flights]
+    samples = [np.pad(four(f.samples), pad, "edge") for f, pad in zip(flights, pads, strict=True)]
+    both = np.array([np.pad(f.references, pad, "edge") for f, pad in zip(flights, pads, strict=True)])
+    read = {"channels": np.array(samples), "reference": both[:, :, 0], "second_reference": both[:, :, 1]}
+    failed, _ = voted(entrant.manager, values, params, read)
+    began = failed & ~np.pad(failed, [(0, 0), (1, 0), (0, 0)])[:, :-1]
+    return [
+        np.flatnonzero(each[: len(flight.samples)].any(axis=1)) for each, flight in zip(began, flights, strict=True)
+    ]
+
+
+def isolations(entrant: Entrant, signal: OfSignal, values: Values, flights: Sequence[Flight]) -> int:
+    """Return how many false isolations, in clusters, an entrant has in whole flights."""
+    gap = round(GAP_S * signal.rate_hz)
+    return sum(len(cluster_starts(at, gap)) for at in failing(entrant, signal, values, flights))
+
+
+def flights_failing(entrant: Entrant, signal: OfSignal, values: Values, flights: Sequence[Flight]) -> int:
+    """Return the number of flights with a false isolation."""
+    return sum(len(at) > 0 for at in failing(entrant, signal, values, flights))
+
+
+def exceeded(
+    entrant: Entrant, signal: OfSignal, values: Values, flights: Sequence[Flight]
+) -> tuple[dict[str, Any], int] | None:
+    """Return the largest level, ``values`` times a factor, that FLIGHTS flights or more exceed, and their number.
+
+    None where a sixteenth of it is not enough.
+    """
+    counts: dict[int, int] = {}
+
+    def enough(step: int) -> bool:
+        counts[step] = flights_failing(entrant, signal, scaled(entrant, signal, values, step), flights)
+        return counts[step] >= FLIGHTS
+
+    at = first_enough(enough, _STEPS)
+    return None if at is None else (scaled(entrant, signal, values, at), counts[at])
+
+
+def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
+    """Return the first of the steps 0 to ``last`` at which it is ``enough``; None where it is at none.
+
+    In strides first: far below its level a monitor may fail nobody again, where no two channels agree.
+    """
+    low, high = -1, next((step for step in range(0, last + 1, _STRIDE) if enough(step)), None)
+    if high is None:
+        return None
+    low = high - _STRIDE if high else low
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return high
+
+
+def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dict[str, Any]:
+    """Return the levels times 2^(-step / 16); of ours the thresholds, outlier thresholds and allowance."""
+    factor = 2.0 ** (-step / 16.0)
+    names = tuple(level.name for level in levels(entrant, signal)) or (
+        "threshold",
+        "outlier_threshold",
+        "slow_allowance",
+    )
+    return {name: value * factor if name.startswith(names) else value for name, value in values.items()}
+
+
+def transients(
+    entrant: Entrant, signal: OfSignal, values: Values, flights: Sequence[Flight]
+) -> Iterator[dict[str, Any]]:
+    """Yield, for each burst of so many frames and thresholds, in how many an entrant fails somebody.
+
+    A burst every 5 s, on the channels in turn, to either side; what is failed without them does not count.
+    """
+    some = flights[:_MOST]
+    without = [set(at.tolist()) for at in failing(entrant, signal, values, some)]
+    for frames in BURSTS:
+        for size in SIZES:
+            found = _burst(entrant, signal, values, some, without, (frames, size))
+            yield {"signal": signal.name, "entrant": entrant.name, "frames": frames, "thresholds": size, **found}
+
+
+def _burst(
+    entrant: Entrant,
+    signal: OfSignal,
+    values: Values,
+    flights: Sequence[Flight],
+    without: Sequence[set[int]],
+    burst: tuple[int, float],
+) -> dict[str, int]:
+    frames, size = burst
+    begins = [range(_EVERY, len(flight.samples) - _AFTER, _EVERY) for flight in flights]
+    hit: list[Flight] = []
+    for flight, at in zip(flights, begins, strict=True):
+        samples = flight.samples.copy()
+        for i, begin in enumerate(at):
+            sign = 1.0 if i // signal.fitted % 2 == 0 else -1.0
+            samples[begin : begin + frames, i % signal.fitted] += sign * size * signal.threshold
+        hit.append(flight._replace(samples=samples))
+    failed = 0
+    for at, before, found in zip(begins, without, failing(entrant, signal, values, hit), strict=True):
+        new = np.array(sorted(set(found.tolist()) - before), np.int64)
+        failed += sum(bool(((new >= begin) & (new < begin + _AFTER)).any()) for begin in at)
+    return {"bursts": sum(len(at) for at in begins), "failed": failed}
+
+
+def counted(rows: Sequence[dict[str, Any]], budget_per_h: float) -> list[dict[str, Any]]:
+    """Return counts in a second campaign, ``counted`` in ``hours`` of each row, pooled over its signals as well."""
+    found: list[dict[str, Any]] = []
+    for name in dict.fromkeys(row["entrant"] for row in rows):
+        mine = [row for row in rows if row["entrant"] == name]
+        together = {"entrant": name, "signal": POOLED}
+        for key in ("counted", "hours", "flights", "of", "three", "three_before"):
+            known = [row[key] for row in mine if row[key] is not None]
+            together[key] = sum(known) if len(known) == len(mine) else None
+        found += [*mine, together] if len(mine) > 1 else mine
+    return [{**row, **_rate(row, budget_per_h)} for row in found]
+
+
+def _rate(row: dict[str, Any], budget_per_h: float) -> dict[str, float | None]:
+    rate = poisson(row["counted"], row["hours"])
+    return {"expected": budget_per_h * row["hours"], "low_per_h": rate.low, "high_per_h": rate.high}
+
+
+def second_counts(
+    entrant: Entrant,
+    signal: OfSignal,
+    values: dict[str, float],
+    three: tuple[dict[str, float], int] | None,
+    second: tuple[Sequence[Flight], float, int],
+) -> dict[str, Any]:
+    """Return false isolations in a second campaign, and how many of its flights exceed the level of FLIGHTS flights.
+
+    second : its flights and hours, and how many flights calibrated
+    """
+    flights, hours, before = second
+    assert not fails_nobody(entrant, signal)
+    return {
+        "entrant": entrant.name,
+        "signal": signal.name,
+        "counted": isolations(entrant, signal, values, flights),
+        "hours": hours,
+        "flights": len(flights),
+        "of": before,
+        "three": None if three is None else flights_failing(entrant, signal, three[0], flights),
+        "three_before": None if three is None else three[1],
+    }

@@ -1,0 +1,278 @@
+"""A league on recordings: too short for a budget, so everybody is calibrated to fail nobody in the other half.
+
+Every second recording calibrates, the others are flown with a fault put into one channel, and the other way round.  A
+piece begins BEFORE_S ahead of the fault, so that what learns has learned; the faults are those of the trade-off of
+``rig thresholds``, of sizes that follow the motion of the signal.  There is no reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from rig.core.errors import BadInput
+from rig.core.frame import CHANNELS
+from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
+from rig.studies.benchmark.benchmark_trials import SCHEMA
+from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
+from rig.studies.benchmark.entrants import (
+    BIASED,
+    LASTING,
+    Entrant,
+    OfSignal,
+    designed_values,
+    levels,
+    manager,
+    with_settings_of,
+)
+from rig.studies.benchmark.healthy_flights import first_enough, flights_failing, isolations, scaled
+from rig.studies.benchmark.outcome_table import differences, table
+from rig.studies.benchmark.own_class import voted
+from rig.studies.thresholds.data import Data
+from rig.studies.thresholds.data_check import envelope
+from rig.studies.thresholds.design import DataBlock, Grid, of_one_frame
+from rig.studies.thresholds.pieces import four, outcomes_of, parameters
+from rig.studies.thresholds.slow_fault_limits import ALLOWANCES, LIMITS, residuals, stale_frames
+from rig.studies.thresholds.tradeoff import GAIN, LATER_S, NOISE, SHARES, SMALL, Kind, Pieces, faulty, pieces
+from rig.verdict.signal_kernels import first_failed, trial_words
+
+BEFORE_S: Final = 10.0
+PIECES: Final = 48  # of a signal and half
+CHOOSING: Final = 16  # of half the calibrating recordings, by which margins are chosen
+_STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a thousandth of it
+_HIGHEST: Final = 64.0
+_OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
+_COMPARED: Final = ("threshold", "threshold_triplex", "threshold_duplex", *_OUTLIERS)
+MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail nobody
+Faults = Sequence[tuple[str, Kind, float]]
+
+
+def league(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
+    """Return levels, false isolations in the halves that did not calibrate, table and differences.
+
+    BadInput: fewer than two recordings, or all too short for a piece
+    """
+    if len(data.names) < 2:
+        raise BadInput(
+            f"--recordings: {len(data.names)} recording: one half calibrates, the other is tested: 2 or more"
+        )
+    found, told = list[pl.DataFrame](), list[dict[str, Any]]()
+    for place, (name, blocks) in enumerate(data.signals.items()):
+        signal = _of_signal(name, data.settings[name], blocks, config)
+        for half in (0, 1):
+            calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
+            values = {entrant.name: _chosen(entrant, signal, calibrating) for entrant in entrants}
+            for entrant in entrants:
+                false = isolations(entrant, signal, values[entrant.name], _flights(tested))
+                levels_of = {key: value for key, value in values[entrant.name].items() if isinstance(value, float)}
+                told.append({"signal": name, "half": half, "entrant": entrant.name, "told": levels_of, "false": false})
+            found += _trials(entrants, signal, values, tested, 2 * place + half)
+    if not found:
+        raise BadInput(f"--recordings: all are shorter than the {BEFORE_S + LATER_S:g} s of a trial")
+    trials = pl.concat(found)
+    return {"hours": data.hours, "levels": told, "table": table(trials), "differences": differences(trials)}
+
+
+def _of_signal(name: str, given: RecordedSignal, blocks: Sequence[DataBlock], config: VoteConfig) -> OfSignal:
+    count, rate_hz = len(blocks[0].samples), blocks[0].rate_hz
+    return OfSignal(name, parameters(given, count, rate_hz), given, config.rivals, rate_hz)
+
+
+def _flights(blocks: Sequence[DataBlock]) -> list[Flight]:
+    return [
+        Flight(block.name, np.ascontiguousarray(block.samples.T), np.full((block.samples.shape[1], 2), np.nan))
+        for block in blocks
+    ]
+
+
+def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, Any]:
+    """Return what an entrant is told: the least levels with which it fails nobody in ``blocks``, and a margin.
+
+    Of ours with all that lasts also the persistence and the limit of the sums.  Taken is what isolates most in those
+    of ``blocks`` that the levels are not from, each half of them in turn: levels that just fail nobody in some flights
+    tell nothing of others.
+    """
+    found = dict(_candidates(entrant, signal, blocks))
+    count = dict.fromkeys(found, 0)
+    for half in (0, 1) if len(found) > 1 and len(blocks) > 1 else ():
+        cut, others = pieces(blocks[1 - half :: 2], CHOOSING, BEFORE_S), blocks[half::2]
+        if cut is not None:
+            faults = [samples for _, samples in _with_faults(cut, blocks[1 - half :: 2], signal)]
+            for name, values in _candidates(entrant, signal, others):
+                if name in count:
+                    count[name] += sum(_isolated(entrant, signal, values, cut, samples) for samples in faults)
+    return found[max(found, key=count.__getitem__)]
+
+
+def _isolated(entrant: Entrant, signal: OfSignal, values: dict[str, Any], cut: Pieces, samples: Any) -> int:
+    """Return in how many pieces the fault is isolated."""
+    return int((_became(entrant, signal, values, cut, samples)[0] == "isolated").sum())
+
+
+def _candidates(
+    entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
+) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
+    """Yield what an entrant may be told by ``blocks``, with the margins over its levels and what else it chooses."""
+    flights = _flights(blocks)
+    if entrant.name == LASTING:
+        yield from _lasting(entrant, signal, blocks)
+    elif entrant.designed:
+        bound = _bound(signal, blocks) if entrant.name == BIASED else 0.0
+        values = _ours(entrant, signal, flights, signal.threshold * _HIGHEST, bound)
+        for margin in MARGINS:
+            yield (margin,), _scaled(values, _COMPARED, margin)
+    else:
+        given = measured(entrant, signal, Healthy({signal.name: flights}, 0.0, ""))
+        of = with_settings_of(signal, entrant, given)
+        asked = [level.name for level in levels(entrant, of)]
+        values = _least(entrant, of, given, flights) if asked else given
+        for margin in MARGINS if asked else (1.0,):
+            yield (margin,), _scaled(values, asked, margin)
+
+
+def _bound(signal: OfSignal, blocks: Sequence[DataBlock]) -> float:
+    """Return the bound of biases: the largest mean of a residual over a recording."""
+    return float(residuals([block.samples for block in blocks], signal.given.wraps).means.max())
+
+
+def _least(entrant: Entrant, signal: OfSignal, given: dict[str, Any], flights: Sequence[Flight]) -> dict[str, Any]:
+    """Return a rival's least levels of a grid with which it fails nobody."""
+    highest = {**given, **{level.name: level.default * _HIGHEST for level in levels(entrant, signal)}}
+    at = first_enough(lambda step: _fails(entrant, signal, scaled(entrant, signal, highest, step), flights), _STEPS)
+    return scaled(entrant, signal, highest, (_STEPS if at is None else at) - 1)
+
+
+def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: Sequence[Flight]) -> bool:
+    return flights_failing(entrant, signal, values, flights) > 0
+
+
+def _ours(
+    entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float = 0.0
+) -> dict[str, Any]:
+    """Return ours with the least threshold, and with biases within ``bound`` the least outlier threshold behind it."""
+    if bound > 0.0:
+        highest = _ours(entrant, signal, flights, highest)["threshold"]
+    none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")
+    plain: dict[str, Any] = {**dict.fromkeys(none), "bias_bound": 0.0, "slow_allowance": None, "slow_limit": None}
+
+    def told(steps: int) -> dict[str, Any]:
+        level = highest * 2.0 ** (-steps / 16.0)
+        update = {**plain, "threshold": level}
+        if bound > 0.0:
+            learned = {"outlier_threshold": level, "outlier_threshold_triplex": level, "bias_bound": bound}
+            update |= {"threshold": max(highest, bound), **learned}
+        return designed_values(signal, signal.given.model_copy(update=update))
+
+    at = first_enough(lambda steps: _fails(entrant, signal, told(steps), flights), _STEPS)
+    return told(max((_STEPS if at is None else at) - 1, 0))
+
+
+def _lasting(
+    entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
+) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
+    """Yield ours with each persistence and limit of the sums, 0 for none, and margins over thresholds and allowance.
+
+    No outlier threshold lies within the noise of single frames, as of ``rig thresholds``.
+    """
+    flights, bound = _flights(blocks), _bound(signal, blocks)
+    least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, CHANNELS, CHANNELS)
+    for frames in Grid(0.0).persistence:
+        of_frames = {"persistence": frames, "singular_persistence": frames}
+        given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "singular_persistence_s": None})
+        of = signal._replace(given=given)
+        biased = _ours(entrant, of, flights, signal.threshold * _HIGHEST, bound)
+        biased |= {name: max(biased[name], least) for name in _COMPARED}
+        for limit, values in _with_sums(entrant, of, blocks, biased):
+            for compared, summed in product(MARGINS, MARGINS if limit else (1.0,)):
+                wider = _scaled(_scaled(values, _COMPARED, compared), ("slow_allowance",), summed)
+                yield (frames, limit, compared, summed), wider
+
+
+def _scaled(values: dict[str, Any], names: Sequence[str], factor: float) -> dict[str, Any]:
+    """Return ``values`` with those of the names times a factor."""
+    return {**values, **{name: factor * values[name] for name in names}}
+
+
+def _with_sums(
+    entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], biased: dict[str, Any]
+) -> Iterator[tuple[float, dict[str, Any]]]:
+    """Yield ours with stale samples, then where noise dominates with each limit and its least allowance as well."""
+    samples, flights = [block.samples for block in blocks], _flights(blocks)
+    of, last = residuals(samples, signal.given.wraps), len(ALLOWANCES) - 1
+    plain = {**biased, "stale_frames": stale_frames(samples, signal.rate_hz)}
+    yield 0.0, plain
+    for limit in LIMITS if of.noisy else ():
+
+        def told(step: int, limit: float = limit) -> dict[str, Any]:
+            allowance = float(ALLOWANCES[last - step])
+            return {**plain, "slow_limit": limit * of.spread, "slow_allowance": allowance * of.spread}
+
+        at = first_enough(lambda step, told=told: _fails(entrant, signal, told(step), flights), last)
+        if at != 0:
+            yield limit, told(last if at is None else at - 1)
+
+
+def _with_faults(
+    cut: Pieces, blocks: Sequence[DataBlock], signal: OfSignal
+) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Yield the name of each fault and the pieces (R, n, C) with it."""
+    motion = envelope(blocks, signal.given.wraps)
+    for name, kind, size in _faults(max(motion.value, motion.noise)):
+        samples = cut.samples.copy()
+        samples[np.arange(len(samples)), :, cut.channel] = faulty(cut, kind, size)
+        yield name, samples
+
+
+def _trials(
+    entrants: Sequence[Entrant],
+    signal: OfSignal,
+    values: dict[str, dict[str, Any]],
+    blocks: Sequence[DataBlock],
+    part: int,
+) -> Iterator[pl.DataFrame]:
+    """Yield the rows of each fault and entrant; part : number of the signal and half."""
+    cut = pieces(blocks, PIECES, BEFORE_S)
+    if cut is None:
+        return
+    for number, (name, samples) in enumerate(_with_faults(cut, blocks, signal)):
+        for entrant in entrants:
+            outcome, delay_s = _became(entrant, signal, values[entrant.name], cut, samples)
+            columns = {
+                "combination": 100 * part + number,
+                "trial": np.arange(len(samples)),
+                **{"signal": signal.name, "kind": name, "faults": 1, "size": None, "reference": "absent"},
+                **{"budget_per_h": 0.0, "entrant": entrant.name, "outcome": outcome, "delay_s": delay_s, "peak": None},
+            }
+            made = pl.DataFrame(columns).cast(pl.Schema(SCHEMA)).select(list(SCHEMA))
+            yield made.with_columns(pl.col("delay_s").fill_nan(None))
+
+
+def _faults(motion: float) -> Faults:
+    small: list[tuple[str, Kind, float]] = [(f"small offset {x:g}", "small", x * motion) for x in SMALL]
+    offsets: list[tuple[str, Kind, float]] = [(f"offset {x:g}", "offset", x * motion) for x in SHARES]
+    return [
+        *small,
+        *offsets,
+        ("ramp", "ramp", SHARES[0] * motion),
+        ("noise", "noise", NOISE),
+        ("gain", "gain", GAIN),
+        ("stuck", "stuck", 0.0),
+    ]
+
+
+def _became(
+    entrant: Entrant, signal: OfSignal, values: dict[str, Any], cut: Pieces, samples: NDArray[np.float64]
+) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Return (R,) outcome and delay, s, of ``samples`` (R, n, C), the pieces with a fault."""
+    if entrant.is_own:
+        failed_at = first_failed(voted(entrant.manager, values, signal.params, {"channels": four(samples)})[0])
+    else:
+        failed_at = outcomes_of(samples, cut.channel, cut.onset, manager(entrant, signal, values))["failed_at"]
+    tested = np.arange(CHANNELS) == cut.channel[:, None]
+    outcome, frames = trial_words(failed_at, np.full(len(samples), cut.onset), tested, ~tested)
+    return outcome, frames / cut.rate_hz

@@ -1,0 +1,138 @@
+"""The table of a league: outcomes by entrant, kind and number of faults; paired differences to ours with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from rig.studies.benchmark.benchmark_trials import STATES
+from rig.studies.benchmark.entrants import BIASED, LASTING, OURS
+from rig.studies.campaign.statistics import detectable, mcnemar, paired_difference
+from rig.verdict.words import INJECTED, PRIOR
+
+ISOLATED: Final = pl.col("outcome") == "isolated"
+LOST: Final = pl.col("lost")
+ALL: Final = "all"  # kinds together, each trial counting once
+GROUP: Final = ("reference", "signal", "kind", "faults")
+SIZES: Final = (0.5, 0.95)
+BINS: Final = 8
+_TRIAL: Final = ["combination", "trial", "reference"]
+
+
+def table(rows: pl.DataFrame) -> list[dict[str, Any]]:
+    """Return one row for each group and entrant, groups in order, entrants as they were given.
+
+    outcomes are counts; delays of the isolated, s; ``peak``: largest vote error, thresholds, median over the trials;
+    ``lost``: aircraft lost, of flights; ``sizes``: with the reference as flown, see the function
+    """
+    found = _counts(rows)
+    for row in found:
+        row["sizes"] = None
+    if "lost" not in rows.columns:
+        sized = rows.filter(pl.col("size").is_not_null() & (pl.col("reference") == STATES[0]))
+        groups = sized.group_by([*GROUP, "entrant"], maintain_order=True)
+        by_key = {key: sizes(part) for key, part in groups}
+        for row in found:
+            row["sizes"] = by_key.get(tuple(row[name] for name in (*GROUP, "entrant")))
+    return found
+
+
+def sizes(rows: pl.DataFrame) -> list[dict[str, Any]] | None:
+    """Return the sizes that are isolated with the probabilities SIZES, thresholds, with 95 % intervals.
+
+    None where all were isolated, or none; a logistic fit over the logarithm (campaign/statistics.py).
+    """
+    isolated = (rows["outcome"] == "isolated").to_numpy()
+    fit = detectable(rows["size"].to_numpy(), isolated, SIZES)
+    return None if fit is None else [asdict(magnitude) for magnitude in fit.magnitudes]
+
+
+def by_size(rows: pl.DataFrame) -> list[dict[str, Any]]:
+    """Return shares isolated over the size, in bins of the logarithm: the mean size of each, thresholds."""
+    sized = rows.filter(pl.col("size").is_not_null() & (pl.col("size") > 0.0))
+    found: list[dict[str, Any]] = []
+    for _, part in sized.group_by(["kind"], maintain_order=True):
+        logarithms = part["size"].log().to_numpy()
+        low = float(logarithms.min())
+        places = (logarithms - low) / max(float(logarithms.max()) - low, 1e-12) * BINS
+        bins = pl.Series("bin", np.clip(places, 0, BINS - 1).astype(np.int64))
+        group = ["signal", "kind", "faults", "entrant"]
+        shares = part.with_columns(bins).group_by([*group, "bin"], maintain_order=True)
+        found += (
+            shares.agg(pl.col("size").mean(), trials=pl.len(), isolated=ISOLATED.sum())
+            .sort("bin", maintain_order=True)
+            .drop("bin")
+            .to_dicts()
+        )
+    return found
+
+
+def curve(rows: pl.DataFrame) -> list[dict[str, Any]]:
+    """Return delay and share isolated over the budget, a row for each signal, number of faults, entrant and budget."""
+    group = ["signal", "faults", "entrant", "budget_per_h"]
+    found = rows.group_by(group, maintain_order=True).agg(
+        trials=pl.len(),
+        isolated=ISOLATED.sum(),
+        delay_median_s=pl.col("delay_s").median(),
+        delay_95_s=pl.col("delay_s").quantile(0.95, "higher"),
+    )
+    return found.sort("budget_per_h", maintain_order=True).to_dicts()
+
+
+def _counts(rows: pl.DataFrame) -> list[dict[str, Any]]:
+    given = {name: i for i, name in enumerate(rows["entrant"].unique(maintain_order=True))}
+    together = rows.with_columns(pl.lit(ALL).alias("kind"))
+    counts = (
+        pl.concat([rows, together])
+        .group_by([*GROUP, "entrant"])
+        .agg(
+            pl.len().alias("trials"),
+            *((pl.col("outcome") == word).sum().alias(word) for word in (*INJECTED, PRIOR)),
+            pl.col("delay_s").median().alias("delay_median_s"),
+            pl.col("delay_s").quantile(0.95, "higher").alias("delay_95_s"),
+            pl.col("peak").median().alias("peak_median"),
+            pl.col("peak").max().alias("peak_largest"),
+            *([pl.col("lost").sum()] if "lost" in rows.columns else []),
+        )
+        .with_columns(
+            pl.col("reference").replace_strict({state: i for i, state in enumerate(STATES)}).alias("_state"),
+            pl.col("entrant").replace_strict(given).alias("_place"),
+            (pl.col("kind") == ALL).alias("_all"),
+        )
+        .sort(["_state", "signal", "faults", "_all", "kind", "_place"])
+    )
+    return counts.drop("_state", "_place", "_all").to_dicts()
+
+
+def differences(rows: pl.DataFrame, what: pl.Expr = ISOLATED) -> list[dict[str, Any]]:
+    """Return, for each group, its isolated less ours, of every entrant: share, 95 % interval, exact p.
+
+    what : what is counted of a trial, true or false; of flights also whether the aircraft is lost
+    ours : the row of ours it is compared with, as designed, with learned biases, with all that lasts
+    ``peak_smaller`` and ``peak_larger`` count the trials in which its largest vote error was smaller or larger.
+    """
+    counted = rows.with_columns(what.alias("_what"))
+    return [row for ours in (OURS, BIASED, LASTING) for row in _differences(counted, ours)]
+
+
+def _differences(rows: pl.DataFrame, ours: str) -> Iterator[dict[str, Any]]:
+    mine = rows.filter(pl.col("entrant") == ours).select(
+        *_TRIAL, pl.col("_what").alias("ours"), pl.col("peak").alias("peak_ours")
+    )
+    others = rows.filter(pl.col("entrant") != ours).join(mine, on=_TRIAL, maintain_order="left")
+    both = pl.concat([others, others.with_columns(pl.lit(ALL).alias("kind"))])
+    for key, part in both.group_by([*GROUP, "entrant"], maintain_order=True):
+        first, second = part["_what"].to_numpy(), part["ours"].to_numpy()
+        yield {
+            "ours": ours,
+            **dict(zip((*GROUP, "entrant"), key, strict=True)),
+            "trials": len(part),
+            **paired_difference(first, second)._asdict(),
+            "p_value": mcnemar(first, second).p_value,
+            "peak_smaller": int((part["peak"] < part["peak_ours"]).sum()),
+            "peak_larger": int((part["peak"] > part["peak_ours"]).sum()),
+        }

@@ -1,0 +1,234 @@
+"""Figures from the tables of one campaign, every one of its report, and from two on the same seeds; plain data."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import Any, Final
+
+import polars as pl
+
+from rig.core.errors import BadInput
+from rig.core.files import is_file
+from rig.studies.campaign.folder import Folder, difference
+from rig.studies.campaign.group_rates import (
+    DELAYS,
+    Tables,
+    acted,
+    alarm_rate,
+    by_resolver,
+    delays,
+    false_alarms,
+    flown,
+    rates,
+    resolvers,
+    share_of,
+    smallest,
+)
+from rig.studies.campaign.groups import by_kind, by_requirement, replies
+from rig.studies.campaign.statistics import mcnemar, median_interval, paired_difference
+from rig.studies.campaign.tables import COUNTED, SUSPECTS
+from rig.studies.campaign.unflown import not_flown
+from rig.studies.campaign.varied import by_name, by_varied, varied
+from rig.studies.campaign.voters import named, voters
+from rig.unit.unit_file import voted_by
+
+WORST: Final = 10
+_SEEN: Final = ("patterns", "levels", "pattern_transitions", "level_transitions")
+# What is compared of two campaigns, by run and by fault.
+_BY_RUN: Final = {
+    "survived": pl.col("survived"),
+    "no false alarm": pl.col("false_alarms") == 0,
+    "no wrong isolation": pl.col("wrong_isolations") == 0,
+}
+_BY_FAULT: Final = {
+    "fault detected": pl.col("outcome") == "detected",
+    "fault rightly isolated": pl.col("isolation") == "right",
+}
+_ALL: Final = "every fault detected"  # of the runs with a fault
+_DETECTABLE: Final = pl.col("outcome") != "undetectable"
+_KEPT: Final = ("format",)  # of ``campaign.json``: no part of an identity
+
+
+def summary(folder: Folder) -> dict[str, Any]:
+    """Return all figures of a campaign's folder."""
+    tables, plan = folder.tables, folder.plan
+    names = by_name(plan, tables["runs"])
+    faults = acted(tables, names)
+    with_size = faults.filter(pl.col("size").is_not_null())
+    return {
+        "title": plan.campaign.title or str(folder.path),
+        "folder": str(folder.path),
+        "runs": len(plan),
+        "managers": voters(folder),
+        "by": named(voters(folder)),
+        "set": [f"{key}={value}" for key, value in plan.campaign.set.items()],
+        "varied": varied(plan),
+        "by_name": names,
+        "headline": headline(tables),
+        "by_kind": rates(faults, ["signal", "kind"], names),
+        "by_magnitude": rates(with_size, ["signal", "kind", "size"]),
+        "by_pattern": rates(faults, ["pattern"]),
+        "by_resolver": by_resolver(tables),
+        "by_varied": by_varied(tables, plan),
+        "by_place": rates(with_size, ["signal", "kind", "place", "size"]),
+        "false_alarms_by_signal": false_alarms(tables),
+        "delays": delays(faults, names),
+        "detectable": smallest(faults, names),
+        "resolvers": resolvers(tables["episodes"]),
+        "coverage": coverage(tables["runs"]),
+        "requirements": by_requirement(tables["runs"], plan.requirements),
+        "servos": by_kind(tables["faults"]),
+        "replies": replies(tables["runs"]),
+        "worst": worst(folder),
+    }
+
+
+def headline(tables: Tables) -> dict[str, Any]:
+    """Return the campaign in a few figures."""
+    runs, faults = flown(tables), acted(tables)
+    exceeded = faults.filter(pl.col("outcome") != "undetectable")
+    return {
+        "done": len(runs),
+        **not_flown(tables["runs"]),
+        "outcomes": dict(tables["runs"]["outcome"].value_counts().sort("outcome").iter_rows()),
+        "flight_h": float(runs["duration_s"].sum()) / 3600.0,
+        "survival": share_of(runs["survived"]),
+        "faults": len(tables["faults"]),
+        "not_executed": int((tables["faults"]["outcome"] == "not executed").sum()),
+        "undetectable": len(faults) - len(exceeded),
+        "detection": share_of(exceeded["outcome"] == "detected"),
+        "right_isolation": share_of(exceeded["isolation"] == "right"),
+        "wrong_isolation": share_of(exceeded["isolation"] == "wrong"),
+        "false_alarms": alarm_rate(runs),
+        "false_alarm_runs": int((runs["false_alarms"] > 0).sum()),
+        **{column: int(runs[column].sum()) for column in (*COUNTED, SUSPECTS)},
+        "suspect_runs": int((runs[SUSPECTS] > 0).sum()),
+    }
+
+
+def coverage(runs: pl.DataFrame) -> list[dict[str, Any]]:
+    """Return the voter states that the campaign's flights met together, by signal, of how many a voter has."""
+    seen: dict[str, dict[str, set[Any]]] = {}
+    possible: dict[str, dict[str, int]] = {}  # of the flights whose voter has most
+    for text in runs["coverage"].drop_nulls().unique():
+        for signal, covered in json.loads(text).items():
+            sets = seen.setdefault(signal, {name: set() for name in _SEEN})
+            most = possible.setdefault(signal, dict.fromkeys(_SEEN, 0))
+            for name in _SEEN:
+                sets[name] |= set(covered[name])
+                most[name] = max(most[name], covered[f"{name}_possible"])
+    return [
+        {
+            "signal": signal,
+            **{name: sorted(map(str, seen[signal][name])) for name in _SEEN},
+            "possible": possible[signal],
+        }
+        for signal in sorted(seen, key=lambda name: (name != "overall", name))
+    ]
+
+
+def worst(folder: Folder) -> list[dict[str, Any]]:
+    """Return the flights to look at first: not flown, lost, wrong, alarmed, missed, then by the time of a bad vote."""
+    runs = folder.tables["runs"]
+    order = [
+        pl.col("outcome") != "flown",
+        ~pl.col("survived").fill_null(value=True),
+        *(pl.col(name).fill_null(0) for name in ("wrong_isolations", "false_alarms", "missed")),
+        pl.col("vote_above_threshold_s").fill_null(0.0),
+    ]
+    ranked = runs.sort([*order, pl.col("run")], descending=[True] * len(order) + [False])
+    return [
+        _worst_flight(folder, row) for row in ranked.drop("coverage", "digest", "requirements").head(WORST).to_dicts()
+    ]
+
+
+def _worst_flight(folder: Folder, row: dict[str, Any]) -> dict[str, Any]:
+    log = folder.logs / f"run_{row['run']:06d}.mcap"
+    fly = f"rig campaign fly {folder.path} --run {row['run']}"
+    return {**row, "fly": fly, "log": str(log) if is_file(log) else None}
+
+
+def compare(first: Folder, second: Folder) -> dict[str, Any]:
+    """Pair the outcomes of the runs that both have flown, and of the faults that acted in both.
+
+    A fault counts whether or not its error left the threshold, which may be another in either: every share of faults
+    is of the same faults.  BadInput when the seeds are not the same.
+    """
+    (runs, faults), (other_runs, other_faults) = _compared(first), _compared(second)
+    runs = runs.join(other_runs, on=["run"], suffix="_second")
+    if runs.is_empty():
+        raise BadInput(f"{first.path} and {second.path} have no flown run in common")
+    if (runs["seed"] != runs["seed_second"]).any():
+        raise BadInput(f"{first.path} and {second.path} were not flown on the same seeds; nothing can be paired")
+    faults = faults.join(other_faults, on=["run", "fault", "channel"], suffix="_second")
+    faults = faults.filter((pl.col("outcome") != "not executed") & (pl.col("outcome_second") != "not executed"))
+    by = {"first": named(voters(first)), "second": named(voters(second))}
+    whole = faults.group_by("run").agg(pl.col("fault detected", "fault detected_second").all())
+    whole = whole.rename({"fault detected": _ALL, "fault detected_second": f"{_ALL}_second"})
+    found = faults.filter(pl.col("fault detected") & pl.col("fault detected_second"))
+    return {
+        "first": str(first.path),
+        "second": str(second.path),
+        "by": by,
+        "differs": _differs(first, second),
+        "runs": len(runs),
+        "faults": len(faults),
+        "runs_with_faults": len(whole),
+        "detectable": _counts(faults, "detectable"),
+        "outcomes": [
+            *(_paired(runs, name, "run") for name in _BY_RUN),
+            *([_paired(whole, _ALL, "run with a fault")] if len(whole) else []),
+            *(_paired(faults, name, "fault") for name in _BY_FAULT if len(faults)),
+        ],
+        "delays": [_delay(found, name) for name in DELAYS],
+    }
+
+
+def _differs(first: Folder, second: Folder) -> list[str]:
+    """Return what the two were flown with, where it differs, a line each: campaign, aircraft, rig, code, unit."""
+    was, now = ({key: value for key, value in folder.kept.items() if key not in _KEPT} for folder in (first, second))
+    for one, other in ((was, now), (now, was)):
+        if "unit" in one and "unit" not in other:
+            one["unit"] = voted_by("", one["unit"])  # one line in place of its settings
+    return difference(was, now)
+
+
+def _compared(folder: Folder) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Return the runs that were flown and the faults on channels, with the outcomes that are compared."""
+    runs = flown(folder.tables)
+    faults = folder.tables["faults"].filter(pl.col("channel").is_not_null())
+    return runs.with_columns(**_BY_RUN), faults.with_columns(**_BY_FAULT, detectable=_DETECTABLE)
+
+
+def _counts(pairs: pl.DataFrame, name: str) -> dict[str, int]:
+    a, b = pairs[name], pairs[f"{name}_second"]
+    return {"first": int(a.sum()), "second": int(b.sum()), "both": int((a & b).sum())}
+
+
+def _paired(pairs: pl.DataFrame, name: str, unit: str) -> dict[str, Any]:
+    a, b = pairs[name].cast(pl.Boolean), pairs[f"{name}_second"].cast(pl.Boolean)
+    first, second = a.to_numpy(), b.to_numpy()
+    return {
+        "outcome": name,
+        "unit": unit,
+        "first": share_of(a),
+        "second": share_of(b),
+        "difference": paired_difference(first, second)._asdict(),
+        "pairs": asdict(mcnemar(first, second)),
+    }
+
+
+def _delay(found: pl.DataFrame, name: str) -> dict[str, Any]:
+    """Return the delays of the faults that both detected: medians, and that of the differences with its interval."""
+    pairs = found.filter(pl.col(name).is_not_null() & pl.col(f"{name}_second").is_not_null())
+    a, b = pairs[name], pairs[f"{name}_second"]
+    return {
+        "delay": name,
+        "faults": len(pairs),
+        "first_median_s": a.median(),
+        "second_median_s": b.median(),
+        "difference_s": None if pairs.is_empty() else median_interval((a - b).to_numpy())._asdict(),
+        "sooner_first": int((a < b).sum()),
+        "sooner_second": int((a > b).sum()),
+    }

@@ -1,0 +1,102 @@
+"""One flight of a campaign, in memory: rows, events and verdict of ``rig fly``, and its log where that is kept."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.errors import UnitDead
+from rig.core.files import replaced
+from rig.core.frame import TIMING, Block, LaneBlock, new_block
+from rig.core.interrupt import Stop
+from rig.flight import loop
+from rig.flight.events import Event
+from rig.flight.recorder import Findings, end_reason
+from rig.flight.summary import Verdict
+from rig.flight.unit_loop import UnitComputer
+from rig.log import LogWriter
+from rig.log.of_flight import metadata
+from rig.scenario.scenario import Scenario
+from rig.unit.running_unit import UnitUnderTest
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignFlight:
+    """A flight in memory."""
+
+    scenario: Scenario
+    rows: Block
+    timing: NDArray[Any]
+    events: list[Event]
+    clean: NDArray[np.void]  # of the sensors before any fault
+    verdict: Verdict
+    ended: list[Event]  # that only the end shows: faults that did nothing
+    lanes: LaneBlock | None = None
+    coils_failed: dict[str, dict[int, tuple[float, str]]] = field(default_factory=dict)  # as Flight.coils_failed
+    unit: dict[str, str] = field(default_factory=dict)  # metadata of its log on the unit under test
+
+    @property
+    def end_reason(self) -> str:
+        """Return why the flight ended."""
+        return end_reason(self.verdict, Stop(), self.scenario)
+
+
+def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlight:
+    """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory.
+
+    UnitDead, UnitRefused: the unit under test.
+    """
+    rig = loop.Rig(scenario, None if tested is None else UnitComputer(tested), keep_clean=scenario.frames)
+    findings, beside, (rows, timing) = Findings(scenario), _Lanes(), loop.new_memory(scenario)
+    loop.fly(rig, [findings, beside], memory=(rows, timing))
+    flown = slice(findings.verdict.frames)
+    lanes = np.concatenate(beside.blocks) if beside.blocks else None
+    coils = findings.actuators.failed_at(scenario.rate_hz)
+    end = findings.verdict, findings.end(), lanes, coils, ended_unit(tested)
+    return CampaignFlight(scenario, rows[flown], timing[flown], findings.events, rig.faults.clean[flown], *end)
+
+
+class _Lanes:
+    """Keeps the rows of lanes, which are given for good."""
+
+    def __init__(self) -> None:
+        self.blocks: list[LaneBlock] = []
+
+    def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
+        """Keep the next rows, if there are any."""
+        if lanes is not None:
+            self.blocks.append(lanes)
+
+
+def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
+    """End the session of a unit; return the metadata of the log.  UnitDead when another flew on in its place."""
+    if tested is None:
+        return {}
+    tested.end()
+    if tested.dead:
+        raise UnitDead(f"{tested.unit.source}: dead from frame {tested.replies.counts.dead_frame} on")
+    return tested.metadata()
+
+
+def write_log(flight: CampaignFlight, path: Path) -> None:
+    """Log the flight as ``rig fly`` does, in larger chunks. RigError when the disk does not take it."""
+    verdict, scenario, frames = flight.verdict, flight.scenario, [event.frame for event in flight.events]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    header = {**metadata(scenario), **flight.unit}, [("scenario.toml", b"")]
+    kept: Any = {"chunk_frames": scenario.frames, "draft_of": path, "lanes": scenario.lane_parts}
+    with (
+        replaced(path) as draft,
+        LogWriter(draft, scenario.rate_hz, *header, **kept) as writer,
+    ):
+        for first in range(0, verdict.frames, writer.chunk_frames):
+            part = slice(first, first + writer.chunk_frames)
+            events = flight.events[bisect_left(frames, part.start) : bisect_left(frames, part.stop)]
+            lanes = None if flight.lanes is None else flight.lanes[part]
+            writer.write(flight.rows[part], flight.timing[part], events, lanes)
+        writer.write(new_block(0), np.zeros(0, TIMING), flight.ended)
+        writer.close({"digest": verdict.digest, "end_reason": flight.end_reason, "survived": str(verdict.survived)})

@@ -1,0 +1,206 @@
+"""The runs of a campaign: for each a number, a seed, what varies, and the scenario that is flown; and by which rig."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, Final
+
+from rig.computer.redundancy.managers import DEFAULT
+from rig.core.errors import BadInput
+from rig.core.settings import build
+from rig.core.trust import Trust
+from rig.core.versions import versions
+from rig.scenario import aircraft
+from rig.scenario.overrides import set_key
+from rig.scenario.scenario import Scenario
+from rig.studies.campaign.campaign_file import Campaign, Levels
+from rig.studies.campaign.manager_source import sources, try_import
+from rig.studies.campaign.sampling import Choice, choices, seed_of
+from rig.verdict.requirements import Requirement, recorder_of
+
+SOURCES: Final = "sources"  # of an identity: the user's own managers, file by file
+CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
+# What looks at flights, or hands them out, decides nothing in them.
+ROOMS = ("bench", "cli", "design", "log/recordings", "show", "studies")
+BESIDE = (*ROOMS, "__main__.py", "flight/cost.py", "scenario/make_fault.py", "world/faults/fault_catalogue.py")
+FLIES = ("studies/campaign/flying.py", "studies/campaign/tables.py", "studies/campaign/worker.py")
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One flight of a campaign. ``data`` is its scenario's own table; the aircraft's tables come below it."""
+
+    number: int
+    choice: Choice
+    data: dict[str, Any]
+    trust: Trust
+
+    @property
+    def aircraft(self) -> str:
+        """Return the aircraft's name. BadInput when it is none."""
+        name = self.data.get("aircraft", "f16")
+        if not isinstance(name, str):
+            raise BadInput(f"run {self.number}: aircraft: must be a name, got {name!r}")
+        return name
+
+    def scenario(self, tables: dict[str, Any] | None = None) -> Scenario:
+        """Build the scenario that is flown; ``tables``: the aircraft's, when they have been read already."""
+        below = aircraft.tables(self.aircraft) if tables is None else tables
+        return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}").trusted(self.trust)
+
+
+class Plan:
+    """A campaign's runs, each made when asked for."""
+
+    of_one_draw = 1  # runs that share a seed
+
+    def __init__(self, campaign: Campaign, source: str, trust: Trust | None = None) -> None:
+        """Raise BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base.
+
+        trust : which manager classes may be run; none when not given
+        """
+        self.trust = trust or Trust(source)
+        self.campaign = campaign
+        self.source = source
+        self._tables = cache(aircraft.tables)
+        self._import = cache(self._find)
+        self._base = campaign.base
+        for key, value in campaign.set.items():
+            self._base = set_key(self._base, key, value, f"{source}: set")
+        self._cases = {
+            (group, case.name): (case.set, f"{source}: cases.{group}.{case.name}")
+            for group, cases in campaign.cases.items()
+            for case in cases
+        }
+
+    def __len__(self) -> int:
+        return len(self.choices)
+
+    @cached_property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return what every run is measured by.  BadInput: a folder's that is no requirement any more."""
+        given = self.campaign.requirements or []
+        return tuple(build(Requirement, each, f"{self.source}: requirements") for each in given)
+
+    def count(self, runs: int | None) -> int:
+        """Return how many runs ``--runs`` asks for; BadInput when the plan has not so many."""
+        count = len(self) if runs is None else runs
+        if not 1 <= count <= len(self):
+            raise BadInput(f"--runs {count}: must be from 1 to the campaign's {len(self)}")
+        return count
+
+    @cached_property
+    def choices(self) -> list[Choice]:
+        """Return what each run varies."""
+        return choices(self.campaign)
+
+    def __getitem__(self, number: int) -> Run:
+        data = {**self.data(number), "seed": self.seed(number)}
+        return Run(number, self.choices[number], data, self.trust)
+
+    def seed(self, number: int) -> int:
+        """Return the seed of a run's flight."""
+        return seed_of(self.campaign, number - number % self.of_one_draw)
+
+    def value_types(self) -> dict[str, set[type]]:
+        """Return the types of all values of each key that varies."""
+        types: dict[str, set[type]] = {}
+        for choice in self.choices:
+            for key, value in choice.items():
+                types.setdefault(key, set()).add(type(value))
+        return types
+
+    def data(self, number: int) -> dict[str, Any]:
+        """Return the table of a run's scenario, without its seed."""
+        choice = self.choices[number]
+        data = self._base
+        for group in self.campaign.cases:
+            together, source = self._cases[group, choice[group]]
+            for key, value in together.items():
+                data = set_key(data, key, value, source)
+        for key, value in choice.items():
+            if key not in self.campaign.cases:
+                data = set_key(data, key, value, f"{self.source}: vary")
+        return data
+
+    def check(self) -> None:
+        """Build the scenarios; BadInput names the file, the first bad run and its key."""
+        for number in sorted({*range(min(CHECKED, len(self.choices))), *self._combinations}):
+            self._check(self[number])
+
+    def _check(self, run: Run) -> None:
+        try:
+            scenario = run.scenario(self._tables(run.aircraft))
+            scenario.airframe.point(scenario.flight_point)
+        except BadInput as error:
+            reason = str(error).removeprefix(f"run {run.number}: ")
+            raise BadInput(f"{self.source}: run {run.number}: {reason}") from None
+        self.trust.require(scenario.redundancy.manager)
+        try:
+            self._import(scenario.redundancy.manager)
+        except BadInput as error:
+            raise BadInput(f"{self.source}: run {run.number}: {error}") from None
+        if self.requirements and run.number in self._combinations:
+            try:
+                recorder_of(scenario, self.requirements, iter(()))
+            except BadInput as error:
+                raise BadInput(f"{self.source}: run {run.number}: {error}") from None
+
+    def _find(self, manager: str) -> None:
+        """Import a manager of the user's own, once, before the first flight.  BadInput: it cannot be."""
+        if ":" in manager:
+            try_import(manager)
+
+    def identity(self) -> dict[str, Any]:
+        """Return all that decides the table: the campaign, the tables of every aircraft in it, the user's own code."""
+        names = sorted({self[number].aircraft for number in self._combinations})
+        texts = {name: json.dumps(self._tables(name), sort_keys=True) for name in names}
+        hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
+        own = self.sources
+        return {"campaign": self.campaign.what(), "aircraft": hashes, **({SOURCES: own} if own else {})}
+
+    @cached_property
+    def sources(self) -> dict[str, dict[str, str]]:
+        """Return the files of every manager of the user's own that is flown, each with its hash.  BadInput."""
+        return sources(map(self.manager, self._named))
+
+    def manager(self, number: int) -> str:
+        """Return the manager of a run."""
+        of_aircraft = self._tables(self[number].aircraft).get("redundancy", {}).get("manager", DEFAULT)
+        given = self.data(number).get("redundancy", {})
+        return str(given.get("manager", of_aircraft) if isinstance(given, dict) else of_aircraft)
+
+    @property
+    def _named(self) -> list[int]:
+        """Return runs that together have every manager."""
+        return self._combinations
+
+    @cached_property
+    def _combinations(self) -> list[int]:
+        """Return the first run of every combination of what varies by name."""
+        listed = {key for key, vary in self.campaign.varied() if isinstance(vary, Levels)} | {*self.campaign.cases}
+        firsts: dict[Any, int] = {}
+        for number, choice in enumerate(self.choices):
+            names = tuple(value for key, value in choice.items() if key in listed and not isinstance(value, float))
+            key = names if all(type(name) is str for name in names) else json.dumps(names, default=str)
+            firsts.setdefault(key, number)
+        return list(firsts.values())
+
+
+@cache
+def rig_identity() -> str:
+    """Return versions and a hash of the sources that decide a row, as one line."""
+    home = Path(__file__).parents[2]
+    digest = hashlib.sha256()
+    for path in sorted(home.rglob("*.py")):
+        name = path.relative_to(home).as_posix()
+        if name in FLIES or not (name in BESIDE or name.startswith(tuple(f"{room}/" for room in ROOMS))):
+            digest.update(f"{name}\0".encode() + path.read_bytes())
+    packages = ", ".join(
+        f"{name} {versions()[f'version {name}']}" for name in ("jsbsim-rig", "jsbsim", "numpy", "numba")
+    )
+    return f"{packages}, sources {digest.hexdigest()[:16]}"

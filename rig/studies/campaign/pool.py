@@ -1,0 +1,247 @@
+"""Where batches are flown: processes of this machine, or the workers of a Dask cluster.
+
+Both are a ``concurrent.futures.Executor``.  A task that its executor cannot bring to an end because a worker
+died raises one of ``lost``; the campaign then flies its runs alone.
+"""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import wait as wait_for
+from contextlib import contextmanager
+from itertools import islice
+from multiprocessing import forkserver, resource_tracker
+from multiprocessing.connection import wait
+from typing import Any, Final, TypeVar
+
+from rig.core.errors import BadInput, RigError
+from rig.core.interrupt import interruptible
+
+ANSWER_S: Final = 5.0  # how long a scheduler may take to answer
+_METHOD: Final = "forkserver" if sys.platform == "linux" else "spawn"
+_SETTINGS: Final = {
+    # One flight uses one core: libraries that would start threads of their own only get into each other's way.
+    **{f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "NUMBA", "POLARS")},
+    # glibc gives a flight's memory back after each and fetches it again for the next: 4 % of a short flight's time.
+    "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 30),
+    "PYTHONSAFEPATH": "1",  # no module of the present folder
+}
+_AHEAD: Final = 4  # parts for each worker that are handed out before they are asked for
+_LOOK_S: Final = 0.2  # between two looks whether the process is to end
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def get_ready() -> None:
+    """Start the process that workers are forked from, where the system forks; a second call does nothing.
+
+    It imports and compiles what a flight needs while its caller goes on, so that a new worker costs little.
+    """
+    if _METHOD != "forkserver":
+        return
+    forkserver.set_forkserver_preload(["rig.studies.campaign.warmed"])
+    # The tracker tidies up after a kill -9, and would say so.
+    with _environment({**_SETTINGS, "PYTHONWARNINGS": "ignore:resource_tracker"}):
+        resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
+    theirs = {signal.SIGINT, signal.SIGHUP}  # the parent's to handle; a mask is inherited
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, theirs)
+    try:
+        with _environment(_SETTINGS):
+            forkserver.ensure_running()
+    except OSError as error:  # its socket is in the folder of temporary files, and a socket's path is short
+        raise RigError(f"TMPDIR {tempfile.gettempdir()}: no workers can be started: {error}") from None
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class Local:
+    """Processes of this machine: ``size`` tasks at a time, and one dead worker takes all tasks with it."""
+
+    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    breaks = True
+
+    def __init__(self, workers: int) -> None:
+        self.size = workers
+        self._executor = self._new()
+
+    def _new(self) -> ProcessPoolExecutor:
+        get_ready()
+        try:
+            return ProcessPoolExecutor(self.size, mp_context=multiprocessing.get_context(_METHOD), initializer=_begin)
+        except (OSError, ImportError, NotImplementedError) as error:  # a system without semaphores, or none for us
+            raise RigError(f"no workers can be started: {error}") from None
+
+    def submit(self, function: Any, *arguments: Any) -> Future[Any]:
+        """Hand out one task; one that cannot be taken any more fails as lost."""
+        try:
+            with _environment(_SETTINGS):
+                return self._executor.submit(function, *arguments)
+        except BrokenExecutor as error:
+            lost: Future[Any] = Future()
+            lost.set_exception(error)
+            return lost
+
+    def everywhere(self, function: Callable[..., object], *arguments: Any) -> None:
+        """Do nothing: a worker of this machine has what this process has."""
+
+    def renew(self) -> None:
+        """Replace the executor after a worker died."""
+        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._executor = self._new()
+
+    def close(self, kill: bool = False) -> None:
+        """End the workers; ``kill`` does not wait for tasks under way."""
+        if kill:
+            for process in list((self._executor._processes or {}).values()):  # it has no public way
+                process.kill()
+        self._executor.shutdown(wait=True, cancel_futures=True)
+
+
+class Cluster:
+    """The workers of a Dask cluster. Dask itself gives a lost worker's tasks to another, a few times."""
+
+    breaks = False
+
+    def __init__(self, address: str) -> None:
+        """Raise BadInput when the scheduler does not answer, or has no worker."""
+        if not address.strip():
+            raise BadInput("--scheduler: must be the address of a scheduler, got nothing")
+        try:
+            from distributed import Client
+            from distributed.scheduler import KilledWorker
+        except ImportError:
+            raise BadInput("--scheduler: needs dask.distributed: pip install 'jsbsim-rig[cluster]'") from None
+        try:
+            with _quiet():
+                self._client = Client(address, timeout=ANSWER_S, set_as_default=False)
+        except (OSError, ValueError, RuntimeError) as error:
+            raise BadInput(f"--scheduler {address}: no answer: {str(error).strip() or type(error).__name__}") from None
+        threads: Any = self._client.nthreads()
+        self.size = sum(threads.values())
+        if self.size == 0:
+            self._client.close()
+            raise BadInput(f"--scheduler {address}: has no worker")
+        self._executor: Executor = self._client.get_executor(pure=False)
+        self.lost: tuple[type[BaseException], ...] = (KilledWorker,)
+
+    def submit(self, function: Any, *arguments: Any) -> Future[Any]:
+        """Hand out one task."""
+        return self._executor.submit(function, *arguments)
+
+    def everywhere(self, function: Callable[..., object], *arguments: Any) -> None:
+        """Call a function on every worker, before there is work for it.  RigError: it raises, or is not there."""
+        try:
+            with _quiet():
+                self._client.run(function, *arguments)
+        except RigError:
+            raise
+        except Exception as error:
+            text = " ".join(str(error).split())
+            raise RigError(f"a worker failed: {type(error).__name__}: {text}") from error
+
+    def renew(self) -> None:
+        """Do nothing: the cluster replaces its workers itself."""
+
+    def close(self, kill: bool = False) -> None:
+        """Leave the cluster as it was."""
+        with _quiet():
+            self._executor.shutdown(wait=not kill)
+            self._client.close()
+
+
+Pool = Local | Cluster
+
+
+def each(
+    function: Callable[[Item], Result], items: Sequence[Item], workers: int, chunk: int = 1, **begin: Any
+) -> Iterator[Result]:
+    """Yield ``function`` of every item, in their order, from several processes; an interruption begins no more of them.
+
+    It is heeded between two looks: one that tore the executor's queues would leave a lock held, and waiting threads.
+    Workers leave interruptions to this process and end by SIGTERM, as the executor asks them to where one of them died.
+    begin : ``initializer``, ``initargs`` and ``mp_context`` of a worker, as of ProcessPoolExecutor
+    """
+    begin["initargs"] = (begin.pop("initializer", None), *begin.get("initargs", ()))
+    parts = iter([items[i : i + chunk] for i in range(0, len(items), chunk)])
+    with interruptible() as stop, ProcessPoolExecutor(workers, initializer=_begin, **begin) as executor:
+        out: deque[Future[list[Result]]] = deque()
+        try:
+            while True:
+                begun = islice(parts, _AHEAD * workers - len(out))
+                out.extend(executor.submit(_every, function, part) for part in begun)
+                if not out:
+                    return
+                while not wait_for([out[0]], timeout=_LOOK_S).done:
+                    stop.heed()
+                stop.heed()
+                yield from out.popleft().result()
+        finally:
+            executor.shutdown(cancel_futures=True)
+
+
+def _every(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    """Do in a worker what is handed out at once."""
+    return [function(item) for item in items]
+
+
+def context() -> Any:
+    """Return how workers are started that must not inherit a lock which a thread of this process holds, as polars'."""
+    get_ready()
+    return multiprocessing.get_context(_METHOD)
+
+
+def leave_interrupts_to_parent() -> None:
+    """Ignore Ctrl-C and the signal of a terminal that is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
+def _begin(then: Callable[..., None] | None = None, *arguments: Any) -> None:
+    """Begin a worker, which ends with its parent: without it there is nothing to do; ``then`` its caller's way."""
+    leave_interrupts_to_parent()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    if then is not None:
+        then(*arguments)
+
+
+def _end_with(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(1)
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    """Set environment variables for the processes that are started within; those that are set already stay."""
+    new = {name: value for name, value in values.items() if name not in os.environ}
+    os.environ.update(new)
+    try:
+        yield
+    finally:
+        for name in new:
+            os.environ.pop(name, None)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Silence Dask, which logs what it tries; our one line reports the result."""
+    logger = logging.getLogger("distributed")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)

@@ -1,0 +1,281 @@
+"""What a worker does: fly runs of a campaign, one after the other, and suspects in a process of their own.
+
+A row does not depend on who flies it: all that decides it is in the run's scenario, and nothing but the tables of an
+aircraft, compiled kernels and a unit under test is kept from one flight to the next.
+
+A suspect is a run of a batch whose worker died.  The batch is flown again by a child process, which reports after every
+flight.  When it dies, the run that it was at is flown once more, alone, and when the process dies again the run is
+recorded as crashed, or as timed out.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import gc
+import io
+import math
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from multiprocessing.util import Finalize
+from pathlib import Path
+from typing import IO, Any, Final
+
+from rig.core.errors import BadInput, RigError, UnitDead, UnitRefused
+from rig.core.interrupt import signal_name
+from rig.scenario import aircraft
+from rig.scenario.scenario import load
+from rig.studies.campaign.flying import fly, write_log
+from rig.studies.campaign.manager_source import first_sources
+from rig.studies.campaign.plan import Run, rig_identity
+from rig.studies.campaign.pool import leave_interrupts_to_parent
+from rig.studies.campaign.tables import TABLES, Rows, rows
+from rig.unit.running_unit import UnitUnderTest
+from rig.unit.unit_file import Unit, voted_by
+from rig.verdict import fly_twin, score
+from rig.verdict.requirements import Requirement, check_rows
+
+READY: Final = "ready"
+_CHILD: Final = "from rig.studies.campaign.worker import fly_for_parent; fly_for_parent()"
+_tables = cache(aircraft.tables)  # of an aircraft, read once by each worker
+_running: dict[str, UnitUnderTest] = {}  # units of this process
+_ends: list[Finalize] = []  # what ends them with it
+_one_at_a_time = threading.Lock()  # a cluster's worker may have several threads; JSBSim and the timer are the process's
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """How every worker flies: which logs to keep and where, how long a flight may take."""
+
+    logs: str  # all, failures, none, or sample:N
+    runs: int  # of the campaign, for the sample
+    folder: str  # of the logs
+    timeout_s: float
+    twin: bool
+    rig: str  # sources and packages that fly; a worker with others refuses
+    unit: Unit | None = None  # under test, and its build
+    unit_build: str = ""
+    requirements: tuple[Requirement, ...] = ()
+    sources: Mapping[str, dict[str, str]] = field(default_factory=dict)  # of managers of the user's own, by file
+
+    def voter(self, manager: str) -> str:
+        """Return who votes flights of this manager: it, or the unit under test with the beginning of its build."""
+        return voted_by(manager, None if self.unit is None else {**self.unit.model_dump(), "sha256": self.unit_build})
+
+
+def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
+    """Fly runs one after the other: their rows by table. RigError when this is another version of the rig."""
+    check_rig(orders)
+    with _one_at_a_time:
+        return _joined([fly_run(run, orders) for run in runs])
+
+
+def _joined(parts: Sequence[Rows]) -> Rows:
+    return {table: [row for rows in parts for row in rows[table]] for table in TABLES}
+
+
+def check_rig(orders: Orders) -> None:
+    """Raise RigError when what flies here is not what the campaign is flown with: rig, unit, or the user's managers."""
+    if rig_identity() != orders.rig:
+        raise RigError("a worker flies another version of the rig than this one; install the same everywhere")
+    if orders.unit is not None and orders.unit.build() != orders.unit_build:
+        source = orders.unit.source
+        raise RigError(f"{source}: a worker has another build of it than this one; install the same everywhere")
+    for manager, files in orders.sources.items():
+        try:
+            here = first_sources(manager)
+        except BadInput as error:
+            raise RigError(f"a worker cannot fly it: {error}; start the workers where it is found") from None
+        for name in sorted(name for name in {*files, *here} if files.get(name) != here.get(name)):
+            what = f"another {name} of {manager!r} than this command"
+            raise RigError(f"a worker has {what}; install the same everywhere, and start the workers again")
+
+
+def fly_run(run: Run, orders: Orders) -> Rows:
+    """Fly, score and perhaps log one run: its rows by table. An exception of its flight is its outcome."""
+    warm()
+    began = time.perf_counter()
+    try:
+        with _limit(orders.timeout_s), flown_with(orders.unit) as tested:
+            flight = fly(run.scenario(_tables(run.aircraft)), tested)
+            twin = fly_twin(flight.scenario, unit=tested) if orders.twin else None
+            lane = None if tested is None else tested.lane
+            scored = score(flight.scenario, flight.rows, twin, clean=flight.clean, lanes=flight.lanes, unit_lane=lane)
+            asked = orders.requirements
+            verdicts = check_rows(flight.rows, flight.scenario, asked, twin, tested) if asked else ()
+        found = {table: rows(table, run.number, flight.scenario, scored, flight, verdicts) for table in TABLES}
+        found["runs"][0]["manager"] = orders.voter(flight.scenario.redundancy.manager)
+    except (UnitDead, UnitRefused) as error:
+        return not_flown(run, "unit dead" if isinstance(error, UnitDead) else "unit refused", str(error))
+    except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure
+        return not_flown(run, "failed", " ".join(f"{type(error).__name__}: {error}".split()))
+    row = found["runs"][0]
+    if keeps(orders, run.number, _troubled(row)):
+        write_log(flight, log_path(Path(orders.folder), run.number))
+    row["wall_s"] = time.perf_counter() - began
+    return found
+
+
+def not_flown(run: Run, outcome: str, reason: str) -> Rows:
+    """Return the rows of a run that has no flight to show."""
+    row = {"run": run.number, "seed": run.data["seed"], "outcome": outcome, "reason": reason}
+    return {**{table: [] for table in TABLES}, "runs": [row]}
+
+
+def _troubled(row: dict[str, Any]) -> bool:
+    """Return True for a flight to look at: lost, a fault missed, a healthy channel failed, a requirement violated."""
+    return not row["survived"] or any(
+        row.get(name) for name in ("missed", "false_alarms", "wrong_isolations", "violated")
+    )
+
+
+def keeps(orders: Orders, number: int, in_trouble: bool) -> bool:
+    """Return True if the log of a run is kept; a sample is spread evenly over the campaign."""
+    if orders.logs.startswith("sample:"):
+        return number % math.ceil(orders.runs / int(orders.logs.partition(":")[2])) == 0
+    return orders.logs == "all" or (orders.logs == "failures" and in_trouble)
+
+
+def log_path(folder: Path, number: int) -> Path:
+    """Return the log of a run: the same name whoever flies it, so that a second try replaces the first."""
+    return folder / f"run_{number:06d}.mcap"
+
+
+@cache
+def warm() -> None:
+    """Compile the kernels, or load them, before the first clock runs."""
+    short = load(None, ["duration_s=0.01", "faults=[]"])
+    flight = fly(short)
+    score(short, flight.rows, clean=flight.clean, lanes=flight.lanes)
+    gc.collect()
+    gc.freeze()  # what stays is not searched for rubbish again and again: tens of milliseconds each time
+
+
+@contextmanager
+def _limit(timeout_s: float) -> Iterator[None]:
+    """Let the system end this process when the block takes longer, even inside compiled code.
+
+    Who supervises it sees a worker die and flies the suspects alone.  Without such a timer (Windows) a thread of the
+    interpreter's own ends the process with exit code 1, and the run counts as crashed.
+    """
+    if not hasattr(signal, "setitimer"):
+        with open(os.devnull, "w") as nowhere:  # noqa: PTH123 # a device, not a path
+            faulthandler.dump_traceback_later(timeout_s, exit=True, file=nowhere)
+            try:
+                yield
+            finally:
+                faulthandler.cancel_dump_traceback_later()
+        return
+    signal.setitimer(signal.ITIMER_REAL, timeout_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+@contextmanager
+def flown_with(unit: Unit | None) -> Iterator[UnitUnderTest | None]:
+    """Give the unit under test to one flight: started with the first, kept from one to the next.
+
+    One that died, or that is not to be used again, is ended with the flight.
+    """
+    if unit is None:
+        yield None
+        return
+    key = unit.model_dump_json()
+    if not any(end.still_active() for end in _ends):  # one of the parent's is not
+        _ends[:] = [Finalize(None, _end_units, exitpriority=1)]  # a worker runs no atexit
+    if key not in _running:
+        _running[key] = UnitUnderTest(unit, crowded=True)
+    tested, fit = _running[key], False
+    try:
+        yield tested
+        fit = unit.reuse and not tested.dead
+    finally:
+        if not fit:
+            del _running[key]
+            tested.close()
+
+
+def _end_units() -> None:
+    """End the units of this process, with their folders."""
+    while _running:
+        _running.popitem()[1].close()
+
+
+def fly_alone(runs: Sequence[Run], orders: Orders) -> Rows:
+    """Fly runs in a child process, whatever becomes of it: their rows by table."""
+    check_rig(orders)
+    waiting, flown = list(runs), []
+    while waiting:
+        parts, _ = _child(waiting, orders)
+        flown += parts
+        waiting = waiting[len(parts) :]
+        if waiting:
+            suspect = waiting.pop(0)
+            again, code = _child([suspect], orders)
+            flown += again or [not_flown(suspect, *_died(code, orders))]
+    return _joined(flown)
+
+
+def _died(code: int, orders: Orders) -> tuple[str, str]:
+    """Return outcome and reason of a run that ended its process."""
+    if code < 0 and code == -getattr(signal, "SIGALRM", 0):
+        return "timed out", f"longer than {orders.timeout_s:g} s"
+    if code < 0:
+        return "crashed", f"killed by signal {signal_name(-code)}"
+    return "crashed", f"the process ended with exit code {code}"
+
+
+def _child(runs: Sequence[Run], orders: Orders) -> tuple[list[Rows], int]:
+    """Return the rows of what a fresh process flew of ``runs`` before it ended, and its exit code."""
+    ended = subprocess.run(
+        [sys.executable, "-P", "-c", _CHILD],  # -P: no module of the present folder
+        input=pickle.dumps((list(runs), orders)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+        check=False,
+    )
+    messages = list(_messages(io.BytesIO(ended.stdout)))
+    if not messages:
+        raise RigError(f"a process for single flights could not be started: exit code {ended.returncode}")
+    if isinstance(messages[-1], BaseException):
+        raise messages[-1]
+    return messages[1:], ended.returncode
+
+
+def _messages(file: IO[bytes]) -> Iterator[Any]:
+    while True:
+        try:
+            yield pickle.load(file)  # our own child
+        except (EOFError, pickle.UnpicklingError):
+            return
+
+
+def fly_for_parent() -> None:
+    """Fly as the child of ``fly_alone``: runs and orders from standard input, rows to standard output."""
+    leave_interrupts_to_parent()
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # whatever a flight prints is no row
+    runs, orders = pickle.load(sys.stdin.buffer)  # our own parent
+    _send(out, READY)
+    try:
+        check_rig(orders)
+        for run in runs:
+            _send(out, fly_run(run, orders))
+    except Exception as error:  # noqa: BLE001 # handed to the parent, which raises it
+        _send(out, error)
+
+
+def _send(out: IO[bytes], message: Any) -> None:
+    pickle.dump(message, out)
+    out.flush()

@@ -1,0 +1,111 @@
+"""The three figures of the study, as the paper draws them and as they truly are: one page, one picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import plotly.graph_objects as go
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from plotly.subplots import make_subplots
+
+from rig.core.files import replaced, reported
+from rig.core.outputs import require_apart
+from rig.studies.papers.ding2015 import FAULT_S, Matrix, Study
+
+_GREY, _BLUE, _RED, _ORANGE, _BLACK = "#9aa5b1", "#1f6fb4", "#c0392b", "#e08e0b", "#333333"
+_TITLES: Final = ("Attitude: pitch angle", "Control: elevator", "Tracking: the output that the loop brings to 1")
+_UNITS: Final = ("of a unit step", "rad, from that of the reference", "of a unit step")
+_LEGENDS: Final = ((1.0, 0.87), (1.0, 1.0), (1.0, 0.38))  # upper right corner, share of the panel
+
+
+@dataclass(frozen=True)
+class _Line:
+    name: str
+    x: Matrix
+    y: Matrix
+    colour: str
+    width: float = 2.0
+    dash: bool = False
+    legend: bool = True
+
+
+def _panels(study: Study) -> list[list[_Line]]:
+    """Return the lines of the three figures, from below to above."""
+    paper, honest, truth = study.error_system, study.honest, study.with_truth
+    t, one = paper.time_s, np.ones_like(paper.time_s)
+    off = "the paper's error system, A, B, C off by 10 %"
+    attitude = [_Line(off, t, run.pitch, _GREY, 0.7, legend=i == 0) for i, run in enumerate(study.perturbed)]
+    control = [_Line(off, t, run.elevator, _GREY, 0.7, legend=False) for run in study.perturbed]
+    return [
+        [
+            *attitude,
+            _Line("the paper's error system", t, paper.pitch, _BLUE),
+            _Line("honest: true", t, honest.pitch, _RED),
+            _Line("honest: measured", t, honest.followed, _ORANGE, dash=True),
+            _Line("honest: true, the law fed with the true state", t, truth.pitch, _BLACK, 1.2),
+        ],
+        [
+            *control,
+            _Line("the paper's error system", t, paper.elevator, _BLUE),
+            _Line("honest", t, honest.elevator, _RED),
+        ],
+        [
+            _Line("wanted, y_r", t, one, _BLACK, 1.0, dash=True),
+            _Line("the paper's error system: estimated", t, paper.followed, _BLUE),
+            _Line("honest: measured", t, honest.followed, _ORANGE),
+        ],
+    ]
+
+
+def write(study: Study, folder: Path) -> list[Path]:
+    """Write ding2015.html (needs no network) and ding2015.png in ``folder``, which exists; RigError when that fails."""
+    page, picture = folder / "ding2015.html", folder / "ding2015.png"
+    require_apart({page.name: page, picture.name: picture})
+    refused = reported(folder, what="the figures cannot be written")
+    with replaced(page) as of_page, replaced(picture) as of_picture, refused:
+        _page(study).write_html(of_page, include_plotlyjs=True, div_id="ding2015")
+        _picture(study).savefig(of_picture, dpi=110, format="png")
+    return [page, picture]
+
+
+def _page(study: Study) -> go.Figure:
+    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, subplot_titles=_TITLES, vertical_spacing=0.07)
+    for row, (lines, unit) in enumerate(zip(_panels(study), _UNITS, strict=True), 1):
+        for line in lines:
+            style = {"color": line.colour, "width": line.width, "dash": "dash" if line.dash else "solid"}
+            group = f"legend{row}" if row > 1 else "legend"
+            trace = go.Scatter(x=line.x, y=line.y, name=line.name, line=style, showlegend=line.legend, legend=group)
+            figure.add_trace(trace, row=row, col=1)
+        figure.add_vline(x=FAULT_S, line={"color": _GREY, "dash": "dot"}, row=row, col=1)  # pyright: ignore[reportArgumentType]  # a row number
+        figure.update_yaxes(title_text=unit, row=row, col=1)
+    figure.update_xaxes(title_text="time, s", row=3, col=1)
+    legends = ("legend", "legend2", "legend3")
+    places: dict[str, Any] = {legend: {"y": 1.0 - 0.355 * row} for row, legend in enumerate(legends)}
+    figure.update_layout(
+        **places,
+        title="Ding, Xiao and Jiang 2015: as printed, and with the fault's own input (F = 0.5 from 5 s)",
+        template="plotly_white",
+        height=1000,
+    )
+    return figure
+
+
+def _picture(study: Study) -> Figure:
+    figure = Figure(figsize=(10.0, 11.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(3, 1, sharex=True)
+    for axis, lines, unit, title, corner in zip(axes, _panels(study), _UNITS, _TITLES, _LEGENDS, strict=True):
+        for line in lines:
+            label, style = line.name if line.legend else None, "--" if line.dash else "-"
+            axis.plot(line.x, line.y, style, color=line.colour, linewidth=0.8 * line.width, label=label)
+        axis.axvline(FAULT_S, color=_GREY, linestyle=":")
+        axis.set(title=title, ylabel=unit)
+        axis.grid(alpha=0.25)
+        axis.legend(loc="upper right", bbox_to_anchor=corner, fontsize="small")
+    axes[-1].set(xlabel="time, s", xlim=(0.0, study.honest.time_s[-1]))
+    figure.suptitle("Ding, Xiao and Jiang 2015: as printed, and with the fault's own input (F = 0.5 from 5 s)")
+    return figure

@@ -1,0 +1,156 @@
+"""Cells from a folder: of a flown campaign `reliability`, counted here, or of open-loop trials.
+
+A folder of trials holds what they were drawn from, and what they came to:
+
+trials.json               campaign, seed, number, manager, versions; written last: without it there is nothing
+cells.parquet             tally.COUNTS
+false_isolations.parquet  tally.FALSE_ISOLATIONS
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from rig.core import sealed
+from rig.core.errors import BadInput
+from rig.core.files import is_file
+from rig.core.frame import CHANNELS
+from rig.core.notes import note
+from rig.core.outputs import TRIALS
+from rig.studies.campaign.folder import open_folder
+from rig.studies.reliability.tally import (
+    CELL,
+    COUNTS,
+    DESIGNS,
+    FALSE_ISOLATIONS,
+    OUTCOMES,
+    SECOND,
+    TESTED,
+    Cells,
+    counted,
+    of_kinds,
+)
+
+FORMAT: Final = 2
+_SUMS: Final = ("trials", *OUTCOMES, "announced", "level", "channel_hours", "events")
+_UNSEALED: Final = 1  # of an earlier version: its files have no checksum
+_REMEDY: Final = "the trials are run again into another folder"
+TABLES: Final = {"cells": COUNTS, "false_isolations": FALSE_ISOLATIONS}
+
+
+def cells(folder: Path) -> Cells:
+    """Count a flown campaign `reliability`, or read a folder of trials; BadInput says in one line why it is neither."""
+    return read_trials(folder) if is_file(folder / TRIALS) else of_tables(open_folder(folder).tables, str(folder))
+
+
+def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
+    """Count a campaign's tables; ``source`` names them in a refusal."""
+    runs = tables["runs"].filter(pl.col("outcome") == "flown")
+    planned = of_kinds(tables["faults"], runs)
+    faults = planned.filter((pl.col("outcome") != "not executed") & pl.col("good_before").is_not_null())
+    lacking = [column for column in ("design", "condition") if column not in runs.columns]
+    if lacking or runs.is_empty() or faults.filter(pl.col("id") == TESTED).is_empty():
+        what = f"its runs have no {lacking[0]!r}" if lacking else "no run of it has a fault that is called 'tested'"
+        raise BadInput(f"{source}: no flown campaign `reliability`: {what}")
+    managers = runs["manager"].unique().sort().to_list()
+    if len(managers) > 1:
+        raise BadInput(f"{source}: runs of several managers ({', '.join(managers)}); a folder must have one")
+    counts = _with_planned(counted(_trials(runs, faults, source)), runs, planned)
+    return Cells(managers[0], counts, _false_isolations(tables["signals"]))
+
+
+def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFrame:
+    """Return a row for each run whose tested fault began on a channel in use."""
+    runs = runs.select("run", "condition", "survived", design=pl.col("design").str.split(" ").list.first())
+    unknown = sorted(set(runs["design"].unique().to_list()) - set(DESIGNS))
+    if unknown:
+        raise BadInput(f"{source}: design {unknown[0]!r}: must begin with {', '.join(DESIGNS)}")
+    first = [pl.col(name).first() for name in ("signal", "kind", "good_before", "vote_kept")]
+    tested, second = (
+        faults.filter(pl.col("id") == name)
+        .sort("run", "channel")
+        .group_by("run", maintain_order=True)
+        .agg(*first, lost=_declared_lost().first(), settle=_settled())
+        for name in (TESTED, SECOND)
+    )
+    second = second.select("run", kept2="vote_kept", lost2="lost", settle2="settle")
+    both = runs.join(tested, on="run", how="inner").join(second, on="run", how="left")
+    return both.select(
+        *CELL,
+        lost=pl.coalesce("lost2", "lost"),
+        off=~pl.coalesce("kept2", "vote_kept"),
+        survived="survived",
+        settle=pl.when(pl.col("kept2").is_null())
+        .then("settle")
+        .when(pl.col("settle").is_not_null() & pl.col("settle2").is_not_null())
+        .then(pl.max_horizontal("settle", "settle2")),
+    ).filter(pl.col("good_before").is_between(1, CHANNELS))
+
+
+def _declared_lost() -> pl.Expr:
+    """Return whether the signal was declared lost with its vote kept until then: what came first counts."""
+    return (pl.col("lost_s") > 0) & ~pl.col("wrong_vote_first").fill_null(value=False)
+
+
+def _settled() -> pl.Expr:
+    """Return the time from the onset to the failure of the last of a fault's channels; null when one was not failed."""
+    delay = pl.col("delay_from_onset_s")
+    return pl.when(delay.is_null().any()).then(None).otherwise(delay.max())
+
+
+def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame) -> pl.DataFrame:
+    """Add rows of no trial for what was planned and never came to be: earlier faults had ended it."""
+    tested = faults.filter(pl.col("id") == TESTED).select("run", "signal", "kind").unique()
+    design = pl.col("design").str
+    good = design.extract(r"^\w+ (\d)").cast(pl.Int64)
+    planned = runs.select("run", "condition", design=design.split(" ").list.first(), good_before=good)
+    planned = planned.join(tested, on="run").select(*CELL).drop_nulls().unique()
+    absent = planned.join(counts, on=CELL, how="anti")
+    zeros = [pl.lit(0, pl.Int64).alias(name) for name in ("trials", "kept", "known_loss", "bad_vote", "announced")]
+    return pl.concat([counts, absent.with_columns(zeros)], how="diagonal").select(*COUNTS).sort(CELL)
+
+
+def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
+    """Build FALSE_ISOLATIONS of a campaign's table ``signals``; sums in the order of the runs."""
+    levels = range(CHANNELS, 0, -1)
+    hours, events = ([f"{name}_level_{n}" for n in levels] for name in ("channel_hours", "false_isolations"))
+    parts = [
+        signals.sort("run")
+        .group_by("signal")
+        .agg(channel_hours=pl.col(hour).sort().sum(), events=pl.col(event).sum())
+        .with_columns(level=pl.lit(level, pl.Int64))
+        for level, hour, event in zip(levels, hours, events, strict=True)
+    ]
+    return pl.concat(parts).select(*FALSE_ISOLATIONS).sort("signal", "level", descending=[False, True])
+
+
+def read_trials(folder: Path) -> Cells:
+    """Read the cells of a folder of trials.  BadInput names the file that is damaged or missing."""
+    path = folder / TRIALS
+    about = sealed.read_json(path, _REMEDY, formats=(FORMAT, _UNSEALED))
+    if not isinstance(about.get("manager"), str):
+        raise BadInput(f"{path}: is damaged: it names no manager; {_REMEDY}")
+    if about["format"] == _UNSEALED:
+        note(f"{folder}: was written by an earlier version of the rig: its tables have no checksum")
+    return Cells(about["manager"], *(_table(folder, about, name, columns) for name, columns in TABLES.items()))
+
+
+def place(about: dict[str, Any], name: str) -> str:
+    """Return the mark of a table of the trials that ``about`` describes."""
+    return f"{sealed.identity(json.dumps(about, sort_keys=True).encode())} {name}"
+
+
+def _table(folder: Path, about: dict[str, Any], name: str, columns: dict[str, Any]) -> pl.DataFrame:
+    path = folder / f"{name}.parquet"
+    if not is_file(path):
+        raise BadInput(f"{path}: is missing; {_REMEDY}")
+    table = sealed.read_table(path, place(about, name), _REMEDY, under_seal=about["format"] != _UNSEALED)
+    if dict(table.schema) != {name: kind() if isinstance(kind, type) else kind for name, kind in columns.items()}:
+        raise BadInput(f"{path}: its columns are not those of trials; {_REMEDY}")
+    if absent := [column for column in (*CELL, *_SUMS) if column in columns and table[column].null_count()]:
+        raise BadInput(f"{path}: a value of {absent[0]} is missing; {_REMEDY}")
+    return table

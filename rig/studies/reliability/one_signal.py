@@ -1,0 +1,98 @@
+"""One signal of a flight on its own, for the kernels of the flight: rows with that signal alone, its fault's targets.
+
+Kernels take the fields of a row by name and loop over as many signals as their parameters have, so a row in which
+the tested signal is the only one runs through the same code.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, rows
+from rig.flight import loop
+from rig.scenario.scenario import Scenario
+from rig.world import sensors
+from rig.world.faults import Faults
+from rig.world.sensors.kernel import MEMORY
+
+ROW: Final = rows(1).frame
+
+
+class OneSignal(NamedTuple):
+    """What is the same in every trial of a scenario: records of the tested signal, blank ones to begin with."""
+
+    signal: int
+    params: NDArray[np.void]  # (1,) sensors.params.PARAMS, channel errors still to be drawn
+    memory: NDArray[np.void]  # (1,) sensors.kernel.MEMORY
+    line: NDArray[np.float64]  # (1, 4, frames) the latency's ring
+    manager: Manager  # of the signal alone
+    threshold: float
+    latches: bool  # whether the manager keeps what it failed out for good
+
+
+def setting_key(data: Mapping[str, Any]) -> str:
+    """Return what tells a scenario's table from others, whatever its faults, its title and its seed."""
+    given = {key: value for key, value in data.items() if key not in ("faults", "title", "seed")}
+    return json.dumps(given, sort_keys=True, default=str)
+
+
+def one_signal(scenario: Scenario, name: str, key: str | None = None) -> OneSignal:
+    """Return the tested signal of a scenario.  BadInput: a manager or sensor that open-loop trials do not know.
+
+    key : tells its settings from others, see ``setting_key``; those that are made already are not made again
+    """
+    params, p = _parameters(scenario, name) if key is None else _kept(_Settings(key, scenario), name)
+    chosen = scenario.redundancy.manager
+    return OneSignal(
+        signal=INDEX[name],
+        params=params.copy(),
+        memory=np.zeros(1, MEMORY),
+        line=np.zeros((1, 4, int(params["delay"].max()) + 2)),
+        manager=Manager(chosen, p.copy()),
+        threshold=float(p["threshold"][0]),
+        latches=manager_kind(chosen).latches,
+    )
+
+
+@dataclass(frozen=True)
+class _Settings:
+    key: str
+    scenario: Scenario = field(compare=False)
+
+
+@lru_cache(maxsize=64)  # combinations of a plan have few settings, and all signals are made to find one
+def _kept(settings: _Settings, name: str) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    return _parameters(settings.scenario, name)
+
+
+def _parameters(scenario: Scenario, name: str) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Return PARAMS of the sensors and of the manager of one signal, (1,) each."""
+    s, chosen = INDEX[name], scenario.redundancy.manager
+    if chosen not in MANAGERS:
+        raise BadInput(f"redundancy.manager: {chosen!r}: open-loop trials run {', '.join(MANAGERS)}")
+    params = sensors.Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"]).params[s : s + 1].copy()
+    for key, what in (("shares", "cross-axis errors"), ("drifts", "drift"), ("alarms", "false alarms of monitors")):
+        if params[0][key] != 0:
+            raise BadInput(f"sensors.{name}: open-loop trials know no {what}")
+    return params, loop.redundancy(scenario).manager.params[s : s + 1].copy()
+
+
+def faults_of(scenario: Scenario, name: str) -> Faults:
+    """Return a scenario's faults on one signal alone, at the first frame.  BadInput: one sits elsewhere, or waits."""
+    made = loop.faults(scenario)
+    for fault in scenario.faults:
+        if fault.signal != name or {point.place for point in fault.points} != {name}:
+            raise BadInput(f"faults: {fault.label}: open-loop trials have all faults on channels of one signal")
+        if fault.when is not None or fault.on is not None or fault.rate_per_hour is not None:
+            raise BadInput(f"faults: {fault.label}: in open-loop trials a fault begins at a time, or after another")
+    made.targets["row"] = made.targets["source"] = 0
+    return made

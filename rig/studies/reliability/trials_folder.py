@@ -1,0 +1,113 @@
+"""Run open-loop trials on several processes and write their folder, which campaign_cells.py describes and reads."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from rig.core import sealed
+from rig.core.errors import BadInput
+from rig.core.files import LOCK, is_file, is_unused, new_folder, reported, sweep
+from rig.core.outputs import TRIALS
+from rig.studies.campaign.campaign_file import from_what
+from rig.studies.campaign.folder import locked, write_whole
+from rig.studies.campaign.plan import Plan, rig_identity
+from rig.studies.campaign.pool import each
+from rig.studies.reliability.campaign_cells import FORMAT, TABLES, place
+from rig.studies.reliability.cell_trials import Batch, Tally, TrialRunner, added_up, shared_out
+from rig.studies.reliability.tally import Cells
+
+Report = Callable[[int, int], None]  # trials done, of how many
+
+
+def fly_trials(
+    plan: Plan, out: Path, runs: int, seed: int, workers: int, good: list[int], report: Report | None = None
+) -> dict[str, Any]:
+    """Run trials and write their folder, whole or not at all; return the content of ``trials.json``.
+
+    BadInput before the first trial; RigError: the disk.
+    """
+    _require_new(out)
+    units = shared_out(plan, runs, seed, good)
+    manager = plan[units[0].number].scenario().redundancy.manager
+    count, done, tallies = sum(unit.trials for unit in units), 0, []
+    with _held(out):
+        for unit, tally in zip(units, _tallies(plan, units, workers), strict=True):
+            tallies.append(tally)
+            done += unit.trials
+            if report is not None:
+                report(done, count)
+        about = {"format": FORMAT, **_identity(plan, seed), "manager": manager, "trials": count, "good_before": good}
+        _write(out, added_up(tallies, manager), about)
+    return about
+
+
+def _tallies(plan: Plan, units: Sequence[Batch], workers: int) -> Iterator[Tally]:
+    """Return the units' tallies in their order, by ``workers`` processes or, for one, by this; Ctrl-C ends it."""
+    if workers == 1:
+        return map(TrialRunner(plan), units)
+    return each(_fly, units, workers, 4, initializer=_begin, initargs=(plan.campaign.what(), plan.source))
+
+
+def _begin(what: dict[str, Any], source: str) -> None:
+    """Begin a worker."""
+    global _flight
+    _flight = TrialRunner(Plan(from_what(what, source), source))
+
+
+_flight: Callable[[Batch], Tally] | None = None  # of a worker
+
+
+def _fly(unit: Batch) -> Tally:
+    assert _flight is not None
+    return _flight(unit)
+
+
+def _identity(plan: Plan, seed: int) -> dict[str, Any]:
+    what = json.dumps(plan.identity(), sort_keys=True).encode()
+    sha256 = hashlib.sha256(what).hexdigest()
+    return {"campaign": plan.campaign.title, "campaign_sha256": sha256, "seed": seed, "rig": rig_identity()}
+
+
+def _require_new(out: Path) -> None:
+    """Raise BadInput unless nothing is at ``out``, or what a killed command left: no ``trials.json``."""
+    if not is_unused(out, _is_left):
+        raise BadInput(f"--out {out}: folder exists and is not empty")
+
+
+def _is_left(path: Path) -> bool:
+    """Return True for a table of trials, whole."""
+    return path.stem in TABLES and path.suffix == ".parquet" and is_file(path) and not sealed.fault(path.read_bytes())
+
+
+@contextmanager
+def _held(out: Path) -> Iterator[None]:
+    """Make the folder and hold it alone; after an error it is as it was."""
+    with ExitStack() as stack:
+        with reported(f"--out {out}", BadInput):
+            stack.enter_context(new_folder(out))
+        stack.enter_context(locked(out, "rig reliability trials is running"))
+        _require_new(out)  # another command may have been faster
+        sweep(out)
+        try:
+            yield
+        except BaseException:
+            for name in (*map(_file, TABLES), LOCK):
+                with suppress(OSError):  # of a system that does not remove what is open
+                    (out / name).unlink(missing_ok=True)
+            raise
+
+
+def _file(name: str) -> str:
+    return f"{name}.parquet"
+
+
+def _write(out: Path, cells: Cells, about: dict[str, Any]) -> None:
+    """Write tables first, ``trials.json`` last."""
+    for name, table in zip(TABLES, (cells.counts, cells.false_isolations), strict=True):
+        write_whole(out / _file(name), sealed.table(table, place(about, name)))
+    write_whole(out / TRIALS, sealed.to_json(about))

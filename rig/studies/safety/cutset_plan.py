@@ -1,0 +1,215 @@
+"""Campaigns that fly sequences of faults: one a condition, in a folder each, begun or gone on with.
+
+DIR/cutsets.json              what was asked; beside it a campaign's folder a condition
+DIR/<condition>-<gap>/        that campaign (campaign/folder.py)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from rig.core import sealed
+from rig.core.errors import BadInput, RigError
+from rig.core.files import is_file, is_unused, sweep
+from rig.core.frame import INDEX
+from rig.core.notes import note
+from rig.core.outputs import CUTSETS
+from rig.core.text import choices, quoted
+from rig.core.trust import Trust
+from rig.scenario.scenario import Scenario
+from rig.studies.campaign.campaign_file import Campaign, from_what
+from rig.studies.campaign.folder import locked, write_whole
+from rig.studies.campaign.plan import Plan, rig_identity
+from rig.studies.campaign.run_campaign import Result, run
+from rig.studies.campaign.tables import Rows
+from rig.studies.campaign.worker import Orders, fly_alone
+from rig.studies.safety.sequences import CONDITIONS, Condition, Modes, flights, sequences
+from rig.verdict.monitored_places import allowed_frames, settings_of
+
+FORMAT: Final = 2
+_UNSEALED: Final = 1  # of an earlier version: its files have no checksum
+BATCH: Final = 40
+LATERAL: Final = ("roll_rate", "yaw_rate", "lateral_load_factor", "angle_of_sideslip", "stick_roll", "pedal",
+                  "roll_angle", "heading")  # fmt: skip
+AMPLITUDE: Final = 0.3  # of the stick, of the 3-2-1-1
+_TYPES: Final = {
+    **dict.fromkeys(("aircraft", "signal"), str),
+    **dict.fromkeys(("order", "flights", "seed"), int),
+    "conditions": list,
+    "set": dict,
+}
+NO_CODE: Final = Trust("cutsets")
+Report = Callable[[int, int], None]  # flights done, of how many
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is enumerated."""
+
+    aircraft: str
+    signal: str
+    order: int
+    flights: int  # of each sequence and condition
+    conditions: tuple[str, ...]  # slugs
+    seed: int
+    set: Mapping[str, Any]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data, as in cutsets.json."""
+        return {"format": FORMAT, **asdict(self), "conditions": list(self.conditions), "set": dict(self.set)}
+
+
+def require(asked: Asked, source: str = "--signal") -> None:
+    """Raise BadInput for a signal or condition that there is not."""
+    if asked.signal not in INDEX:
+        raise BadInput(
+            f"{source}: unknown signal {quoted(asked.signal)}, {choices(asked.signal, INDEX, 'rig signals')}"
+        )
+    for name in asked.conditions:
+        if name not in CONDITIONS:
+            raise BadInput(f"--conditions: unknown {quoted(name)}, {choices(name, CONDITIONS)}")
+
+
+def plan(asked: Asked, condition: str, trust: Trust, wanted: Sequence[Modes] | None = None) -> Plan:
+    """Return the campaign of a condition; ``wanted``: sequences instead of all up to the order."""
+    when, source = CONDITIONS[condition], trust.source
+    base, bare = _base(asked, when), _healthy(asked, when, trust)
+    channels = range(1, getattr(bare[0].scenario().sensors, asked.signal).channels + 1)
+    cases = [
+        {
+            "name": ", ".join(each),
+            "vary": {"faults": flights(asked.signal, each, channels, when, asked.flights, asked.seed)},
+        }
+        for each in (sequences(asked.order) if wanted is None else wanted)
+        if sum("reference" not in mode for mode in each) <= len(channels)
+    ]
+    return Plan(_campaign(asked, base, cases, when, source), source, trust)
+
+
+def _healthy(asked: Asked, when: Condition, trust: Trust) -> Plan:
+    """Return the one flight of a condition without faults."""
+    campaign = _campaign(asked, _base(asked, when), [{"name": "healthy"}], when, trust.source)
+    return Plan(campaign, trust.source, trust)
+
+
+def refuse_lost(asked: Asked, out: Path, trust: Trust) -> None:
+    """Raise BadInput where a flight without faults loses the signal or the aircraft: every sequence would be a cut set.
+
+    A folder that is begun has passed.  RigError: such a flight cannot be flown.
+    """
+    if is_file(out / CUTSETS):
+        return
+    for name in asked.conditions:
+        healthy = _healthy(asked, CONDITIONS[name], trust)
+        orders = Orders("none", 1, "", healthy.campaign.run.timeout_s, twin=False, rig=rig_identity())
+        rows = fly_alone([healthy[0]], orders)
+        run = rows["runs"][0]
+        if run["outcome"] != "flown":
+            raise RigError(f"{name} without faults: {run['outcome']}: {run['reason']}")
+        if what := _lost_in(rows, asked.signal, healthy[0].scenario()):
+            raise BadInput(f"--conditions {name}: without any fault {what}: no sequence can be a cut set of it")
+
+
+def _lost_in(rows: Rows, signal: str, scenario: Scenario) -> str:
+    """Return what a flight without faults loses, "" if nothing; as of a fault, a vote is lost that is off for long."""
+    if not rows["runs"][0]["survived"]:
+        return "the aircraft is lost"
+    (row,) = (row for row in rows["signals"] if row["signal"] == signal)
+    if row["lost_s"] > 0.0:
+        return f"{signal} is lost for {row['lost_s']:g} s"
+    off_s, allowed = row["vote_above_threshold_s"], allowed_frames(settings_of(scenario)[0][INDEX[signal]])
+    return f"the vote of {signal} is off for {off_s:g} s" if off_s * scenario.rate_hz > allowed else ""
+
+
+def _base(asked: Asked, when: Condition) -> dict[str, Any]:
+    pilot: dict[str, Any] = {"autopilot_engaged": False}
+    if when.manoeuvre_s is not None:
+        axis = "stick_roll" if asked.signal in LATERAL else "stick_pitch"
+        begin, lasts = when.manoeuvre_s
+        whole = {"kind": "3-2-1-1", "axis": axis, "start_s": begin, "duration_s": lasts, "amplitude": AMPLITUDE}
+        pilot["manoeuvres"] = [whole]
+    return {"aircraft": asked.aircraft, "duration_s": when.duration_s, "turbulence": "light", "pilot": pilot}
+
+
+def _campaign(
+    asked: Asked, base: dict[str, Any], cases: list[dict[str, Any]], when: Condition, source: str
+) -> Campaign:
+    title = f"Sequences of faults of {asked.signal}, {asked.aircraft}, {when.name}, {when.gap}"
+    what = {"title": title, "base": {"title": title, **base}, "set": dict(asked.set), "sampling": "grid"}
+    return from_what({**what, "seed": asked.seed, "cases": {"sequence": cases}, "run": {"batch": BATCH}}, source)
+
+
+def fly(asked: Asked, out: Path, workers: int, report: Report | None = None, trust: Trust = NO_CODE) -> list[Result]:
+    """Fly what is missing of every condition; a call that is interrupted ends the list.
+
+    trust : which manager classes may be run
+    BadInput, before anything is written: ``out`` holds something else, or was asked otherwise.
+    """
+    plans = {condition: plan(asked, condition, trust) for condition in asked.conditions}
+    refuse_lost(asked, out, trust)
+    with begun(out, asked.as_dict()):
+        return fly_all(plans, out, workers, report)
+
+
+def fly_all(plans: Mapping[str, Plan], out: Path, workers: int, report: Report | None) -> list[Result]:
+    """Fly several campaigns in folders below ``out``, one after the other."""
+    count, before, results = sum(map(len, plans.values())), 0, []
+    for name, each in plans.items():
+        past = before
+        told = None if report is None else (lambda progress, past=past: report(past + progress.done, count))
+        results.append(run(each, out / name, workers=workers, report=told))
+        before += len(each)
+        if results[-1].interrupted:
+            break
+    return results
+
+
+@contextmanager
+def begun(out: Path, about: dict[str, Any]) -> Iterator[None]:
+    """Make the folder, or find that it was asked the same before, and hold it alone.  BadInput names what differs."""
+    path = out / CUTSETS
+    _require_same(out, about)
+    with locked(out, "rig reliability command is flying"):
+        _require_same(out, about)  # another command may have been faster
+        sweep(out)
+        if not is_file(path):
+            write_whole(path, sealed.to_json(about))
+        yield
+
+
+def _require_same(out: Path, about: dict[str, Any]) -> None:
+    """Raise BadInput unless nothing is in the folder, or what was asked the same."""
+    path = out / CUTSETS
+    if is_file(path):
+        was = read_json(path)
+        for key, value in about.items():
+            if was.get(key) != value:
+                raise BadInput(f"--out {out}: holds other flights: {key} was {was.get(key)}, is {value}")
+    elif not is_unused(out):
+        raise BadInput(f"--out {out}: not a folder of cut sets, and not empty")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON file of a folder of cut sets.  BadInput: it is damaged, or of another version."""
+    remedy = "the command that wrote it writes it again once it is removed"
+    return sealed.read_json(path, remedy, formats=(FORMAT, _UNSEALED))
+
+
+def read_asked(out: Path) -> Asked:
+    """Return what a folder of cut sets was asked.  BadInput: it is none, or its file is damaged."""
+    path = out / CUTSETS
+    if not is_file(path):
+        raise BadInput(f"{out}: no folder of cut sets: {CUTSETS} is missing; rig reliability cutsets --out makes one")
+    about = read_json(path)
+    for key, kind in _TYPES.items():
+        if not isinstance(about.get(key), kind) or isinstance(about.get(key), bool):
+            raise BadInput(f"{path}: is damaged: {key} is missing, or not a {kind.__name__}")
+    asked = Asked(**{**{key: about[key] for key in _TYPES}, "conditions": tuple(map(str, about["conditions"]))})
+    require(asked, str(path))
+    if about["format"] == _UNSEALED:
+        note(f"{out}: was written by an earlier version of the rig: its files have no checksum")
+    return asked

@@ -1,0 +1,85 @@
+"""The worst case among the least margins: five of them, apart from each other, flown on new seeds.
+
+The flight of the least margin is often luck: it violates on 4 to 20 of 20 seeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any, Final
+
+import numpy as np
+
+from rig.studies.campaign.sampling import seed_of
+from rig.studies.search.objective import Measured
+from rig.studies.search.rounds import Draw
+
+CANDIDATES: Final = 5
+APART: Final = 0.1  # of the unit cube
+SEEDS: Final = 20
+Table = dict[str, Any]
+Fly = Callable[[Sequence[Table]], list[Measured]]  # of scenario tables with their seeds
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmed:
+    """A scenario on new seeds."""
+
+    table: Table  # without its seed
+    seeds: tuple[int, ...]
+    results: tuple[Measured, ...]
+
+    @property
+    def violations(self) -> int:
+        """Return on how many seeds it violates."""
+        return sum(result.violated for result in self.results)
+
+    @property
+    def violating(self) -> dict[str, int]:
+        """Return the requirements that it violates: by id, on how many seeds."""
+        ids = [each for result in self.results for each in result.violating]
+        return {each: ids.count(each) for each in dict.fromkeys(ids)}
+
+    @property
+    def median_margin(self) -> float:
+        """Return the median of its margins."""
+        return float(median(result.margin for result in self.results))
+
+    @property
+    def seed(self) -> int:
+        """Return the seed of its least margin, of a violation where there is one."""
+        ranked = [(not r.violated, r.margin, i) for i, r in enumerate(self.results)]
+        return self.seeds[min(ranked)[2]]
+
+
+def least_apart(draws: Sequence[Draw], values: Sequence[float]) -> list[int]:
+    """Return the places of the least values whose points are APART from each other, or of other arms."""
+    kept: list[int] = []
+    for i in sorted(range(len(values)), key=lambda i: (values[i], i)):
+        near = (k for k in kept if draws[k].arm == draws[i].arm)
+        if all(np.linalg.norm(draws[k].point - draws[i].point) >= APART for k in near):
+            kept.append(i)
+        if len(kept) == CANDIDATES:
+            break
+    return kept
+
+
+def new_seeds(campaign: Any, first: int, count: int) -> tuple[int, ...]:
+    """Return seeds that no flight of the search has: those of the run numbers from ``first`` on."""
+    return tuple(seed_of(campaign, number) for number in range(first, first + count))
+
+
+def confirm(tables: Sequence[Table], seeds: Sequence[int], fly: Fly) -> list[Confirmed]:
+    """Fly each scenario on all ``seeds``."""
+    results = fly([{**table, "seed": seed} for table in tables for seed in seeds])
+    count = len(seeds)
+    return [
+        Confirmed(table, tuple(seeds), tuple(results[i * count : (i + 1) * count])) for i, table in enumerate(tables)
+    ]
+
+
+def worst(confirmed: Sequence[Confirmed]) -> Confirmed:
+    """Return the one of most violations, then of the least median margin."""
+    return min(confirmed, key=lambda each: (-each.violations, each.median_margin))

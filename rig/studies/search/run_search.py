@@ -1,0 +1,175 @@
+"""One search in a folder: ask, fly what is not flown yet, tell; then confirm what is worst and shrink it.
+
+    campaign.json, runs/, ...   the folder of a campaign: all flights of the search
+    confirmed/                  another: flights on new seeds, of the candidates and of what is shrunk
+    worst.toml, search.html     the scenario, the picture; search.json  the figures
+
+The flights depend on campaign, requirements, options and seed alone: the table that is there is told again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Final
+
+from rig.core.files import require_place
+from rig.core.interrupt import interruptible
+from rig.core.outputs import BESIDE_RUNS
+from rig.core.progress import tell
+from rig.scenario.overrides import parse_set, set_key
+from rig.studies.campaign import tables as table
+from rig.studies.campaign.folder import write_whole
+from rig.studies.campaign.run_campaign import pool_of
+from rig.studies.campaign.unflown import not_flown
+from rig.studies.campaign.worker import fly_batch
+from rig.studies.search import open_loop as bench
+from rig.studies.search import picture
+from rig.studies.search import search_result as result
+from rig.studies.search.confirm_worst import SEEDS, Confirmed, Table, confirm, least_apart, new_seeds, worst
+from rig.studies.search.fly_missing import Flown, Interrupted, flown, require_known
+from rig.studies.search.objective import Measured, deciding, measured
+from rig.studies.search.rounds import schedule
+from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
+from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
+from rig.studies.search.shrink import shrink, simplest
+from rig.studies.search.without_faults import refuse_violated
+from rig.verdict.requirements import margin_text
+
+CONFIRMED: Final = "confirmed"
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a call of ``run`` ended."""
+
+    figures: dict[str, Any]  # as ``--json`` prints them; empty when interrupted
+    table_sha256: str
+    flights: int  # in the folder
+    wall_s: float
+    interrupted: bool = False
+    signal: int = 0
+    not_flown: int = 0  # of the flights, and why the first was not
+    first_reason: str | None = None
+
+
+def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: str | None = None) -> Ended:
+    """Search, or go on with it, into the folder ``out``.
+
+    BadInput before anything is written; RigError when the disk is full or workers keep dying.
+    """
+    began, batch = perf_counter(), bench.run_batch if plan.asked.bench else fly_batch
+    pool, kill = pool_of(plan, workers, scheduler), True
+    try:
+        plan.check()
+        if plan.asked.bench:
+            bench.check(plan)
+        _require_begun_or_new(plan, out)
+        with interruptible(again=True) as stop:
+            try:
+                refuse_violated(plan, out, pool, stop)
+            except Interrupted:
+                kill = stop.insisted
+                return Ended({}, "", 0, perf_counter() - began, interrupted=True, signal=stop.signal)
+            with flown(plan, out, pool, stop, batch) as flights:
+                found, figures = None, {}
+                try:
+                    found = _searched(plan, flights)
+                    with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop) as others:  # open loop or not
+                        figures = _finished(plan, found, others, out)
+                except Interrupted:
+                    pass
+                kill = stop.insisted
+                tables = flights.folder.tables
+                end = stop.requested and not figures, stop.signal
+            runs, took_s = tables["runs"], perf_counter() - began
+            return Ended(figures, table.sha256(tables), len(runs), took_s, *end, **not_flown(runs))
+    finally:
+        pool.close(kill)
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What a search measured, and by which of the requirements that are asked for."""
+
+    ids: tuple[str, ...]
+    results: list[Measured]  # of each draw, in their order
+
+
+def _require_begun_or_new(plan: SearchPlan, out: Path) -> None:
+    """Raise BadInput, before the first flight, where the flights on new seeds or a result could not be written."""
+    require_known(ConfirmPlan(plan), out / CONFIRMED)
+    if out.is_dir():
+        for name in BESIDE_RUNS:
+            require_place(out / name)
+
+
+def _searched(plan: SearchPlan, flights: Flown) -> _Found:
+    """Fly the draws; return what each is worth."""
+    results: list[Measured] = []
+    ids: tuple[str, ...] = ()
+    coming = schedule(plan.arms, plan.most_draws, plan.asked.seed, plan.asked.method)
+    asked = next(coming)
+    numbers = list(range(len(plan.choices)))  # the random flights are in the plan already
+    while True:
+        rows = flights.rows(numbers)
+        together = plan.of_one_draw
+        draws = [rows[i : i + together] for i in range(0, len(rows), together)]
+        ids = ids or deciding(draws, plan.asked.requirements)  # the random draws come first
+        new = [measured(draw, ids) for draw in draws]
+        results += new
+        least = margin_text(min(result.margin for result in results)) or "none yet"
+        tell(f"{len(plan.choices)} flights, least margin {least}", len(plan.choices) - 1, len(plan))
+        try:
+            asked = coming.send([each.value for each in new])
+        except StopIteration:
+            return _Found(ids, results)
+        numbers = plan.add(asked)
+
+
+def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> dict[str, Any]:
+    """Confirm, shrink, write scenario and picture; return the figures."""
+    tell("confirming on new seeds")
+    fly, found = _Fly(plan, others, searched.ids), searched.results
+    places = least_apart(plan.draws, [each.value for each in found])
+    first = len(plan)
+    seeds = new_seeds(plan.campaign, first, SEEDS)
+    candidates = confirm([plan.data(i * plan.of_one_draw) for i in places], seeds, fly)
+    chosen = worst(candidates)
+    shrunk: Confirmed = chosen
+    if chosen.violations:
+        tell("shrinking")
+        few = new_seeds(plan.campaign, first + SEEDS, SHRINK_SEEDS)
+        kept = shrink(chosen.table, few, fly)
+        last = new_seeds(plan.campaign, first + SEEDS + SHRINK_SEEDS, SEEDS)
+        shrunk = simplest(kept, last, fly)
+    figures = result.figures(plan, found, places, candidates, chosen, shrunk, out)
+    figures["left_out"] = [each for each in plan.asked.requirements if each not in searched.ids]
+    if shrunk.violations:
+        result.write_scenario(out / result.SCENARIO, plan, shrunk)
+    write_whole(out / result.FIGURES, json.dumps(figures, indent=1, allow_nan=False).encode())
+    picture.write(out / result.PICTURE, plan, found, figures)
+    return figures
+
+
+class _Fly:
+    """Flies scenario tables that are none of the search's own, each in both settings where it is against another."""
+
+    def __init__(self, plan: SearchPlan, flights: Flown, ids: tuple[str, ...]) -> None:
+        self._plan, self._flights, self._confirming, self._ids = plan, flights, flights.plan, ids
+        assert isinstance(self._confirming, ConfirmPlan)
+
+    def __call__(self, tables: Sequence[Table]) -> list[Measured]:
+        """Return what each is worth."""
+        asked, plan = self._plan.asked, self._confirming
+        assert isinstance(plan, ConfirmPlan)
+        pairs = [[each] for each in tables]
+        if asked.against is not None:
+            key, value = parse_set(asked.against)
+            pairs = [[each, set_key(each, key, value, "--against")] for each in tables]
+        rows = self._flights.rows(plan.add([each for pair in pairs for each in pair]))
+        count = self._plan.of_one_draw
+        return [measured(rows[i : i + count], self._ids) for i in range(0, len(rows), count)]

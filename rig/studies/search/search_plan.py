@@ -1,0 +1,154 @@
+"""The flights of a search, and those that confirm and shrink what it finds, as plans of a campaign that grow."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from rig.core.errors import BadInput
+from rig.core.trust import Trust
+from rig.scenario.overrides import parse_set
+from rig.studies.campaign.campaign_file import Campaign
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.searched import types_of
+from rig.studies.search.objective import VOTE
+from rig.studies.search.rounds import Draw, Method, random_count, random_draws
+from rig.studies.search.space import arms
+from rig.verdict.requirements import Requirement
+
+MOST_CONFIRMING: Final = 100_000
+SEARCH: Final = "search"  # of campaign.json
+SCENARIO: Final = "scenario"  # column of a confirming flight: the scenario's own table
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a search is asked for, apart from its campaign."""
+
+    requirements: tuple[str, ...]
+    flights: int
+    method: Method = "cma"
+    against: str | None = None  # KEY=VALUE of a second flight of each draw
+    seed: int = 0
+    bench: bool = False
+
+    @property
+    def of_one_draw(self) -> int:
+        """Return how many flights a draw takes."""
+        return 1 if self.against is None else 2
+
+
+class SearchPlan(Plan):
+    """The runs that are drawn so far: the random ones to begin with."""
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        source: str,
+        asked: Asked,
+        requirements: Sequence[Requirement],
+        trust: Trust | None = None,
+    ) -> None:
+        """BadInput: a space without a number, too few flights, a key of ``against`` that varies.
+
+        requirements : those that are asked for; VOTE is measured too
+        """
+        tables = [each.model_dump(exclude_none=True) for each in (*requirements, VOTE)]
+        own = {"sampling": "random", "runs": asked.flights, "seed": asked.seed, "requirements": tables}
+        drawn = campaign.model_copy(update=own)
+        super().__init__(drawn, source, trust)
+        self.asked, self.of_one_draw, self.arms = asked, asked.of_one_draw, arms(campaign, source)
+        self._against = {} if asked.against is None else dict([parse_against(asked.against)])
+        for key in self._against:
+            if key in dict(campaign.varied()) or key in campaign.cases:
+                raise BadInput(f"--against {key}: varies in the campaign: only what all flights share is set against")
+        self.draws: list[Draw] = []
+        self.choices = []
+        self.add(random_draws(self.arms, random_count(self.arms, self.most_draws, asked.method), asked.seed))
+        self.random = len(self.draws)
+
+    @property
+    def most_draws(self) -> int:
+        """Return how many draws the flights are enough for."""
+        return self.asked.flights // self.of_one_draw
+
+    def __len__(self) -> int:
+        return self.asked.flights
+
+    def add(self, draws: list[Draw]) -> list[int]:
+        """Add the flights of ``draws``; return their numbers."""
+        before = len(self.choices)
+        for draw in draws:
+            choice = self.arms[draw.arm].choice(draw.point)
+            self.choices += [choice, {**choice, **self._against}][: self.of_one_draw]
+        self.draws += draws
+        return list(range(before, len(self.choices)))
+
+    def value_types(self) -> dict[str, set[type]]:
+        """Return the types of all values that may be chosen."""
+        return types_of(self.campaign, self._against)
+
+    def check(self) -> None:
+        """Build the scenarios of all random flights; BadInput names the file, or the option, and the key."""
+        self._check(self[0])
+        if self._against:
+            try:
+                self._check(self[1])
+            except BadInput as error:
+                reason = str(error).removeprefix(f"{self.source}: run 1: ")
+                raise BadInput(f"--against {self.asked.against}: {reason}") from None
+        super().check()
+
+    @property
+    def _named(self) -> list[int]:
+        """Return runs that together have every manager: the second of a draw has that of ``against``."""
+        return [number + i for number in super()._named for i in range(self.of_one_draw)]
+
+    def identity(self) -> dict[str, Any]:
+        """Return all that decides the table."""
+        return {**super().identity(), SEARCH: {**asdict(self.asked), "requirements": list(self.asked.requirements)}}
+
+
+class ConfirmPlan(Plan):
+    """Flights of scenarios that the search found, or that are shrunk from one; none is of the search itself."""
+
+    def __init__(self, search: SearchPlan) -> None:
+        super().__init__(search.campaign, search.source, search.trust)
+        self.choices = []
+        made = search.identity()
+        self._identity = {**made, SEARCH: {**made[SEARCH], "confirms": True}}
+
+    def __len__(self) -> int:
+        return MOST_CONFIRMING
+
+    def add(self, tables: list[dict[str, Any]]) -> list[int]:
+        """Add flights of whole scenario tables, with their seeds; return their numbers."""
+        before = len(self.choices)
+        self.choices += [{SCENARIO: json.dumps(table, sort_keys=True)} for table in tables]
+        return list(range(before, len(self.choices)))
+
+    def value_types(self) -> dict[str, set[type]]:
+        """Return the type of the one column."""
+        return {SCENARIO: {str}}
+
+    def data(self, number: int) -> dict[str, Any]:
+        """Return the table of a flight's scenario."""
+        return dict(json.loads(self.choices[number][SCENARIO]))
+
+    def seed(self, number: int) -> int:
+        """Return the seed in the table of a flight."""
+        return int(self.data(number)["seed"])
+
+    def identity(self) -> dict[str, Any]:
+        """Return the search's, marked."""
+        return self._identity
+
+
+def parse_against(text: str) -> tuple[str, Any]:
+    """Return key and value of ``--against``."""
+    try:
+        return parse_set(text)
+    except BadInput as error:
+        raise BadInput(str(error).replace("--set", "--against", 1)) from None

@@ -1,0 +1,81 @@
+"""What a search found: figures as ``--json`` prints them, and the scenario file of the worst case."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import tomli_w
+from scipy.stats import beta
+
+from rig.core.outputs import BESIDE_RUNS
+from rig.studies.campaign.folder import write_whole
+from rig.studies.search.confirm_worst import SEEDS, Confirmed
+from rig.studies.search.objective import Measured
+from rig.studies.search.search_plan import SearchPlan
+from rig.verdict.requirements import load_requirements, number_of
+from rig.verdict.requirements.requirement import names
+
+FIGURES, SCENARIO, PICTURE = BESIDE_RUNS
+CONFIDENCE: Final = 0.95
+
+
+def upper(count: int, trials: int) -> float:
+    """Return the exact one-sided upper bound of a probability (Clopper and Pearson, Biometrika 26, 1934)."""
+    return 1.0 if count == trials else float(beta.ppf(CONFIDENCE, count + 1, trials - count))
+
+
+def figures(
+    plan: SearchPlan,
+    found: Sequence[Measured],
+    places: Sequence[int],
+    candidates: Sequence[Confirmed],
+    chosen: Confirmed,
+    shrunk: Confirmed,
+    out: Path,
+) -> dict[str, Any]:
+    """Return the figures of a search; ``places``: of the candidates among the draws ``found``."""
+    at_random = sum(each.violated for each in found[: plan.random])
+    worst = places[list(candidates).index(chosen)]
+    return {
+        "flights": len(plan.choices),
+        "violated": sum(each.violated for each in found),
+        "random": {"flights": plan.random, "violated": at_random, "upper_95": upper(at_random, plan.random)},
+        "least_margin": number_of(min(each.margin for each in found)),
+        "worst": {
+            "run": worst * plan.of_one_draw,
+            "arm": plan.arms[plan.draws[worst].arm].name,
+            "margin": number_of(found[worst].margin),
+            "median_margin": number_of(chosen.median_margin),
+            "confirmed": [chosen.violations, len(chosen.seeds)],
+            "varied": plan.choices[worst * plan.of_one_draw],
+        },
+        "scenario": str(out / SCENARIO) if shrunk.violations else None,
+        "confirmed": [shrunk.violations, SEEDS],
+        "violating": shrunk.violating,
+    }
+
+
+def write_scenario(path: Path, plan: SearchPlan, shrunk: Confirmed) -> None:
+    """Write the scenario of a worst case, with a seed that violates, and the bundled sets of its requirements."""
+    asked = plan.asked
+    requirements = [each for each in plan.requirements if each.id in shrunk.violating]
+    base = plan.campaign.title or str(shrunk.table.get("title", plan.source))
+    seeds = len(shrunk.seeds)
+    violated = ", ".join(f"{name} violated in {count} of {seeds} seeds" for name, count in shrunk.violating.items())
+    other = "" if asked.against is None else f", and met with {asked.against}"
+    texts = [f"#   {each.id}: {' '.join(each.formula.split())}" for each in requirements]
+    head = "\n".join([f"# Found by rig search: {violated}{other}. Requirements that are violated:", *texts])
+    table = {**shrunk.table, "title": f"{base}: {violated}", "seed": shrunk.seed}
+    asked_for = [dict(each) for each in requirements]
+    sets = [name for name in names() if any(dict(each) in asked_for for each in load_requirements([name]))]
+    if sets:
+        table["requirements"] = sets
+    write_whole(path, f"{head}\n{tomli_w.dumps(_simple_first(table))}".encode())
+
+
+def _simple_first(table: dict[str, Any]) -> dict[str, Any]:
+    """Return a table with its title first, and all that are tables themselves last."""
+    nested = {key: value for key, value in table.items() if isinstance(value, dict) or key == "faults"}
+    return {"title": table["title"], **{key: value for key, value in table.items() if key not in nested}, **nested}

@@ -1,0 +1,204 @@
+"""All recordings of INPUT as flights of each signal, with the settings that the design starts from.
+
+Each recording is one block: one flight.  INPUT of ``rig thresholds`` may be
+
+a file                                a table, or an MCAP file: a flight's log, or any with a [mapping]
+a folder with the sources of [mapping]  one recording of several recorders
+a folder of a campaign                its logs
+any other folder                      each file and each folder of sources in it, by name
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from rig.computer.redundancy.manager_config import SignalConfig
+from rig.computer.redundancy.managers import KINDS
+from rig.core.errors import BadInput, BadLog
+from rig.core.files import is_file, is_folder
+from rig.core.outputs import CAMPAIGN
+from rig.log.recordings.alignment import AlignOptions, run_alignment
+from rig.log.recordings.read import ENDINGS
+from rig.log.recordings.read import load as load_one
+from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
+from rig.log.scan import About, iter_parts
+from rig.studies.thresholds.design import DataBlock
+
+MANAGER: Final = next(kind.name for kind in KINDS if kind.compares)
+SAME_RATE: Final = 0.02  # by which rates may differ
+LOGS: Final = "logs"
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """``signals`` by name: one flight a recording; ``settings`` as CONFIG has them; ``notes`` a line each."""
+
+    names: list[str]  # of the recordings
+    rate_hz: float
+    hours: float
+    signals: dict[str, list[DataBlock]]
+    settings: dict[str, RecordedSignal]
+    referenced: set[str] = field(default_factory=set)  # signals with a reference in the recording
+    notes: list[str] = field(default_factory=list)
+    healthy: set[str] = field(default_factory=set)  # flights whose scenario has no fault: whoever stands out is good
+
+
+def load(
+    inputs: Iterable[Path], config: VoteConfig, source: str, repair: bool = False, aligned: AlignOptions | None = None
+) -> Data:
+    """Read everything. BadInput in one line: nothing to read, a fault in a flight, unlike recordings.
+
+    aligned : how each recording is, as in ``rig vote``; None: as they are
+    """
+    paths = recordings(inputs, config)
+    data: Data | None = None
+    for path in paths:
+        ours = without_faults(path)
+        recording, settings = load_one(path, config, source, repair)
+        settings = _monitored(settings, source)
+        notes = [*recording.remarks, *recording.warnings]
+        notes += [
+            f"{repair.source}: {repair.dropped} rows dropped, where time repeats or steps back"
+            for repair in recording.repairs
+        ]
+        if aligned is not None:
+            recording, _ = run_alignment(recording, settings, aligned, config.triads)
+        if data is None:
+            used = {name for name in settings if recording.signals[name].reference is not None}
+            data = Data([], recording.rate_hz, 0.0, {name: [] for name in settings}, settings, used)
+        _add(data, path, recording)
+        data.notes.extend(notes)
+        data.healthy.update({str(path)} if ours else ())
+    assert data is not None
+    hours = sum(flight.hours for flight in next(iter(data.signals.values())))
+    return replace(data, hours=hours)
+
+
+def _monitored(settings: dict[str, RecordedSignal], source: str) -> dict[str, RecordedSignal]:
+    """Return the signals that are monitored by comparison with each other. BadInput: there is none."""
+    kept = {name: chosen for name, chosen in settings.items() if chosen.manager == MANAGER}
+    if not kept:
+        raise BadInput(f'{source}: no signal with the manager "{MANAGER}": others have no threshold to design')
+    return kept
+
+
+def _add(data: Data, path: Path, recording: Recording) -> None:
+    """Add one more flight of every signal. BadInput: another rate, other channels."""
+    rate = recording.rate_hz
+    if abs(rate - data.rate_hz) > SAME_RATE * data.rate_hz:
+        raise BadInput(
+            f"{path}: {rate:.4g} rows a second, {data.names[0]} has {data.rate_hz:.4g}: "
+            "persistence counts rows, design each rate by itself"
+        )
+    for name, flights in data.signals.items():
+        if name not in recording.signals:
+            raise BadInput(f"{path}: no signal {name!r}, which {data.names[0]} has")
+        samples = columns(recording.signals[name], data.settings[name])
+        if flights and len(samples) != len(flights[0].samples):
+            raise BadInput(f"{path}: {name} has {len(samples)} channels, in {data.names[0]} {len(flights[0].samples)}")
+        flights.append(DataBlock(str(path), samples, data.rate_hz))
+    data.names.append(str(path))
+
+
+def columns(samples: Samples, settings: RecordedSignal) -> Any:
+    """Return (C, n) the channels, NaN where the manager would not compare a sample."""
+    low, high = settings.limits
+    values = np.array(samples.channels)
+    good = (values >= low) & (values <= high)
+    if samples.valid is not None:
+        good &= np.array(samples.valid) != 0
+    values[~good] = np.nan
+    return values
+
+
+def without_faults(path: Path) -> bool:
+    """Return True if it is the log of a flight of ours; BadInput when its scenario has faults."""
+    scenario = _scenario(path)
+    if scenario.get("faults"):
+        count = len(scenario["faults"])
+        raise BadInput(f"{path}: its scenario has {count} faults: design on flights without, rig fly --set faults=[]")
+    return bool(scenario)
+
+
+def _scenario(path: Path) -> dict[str, Any]:
+    """Return the scenario of a flight's log; empty for any other file."""
+    about = About()
+    if path.suffix == ".mcap":
+        with suppress(BadLog, OSError, StopIteration):
+            next(iter(iter_parts(path, about)))
+    with suppress(ValueError, RecursionError):
+        scenario = json.loads(about.metadata.get("scenario") or "{}")
+        return scenario if isinstance(scenario, dict) else {}
+    return {}
+
+
+def of_scenario(paths: Sequence[Path]) -> VoteConfig:
+    """Return the settings that the first log's scenario flew with, for INPUT that is logs of ours alone.
+
+    BadInput: something else is among them, or another manager flew.
+    """
+    for path in paths:
+        scenario = _scenario(path)
+        redundancy = scenario.get("redundancy", {})
+        if not redundancy.get("signals"):
+            raise BadInput(f"{path}: no log of a flight of ours: --config is needed, the settings of rig vote")
+        if redundancy.get("manager", MANAGER) != MANAGER:
+            raise BadInput(f"{path}: flown with the manager {redundancy['manager']}, which has no threshold to design")
+    signals: dict[str, Any] = {}
+    for name, table in _scenario(paths[0])["redundancy"]["signals"].items():
+        signals[name] = {
+            key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None
+        }
+        signals[name].pop("singular_persistence", None)  # resolved: always there, whoever asked for it
+    return VoteConfig(signal=signals)
+
+
+def recordings(inputs: Iterable[Path], config: VoteConfig) -> list[Path]:
+    """List the recordings of all inputs, each once. BadInput: nothing there, or none in a folder."""
+    return list(dict.fromkeys(path for given in inputs for path in _of(given, config)))
+
+
+def _of(given: Path, config: VoteConfig) -> list[Path]:
+    try:
+        if not is_folder(given) or _holds_sources(given, config):
+            return [given]
+        campaign = is_file(given / CAMPAIGN)
+        inside = sorted(_inside(given / LOGS if campaign else given, config), key=_by_number)
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{given}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    if not inside and campaign:
+        raise BadInput(f'{given}: the campaign kept no logs: fly it with logs = "all"')
+    if not inside:
+        wanted = f" nor a folder with {_first(config)}" if config.mapping else ""
+        raise BadInput(f"{given}: no recording in it: neither a file of {', '.join(ENDINGS)}{wanted}")
+    return inside
+
+
+def _inside(folder: Path, config: VoteConfig) -> Iterator[Path]:
+    for path in folder.iterdir() if is_folder(folder) else ():
+        if _holds_sources(path, config) if is_folder(path) else path.suffix in ENDINGS:
+            yield path
+
+
+def _holds_sources(folder: Path, config: VoteConfig) -> bool:
+    """Return True if the first source of the mapping is a file of the folder."""
+    return bool(config.mapping) and is_file(folder / _first(config))
+
+
+def _first(config: VoteConfig) -> str:
+    return next(iter(config.mapping.values())).rpartition(":")[0] or "the mapped table"
+
+
+def _by_number(path: Path) -> tuple[list[int | str], str]:
+    """Return a key that sorts path_2 before path_10."""
+    parts = re.split(r"([0-9]+)", path.name)
+    return [int(part) if part.isdecimal() and part.isascii() else part for part in parts], path.name

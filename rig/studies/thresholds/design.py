@@ -1,0 +1,316 @@
+"""Thresholds of one signal for a budget of false isolations: for each filter, persistence and level.
+
+At a level each choice of channels that may be in use gets a threshold for the whole budget, and the largest counts:
+it is not known which channels will be left.  Written is the upper value of the bootstrap (tail.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.durations import in_frames
+from rig.core.threads import heed
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.studies.thresholds.distances import DUPLEX, exceeded_each, in_use, near_first, nearest
+from rig.studies.thresholds.pieces import low_passed
+from rig.studies.thresholds.slow_fault_limits import (
+    ALLOWANCES,
+    OFF,
+    Rule,
+    alarms,
+    bias_bound,
+    residuals,
+    stale_frames,
+    unbiased,
+)
+from rig.studies.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
+
+Floats = NDArray[np.float64]
+BESIDE: Final = 1e-4  # of healthy frames beyond an outlier threshold: one beside a transient makes it last longer
+EXACT: Final = ("bias_s", "stale_frames")  # keys that are not rounded
+FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
+
+
+@dataclass(frozen=True, slots=True)
+class Threshold:
+    """For one level: the upper value and the point estimate, unit of the signal, and what they rest on."""
+
+    level: int
+    upper: float
+    point: float
+    clusters: int
+    shape: float
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """One row of the table of a signal: thresholds by level; ``persistence`` and ``singular`` in frames."""
+
+    filter_s: float
+    persistence: int
+    singular: int
+    thresholds: dict[int, Threshold]
+    outliers: dict[int, Threshold] = field(default_factory=dict)  # behind a learned bias, below ``thresholds``
+    lasting: dict[str, float | None] = field(default_factory=dict)  # keys of what was asked for; falsy: off
+    spreads: float = 0.0  # limit of the sums, spreads times frames
+
+    @property
+    def threshold(self) -> Threshold:
+        """Return the threshold with all channels in use."""
+        return self.thresholds[max(self.thresholds)]
+
+    @property
+    def lasts(self) -> bool:
+        """Return True if biases are learned or small deviations summed."""
+        return bool(self.outliers) or self.spreads > 0.0
+
+    @property
+    def single(self) -> Threshold:
+        """Return that by which one of all channels is found: behind a learned bias its outlier threshold."""
+        return self.outliers.get(max(self.thresholds), self.threshold)
+
+    def settings(self, given: RecordedSignal) -> RecordedSignal:
+        """Return the settings of a signal with this design in them."""
+        none = ("persistence_s", "singular_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
+        return given.model_copy(update={**dict.fromkeys(none), **self.lasting, **self.keys()})
+
+    def keys(self) -> dict[str, float | int]:
+        """Return its keys of a table of CONFIG; a level that was not designed has the threshold of the one above."""
+        largest = max(self.thresholds)
+        of_level = {FIELDS[level]: rounded_up(threshold.upper) for level, threshold in self.thresholds.items()}
+        of_level["threshold"] = rounded_up(self.thresholds[largest].upper)
+        for level, threshold in self.outliers.items():
+            name = FIELDS[level]
+            of_level[f"outlier_{name}"] = min(rounded_up(threshold.upper), of_level.get(name, of_level["threshold"]))
+        return {
+            **of_level,
+            **{key: value if key in EXACT else rounded_up(value) for key, value in self.lasting.items() if value},
+            "persistence": self.persistence,
+            "singular_persistence": self.singular,
+            "filter_s": self.filter_s,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """What is asked for."""
+
+    budget_per_h: float
+    persistence: Sequence[int] = (8, 12, 24, 48)
+    levels: Sequence[int] = (4, 3, 2)
+    filters_s: Sequence[float] = (0.0, 0.1)
+    seed: int = 0
+    lasting: Sequence[Rule] = ()
+    transients: bool = False  # no threshold within the noise of single frames, as no outlier threshold ever is
+
+
+@dataclass(frozen=True, slots=True)
+class DataBlock:
+    """One block: samples (C, n) of a signal, NaN where one is not comparable."""
+
+    name: str
+    samples: Floats
+    rate_hz: float
+
+    @property
+    def hours(self) -> float:
+        """Return its duration."""
+        return self.samples.shape[1] / self.rate_hz / 3600.0
+
+
+def designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int = 0) -> list[Design]:
+    """Yield the designs of every filter and persistence of the grid that the data can say something of.
+
+    number : of the signal, for its random stream
+    """
+    made = list(_designs(flights, given, grid, number))
+    off = {key: value for rule in grid.lasting for key, value in OFF[rule].items()}
+    if "stale" in grid.lasting and made:
+        off["stale_frames"] = stale_frames([flight.samples for flight in flights], flights[0].rate_hz)
+    return [replace(design, lasting={**off, **design.lasting}) for design in made]
+
+
+def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> Iterator[Design]:
+    fitted = len(flights[0].samples)
+    levels = sorted({fitted, *(level for level in grid.levels if level < fitted)}, reverse=True)
+    bound = _bound(flights, given, grid, number)
+    frames = [(count, _singular(given, count, flights[0].rate_hz)) for count in grid.persistence]
+    for f, filter_s in enumerate(grid.filters_s):
+        filtered = given.model_copy(update={"filter_s": filter_s})
+        seen = [low_passed(flight.samples, filtered, flight.rate_hz) for flight in flights]
+
+        def compared(channels: tuple[int, ...], seen: Sequence[Floats] = seen) -> list[Floats]:
+            return [samples[list(channels)] for samples in seen]
+
+        by_level = {
+            level: _at_level(flights, compared, given.wraps, frames, level, (grid, number, f)) for level in levels
+        }
+        least = dict.fromkeys(levels, 0.0)
+        if grid.transients:
+            least = {level: of_one_frame(compared, given.wraps, fitted, level) for level in levels}
+        for i, (persistence, singular) in enumerate(frames):
+            thresholds = {
+                level: _at_least(least[level], threshold)
+                for level in levels
+                if (threshold := by_level[level][i]) is not None
+            }
+            if fitted not in thresholds:
+                continue
+            plain = Design(filter_s, persistence, singular, thresholds)
+            yield plain
+            if bound > 0.0 and (biased := _biased(flights, seen, plain, filtered, bound, (grid, number, f))):
+                yield biased
+
+
+def _bound(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> float:
+    """Return the bound of biases by the data, 0 if none is asked for."""
+    if "bias" not in grid.lasting:
+        return 0.0
+    stream = np.random.SeedSequence(grid.seed, spawn_key=(number, 0, 0, 1))
+    means = residuals([flight.samples for flight in flights], given.wraps).means
+    hours = [flight.hours for flight in flights]
+    return bias_bound(means, hours, grid.budget_per_h, np.random.default_rng(stream))
+
+
+def _biased(
+    flights: Sequence[DataBlock],
+    seen: Sequence[Floats],
+    plain: Design,
+    given: RecordedSignal,
+    bound: float,
+    asked: tuple[Grid, int, int],
+) -> Design | None:
+    """Return ``plain`` with learned biases and outlier thresholds behind them; None where those are not lower.
+
+    Who has a larger bias than the bound would be an outlier for all of a flight, so none is cut; no threshold is below
+    it: what is hidden by a bias stays within what two samples may be apart.  Nor is an outlier threshold within the
+    noise of single frames: a transient of persistence - 1 frames with a noisy one beside it would fail a channel.
+    """
+    bound = rounded_up(bound)
+    learning = given.model_copy(update={"bias_bound": bound})
+    frames, outliers = [(plain.persistence, plain.singular)], {}
+    for level, before in plain.thresholds.items():
+        if level == DUPLEX:
+            continue
+
+        def compared(channels: tuple[int, ...]) -> list[Floats]:
+            chosen = list(channels)
+            pairs = zip(flights, seen, strict=True)
+            return [unbiased(flight.samples[chosen], x[chosen], learning, flight.rate_hz) for flight, x in pairs]
+
+        (outlier,) = _at_level(flights, compared, given.wraps, frames, level, asked)
+        least = of_one_frame(compared, given.wraps, len(flights[0].samples), level)
+        if outlier is not None and max(outlier.upper, least) < before.upper:
+            outliers[level] = _at_least(least, outlier)
+    lasting = {"bias_bound": bound, "bias_s": given.bias_s}
+    if max(plain.thresholds) not in outliers:
+        return None
+    thresholds = {
+        level: replace(threshold, upper=max(threshold.upper, bound)) for level, threshold in plain.thresholds.items()
+    }
+    return replace(plain, thresholds=thresholds, outliers=outliers, lasting=lasting)
+
+
+def _at_least(least: float, threshold: Threshold) -> Threshold:
+    return replace(threshold, upper=max(threshold.upper, least))
+
+
+def of_one_frame(compared: Callable[[tuple[int, ...]], list[Floats]], wraps: bool, fitted: int, level: int) -> float:
+    """Return the distance that a channel has from all others in BESIDE of the frames; of all choices the largest."""
+    largest = 0.0
+    for channels in in_use(fitted, level):
+        heed()
+        parts = [near_first(samples) if wraps else samples for samples in compared(channels) if samples.size]
+        distances = np.concatenate([np.maximum.reduce(nearest(samples)) for samples in parts] or [np.zeros(1)])
+        comparable = distances[np.isfinite(distances)]
+        largest = max(largest, float(np.quantile(comparable, 1.0 - BESIDE)) if len(comparable) else 0.0)
+    return largest
+
+
+def with_sums(
+    flights: Sequence[DataBlock], given: RecordedSignal, design: Design, spreads: float, grid: Grid, number: int = 0
+) -> Design | None:
+    """Return ``design`` with a limit of the sums of ``spreads`` times frames; None where the data do not say which.
+
+    The allowance is that of the level that needs the largest, for the whole budget.
+    """
+    spread, rate_hz = residuals([flight.samples for flight in flights], given.wraps).spread, flights[0].rate_hz
+    asked = {"slow_limit": rounded_up(spreads * spread / rate_hz), "slow_allowance": spread}
+    settings, allowances = design.settings(given).model_copy(update=asked), ALLOWANCES * spread
+    thresholds: list[Threshold | None] = []
+    for level in (level for level in design.thresholds if level > DUPLEX):
+        largest: list[Threshold | None] = []
+        for choice, channels in enumerate(in_use(len(flights[0].samples), level)):
+            series = [alarms(flight.samples[list(channels)], settings, rate_hz, allowances) for flight in flights]
+            tail = peaks(series, [flight.rate_hz for flight in flights], grid.budget_per_h)
+            stream = np.random.SeedSequence(grid.seed, spawn_key=(number, int(spreads), 1, level, choice))
+            few = tail.clusters < LEAST
+            rng = np.random.default_rng(stream)
+            largest.append(None if few else from_tail(tail, grid.budget_per_h, level, rng))
+        thresholds += largest
+    uppers = [0.0 if threshold is None else threshold.upper for threshold in thresholds]
+    if not uppers or min(uppers) <= 0.0:
+        return None
+    asked["slow_allowance"] = max(uppers)
+    return replace(design, lasting={**design.lasting, **asked}, spreads=spreads)
+
+
+def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
+    """Return ``singular_persistence``: as CONFIG says, else as the persistence."""
+    if given.singular_persistence_s is not None:
+        return in_frames(1, given.singular_persistence_s, rate_hz)
+    return given.singular_persistence if "singular_persistence" in given.model_fields_set else frames
+
+
+def _at_level(
+    flights: Sequence[DataBlock],
+    compared: Callable[[tuple[int, ...]], list[Floats]],
+    wraps: bool,
+    frames: Sequence[tuple[int, int]],
+    level: int,
+    asked: tuple[Grid, int, int],
+) -> list[Threshold | None]:
+    """Return the threshold at a level for each of ``frames``; None where too few clusters are left to say anything.
+
+    compared : what is compared of some channels, a series a flight
+    """
+    grid, *place = asked
+    largest: list[Threshold | None] = [None] * len(frames)
+    few = [False] * len(frames)
+    for choice, channels in enumerate(in_use(len(flights[0].samples), level)):
+        heed()
+        parts = [(samples, f.rate_hz) for samples, f in zip(compared(channels), flights, strict=True) if samples.size]
+        if not parts:
+            return [None] * len(frames)
+        series = [exceeded_each(samples, frames, wraps) for samples, _ in parts]
+        rates = [rate_hz for _, rate_hz in parts]
+        for i, (persistence, _) in enumerate(frames):
+            tail = peaks([of_flight[i] for of_flight in series], rates, grid.budget_per_h)
+            few[i] |= tail.clusters < LEAST
+            if few[i]:
+                continue
+            stream = np.random.SeedSequence(grid.seed, spawn_key=(*place, persistence, level, choice))
+            threshold, before = from_tail(tail, grid.budget_per_h, level, np.random.default_rng(stream)), largest[i]
+            largest[i] = threshold if before is None or threshold.upper > before.upper else before
+    return [None if lost else threshold for threshold, lost in zip(largest, few, strict=True)]
+
+
+def from_tail(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Generator) -> Threshold:
+    """Return the threshold of a tail, at ``level``: the upper value of the bootstrap, and the point estimate."""
+    middle, shape = point(tail, budget_per_h)
+    most = upper(draws(tail, budget_per_h, rng))
+    return Threshold(level, max(most, middle), middle, tail.clusters, shape)
+
+
+def rounded_up(value: float, digits: int = 4) -> float:
+    """Return the least number of so many digits that is not below ``value``."""
+    if not value > 0:
+        return value
+    step = 10.0 ** (int(np.floor(np.log10(value))) - digits + 1)
+    up = float(np.ceil(value / step))
+    return float(f"{up * step:.{digits}g}")

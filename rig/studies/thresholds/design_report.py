@@ -1,0 +1,114 @@
+"""The report of a design: one JSON object, and the remarks at the head of OUT."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from rig.studies.thresholds.data import Data
+from rig.studies.thresholds.data_check import SHARE
+from rig.studies.thresholds.design import Design, Grid, rounded_up
+from rig.studies.thresholds.design_signals import MARKED, RULE, Signal, extrapolation
+from rig.studies.thresholds.holdout import Count, total
+from rig.studies.thresholds.tradeoff import Tradeoff
+
+LASTING: Final = ("bias_bound", "bias_s", "slow_allowance", "slow_limit", "stale_frames")  # None: off
+
+
+def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
+    """Return every result, as plain data."""
+    counts = {name: signal.held_out for name, signal in signals.items() if signal.held_out}
+    overall = total(counts)
+    return {
+        "budget_per_h": grid.budget_per_h,
+        "flights": len(data.names),
+        "hours": data.hours,
+        "rate_hz": data.rate_hz,
+        "rule": RULE,
+        "signals": {name: _signal(signal, grid.budget_per_h) for name, signal in signals.items()},
+        "hold_out": None if overall is None else _count(overall),
+        "notes": notes(data, grid, signals),
+    }
+
+
+def notes(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
+    """List all remarks, a line each; one that several signals share stands once."""
+    lines = list(data.notes)
+    factor = extrapolation(grid.budget_per_h, data.hours)
+    if factor > MARKED:
+        lines.append(
+            f"the budget is {factor:.3g} times beyond the {data.hours:.3g} h of data (marked *; above {MARKED:g} "
+            f"nothing supports the tail): record {1.0 / (MARKED * grid.budget_per_h):.3g} h or more"
+        )
+    own = [note for signal in signals.values() for note in signal.notes]
+    shared: dict[str, list[str]] = {}
+    for note in own:
+        name, _, text = note.partition(": ")
+        shared.setdefault(text if name in signals else note, []).append(name if name in signals else "")
+    return lines + [f"{', '.join(names)}: {text}" if any(names) else text for text, names in shared.items()]
+
+
+def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
+    tradeoffs = [_tradeoff(tradeoff) for tradeoff in signal.found] or [None] * len(signal.designs)
+    return {
+        "unit": signal.settings.unit,
+        "flights": signal.flights,
+        "hours": signal.hours,
+        "left_out": [suspect._asdict() for suspect in signal.left_out],
+        "motion": {**signal.motion._asdict(), "still": signal.motion.still},
+        "chosen": None if signal.design is None else signal.design.keys(),
+        "designs": [
+            {**_design(design, budget_per_h, signal.hours), "tradeoff": tradeoff}
+            for design, tradeoff in zip(signal.designs, tradeoffs, strict=True)
+        ],
+        "hold_out": {str(level): _count(count) for level, count in (signal.held_out or {}).items()},
+    }
+
+
+def _design(design: Design, budget_per_h: float, hours: float) -> dict[str, Any]:
+    fields, keys = ("upper", "point", "clusters", "shape"), design.keys()
+    levels, outliers = (
+        {
+            str(level): {"threshold": rounded_up(of.upper), **{name: getattr(of, name) for name in fields}}
+            for level, of in thresholds.items()
+        }
+        for thresholds in (design.thresholds, design.outliers)
+    )
+    return {
+        "filter_s": design.filter_s,
+        "persistence": design.persistence,
+        "singular_persistence": design.singular,
+        **{key: keys.get(key) for key in LASTING},
+        "extrapolation": extrapolation(budget_per_h, hours),
+        "levels": levels,
+        "outlier_levels": outliers,
+    }
+
+
+def _tradeoff(tradeoff: Tradeoff) -> dict[str, Any]:
+    return {
+        "smallest_offset": tradeoff.smallest_offset,
+        "at_twice_the_threshold": tradeoff.at_twice._asdict(),
+        "faults": {name: of_kind._asdict() for name, of_kind in {**tradeoff.kinds, **tradeoff.small}.items()},
+        "found_rightly": tradeoff.share,
+    }
+
+
+def _count(of: Count) -> dict[str, Any]:
+    return {"counted": of.counted, "expected": of.expected, "hours": of.hours, "significantly_over": of.over}
+
+
+def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
+    """Return the head of OUT: how it was made, and the motion that it holds for."""
+    lines = [
+        f"Thresholds by rig thresholds: {grid.budget_per_h:g} false isolations an hour and signal, "
+        f"from {data.hours:.4g} h in {len(data.names)} recordings (docs/thresholds.md).",
+        f"Persistence and filter: {RULE}.",
+        f"The data move so ({100 * SHARE:g} % of the rows); of what moves more the thresholds say nothing:",
+    ]
+    for name, signal in signals.items():
+        motion = signal.motion
+        if signal.design is not None:
+            unit = f" {signal.settings.unit}" if signal.settings.unit else ""
+            lines.append(f"motion {name}: {motion.value:.4g}{unit} from its median, {motion.rate_per_s:.4g} a second")
+    return lines + [f"note {line}" for line in notes(data, grid, signals)]

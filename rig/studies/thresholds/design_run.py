@@ -1,0 +1,83 @@
+"""One design from its options: recordings read, thresholds designed, OUT and the page written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from rig.core.files import draft, replaced, reported
+from rig.core.outputs import require_apart, require_ending, require_page
+from rig.log.recordings.alignment import AlignOptions
+from rig.log.recordings.vote_config import VoteConfig
+from rig.studies.thresholds import thresholds_page
+from rig.studies.thresholds.data import Data, load, of_scenario, recordings
+from rig.studies.thresholds.data_check import beyond, envelope
+from rig.studies.thresholds.design import Grid
+from rig.studies.thresholds.design_report import remarks, summary
+from rig.studies.thresholds.design_signals import Signal, design
+from rig.studies.thresholds.in_out import recorded_toml, scenario_toml, start
+
+
+@dataclass(frozen=True)
+class Options:
+    """The options of ``rig thresholds``."""
+
+    inputs: list[Path]
+    config: Path | None
+    out: Path
+    page: Path | None
+    grid: Grid
+    repair_time: bool
+    align: AlignOptions | None
+    keep: bool
+    outlier: bool
+    monitored: list[Path]
+
+
+def run(options: Options) -> dict[str, Any]:
+    """Read, design, write; return the summary, and the seconds of each step."""
+    page = options.page
+    require_apart({"--out": options.out, "--plot": page}, [*options.inputs, options.config, *options.monitored])
+    require_page("--plot", page)
+    require_ending("--out", options.out, "a configuration", ".toml")
+    with replaced(options.out) as part, draft(page) if page else nullcontext():  # the page can be written, too
+        began = perf_counter()
+        if options.config is None:
+            settings, raw = of_scenario(recordings(options.inputs, VoteConfig())), None
+        else:
+            settings, raw = start(options.config)
+        reading = (settings, str(options.config or options.inputs[0]), options.repair_time, options.align)
+        data = load(options.inputs, *reading)
+        read = perf_counter()
+        signals = {name: made.in_unit() for name, made in design(data, options.grid, options.keep).items()}
+        if options.monitored:
+            _note_motion(data, signals, load(options.monitored, *reading))
+        result = summary(data, options.grid, signals)
+        with reported(options.out):
+            part.write_text(_toml(options, raw, data, signals), encoding="utf-8", newline="\n")
+        if page is not None:
+            thresholds_page.write(page, result)
+    return {"out": str(options.out), **result, "seconds": {"read": read - began, "design": perf_counter() - read}}
+
+
+def _note_motion(data: Data, signals: Mapping[str, Signal], monitored: Data) -> None:
+    """Note in ``data`` which signals move more in the data to be ``monitored``."""
+    motion = {
+        name: envelope(flights, (given := monitored.settings[name]).wraps).in_unit(given.scale)
+        for name, flights in monitored.signals.items()
+    }
+    data.notes.extend(beyond({name: signal.motion for name, signal in signals.items()}, motion))
+
+
+def _toml(options: Options, raw: dict[str, Any] | None, data: Data, signals: Mapping[str, Signal]) -> str:
+    """Return OUT: CONFIG with the thresholds, or the tables of a scenario where there is no CONFIG."""
+    chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
+    settings = {name: signal.settings for name, signal in signals.items()}
+    head = remarks(data, options.grid, signals)
+    if raw is None:
+        return scenario_toml(chosen, settings, head, options.outlier)
+    return recorded_toml(raw, chosen, settings, data.rate_hz, data.referenced, head, options.outlier)

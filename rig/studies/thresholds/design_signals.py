@@ -1,0 +1,235 @@
+"""``rig thresholds``: recordings and a budget to a design of every signal."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from rig.core.errors import BadInput
+from rig.core.progress import tell
+from rig.core.threads import cores, on_threads
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.studies.thresholds.data import Data
+from rig.studies.thresholds.data_check import Envelope, Suspect, envelope, suspects
+from rig.studies.thresholds.design import EXACT, DataBlock, Design, Grid, Threshold, designs, with_sums
+from rig.studies.thresholds.holdout import Count, holdout
+from rig.studies.thresholds.slow_fault_limits import LIMITS, residuals
+from rig.studies.thresholds.tail import CLUSTERS
+from rig.studies.thresholds.tradeoff import Pieces, Tradeoff, pieces, ranked, tradeoff
+
+RULE: Final = (
+    "most of the injected faults found rightly at this budget, within it in the hold-out; of equals the shorter "
+    "persistence, then filter, then without bias and sums"
+)
+MARKED: Final = 100.0  # extrapolation from which a design is marked
+FEW: Final = 9  # flights below which budgets did not hold
+STRETCHES: Final = 16  # that a single flight is cut into
+_SHORTEST_S: Final = 10.0  # of a stretch
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """What came out for one signal; ``chosen`` is the place in ``designs``, None where nothing can be said."""
+
+    settings: RecordedSignal
+    flights: int
+    hours: float
+    left_out: list[Suspect]
+    motion: Envelope
+    designs: list[Design] = field(default_factory=list)
+    found: list[Tradeoff] = field(default_factory=list)
+    chosen: int | None = None
+    held_out: dict[int, Count] | None = None
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def design(self) -> Design | None:
+        """Return the chosen one."""
+        return None if self.chosen is None else self.designs[self.chosen]
+
+    def in_unit(self) -> Signal:
+        """Return the same with every amount in the unit of CONFIG, in place of SI."""
+        shown = self.settings.shown
+
+        def in_unit(thresholds: dict[int, Threshold]) -> dict[int, Threshold]:
+            return {
+                level: replace(threshold, upper=shown(threshold.upper), point=shown(threshold.point))
+                for level, threshold in thresholds.items()
+            }
+
+        designs = [
+            replace(
+                design,
+                thresholds=in_unit(design.thresholds),
+                outliers=in_unit(design.outliers),
+                lasting={
+                    key: shown(value) if value and key not in EXACT else value for key, value in design.lasting.items()
+                },
+            )
+            for design in self.designs
+        ]
+        tradeoffs = [
+            replace(
+                tradeoff, smallest_offset=None if tradeoff.smallest_offset is None else shown(tradeoff.smallest_offset)
+            )
+            for tradeoff in self.found
+        ]
+        settings, motion = self.settings.scaled(1.0 / self.settings.scale), self.motion.in_unit(self.settings.scale)
+        return replace(self, settings=settings, motion=motion, designs=designs, found=tradeoffs)
+
+
+def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
+    """Design every signal. BadInput: nothing can be said of any of them.
+
+    keep : flights that hold a fault are not left out
+    """
+    names, signals = list(data.signals), dict[str, Signal]()
+    work = on_threads(names, lambda name: of_signal(name, data, grid, keep), cores())
+    with closing(work) as results:
+        for name, made in zip(names, results, strict=True):
+            signals[name] = made
+            tell(f"designed {name}", len(signals), len(names))
+    if all(signal.chosen is None for signal in signals.values()):
+        raise BadInput(next(note for signal in signals.values() for note in signal.notes[::-1]))
+    return signals
+
+
+def of_signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
+    """Design one signal of the data, as ``design`` does."""
+    flights, given = data.signals[name], data.settings[name]
+    suspected = [
+        suspect
+        for suspect in suspects(flights, given.wraps, max(grid.persistence), given.scale)
+        if flights[suspect.flight].name not in data.healthy
+    ]
+    left_out = {suspect.flight for suspect in suspected} if not keep else set()
+    used = [flight for f, flight in enumerate(flights) if f not in left_out]
+    notes = [_stands_out(name, flights[suspect.flight].name, suspect, keep) for suspect in suspected]
+    motion, hours = envelope(used or flights, given.wraps), sum(flight.hours for flight in used)
+    if not used:
+        notes.append(_nothing_left(name, flights, suspected[0]))
+        return Signal(given, 0, 0.0, suspected, motion, notes=notes)
+    blocks = _blocks(name, used, notes)
+    number = zlib.crc32(name.encode())
+    made = designs(blocks, given, grid, number)
+    if not made:
+        notes.append(_nothing(name, used, hours, motion))
+        return Signal(given, len(used), hours, suspected, motion, notes=notes)
+    notes += _remarks(name, made, motion, grid.budget_per_h, hours)
+    cut = pieces(used)
+    if cut is None:
+        notes.append(f"{name}: flights are too short for the trade-off: the shortest persistence is taken")
+        return Signal(given, len(used), hours, suspected, motion, made, [], 0, None, notes)
+    size = max(motion.value, motion.noise)
+    tradeoffs = [tradeoff(cut, design, given, size) for design in made]
+    tried: dict[int, dict[int, Count] | None] = {}
+    for i in _in_order(made, tradeoffs, lambda i: _summed(blocks, given, made[i], grid, number), cut, given, size):
+        tried[i] = holdout(blocks, given, grid, made[i])
+        if not exceeds(tried[i]):
+            break
+    chosen = next((i for i in tried if not exceeds(tried[i])), None)
+    if chosen is None:
+        chosen = next(i for i in tried if not made[i].lasts)
+        notes.append(f"{name}: with every design the hold-out had more than the budget allows: record more")
+    elif len(tried) > 1:
+        what = f"{len(tried) - 1} design{'s' * (len(tried) > 2)} that find{'s' * (len(tried) == 2)} more"
+        notes.append(f"{name}: {what} left out: the hold-out had more than the budget allows")
+    return Signal(given, len(used), hours, suspected, motion, made, tradeoffs, chosen, tried[chosen], notes)
+
+
+def exceeds(held_out: dict[int, Count] | None) -> bool:
+    """Return True if at any level a hold-out has more false isolations than the budget allows."""
+    return held_out is not None and any(count.over for count in held_out.values())
+
+
+def _in_order(
+    made: list[Design],
+    tradeoffs: list[Tradeoff],
+    summed: Callable[[int], list[Design]],
+    cut: Pieces,
+    given: RecordedSignal,
+    size: float,
+) -> Iterator[int]:
+    """Yield the places of designs, the best first; before each, those with sums beside it that find more.
+
+    Designs with sums are added to ``made`` and ``tradeoffs`` when their turn comes.
+    """
+    for i in ranked(made, tradeoffs):
+        begin = len(made)
+        made += summed(i)
+        tradeoffs += [tradeoff(cut, design, given, size) for design in made[begin:]]
+        better = [k for k in range(begin, len(made)) if tradeoffs[k].share_with_small > tradeoffs[i].share_with_small]
+        yield from sorted(better, key=lambda k: -tradeoffs[k].share_with_small)
+        yield i
+
+
+def _summed(
+    flights: Sequence[DataBlock], given: RecordedSignal, design: Design, grid: Grid, number: int
+) -> list[Design]:
+    """Return ``design`` with each limit of the sums, where noise is more than what channels differ by for a flight."""
+    if "slow" not in grid.lasting or not residuals([flight.samples for flight in flights], given.wraps).noisy:
+        return []
+    summed = [with_sums(flights, given, design, spreads, grid, number) for spreads in LIMITS]
+    return [each for each in summed if each is not None]
+
+
+def _blocks(name: str, flights: list[DataBlock], notes: list[str]) -> Sequence[DataBlock]:
+    """Return the flights; a single one is cut into stretches, which differ less than flights do."""
+    if len(flights) >= FEW:
+        return flights
+    if len(flights) > 1:
+        notes.append(
+            f"{name}: {len(flights)} flights: with fewer than {FEW} budgets were exceeded by 2 to 4; record more"
+        )
+        return flights
+    flight = flights[0]
+    count = min(STRETCHES, int(flight.hours * 3600.0 / _SHORTEST_S))
+    notes.append(f"{name}: only one flight{_parts(count)}: record at least {FEW} flights")
+    if count < 2:
+        return flights
+    return [DataBlock(flight.name, part, flight.rate_hz) for part in np.array_split(flight.samples, count, axis=1)]
+
+
+def _parts(count: int) -> str:
+    return f": split into {count} parts, which differ less than flights do" if count > 1 else ", too short to be split"
+
+
+def _stands_out(name: str, flight: str, suspect: Suspect, keep: bool) -> str:
+    what = "kept, as asked: thresholds grow with the fault" if keep else "this flight is left out for the signal"
+    return f"{flight}: {name}.{suspect.channel} stands out: {suspect.why}; {what}"
+
+
+def _nothing_left(name: str, flights: Sequence[DataBlock], suspect: Suspect) -> str:
+    first = f"{flights[suspect.flight].name}: {name}.{suspect.channel}: {suspect.why}"
+    correct = "unit or range in CONFIG, or --align" if "not valid" in suspect.why else "--align"
+    return f"{name}: a channel stands out in every flight, the first {first}; correct it ({correct}), or leave it out"
+
+
+def _nothing(name: str, flights: Sequence[DataBlock], hours: float, motion: Envelope) -> str:
+    if motion.noise == 0.0:
+        return f"{name}: its channels do not differ in {hours:.3g} h: there is nothing to measure a threshold by"
+    return f"{name}: too few events in {hours:.3g} h of {len(flights)} flights to say anything: record more"
+
+
+def _remarks(name: str, made: Sequence[Design], motion: Envelope, budget_per_h: float, hours: float) -> list[str]:
+    """List what a design of this signal rests on."""
+    lines: list[str] = []
+    clusters = [threshold.clusters for design in made for threshold in design.thresholds.values()]
+    few = min(clusters)
+    if few < CLUSTERS:
+        lines.append(f"{name}: only {few} events where {CLUSTERS} are wanted: the thresholds are rough, record more")
+    if motion.still:
+        lines.append(f"{name}: does not move: the thresholds hold at rest, and for nothing else")
+    if few <= budget_per_h * hours:
+        lines.append(f"{name}: {budget_per_h:g} an hour is more than the events that the data hold: ask for less")
+    return lines
+
+
+def extrapolation(budget_per_h: float, hours: float) -> float:
+    """Return how many times longer the data would have to be for one event at the budget."""
+    return 1.0 / (budget_per_h * hours) if hours > 0 else float("inf")

@@ -1,0 +1,120 @@
+"""CONFIG in and OUT: a configuration of ``rig vote`` whose thresholds may be missing, or tables of a scenario.
+
+Everything else of CONFIG is kept: mapping, ranges, discretes, resets, and signals that are not designed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import tomli_w
+
+from rig.computer.redundancy.durations import in_frames
+from rig.core.errors import BadInput
+from rig.core.settings import read_toml
+from rig.core.text import plain
+from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, read_config
+from rig.studies.thresholds.design import FIELDS, Design
+
+PLACEHOLDER: Final = 1.0  # threshold of a CONFIG that names none: what is asked for is not needed to begin
+
+
+def start(path: Path) -> tuple[VoteConfig, dict[str, Any]]:
+    """Read CONFIG with a threshold for every signal, and its tables as they are. BadInput as of ``rig vote``."""
+    config, raw = read_config(path), read_toml(path)
+    if config.default is None and not config.signal:
+        raise BadInput(f"{path}: no signal to design: add [default] or [signal.<name>]")
+    default = None if config.default is None else {"threshold": PLACEHOLDER, **config.default}
+    signal = {name: table if default else {"threshold": PLACEHOLDER, **table} for name, table in config.signal.items()}
+    return config.model_copy(update={"default": default, "signal": signal}), raw
+
+
+def recorded_toml(
+    raw: Mapping[str, Any],
+    chosen: Mapping[str, Design],
+    settings: Mapping[str, RecordedSignal],
+    rate_hz: float,
+    referenced: Iterable[str],
+    remarks: Iterable[str],
+    outlier: bool = False,
+) -> str:
+    """Write OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
+
+    Signals in ``referenced`` keep the threshold of their reference, which by default is that of the channels.
+    """
+    tables, replaced = dict(raw), {"persistence_s", *(key for design in chosen.values() for key in design.lasting)}
+    if (default := raw.get("default")) is not None:
+        tables["default"] = {k: v for k, v in _in_frames(default, rate_hz).items() if k not in replaced}
+    signals = {name: dict(table) for name, table in raw.get("signal", {}).items()}
+    for name, design in chosen.items():
+        own = {key: value for key, value in signals.get(name, {}).items() if key not in replaced}
+        before = {**tables.get("default", {}), **own}
+        if outlier and "threshold" not in before:
+            raise BadInput(f"signal.{name}: --outlier needs the threshold beside which it is written")
+        new = _new(design, settings[name], outlier)
+        if not outlier and name in referenced and "reference_threshold" not in before and "threshold" in before:
+            new["reference_threshold"] = before["threshold"]
+        signals[name] = {**own, **new}
+    tables["signal"] = signals
+    return _text(tables, remarks)
+
+
+def scenario_toml(
+    chosen: Mapping[str, Design],
+    settings: Mapping[str, RecordedSignal],
+    remarks: Iterable[str],
+    outlier: bool = False,
+) -> str:
+    """Write OUT for a scenario: ``[redundancy.signals.<name>]``."""
+    signals: dict[str, Any] = {}
+    for name, design in chosen.items():
+        given = settings[name]
+        signals[name] = _new(design, given, outlier)
+        if not outlier:
+            signals[name]["reference_threshold"] = given.reference_threshold or given.threshold
+    return _text({"redundancy": {"signals": signals}}, remarks)
+
+
+def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]:
+    """Return the keys of a design; a singular persistence that CONFIG gives stays where it is."""
+    keys = dict(design.keys())
+    if "singular_persistence" in given.model_fields_set or given.singular_persistence_s is not None:
+        keys.pop("singular_persistence")
+    for name in ("bias_bound", "stale_frames"):
+        if design.lasting.get(name) == 0 and getattr(given, name):
+            keys[name] = 0  # what the flights were flown with is not asked for any more
+    return _beside(keys, given) if outlier else _in_place(keys, given)
+
+
+def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
+    """Return the designed thresholds in place of those of ``given``, whose outlier thresholds then ask nothing more."""
+    for level in ("", "_triplex"):
+        if getattr(given, f"outlier_threshold{level}") is not None:
+            keys.setdefault(f"outlier_threshold{level}", keys.get(f"threshold{level}", keys["threshold"]))
+    return keys
+
+
+def _beside(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
+    """Return the designed thresholds as those of outliers; those of ``given`` stay unless they are smaller."""
+    table = {key: value for key, value in keys.items() if key not in FIELDS.values()}
+    for name in sorted(FIELDS.values() & keys.keys()):
+        if keys[name] > (getattr(given, name) or given.threshold):
+            table[name] = keys[name]
+        if name != FIELDS[2]:
+            table[f"outlier_{name}"] = keys[name]
+    return table
+
+
+def _in_frames(default: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
+    """Convert [default] with its persistence in rows: a signal's own, in rows, may not meet one in seconds."""
+    table = dict(default)
+    if (seconds := table.pop("persistence_s", None)) is not None:
+        table["persistence"] = in_frames(1, seconds, rate_hz)
+    return table
+
+
+def _text(tables: Mapping[str, Any], remarks: Iterable[str]) -> str:
+    head = "".join(f"# {plain(' '.join(line.split()))}\n" for line in remarks)
+    return f"{head}\n{tomli_w.dumps(tables)}"

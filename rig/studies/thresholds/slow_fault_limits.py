@@ -1,0 +1,199 @@
+"""What healthy flights say of the manager's rules of what lasts (docs/redundancy.md): designs beside thresholds.
+
+bias    ``bias_bound`` is the largest mean over a flight of a channel's residual: one value a flight, and of ten
+        clusters or more the tail's upper value for the budget (tail.py), else the largest that was seen
+slow    the series of sums is, in each frame, the largest allowance with which they fail somebody; its tail gives
+        ``slow_allowance``, for a limit of so many spreads of the residuals times frames
+stale   MARGIN times the longest run of repeats: of runs with a geometric law, a longer one comes once in as many
+        times the data as these have frames, squared; none where a healthy channel stands still
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.compare import rank
+from rig.computer.redundancy.slow_faults import (
+    NOBODY,
+    begin_sums,
+    has_learned,
+    learn_bias,
+    middle,
+    take_bias_off,
+    watch_sums,
+)
+from rig.computer.redundancy.state import new_state
+from rig.core.frame import CHANNELS, Pattern
+from rig.core.kernels import kernel, long_kernel
+from rig.core.runs import runs
+from rig.core.threads import heed
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.studies.thresholds.distances import near_first
+from rig.studies.thresholds.pieces import four, parameters
+from rig.studies.thresholds.tail import LEAST, draws, peaks, point, upper
+
+Floats = NDArray[np.float64]
+Rule = Literal["bias", "slow", "stale"]
+RULES: Final[tuple[Rule, ...]] = ("bias", "slow", "stale")
+OFF: Final[dict[Rule, dict[str, float | None]]] = {
+    "bias": {"bias_bound": 0.0},
+    "slow": {"slow_allowance": None, "slow_limit": None},
+    "stale": {"stale_frames": 0},
+}
+LIMITS: Final = (24.0, 60.0, 120.0)  # of the sums: spreads times frames
+ALLOWANCES: Final = 2.0 ** np.linspace(-6.0, 2.0, 25)  # spreads
+MARGIN: Final = 3
+LEAST_FRAMES: Final = 10  # of ``stale_frames``
+STILL_S: Final = 1.0  # repeats of a healthy channel from which there are none
+_VALID: Final = np.ones(CHANNELS, np.uint8)
+
+
+class Residuals(NamedTuple):
+    """Of a signal: the largest mean of a channel's residual by flight (F,), and the spread about the means."""
+
+    means: Floats
+    spread: float
+
+    @property
+    def noisy(self) -> bool:
+        """Return True if noise is more than what channels differ by for a flight."""
+        return bool(0.0 < self.means.max() < self.spread)
+
+
+def residuals(flights: Sequence[Floats], wraps: bool) -> Residuals:
+    """Return what the channels (C, n) of each flight differ from their middle by."""
+    rows = [_residuals_of(samples, wraps) for samples in flights]
+    means = [np.nan_to_num(_mean(each)) for each in rows]
+    squares = sum(np.nansum((each - mean[:, None]) ** 2) for each, mean in zip(rows, means, strict=True))
+    count = sum(np.count_nonzero(~np.isnan(each)) for each in rows)
+    return Residuals(np.array([np.abs(mean).max() for mean in means]), float(np.sqrt(squares / max(count, 1))))
+
+
+def _mean(residual: Floats) -> Floats:
+    good = ~np.isnan(residual)
+    return np.where(good, residual, 0.0).sum(axis=1) / np.maximum(good.sum(axis=1), 1)
+
+
+def _residuals_of(samples: Floats, wraps: bool) -> Floats:
+    rows, params = _rows(samples, wraps), _params(RecordedSignal(threshold=1.0), samples, 1.0)
+    residual = np.full_like(rows, np.nan)
+    _subtract_middle(rows, _VALID, params, new_state(params), residual)
+    return residual.T[: len(samples)]
+
+
+def bias_bound(means: Floats, hours: Sequence[float], budget_per_h: float, rng: np.random.Generator) -> float:
+    """Return the bound for the largest means of flights (F,) that last ``hours`` each."""
+    tail = peaks([means[i : i + 1] for i in range(len(means))], [1.0 / (3600.0 * h) for h in hours], budget_per_h)
+    if tail.clusters < LEAST:
+        return float(means.max())
+    return max(float(means.max()), point(tail, budget_per_h)[0], upper(draws(tail, budget_per_h, rng)))
+
+
+def unbiased(samples: Floats, seen: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:
+    """Return (C, m) what is compared from the frame on in which the biases are learned, as the manager learns them.
+
+    samples, seen : (C, n) the channels, and as the comparison sees them behind its filter
+    Learned is in every frame: who the threshold, which is sought, would suspect is not known.
+    """
+    rows, params = _rows(samples, settings.wraps), _params(settings, samples, rate_hz)
+    residual = np.full_like(rows, np.nan)
+    beside = rows if seen is samples else _rows(seen, settings.wraps)
+    begin = int(_take_learned_off(rows, beside, _VALID, params, new_state(params), residual))
+    return np.ascontiguousarray(residual[begin:, : len(samples)].T)
+
+
+def begun(before: Sequence[Floats], settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[Any]:
+    """Return (R,) the manager's states of ``count`` channels that have learned from each ``before`` (C, n)."""
+    params = _params(settings, np.empty((count, 0)), rate_hz)
+    state = np.repeat(new_state(params), len(before))
+    if settings.bias_bound > 0.0:
+        for of_piece, samples in zip(state, before, strict=True):
+            fresh, rows = new_state(params), _rows(samples, settings.wraps)
+            _take_learned_off(rows, rows, _VALID, params, fresh, np.empty_like(rows))
+            of_piece["bias"], of_piece["learned"] = fresh[0]["bias"], fresh[0]["learned"]
+    return state
+
+
+def alarms(samples: Floats, settings: RecordedSignal, rate_hz: float, allowances: Floats) -> Floats:
+    """Return (n,) the largest of ``allowances`` with which the sums fail somebody in a frame, else 0; then they begin
+    again."""
+    heed()
+    params = np.repeat(_params(settings, samples, rate_hz), len(allowances))
+    params["slow_allowance"] = allowances
+    alarm = np.zeros(samples.shape[1])
+    _sum_up(_rows(samples, settings.wraps), _VALID, params, new_state(params), alarm)
+    return alarm
+
+
+def stale_frames(flights: Sequence[Floats], rate_hz: float) -> int:
+    """Return the count for healthy flights (C, n); 0 where a channel repeats for STILL_S."""
+    longest = max((_longest(column) for samples in flights for column in samples), default=0)
+    count = max(LEAST_FRAMES, MARGIN * longest)
+    return count if longest < STILL_S * rate_hz else 0
+
+
+def _longest(column: Floats) -> int:
+    spans = runs(column)
+    return int((spans[:, 1] - spans[:, 0]).max()) - 1 if len(spans) else 0
+
+
+def _rows(samples: Floats, wraps: bool) -> Floats:
+    return four(np.ascontiguousarray((near_first(samples) if wraps else samples).T))
+
+
+def _params(settings: RecordedSignal, samples: Floats, rate_hz: float) -> NDArray[Any]:
+    """Return the parameters for angles that are unwrapped, of which none is out of range."""
+    plain = settings.model_copy(update={"wraps": False, "range": None})
+    return parameters(plain, len(samples), rate_hz)
+
+
+@kernel
+def _ranked(samples, valid, p, st):
+    """Rank a row; with what pattern it would be depends on a threshold, which is sought: normal."""
+    st["pattern"] = Pattern.NORMAL
+    return rank(samples, valid, 0.0, p, st)
+
+
+@long_kernel
+def _subtract_middle(rows, valid, params, state, out):
+    p, st = params[0], state[0]
+    for k in range(len(rows)):
+        n = _ranked(rows[k], valid, p, st)
+        if n < 2:
+            continue
+        m = middle(n, np.nan, st)
+        for i in range(n):
+            c = st["order"][i]
+            out[k, c] = st["x"][c] - m
+
+
+@long_kernel
+def _take_learned_off(rows, seen, valid, params, state, out):
+    """Write what is compared of ``seen``; return the first frame with all biases learned, else the number of rows."""
+    p, st, begin = params[0], state[0], -1
+    for k in range(len(rows)):
+        n = _ranked(rows[k], valid, p, st)
+        if begin < 0 and n == p["fitted"] and has_learned(n, p, st):
+            begin = k
+        take_bias_off(seen[k], st["order"], n, st)
+        for i in range(n):
+            c = st["order"][i]
+            out[k, c] = st["compared"][c]
+        learn_bias(middle(n, np.nan, st), n, p, st)
+    return begin if begin >= 0 else len(rows)
+
+
+@long_kernel
+def _sum_up(rows, valid, params, state, out):
+    for j in range(len(params)):
+        p, st = params[j], state[j]
+        for k in range(len(rows)):
+            n = _ranked(rows[k], valid, p, st)
+            if watch_sums(middle(n, np.nan, st), n, p, st) != NOBODY:
+                out[k] = max(out[k], p["slow_allowance"])
+                begin_sums(st)
+            learn_bias(middle(n, np.nan, st), n, p, st)

@@ -1,0 +1,182 @@
+"""What a design finds: one channel made faulty in pieces of the design data, voted by the flight's manager.
+
+Right: the faulty channel is failed within the time of the fault, and no healthy channel is failed in the whole piece.
+Sizes follow the motion of the signal, not the design, so all designs of a signal are asked the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.threads import heed
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.studies.thresholds.design import DataBlock, Design
+from rig.studies.thresholds.pieces import outcomes
+from rig.studies.thresholds.slow_fault_limits import begun
+from rig.verdict.signal_kernels import NEVER
+from rig.verdict.words import INJECTED, fault_words
+
+Floats = NDArray[np.float64]
+Kind = Literal["offset", "small", "ramp", "noise", "gain", "stuck"]
+PIECES: Final = 48
+BEFORE_S: Final = 1.0  # healthy
+WITHIN_S: Final = 1.0  # for an offset
+LATER_S: Final = 8.0  # for what begins small, or shows only in motion
+SHARES: Final = (0.1, 0.2, 0.5, 1.0, 2.0)  # of the signal's motion: offsets; a ramp grows by the first a second
+NOISE: Final = 10.0
+GAIN: Final = 0.5
+SMALL: Final = (0.02, 0.05)  # offsets that may take LATER_S
+FOUND: Final = 0.95
+_STEP: Final = 1.1  # of the search for the smallest offset
+_STEPS: Final = 64
+
+
+class Found(NamedTuple):
+    """Pieces in which a fault was found rightly, another channel was failed, or nobody; and the delays, s."""
+
+    right: int
+    wrong: int
+    missed: int
+    delay_s: float | None  # median of the right ones
+    delay_95_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """``samples`` (R, n, C) from the seconds before the onset on, and the channel (R,) that becomes faulty."""
+
+    samples: Floats
+    channel: NDArray[np.int64]
+    onset: int
+    rate_hz: float
+    before: Sequence[Floats] = ()  # (C, m) each: the flight before the piece, of which biases are learned
+
+    def short(self) -> Pieces:
+        """Only what an offset needs."""
+        end = self.onset + round(WITHIN_S * self.rate_hz) + 1
+        return Pieces(self.samples[:, :end], self.channel, self.onset, self.rate_hz, self.before)
+
+
+@dataclass(frozen=True, slots=True)
+class Tradeoff:
+    """One design's row: None where no offset is found often enough."""
+
+    smallest_offset: float | None  # found in FOUND of the pieces within WITHIN_S
+    at_twice: Found  # an offset of twice the threshold
+    kinds: dict[str, Found]
+    small: dict[str, Found] = field(default_factory=dict)  # offsets that may take LATER_S, which sums are for
+
+    @property
+    def share(self) -> float:
+        """Faults found rightly, of all that were injected."""
+        return _share(self.kinds)
+
+    @property
+    def share_with_small(self) -> float:
+        """The same with the small offsets."""
+        return _share({**self.kinds, **self.small})
+
+
+def _share(kinds: dict[str, Found]) -> float:
+    return sum(counts.right for counts in kinds.values()) / sum(sum(counts[:3]) for counts in kinds.values())
+
+
+def pieces(flights: Sequence[DataBlock], count: int = PIECES, before_s: float = BEFORE_S) -> Pieces | None:
+    """Return ``count`` pieces spread evenly over the flights; None when the flights are all too short for one."""
+    rate = flights[0].rate_hz
+    onset, length = round(before_s * rate), round((before_s + LATER_S) * rate) + 1
+    room = np.array([max(flight.samples.shape[1] - length + 1, 0) for flight in flights])
+    if not room.any():
+        return None
+    at = ((np.arange(count) + 0.5) * room.sum() / count).astype(np.int64)
+    flight = np.searchsorted(np.cumsum(room), at, side="right")
+    start = at - (np.cumsum(room) - room)[flight]
+    cut = [flights[f].samples[:, k : k + length].T for f, k in zip(flight, start, strict=True)]
+    samples = np.ascontiguousarray(cut)
+    before = [flights[f].samples[:, :k] for f, k in zip(flight, start, strict=True)]
+    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate, before)
+
+
+def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) -> Tradeoff:
+    """Evaluate ``design`` on the pieces; ``motion`` is the size of the signal, in its unit."""
+    settings, short = design.settings(given), cut.short()
+    kinds: dict[str, Found] = {}
+    for share in SHARES:
+        kinds[f"offset {share:g}"] = inject(cut, settings, "offset", share * motion)
+    small = {f"small {share:g}": inject(cut, settings, "small", share * motion) for share in SMALL}
+    sizes: dict[Kind, float] = {"ramp": SHARES[0] * motion, "noise": NOISE, "gain": GAIN, "stuck": 0.0}
+    for kind, size in sizes.items():
+        kinds[kind] = inject(cut, settings, kind, size)
+    twice = inject(short, settings, "offset", 2.0 * design.single.upper)
+    return Tradeoff(_smallest(short, settings, design.single.upper), twice, kinds, small)
+
+
+def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Found:
+    """Vote all pieces with a fault of a ``kind`` and ``size``, in the unit of the signal, in one channel of each."""
+    heed()
+    samples, pieces = cut.samples.copy(), np.arange(len(cut.samples))
+    samples[pieces, :, cut.channel] = faulty(cut, kind, size)
+    learned = begun(cut.before, settings, samples.shape[2], cut.rate_hz) if cut.before else None
+    signals = outcomes(samples, cut.channel, cut.onset, settings, cut.rate_hz, learned)
+    failed_at = signals["failed_at"][pieces, cut.channel]
+    wrong = np.asarray((signals["false_isolations"] > 0).any(axis=1))
+    delay = (failed_at - cut.onset) / cut.rate_hz
+    failed = (failed_at != NEVER) & (delay <= (WITHIN_S if kind == "offset" else LATER_S))
+    words = fault_words(True, failed, True, wrong)
+    delays = delay[words == "isolated"]
+    quantiles = (float(q) for q in np.quantile(delays, [0.5, 0.95])) if len(delays) else (None, None)
+    return Found(*(int((words == word).sum()) for word in INJECTED), *quantiles)
+
+
+def faulty(cut: Pieces, kind: Kind, size: float) -> Floats:
+    """Return (R, n) the samples of the channel of each piece with a fault from the onset on.
+
+    offset, small, ramp : ``size``, or so much a second, is added, in turn to both sides
+    gain : the samples times ``size``
+    noise : what the channel has of its own, its difference from the median of all, times ``size``; stuck : the last one
+    """
+    own, frames = cut.samples[np.arange(len(cut.samples)), :, cut.channel], np.arange(cut.samples.shape[1]) - cut.onset
+    sides = np.where(np.arange(len(own)) // cut.samples.shape[2] % 2 == 0, 1.0, -1.0)[:, None]
+    if kind in ("offset", "small"):
+        after = own + sides * size
+    elif kind == "ramp":
+        after = own + sides * (size * frames / cut.rate_hz)
+    elif kind == "noise":
+        lost = np.all(np.isnan(cut.samples), axis=2, keepdims=True)
+        middle = np.nanmedian(np.where(lost, 0.0, cut.samples), axis=2)
+        after = middle + size * (own - middle)
+    else:
+        after = size * own if kind == "gain" else own[:, cut.onset - 1 : cut.onset]
+    return np.where(frames < 0, own, after)
+
+
+def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float | None:
+    """Return the smallest size threshold / 4 * 1.1^i that is found in FOUND of the pieces, as all larger ones are."""
+    low, high = -1, _STEPS  # a size that is not found often enough, one that is
+
+    def enough(step: int) -> bool:
+        counts = inject(cut, settings, "offset", threshold / 4.0 * _STEP**step)
+        return counts.right >= FOUND * len(cut.samples)
+
+    if not enough(high):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return threshold / 4.0 * _STEP**high
+
+
+def ranked(designs: Sequence[Design], tradeoffs: Sequence[Tradeoff]) -> list[int]:
+    """Return the places of the designs, that which finds the largest share rightly first; of equals the shortest
+    persistence and filter, and without a learned bias."""
+
+    def order(i: int) -> tuple[float, int, float, bool]:
+        design = designs[i]
+        return -round(tradeoffs[i].share, 9), design.persistence, design.filter_s, bool(design.outliers)
+
+    return sorted(range(len(designs)), key=order)

@@ -1,0 +1,111 @@
+"""What a unit that was built for an older version of the records is told, and what it cannot be told.
+
+A setting that is on and has no field there refuses the flight.  What a scenario did not ask for is flown without it: a
+value that all aircraft share (stale samples, boxes by sets, giving up a split), and what follows from the references
+that are configured (whether the trend is asked beside them, which of them count as two).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.durations import in_frames
+from rig.computer.redundancy.manager_config import Config, box_of_signals
+from rig.core.frame import SIGNALS, S
+from rig.scenario.aircraft import default_boxes, default_stale_frames
+from rig.unit.ready_message import REBUILD, UnitStopped
+from rig.unit.unit_records import MORE_THAN_HALF, SEAM, SINCE, Seam
+
+_NAMES: Final = [signal.name for signal in SIGNALS]
+Unasked = Mapping[str, NDArray[Any]]  # by field: (S,) values that nobody asked for
+
+
+class _Switch(NamedTuple):
+    """A field of CONFIG that is on above ``off``, and the scenario's key for it."""
+
+    part: str
+    field: str
+    key: str = ""  # of the signal; that of ``field`` when empty
+    of_all: str = ""  # a key of [redundancy] instead
+    off: int = 0
+
+
+_SWITCHES: Final = (
+    *(_Switch("lasting", field) for field in ("bias_bound", "slow_limit", "stale_frames")),
+    *(_Switch("rules", field) for field in ("count_down", "trend_beside_reference")),
+    _Switch("rules", "trend_small", off=-1),
+    _Switch("rules", "trend_tumbles", "trend_window"),
+    _Switch("rules", "unresolved_frames", of_all="unresolved_s"),
+    _Switch("rules", "referred", of_all="references"),
+    _Switch("rules", "sources", of_all="references"),
+)
+
+
+def config_for(seam: Seam, config: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return the bytes of CONFIG (1,) as a unit of a version of the records reads them.
+
+    UnitStopped: a setting was asked for that the version has no field for
+    """
+    config["version"], config["layout"] = seam.version, seam.layout
+    if seam == SEAM:
+        return config.view(np.uint8)
+    if key := asked_since(seam, config, unasked(config)):
+        raise UnitStopped(f"was built for version {seam.version} of the records, which has no {key}: {REBUILD}")
+    told = config.copy()
+    if SINCE["rules"] > seam.version:
+        told["box_signals"] = _of_one_box(config)
+    whole = told.view(np.uint8)[: seam.config_bytes].copy()
+    whole[-8:] = np.frombuffer((seam.config_bytes - 8).to_bytes(8, "little"), np.uint8)  # length, no checksum
+    return whole
+
+
+def asked_since(seam: Seam, config: NDArray[Any], without: Unasked = MappingProxyType({})) -> str:
+    """Return the key of the first setting of CONFIG (1,) that is on and not in a version; empty for none.
+
+    without : what is flown without; a conformance test asks for that, too, and gives nothing here
+    """
+    for part, field, key, of_all, off in _SWITCHES:
+        value = config[0][part][field]
+        on = np.flatnonzero((value > off) & (value != without.get(field, off)))
+        if SINCE[part] > seam.version and len(on):
+            return f"redundancy.{of_all}" if of_all else f"redundancy.signals.{_NAMES[on[0]]}.{key or field}"
+    return "redundancy.boxes" if SINCE["rules"] > seam.version and _asks_for_sets(config, without) else ""
+
+
+def unasked(config: NDArray[Any]) -> Unasked:
+    """Return what a flight of CONFIG (1,) has without that its scenario asked for it."""
+    stale, rules = default_stale_frames(), config[0]["rules"]
+    unresolved_s = Config.model_fields["unresolved_s"].default
+    return {
+        "stale_frames": np.array([stale.get(name, 0) for name in _NAMES]),
+        "unresolved_frames": np.full(S, in_frames(0, unresolved_s, float(config["rate_hz"][0]))),
+        "referred": rules["referred"],
+        "sources": rules["sources"],
+        "box": np.array(box_of_signals(default_boxes(), _NAMES)),
+    }
+
+
+def _asks_for_sets(config: NDArray[Any], without: Unasked) -> bool:
+    """Return True if channels are to be failed by boxes that an older unit, to which all is one box, does not know."""
+    box, signals = config[0]["rules"]["box"], int(config["box_signals"][0])
+    if signals == 0 or _is_one(box):
+        return False
+    shared = without.get("box", np.ones(S, np.int64))
+    return signals != MORE_THAN_HALF or not np.array_equal(box, shared)
+
+
+def _of_one_box(config: NDArray[Any]) -> int:
+    """Return ``box_signals`` for a unit to which all signals are one box: 0, never, where they are in several."""
+    box, signals = config[0]["rules"]["box"], int(config["box_signals"][0])
+    if not _is_one(box):
+        return 0
+    return S // 2 + 1 if signals == MORE_THAN_HALF else signals
+
+
+def _is_one(box: NDArray[np.int64]) -> bool:
+    return bool((box == box[0]).all()) and box[0] > 0

@@ -1,0 +1,334 @@
+"""The unit under test: one that runs, from flight to flight."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.errors import BadInput, RigError, UnitDead, UnitRefused
+from rig.core.frame import UnitStatus
+from rig.core.interrupt import Stop
+from rig.core.kernels import bind
+from rig.unit import fmu
+from rig.unit import transport as links
+from rig.unit.compiled_exchange import (
+    FOREVER_NS,
+    CompiledExchange,
+    clear,
+    new_exchange,
+    patience,
+    to_library,
+    to_socket,
+    try_exchange,
+)
+from rig.unit.host import Refused
+from rig.unit.news import News
+from rig.unit.port import ACCEPTED, NOT_FINITE, RECEIVED, STARTING, Port, new_port
+from rig.unit.ready_message import UnitStopped, summed
+from rig.unit.session import Counts, ReplyCheck, end_session
+from rig.unit.startup import open_session
+from rig.unit.transport import MOST_BYTES, Disconnected, LibraryLink, SocketLink, clock
+from rig.unit.unit_file import Unit, read_unit
+from rig.unit.unit_records import SEAM, Form, Seam
+
+_MOST_RESTARTS: Final = 10
+_MOST_LATE: Final = 1000  # messages that are read after the last frame
+_ANSWERED, _HELD, _DEAD = UnitStatus.ANSWERED.value, UnitStatus.HELD.value, UnitStatus.DEAD.value  # used in every frame
+_FORMS: Final = {"redundancy": Form.REDUNDANCY, "flight-computer": Form.FLIGHT_COMPUTER}
+_AFTER_RESTART_S: Final = 0.2  # in which an answer still shows that it has not restarted: its READY was old
+_NO_FRAME: Final = -(2**63) - 1  # beyond what a message can hold: none answers it
+_FOREVER: Final = float("inf")
+Deadline = Callable[[int, float], float]  # the time of ``clock`` at which a share of a frame is over
+
+
+class UnitUnderTest:
+    """``begin`` a flight, ``exchange`` every frame of it, ``end`` it; ``close`` at last."""
+
+    port: Port  # of the flight that has begun
+    compiled: CompiledExchange
+    replies: ReplyCheck
+
+    def __init__(self, unit: Unit, crowded: bool = False) -> None:
+        """Start the unit, or connect to it.  BadInput.
+
+        crowded : other flights want the cores, on which neither side should then poll for a message
+        """
+        self.unit, self.form, self._patience = unit, _FORMS[unit.form], patience(crowded)
+        self.lane: str | None = unit.lane  # of several computers
+        self.said, self.printed = "", ""  # its text about itself; its standard output, known when it is closed
+        self.end_wrong, self._begun = "", False  # how it ended if not as it was told to, known then, too
+        self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
+        self.dead = False
+        self._link: SocketLink | LibraryLink = _reach(unit, self._patience.looks)
+        self._message = np.zeros(MOST_BYTES, np.uint8)
+        self._into = self._message.data
+
+    def begin(self, config: NDArray[Any], deadline: Deadline | None = None, stop: Stop | None = None) -> None:
+        """Bring it to its first frame, whatever it did before.  UnitRefused.
+
+        config : (1,) CONFIG; deadline : of a paced flight, None in lockstep; stop : requests the end of the flight
+        """
+        self.dead, self._deadline, self._stop, self._config = False, deadline, stop or Stop(), config
+        config["session"] = secrets.randbits(63) + 1
+        try:
+            self._prepare(self._open())
+            self._begun = True
+        except (Disconnected, UnitStopped, Refused) as reason:
+            raise UnitRefused(f"{self.unit.source} {self._explained(str(reason))}") from None
+
+    def _prepare(self, seam: Seam) -> None:
+        """Make what the flight is exchanged with; seam : that the unit was built for."""
+        config, unit = self._config[0], self.unit
+        trim, rate_hz, fitted = config["trim_surface"], float(config["rate_hz"]), config["signal"]["fitted"]
+        known = self.form, self._session, unit.latency_frames, trim, rate_hz
+        self.port = new_port(*known, unit.start_s, seam, fitted, self._link.unsaid)
+        self.replies = ReplyCheck(self._session, Counts(), seam)
+        self.compiled = new_exchange(self.port, self._session, self._message, seam)
+        self._took_ns, self.news = self.compiled.state["took_ns"].data, News(self.port.back)
+        out, back = self.port
+        self._sent = out.sent_bytes.data[: seam.input_bytes]
+        self._received = back.bytes[RECEIVED].data[: seam.known_bytes]
+        self._connect()
+
+    @property
+    def _session(self) -> int:
+        return int(self._config["session"][0])
+
+    def _open(self) -> Seam:
+        """Begin the session; return the version of the records that the unit was built for."""
+        if isinstance(self._link, LibraryLink):
+            self._link.open(self._config)
+            return self.seam
+        self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
+        return self.seam
+
+    def _connect(self) -> None:
+        """Have compiled code reach the unit."""
+        if isinstance(self._link, LibraryLink):
+            to_library(self.compiled, self._link.step)
+            self._try = bind(try_exchange, self.port, self.compiled, 0)
+        else:
+            to_socket(self.compiled, self._link.fd, self._patience.spin_ns, sums=not self._link.reliable)
+
+    def end(self) -> None:
+        """End the session.  RigError: a library in this process has changed how it calculates."""
+        if not isinstance(self._link, LibraryLink):
+            self._count_late(self._link)
+            end_session(self._link, self._session)
+            return
+        self._link.close()
+        if self._link.environment.restored():
+            raise RigError(f"{self.unit.source} changed the rounding of this process: its flight does not count")
+
+    def _count_late(self, link: SocketLink) -> None:
+        """Count the answers that have come after the last frame: late, not lost."""
+        with suppress(Disconnected):
+            for _ in range(_MOST_LATE if self.replies.awaits_late and not self.dead else 0):
+                if not (count := link.receive(self._into, clock())):
+                    return
+                self.replies.is_answer(self._into[:count], _NO_FRAME)
+
+    def close(self) -> None:
+        """End the unit; no process of it is left behind.  What went wrong in its end goes with what it printed."""
+        process = self._link.process
+        self.end_wrong = self._link.close()
+        if process is not None:
+            self.printed += process.printed()
+            process.forget()
+        if self.end_wrong and not self.dead and self._begun:
+            self.printed += f"\n(the unit {self.end_wrong} after the end of its session)\n"
+
+    @property
+    def link(self) -> SocketLink | LibraryLink:
+        """The link to it, another one after a restart."""
+        return self._link
+
+    @property
+    def seam(self) -> Seam:
+        """Version of the records that it was built for, once a session has begun."""
+        return self._link.seam or SEAM
+
+    @property
+    def paced(self) -> bool:
+        """True if answers have a deadline."""
+        return self._deadline is not None
+
+    @property
+    def reply_us(self) -> float:
+        """Time of the last frame's answer: from its sending, or of the call of the library alone."""
+        return self._took_ns[0] * 1e-3
+
+    def until_ns(self, frame: int) -> int:
+        """Return when the wait for the answer to ``frame`` is over, of ``clock``; not for the first of a flight."""
+        return FOREVER_NS if self._deadline is None else int(self._deadline(frame, self.unit.deadline) * 1e9)
+
+    def exchange(self, frame: int, row: int) -> int:
+        """Hand ``port.out`` over and wait for the answer, or go on where ``try_exchange`` left it; return the status.
+
+        UnitDead when the unit file says that the flight ends with this; ``row`` of its block.
+        """
+        began, spent = clock(), self._took_ns[0] if self.compiled.state["sent"][0] else 0
+        try:
+            return _DEAD if self.dead else self._step(frame)
+        except (Disconnected, UnitStopped) as reason:
+            return self._after_stop(str(reason), frame, row)
+        finally:
+            self._took_ns[0] = spent + int((clock() - began) * 1e9)
+
+    def send_foreign(self) -> None:
+        """Send the last frame as one of another session, which no unit may step; of a library here, nothing."""
+        if not isinstance(self._link, LibraryLink):
+            sent = self.port.out.sent.copy()
+            sent["session"] ^= 1
+            self._link.send(summed(sent.view("u1").data[: len(self._sent)]))
+
+    def count_status(self, status: int) -> None:
+        """Count what a frame came to; not needed when it and the one before were answered."""
+        self.replies.flown(status in (UnitStatus.ANSWERED, UnitStatus.RESTARTED), status == UnitStatus.REFUSED)
+
+    def _step(self, frame: int) -> int:
+        if self.replies.run >= self.unit.max_missed:
+            raise UnitStopped(
+                self.news.still_starting(self.unit.start_s)
+                or (f"gave no answer that can be flown for max_missed = {self.unit.max_missed} frames in a row")
+            )
+        link, (state,) = self._link, self.compiled.state
+        if isinstance(link, LibraryLink):
+            return self._call(state)
+        sent, count, last = state["sent"], int(state["count"]), (int(state["frame"]), int(state["stepped"]))
+        clear(self.compiled)
+        self.replies.catch_up(*last)
+        if not sent:
+            link.send(self._sent if link.reliable else summed(self._sent))
+        until, into = self._until(frame), self._into
+        while True:
+            count = count or link.receive(into, until)
+            if count and self._has_deadline and clock() >= until:  # the machine was late, or the unit
+                return self._missed(frame, into[:count])
+            if count and self.replies.is_answer(into[:count], frame):
+                self._received[:] = into[: len(self._received)]
+                return _ANSWERED
+            if self._stop.requested:
+                return _HELD
+            if not count and clock() >= until:
+                return self._missed(frame)
+            if self.replies.restarted and not self._has_deadline:
+                until = min(until, clock() + _AFTER_RESTART_S) if count else until
+            count = 0
+
+    def _call(self, state: Any) -> int:
+        """Step a library of this process, unless ``try_exchange`` has; state : of the compiled exchange."""
+        if not state["sent"]:
+            self._try(self.port, self.compiled, 0)
+        code = int(state["code"])
+        clear(self.compiled)
+        if code:
+            raise UnitStopped(f"failed: rig_unit_step returned {code}")
+        return _ANSWERED
+
+    @property
+    def _has_deadline(self) -> bool:
+        """Not the first frame of a flight, nor any in lockstep."""
+        return self._deadline is not None and self.replies.last_frame >= 0
+
+    def _until(self, frame: int) -> float:
+        """Return when the wait is over; for the first answer as in lockstep: there is none before it to be held."""
+        if self._deadline is not None and self._has_deadline:
+            return self._deadline(frame, self.unit.deadline)
+        return clock() + (self.unit.timeout_s or _FOREVER)
+
+    def _missed(self, frame: int, too_late: memoryview | None = None) -> int:
+        """Count a missed deadline of ``frame``; return the status.  too_late : the message that came after it"""
+        if self.replies.restarted:
+            raise UnitStopped("has restarted by itself: it says READY in no session, and answers no frame")
+        if not self._has_deadline:
+            trouble = "" if isinstance(self._link, LibraryLink) or not self._link.trouble else f": {self._link.trouble}"
+            raise UnitStopped(f"has not answered within timeout_s = {self.unit.timeout_s:g} s{trouble}")
+        self.replies.missed(frame)
+        if too_late is not None:
+            self.replies.is_answer(too_late, _NO_FRAME)
+        if self.unit.on_miss == "end":
+            raise UnitStopped(f"missed its deadline, {self.unit.deadline:g} of the frame")
+        return _HELD
+
+    def _after_stop(self, reason: str, frame: int, row: int) -> int:
+        """Do what the unit file wants of a unit that stopped; return the frame's status.  UnitDead."""
+        action, counts, text = self.unit.on_dead, self.replies.counts, self._explained(reason)
+        if action == "restart" and counts.restarts < _MOST_RESTARTS:
+            try:
+                return self._restart(frame)
+            except (Disconnected, UnitStopped, BadInput) as failure:
+                text += f"; started again it {failure}"
+        counts.dead_frame, self.dead = frame, True
+        if action in ("end", "restart"):
+            raise UnitDead(f"{self.unit.source}, frame {frame}: {text}", row, frame)
+        return _DEAD
+
+    def _restart(self, frame: int) -> int:
+        """Start a new process with CONFIG and the present frame once more: the unit has lost its latches."""
+        self.close()
+        self.replies.counts.restarts += 1
+        self._link = _reach(self.unit, self._patience.looks)
+        self.replies.begin_again()
+        if self._open() != self.replies.seam:
+            raise UnitStopped("has another version of the records")
+        self.port.back.counts[STARTING] = 0
+        self._connect()
+        status = self._step(frame)
+        return UnitStatus.RESTARTED.value if status == UnitStatus.ANSWERED else status
+
+    def _explained(self, reason: str) -> str:
+        """Return ``reason`` with the last line that its process printed."""
+        line = "" if self._link.process is None else self._link.process.last_line()
+        return f"{reason}; it printed: {line}" if line else reason
+
+    def metadata(self) -> dict[str, str]:
+        """Return what the log of a flight has of its unit."""
+        return {"unit": json.dumps({**self.unit.about(), "said": self.said})}
+
+    def fly_as(self, metadata: Mapping[str, Any]) -> None:
+        """Be the lane that a log's unit was, which an option may have chosen; metadata : of the log, on the unit."""
+        self.lane = metadata.get("lane")
+
+    def result(self) -> dict[str, Any]:
+        """Return what became of the exchanges of a flight."""
+        counts = self.replies.counts
+        counts.answered, counts.not_finite = map(int, self.port.back.counts[[ACCEPTED, NOT_FINITE]])
+        of_itself = self.news.result()
+        return {"said": self.said, **asdict(counts), **of_itself, "reproducible": counts.reproducible}
+
+
+@overload
+def running(unit: Unit | Path | str) -> AbstractContextManager[UnitUnderTest]: ...
+@overload
+def running(unit: None) -> AbstractContextManager[None]: ...
+@overload
+def running(unit: Unit | Path | str | None) -> AbstractContextManager[UnitUnderTest | None]: ...
+@contextmanager
+def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
+    """Start the unit of a file, or connect to it; it is ended with the context.  BadInput."""
+    settings = read_unit(unit) if isinstance(unit, str | Path) else unit
+    tested = None if settings is None else UnitUnderTest(settings)
+    try:
+        yield tested
+    finally:
+        if tested is not None:
+            tested.close()
+
+
+def _reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
+    if unit.carrier == "library":
+        return links.child(unit, looks) if unit.isolate else LibraryLink(unit)
+    if unit.carrier == "udp":
+        return links.udp(unit, looks)
+    if unit.carrier == "fmu":
+        return fmu.child(unit, looks)
+    raise BadInput(f"{unit.source}: carrier {unit.carrier} cannot be flown here")

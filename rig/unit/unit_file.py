@@ -1,0 +1,207 @@
+"""A unit file: which flight software is under test, how it is reached, and what counts when it does not answer."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar, Final, Literal
+
+from pydantic import Field, PrivateAttr, field_validator, model_validator
+
+from rig.core.errors import BadInput
+from rig.core.files import is_file, is_folder, open_regular, reported
+from rig.core.frame import COMPUTERS
+from rig.core.settings import Settings, build, read_toml
+
+LARGEST_FILE: Final = 1 << 30  # bytes of a library, an FMU or a program
+LOOPBACK: Final = re.compile(r"127\.\d+\.\d+\.\d+|localhost")
+_ADDRESS: Final = re.compile(r"([\w.-]+):(\d{1,5})")
+_IS: Final = {"library": "a library", "fmu": "an FMU, one file"}
+_BUILD: Final = 12  # characters of a hash that are shown
+_NEEDS: Final = {"library": "path", "fmu": "path", "python": "manager"}
+
+
+class FmuMapping(Settings):
+    """Which variable of an FMU each element of the records is: addresses like ``channels.pitch_rate.1``."""
+
+    keys_are_in: ClassVar[str] = "docs/unit.md"
+
+    parameters: dict[str, str] = Field(default_factory=dict)  # elements of CONFIG
+    constants: dict[str, float] = Field(default_factory=dict)  # by variable, in its own unit
+    inputs: dict[str, str] = Field(default_factory=dict)
+    outputs: dict[str, str] = Field(min_length=1)
+
+
+class Unit(Settings):
+    """The settings of one unit under test; times in s, counts in frames."""
+
+    keys_are_in: ClassVar[str] = "docs/unit.md"
+
+    name: str = Field(min_length=1, max_length=60)
+    form: Literal["redundancy", "flight-computer"] = "redundancy"
+    carrier: Literal["library", "udp", "fmu", "python"] = "library"
+    path: str | None = None  # of a library or an FMU, from the folder of the unit file
+    manager: str | None = None  # module:name, of the carrier python
+    command: list[str] | None = Field(default=None, min_length=1)  # udp: started by the rig; {address} is the rig's own
+    address: str | None = None  # udp: of a unit that runs already
+    remote: bool = False  # an address that is not of this machine may be used
+    isolate: bool = True  # a library runs in a child process
+    latency_frames: int = Field(default=0, ge=0, le=16)  # the answer to frame k is flown in k + latency_frames
+    start_s: float = Field(default=5.0, gt=0, le=600)  # until it has sent READY
+    timeout_s: float = Field(default=2.0, ge=0, le=3600)  # lockstep: then it is dead; 0 waits for ever
+    deadline: float = Field(default=0.8, gt=0, le=1)  # paced: share of the frame by which the answer must be here
+    on_miss: Literal["hold", "fault", "end"] = "hold"
+    max_missed: int = Field(default=10, ge=1)  # frames in a row; then it is dead
+    on_dead: Literal["end", "hold", "backup", "restart"] = "end"
+    lane: Literal["A", "B", "C", "D"] | None = None  # of several computers, the one that it is; None: the only one
+    fmu: FmuMapping | None = None  # of an FMU that has not our variables
+    reuse: bool = True  # a campaign flies one session after the other with the same process
+    _folder: Path = PrivateAttr(default=Path())  # of the unit file
+    _source: str = PrivateAttr(default="")  # the unit file as it was named
+
+    @field_validator("path", "command")
+    @classmethod
+    def _without_nul(cls, value: str | list[str] | None) -> str | list[str] | None:
+        if "\0" in "".join(value or ()):
+            raise ValueError("must not contain the character NUL")
+        if value is not None and not value[0]:
+            raise ValueError("must not be empty")
+        return value
+
+    @field_validator("address")
+    @classmethod
+    def _host_and_port(cls, address: str | None) -> str | None:
+        parts = None if address is None else _ADDRESS.fullmatch(address)
+        if address is not None and (parts is None or not 0 < int(parts[2]) < 65536):
+            raise ValueError(f"must be host:port, got {address!r}")
+        return address
+
+    @model_validator(mode="after")
+    def _fits_its_carrier(self) -> Unit:
+        needed = _NEEDS.get(self.carrier)
+        if needed is not None and getattr(self, needed) is None:
+            raise ValueError(f"{needed}: the carrier {self.carrier} needs it")
+        if self.carrier == "udp" and (self.command is None) == (self.address is None):
+            raise ValueError(
+                "carrier udp: give either command, which the rig starts, or the address of what runs already"
+            )
+        if self.address is not None and not self.remote and not LOOPBACK.fullmatch(self.host_and_port[0]):
+            raise ValueError(f"address: {self.address} is not of this machine; remote = true permits it")
+        if self.fmu is not None and self.carrier != "fmu":
+            raise ValueError(f"fmu: the carrier {self.carrier} has no variables to map")
+        if self.on_dead == "restart" and (self.address is not None or self.carrier == "python" or not self.isolate):
+            raise ValueError("on_dead: the rig can restart only what it has started itself")
+        return self
+
+    @property
+    def host_and_port(self) -> tuple[str, int]:
+        """The parts of ``address``."""
+        host, _, port = (self.address or "127.0.0.1:0").rpartition(":")
+        return host, int(port)
+
+    @property
+    def source(self) -> str:
+        """The unit file and the unit, as messages name them."""
+        return f"{self._source or 'the unit'}: {self.name}"
+
+    @property
+    def folder(self) -> Path:
+        """Of the unit file."""
+        return self._folder
+
+    @property
+    def unit_file(self) -> str:
+        """The unit file as it was named; empty for settings that were read from none."""
+        return self._source
+
+    @property
+    def file(self) -> Path:
+        """The library, the FMU or the started program; an empty path for a box and a class."""
+        if self.path is not None:
+            return self._folder / self.path
+        if self.command is None:
+            return Path()
+        program = self._folder / self.command[0]
+        return program if is_file(program) else Path(self.command[0])
+
+    def sha256(self) -> str:
+        """Return the hash of library, FMU or program, in hexadecimal; empty where there is none.  BadInput."""
+        if not self.file.name or not is_file(self.file):
+            return ""
+        where = f"{self.source}: {self.file}"
+        with open_regular(self.file, LARGEST_FILE, where=where) as file, reported(where, BadInput, "cannot be read"):
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+    def build(self) -> str:
+        """Return what changes with the unit: its hash; of a command also that of the files which it names.  BadInput.
+
+        What the command finds elsewhere, such as an interpreter, is the machine's.
+        """
+        beside = [word for word in (self.command or [])[1:] if is_file(self._folder / word)]
+        if not beside:
+            return self.sha256()
+        digest = hashlib.sha256(self.sha256().encode())
+        for word in beside:
+            where = f"{self.source}: {word}"
+            path = self._folder / word
+            with open_regular(path, LARGEST_FILE, where=where) as file, reported(where, BadInput, "cannot be read"):
+                digest.update(word.encode() + hashlib.file_digest(file, "sha256").digest())
+        return digest.hexdigest()
+
+    def about(self) -> dict[str, Any]:
+        """Return what a log keeps of it."""
+        return {**self.model_dump(exclude_none=True), "sha256": self.sha256()}
+
+    def identity(self) -> dict[str, Any]:
+        """Return what decides the flights of a campaign: the settings, and its build.  BadInput."""
+        return {**self.model_dump(exclude_none=True), "sha256": self.build()}
+
+
+def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str:
+    """Return who voted a flight, as every command names it: the ``unit`` under test of this name, else the manager.
+
+    lane : of several computers, the one that the unit was
+    """
+    if lane is not None:
+        return f"manager {manager}, unit {unit} as lane {lane}"
+    return f"manager {manager}" if unit is None else f"unit {unit}"
+
+
+def voted_by(manager: str, unit: Mapping[str, Any] | None) -> str:
+    """Return who voted, as the column ``manager`` of ``runs`` has it: ``mean``, or ``unit mvs 0a1b2c3d4e5f``.
+
+    unit : its settings, and its build as ``sha256``; a box at an address has none
+    """
+    if unit is None:
+        return manager
+    named = f"{unit['name']} {unit.get('sha256', '')[:_BUILD]}".rstrip()
+    return voter(manager, named, unit.get("lane"))
+
+
+def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
+    """Return the settings of a unit that is to be this ``lane``, that of its file when None.  BadInput: it cannot."""
+    if unit is None and lane is None:
+        return None
+    if unit is None:
+        raise BadInput(f"--lane {lane}: of a unit under test, --unit")
+    if lane is not None and lane not in COMPUTERS:
+        raise BadInput(f"--lane {lane}: must be one of {', '.join(COMPUTERS)}")
+    unit = unit if lane is None else unit.model_copy(update={"lane": lane})
+    if unit.lane is not None and unit.carrier == "python":
+        raise BadInput(
+            f"{unit.source}: lane: a class votes in place of our manager, and cannot be one of several lanes"
+        )
+    return unit
+
+
+def read_unit(path: Path | str) -> Unit:
+    """Read the settings of a unit file; BadInput says what is wrong with them."""
+    path = Path(path)
+    unit = build(Unit, read_toml(path), str(path))
+    unit._folder, unit._source = path.resolve().parent, str(path)
+    if unit.path is not None and not is_file(unit.file):
+        what = f"is a folder, must be {_IS[unit.carrier]}" if is_folder(unit.file) else "no such file"
+        raise BadInput(f"{path}: path: {unit.path}: {what}")
+    return unit

@@ -1,0 +1,284 @@
+"""The records that go between the rig and a unit under test: their fields follow from the frame's table.
+
+Little-endian, IEEE 754, naturally aligned, every gap a field of its own (``pad_...``), sizes a multiple of eight bytes.
+All carriers move the same bytes; docs/unit-records.md has the tables.
+
+Each version begins with the fields of the one before where they were: units that were built for an older one are still
+flown (SEAMS).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from enum import IntEnum, IntFlag
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
+from rig.computer.redundancy.manager_config import LASTING, PARAMS, SINCE_3
+from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
+from rig.core.frame.fields import BASES, FIELD, FIELDS
+
+VERSION: Final = 3  # of the seam; a change of a field changes LAYOUT alone
+TO_UNIT, FROM_UNIT = 0x49474952, 0x4F474952  # "RIGI", "RIGO" as little-endian words
+PART_BYTES: Final = 1024  # of CONFIG in one message that must fit into an Ethernet frame
+NAME_BYTES, TEXT_BYTES = 64, 192
+MORE_THAN_HALF: Final = -1  # as box_signals of CONFIG: of the signals of the box
+
+
+class Kind(IntEnum):
+    """Kinds of messages."""
+
+    HELLO = 1  # a session begins
+    CONFIG = 2
+    FRAME = 3
+    END = 4  # the session is over; the next one begins as if it were the first
+    READY = 5  # to HELLO and to the whole CONFIG
+    REFUSED = 6  # to either, with a reason
+    REPLY = 7
+
+
+class Said(IntFlag):
+    """Groups of an answer that the unit has filled."""
+
+    VOTED = 1
+    STATE = 2  # with level
+    PATTERN = 4  # with resolver, reference_usable, common_mode
+    TREND = 8
+    DISCRETES = 16  # their votes, states and levels
+    SURFACE = 32
+
+
+class Form(IntEnum):
+    """Parts of the flight computer that a unit may be."""
+
+    REDUNDANCY = 0  # channels in, votes and states out
+    FLIGHT_COMPUTER = 1  # surfaces out
+
+
+class Status(IntEnum):
+    """Status that a unit reports of itself; one that reports none is ready."""
+
+    READY = 0
+    DEGRADED = 1
+    FAILED = 2
+    SELF_TEST = 3  # from here on its answers are not flown
+    POWER_UP = 4
+
+
+# Besides BUS: what the rig computes from the unit's last votes, NaN where there is none.
+REFERENCES: Final = ("reference", "second_reference")
+ANSWERS: Final[dict[str, Said]] = {
+    "voted": Said.VOTED,
+    "surface": Said.SURFACE,
+    "state": Said.STATE,
+    "level": Said.STATE,
+    "pattern": Said.PATTERN,
+    "resolver": Said.PATTERN,
+    "reference_usable": Said.PATTERN,
+    "common_mode": Said.PATTERN,
+    "trend_high": Said.TREND,
+    "trend_low": Said.TREND,
+    "discrete_voted": Said.DISCRETES,
+    "discrete_state": Said.DISCRETES,
+    "discrete_level": Said.DISCRETES,
+    "law": Said.SURFACE,
+}
+ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (Kind, Form, Said, Ilm, State, Pattern, Resolver, Law, Status)
+
+
+def members(enum: type[IntEnum] | type[IntFlag], version: int = VERSION) -> list[IntEnum | IntFlag]:
+    """Return the values of an enum that a unit of a version of the records may read or write."""
+    since = {Resolver.SLOW: 2, Resolver.LANE: 3, Resolver.GIVEN_UP: 3}
+    return [member for member in enum if not isinstance(member, Resolver) or version >= since.get(member, 1)]
+
+
+_Entry = tuple[str, Any, tuple[int, ...]]
+_HEAD: Final[list[_Entry]] = [
+    ("magic", "<u4", ()),
+    ("version", "<u2", ()),
+    ("kind", "<u2", ()),
+    ("layout", "<u8", ()),
+    ("session", "<u8", ()),
+    ("frame", "<i8", ()),
+    ("time_s", "<f8", ()),
+]
+_TAIL: Final[list[_Entry]] = [("length", "<u4", ()), ("crc", "<u4", ())]
+
+
+def _of_frame(names: list[str]) -> list[_Entry]:
+    """Return fields of the frame, the widest first."""
+    return _widest_first([(name, f"<{BASES[FIELD[name].kind]}", FIELD[name].shape) for name in names])
+
+
+def _widest_first(entries: list[_Entry]) -> list[_Entry]:
+    return sorted(entries, key=lambda entry: -np.dtype(entry[1]).itemsize)
+
+
+def _packed(entries: list[_Entry]) -> np.dtype[Any]:
+    """Lay ``entries`` out in their order, gaps filled by ``pad_1``, ...; the size is a multiple of eight bytes."""
+    packed: list[_Entry] = []
+    end, pads = 0, 0
+    for name, kind, shape in [*entries, ("", "<u8", ())]:  # the last one only closes the record
+        dtype = np.dtype(kind)
+        if gap := -end % (8 if name == "length" else _alignment(dtype)):
+            pads += 1
+            packed.append((f"pad_{pads}", "u1", (gap,)))
+            end += gap
+        if name:
+            packed.append((name, dtype, shape))
+            end += dtype.itemsize * int(np.prod(shape, dtype=int))
+    return np.dtype(packed)
+
+
+def _alignment(dtype: np.dtype[Any]) -> int:
+    if dtype.names is not None:
+        return 8
+    return 1 if dtype.kind == "S" else dtype.itemsize
+
+
+def _little(dtype: np.dtype[Any], names: Iterable[str]) -> np.dtype[Any]:
+    """Return fields of a record of our own settings as a record of the seam: the widest first."""
+    kinds = {name: place(dtype, name)[0] for name in names}
+    return _packed(_widest_first([(name, kind.base.newbyteorder("<"), kind.shape) for name, kind in kinds.items()]))
+
+
+def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
+    """Return a field's own dtype and its offset."""
+    fields: Any = dtype.fields
+    return fields[name][0], fields[name][1]
+
+
+# Fields of CONFIG that hold our own settings, and which of them.
+SETTINGS: Final[dict[str, tuple[str, ...]]] = {
+    "signal": tuple(name for name in PARAMS.names or () if name not in LASTING + SINCE_3),
+    "lasting": LASTING,
+    "rules": SINCE_3,
+    "discrete": DISCRETE_PARAMS.names or (),
+}
+RESOLVERS: Final = 5  # that a unit may ask: it knows of no other computers
+_TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "resolvers" else (n, "i8", (RESOLVERS,)) for n in PARAMS.names or ()])
+SIGNAL_CONFIG: Final = _little(_TOLD, SETTINGS["signal"])
+LASTING_CONFIG: Final = _little(PARAMS, SETTINGS["lasting"])
+RULES_CONFIG: Final = _little(PARAMS, SETTINGS["rules"])
+DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS, SETTINGS["discrete"])
+HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too
+READY: Final = _packed([*_HEAD, ("text", f"S{TEXT_BYTES}", ()), *_TAIL])  # REFUSED too
+_CONFIGURED: Final[list[_Entry]] = [
+    *_HEAD,
+    ("rate_hz", "<f8", ()),
+    ("form", "<i8", ()),
+    ("box_signals", "<i8", ()),
+    ("box_persistence", "<i8", ()),
+    ("trim_surface", "<f8", (len(SURFACES),)),
+    ("surface_low", "<f8", (len(SURFACES),)),
+    ("surface_high", "<f8", (len(SURFACES),)),
+    ("signal", SIGNAL_CONFIG, (S,)),
+    ("discrete", DISCRETE_CONFIG, (D,)),
+    ("aircraft", f"S{NAME_BYTES}", ()),
+    ("flight_point", f"S{NAME_BYTES}", ()),
+]
+_LASTING: Final[_Entry] = ("lasting", LASTING_CONFIG, (S,))
+CONFIG: Final = _packed([*_CONFIGURED, _LASTING, ("rules", RULES_CONFIG, (S,)), *_TAIL])
+PART: Final = _packed(
+    [*_HEAD, ("part", "<u4", ()), ("parts", "<u4", ()), ("bytes", "u1", (PART_BYTES,)), *_TAIL]
+)  # of CONFIG
+_ASKED: Final = [*_HEAD, *_of_frame([*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")])]
+_ANSWERED: Final = [*_HEAD, ("stepped", "<u8", ()), *_of_frame([*ANSWERS]), ("said", "u1", ())]
+_OF_ITSELF: Final = [("fault_word", "<u4", ()), ("status", "<u2", ()), ("output_discretes", "u1", (8,))]
+INPUT: Final = _packed([*_ASKED, ("age_us", "<u2", (S, CHANNELS)), *_TAIL])
+OUTPUT: Final = _packed([*_ANSWERED, *_OF_ITSELF, *_TAIL])
+# The version in which a field of CONFIG, INPUT or OUTPUT came; 1 where none is given.
+SINCE: Final = {"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "lasting": 2, "rules": 3}
+RECORDS: Final[dict[str, np.dtype[Any]]] = {
+    "hello": HELLO,
+    "ready": READY,
+    "signal_config": SIGNAL_CONFIG,
+    "discrete_config": DISCRETE_CONFIG,
+    "lasting_config": LASTING_CONFIG,
+    "rules_config": RULES_CONFIG,
+    "config": CONFIG,
+    "config_part": PART,
+    "input": INPUT,
+    "output": OUTPUT,
+}
+
+
+class Entry(NamedTuple):
+    """A field of a record, as C, Ada, FMI and tables name it."""
+
+    name: str
+    base: np.dtype[Any]  # of an element
+    record: str  # name of the record that an element is, or empty
+    shape: tuple[int, ...]
+    offset: int
+    size: int  # bytes of all elements
+
+
+def walk(dtype: np.dtype[Any]) -> Iterator[Entry]:
+    """Yield the fields of a record in the order of their bytes."""
+    for name in dtype.names or ():
+        kind, offset = place(dtype, name)
+        record = next((known for known, held in RECORDS.items() if held == kind.base), "")
+        yield Entry(name, kind.base, record, kind.shape, offset, kind.itemsize)
+
+
+def described(version: int = VERSION) -> str:
+    """Return every name, type, shape and offset that both sides must agree on: LAYOUT is the hash of this text."""
+    lines = [f"version {version}", *(signal.name for signal in (*SIGNALS, *DISCRETES))]
+    records = RECORDS | _OLDER.get(version, {})
+    for record, dtype in records.items():
+        if SINCE.get(record.removesuffix("_config"), 1) > version:
+            continue
+        lines.append(f"{record} {dtype.itemsize}")
+        lines += [f"  {e.offset} {e.name} {e.record or e.base.str} {e.shape}" for e in walk(dtype)]
+    enums = (enum for enum in ENUMS if version > 1 or enum is not Status)
+    lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in enums for member in members(enum, version)]
+    return "\n".join(lines)
+
+
+def _layout(version: int) -> int:
+    return int.from_bytes(hashlib.sha256(described(version).encode()).digest()[:8], "little")
+
+
+class Seam(NamedTuple):
+    """A version of the records that is flown: the first bytes of ours, with a tail of its own."""
+
+    version: int
+    layout: int
+    config_bytes: int
+    input_bytes: int
+    output_bytes: int
+    known_bytes: int  # of OUTPUT that are its fields
+
+
+_CONFIG_1, _INPUT_1, _OUTPUT_1 = (_packed([*entries, *_TAIL]) for entries in (_CONFIGURED, _ASKED, _ANSWERED))
+_OLDER: Final[dict[int, dict[str, np.dtype[Any]]]] = {
+    1: {"config": _CONFIG_1, "input": _INPUT_1, "output": _OUTPUT_1},
+    2: {"config": _packed([*_CONFIGURED, _LASTING, *_TAIL])},
+}
+
+
+def _seam(version: int) -> Seam:
+    records = RECORDS | _OLDER.get(version, {})
+    config, asked, answer = (records[name].itemsize for name in ("config", "input", "output"))
+    unknown = [place(OUTPUT, name)[1] for name in OUTPUT.names or () if SINCE.get(name, 1) > version]
+    return Seam(version, _layout(version), config, asked, answer, min(unknown, default=answer))
+
+
+SEAM: Final = _seam(VERSION)
+LAYOUT: Final = SEAM.layout
+OLD_SEAMS: Final = tuple(_seam(version) for version in range(VERSION - 1, 0, -1))  # the newest first
+SEAMS: Final = {(seam.version, seam.layout): seam for seam in (SEAM, *OLD_SEAMS)}
+
+
+def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0, seam: Seam = SEAM) -> np.ndarray[Any, Any]:
+    """Return a record (1,) of a session with nothing in it but its head and length, where ``seam`` has that."""
+    record = np.zeros(1, dtype)
+    record["magic"], record["version"], record["kind"] = magic, seam.version, kind
+    record["layout"], record["session"] = seam.layout, session
+    size = {CONFIG: seam.config_bytes, INPUT: seam.input_bytes, OUTPUT: seam.output_bytes}.get(dtype, dtype.itemsize)
+    record.view("u1")[size - 8 : size - 4] = np.frombuffer((size - 8).to_bytes(4, "little"), "u1")
+    return record

@@ -1,0 +1,192 @@
+"""What the sentences about a flight are made from: its scenario and score, and how near its channels were.
+
+``agreement`` says which frames a channel miscompared in, and which other channel it was near to: why a monitor failed
+it or did not.  It is computed from the samples with the thresholds of the flight, as the cross-channel comparison sees
+them when no low-pass is set before it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.managers import manager_kind
+from rig.core.blocks import cuts
+from rig.core.frame import INDEX, SIGNALS, SURFACES, Pattern, State
+from rig.core.units.angles import differences
+from rig.core.units.quantities import unit_of_name
+from rig.scenario.scenario import Scenario
+from rig.verdict.score_records import FaultScore, Score
+from rig.world.faults.places import number, site
+
+Bools = NDArray[np.bool_]
+
+
+class Context(NamedTuple):
+    """A scored flight."""
+
+    scenario: Scenario
+    score: Score
+
+    @property
+    def params(self) -> NDArray[np.void]:
+        """(S,) config.PARAMS of its manager."""
+        return self.score.evidence.params
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames a second."""
+        return self.scenario.rate_hz
+
+    @property
+    def decided_by(self) -> str:
+        """Name who failed channels, or did not."""
+        if self.score.evidence.by_unit:
+            return "the unit under test"
+        return f"the manager {self.scenario.redundancy.manager}"
+
+    def compares(self, fault: FaultScore) -> bool:
+        """Return True if channels were compared with each other, which can be done again."""
+        own = not self.score.evidence.by_unit
+        return fault.signal in INDEX and own and manager_kind(self.scenario.redundancy.manager).compares
+
+    def silent(self, signal: str) -> bool:
+        """Return True if no channel of a signal ever had a state, as from a unit that answers surfaces alone."""
+        return signal in self.score.evidence.silent
+
+    def unit(self, fault: FaultScore) -> str:
+        """Return the SI unit of a fault's errors; "" where they have none, as those of a discrete."""
+        return error_unit(fault)
+
+    def threshold(self, fault: FaultScore) -> float | None:
+        """Return what the monitor of the fault's signal allows with all channels in use; None where no signal is."""
+        if fault.signal not in INDEX:
+            return None
+        p = self.params[INDEX[fault.signal]]
+        return float(p["outlier_threshold"] or p["threshold"])
+
+
+def error_unit(fault: FaultScore) -> str:
+    """Return the SI unit of a fault's errors, that of its place; "" where they have none, as those of a discrete."""
+    if fault.signal in INDEX:
+        return SIGNALS[INDEX[fault.signal]].unit
+    where = site(fault.signal)
+    if where == "surface":
+        return unit_of_name(SURFACES[number(fault.signal)]) or "1"
+    if where == "inertial":
+        return unit_of_name(fault.signal)
+    return SIGNALS[number(fault.signal)].unit if where == "reference" else ""
+
+
+def place(name: str) -> str:
+    """Return a place as it is written: of ``actuator.elevator`` elevator, of ``hydraulics.1`` hydraulic system 1."""
+    head, _, rest = name.partition(".")
+    named = {"actuator": rest, "hydraulics": f"hydraulic system {rest}", "bus": f"bus {rest}", "ccdl": f"link {rest}"}
+    return {**named, "computer": "all computers" if rest == "all" else f"computer {rest}"}.get(head, name)
+
+
+def channel(name: str, number_from_1: int | None) -> str:
+    """Return a channel as it is written: ``pitch_rate channel 3``."""
+    return place(name) if number_from_1 is None else f"{place(name)} channel {number_from_1}"
+
+
+def channels(numbers_from_1: list[int]) -> str:
+    """Return several: ``channels 1 and 2``; ``no channel`` of none."""
+    if not numbers_from_1:
+        return "no channel"
+    *most, last = map(str, numbers_from_1)
+    return f"channels {', '.join(most)} and {last}" if most else f"channel {last}"
+
+
+class Agreement(NamedTuple):
+    """One channel over m frames: ``alone``: near no other channel in use; the ``nearest`` one, its ``distance``.
+
+    nearest : (m,) channel from 0, -1 where none can be compared; distance : (m,) unit of the signal, infinite there
+    usable : (m,) it can be compared; out : (m,) it was failed before; many : (m,) channels that can be; pattern : (m,)
+    """
+
+    alone: Bools
+    nearest: NDArray[np.intp]
+    distance: NDArray[np.float64]
+    usable: Bools
+    out: Bools
+    many: NDArray[np.intp]
+    pattern: NDArray[np.uint8]
+
+    def of(self, frames: slice) -> Agreement:
+        """Return that of some of the frames."""
+        parts: list[Any] = [column[frames] for column in self]
+        return Agreement(*parts)
+
+
+def comparable(samples: NDArray[np.float64], valid: Bools, out: Bools, p: NDArray[np.void]) -> Bools:
+    """Return whether each of ``samples`` can be compared; out : channels that were out in the row before.
+
+    p : the signal's config.PARAMS
+    """
+    with np.errstate(invalid="ignore"):
+        return valid & ~out & (samples >= p["low"]) & (samples <= p["high"])
+
+
+def agreement(columns: NDArray[Any], c: int, first: int, end: int, p: NDArray[np.void]) -> Agreement:
+    """Compare channel ``c`` (from 0) of a signal with the others in the frames ``first`` to ``end`` (excluded).
+
+    columns : (n,) kept.COLUMNS of the signal; p : its config.PARAMS
+    """
+    samples, valid = columns["channels"][first:end], columns["valid"][first:end] != 0
+    before = columns["state"][np.maximum(np.arange(first, end) - 1, 0)]  # failed in this frame: compared in it
+    out = (before == State.FAILED) | (before == State.ABSENT)
+    compared = comparable(samples, valid, out, p)
+    from_c = differences(samples, samples[:, c : c + 1], bool(p["wraps"]))
+    off = np.where(compared & compared[:, c : c + 1], np.abs(from_c), np.inf)
+    off[:, c] = np.inf
+    nearest = off.argmin(axis=1)
+    distance = off[np.arange(len(off)), nearest]
+    alone = ~compared[:, c] | ~(distance <= allowed(compared.sum(axis=1), p))
+    alone |= outlier(np.where(compared, from_c, np.nan), distance, p)
+    nearest = np.where(np.isfinite(distance), nearest, -1)
+    many, pattern = compared.sum(axis=1), columns["pattern"][first:end]
+    return Agreement(alone, nearest, distance, compared[:, c], out[:, c], many, pattern)
+
+
+def agreement_of(fault: FaultScore, context: Context, first: int, end: int) -> Agreement:
+    """Compare the channel of ``fault`` with the others in the frames ``first`` to ``end`` (excluded), in blocks."""
+    s, c = INDEX[fault.signal], (fault.channel or 1) - 1
+    columns, p = context.score.evidence.columns, context.params[s]
+    parts: list[Agreement] = []
+    for part in cuts(end - first):
+        begin = max(first + part.start - 1, 0)  # with the frame before
+        kept = columns(s, begin, first + part.stop)
+        parts.append(agreement(kept, c, first + part.start - begin, len(kept), p))
+    return Agreement(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def singular(pattern: NDArray[np.uint8]) -> Bools:
+    """Return where a Pattern has no majority."""
+    return (pattern >= Pattern.P2_2) & (pattern <= Pattern.P1_1)
+
+
+def allowed(compared: NDArray[np.intp], p: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return (m,) thresholds while so many samples are ``compared``, unit of the signal; p : its config.PARAMS."""
+    by_number = np.array([p["threshold_duplex"]] * 3 + [p["threshold_triplex"], p["threshold"]])
+    return by_number[compared]
+
+
+def outlier(samples: NDArray[np.float64], distance: NDArray[np.float64], p: NDArray[np.void]) -> Bools:
+    """Return (m,) where all agree, but one is ``distance`` from its nearest, beyond its threshold, and two within it.
+
+    samples : (m, 4), NaN where not compared; p : the signal's config.PARAMS
+    """
+    count = np.isfinite(samples).sum(axis=1)
+    limit = np.array([0.0] * 3 + [p["outlier_threshold_triplex"], p["outlier_threshold"]])[count]
+    gaps = np.diff(np.sort(samples, axis=1), axis=1)  # NaN come last
+    together = ~(gaps > allowed(count, p)[:, None]).any(axis=1)
+    return (limit > 0.0) & together & (distance > limit) & (gaps <= limit[:, None]).any(axis=1)
+
+
+def longest_run(flags: Bools) -> int:
+    """Return how many ``flags`` in a row are set, at most."""
+    edges = np.flatnonzero(np.diff([False, *flags, False]))
+    return int((edges[1::2] - edges[::2]).max(initial=0))

@@ -1,0 +1,139 @@
+"""The outcome of a flight's computers: who found each fault of a lane, link or bus, and lanes failed without one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from rig.core.frame import COMPUTERS, LaneBlock, has_part
+from rig.flight.lane_events import ComputerFinder, LaneFailure, test_name
+from rig.scenario.scenario import Scenario
+from rig.verdict.score_records import ComputersScore, FaultScore, Isolation, LaneFailed
+from rig.verdict.words import IsolationKind, fault_word
+from rig.world.faults import Fault
+from rig.world.faults.places import OF_LANES, lanes_of, senders, site
+
+LINK: Final = "link"  # the receivers have had no message for long
+UNIT: Final = "unit under test"  # why a lane, or what it drives, was failed: its software is that
+RELAYS: Final = "relays"  # other lanes told another word than came directly
+
+
+def columns_of(fault: Fault) -> int:
+    """Return the channels, bits, that a fault of a computer or of a link takes away from all signals for the others."""
+    return sum(1 << lane for lane in senders(fault.signal)) if fault.takes_channels else 0
+
+
+class LaneOutcome:
+    """What became of the faults of computers, links and buses, added up block by block.
+
+    unit_lane : the lane whose software is a unit under test, A to D: it is not healthy when it is failed
+    """
+
+    def __init__(self, scenario: Scenario, unit_lane: str | None = None) -> None:
+        self._finder, self._unit_lane, self._of = ComputerFinder(scenario.rate_hz), unit_lane, scenario.faults
+        self._outvoted: dict[tuple[int, int], list[int]] = {}  # frames, by receiver and sender
+        self._seen = False
+
+    def add(self, lanes: LaneBlock) -> None:
+        """Add the next ``lanes`` (n,)."""
+        if not has_part(lanes, "computer") or not len(lanes):
+            return
+        self._seen = True
+        self._finder.find(lanes)
+        outvoted = lanes["computer"]["outvoted"] != 0
+        for i, j in zip(*np.nonzero(outvoted.any(axis=0)), strict=True):
+            first = int(lanes["frame"][outvoted[:, i, j].argmax()])
+            self._outvoted.setdefault((int(i), int(j)), []).append(first)
+
+    def score(self, faults: list[FaultScore]) -> ComputersScore | None:
+        """Return what became of computers and links; None: their rows were not seen.
+
+        faults : of the score, whose onsets are known
+        """
+        if not self._seen:
+            return None
+        finder, links = self._finder, dict[str, int]()
+        for link in finder.links:
+            links.setdefault(f"{COMPUTERS[link.sender]}-{COMPUTERS[link.receiver]}", link.frame)
+        failures = [self._failed(failure, faults) for failure in finder.failures]
+        return ComputersScore(failures, links, *(finder.backup or (None, "")))
+
+    def _failed(self, failure: LaneFailure, faults: list[FaultScore]) -> LaneFailed:
+        """Return a lane that was failed, with the lanes on which a fault had begun by then."""
+        begun = [
+            (fault.onset_frame, senders(self._of[fault.index].signal)) for fault in faults if self._on_lanes(fault)
+        ]
+        faulty = {i for onset, lanes in begun if onset is not None and onset <= failure.frame for i in lanes}
+        name = COMPUTERS[failure.lane]
+        cause = "wrong isolation" if faulty else "false alarm"
+        if failure.lane in faulty:
+            cause = "own fault"
+        elif name == self._unit_lane:
+            cause = UNIT
+        return LaneFailed(
+            name,
+            failure.frame,
+            test_name(failure.test),
+            tuple(COMPUTERS[i] for i in failure.accusers),
+            cause,
+            tuple(COMPUTERS[i] for i in sorted(faulty)),
+        )
+
+    def completed(self, fault: FaultScore) -> FaultScore:
+        """Return what became of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
+        onset = fault.onset_frame
+        if fault.channel is not None or site(fault.signal) not in OF_LANES or onset is None or not self._seen:
+            return fault
+        of_servo = [(fault.failed_frame, fault.resolver or "")] if fault.failed_frame is not None else []
+        detection = min([*self._found(fault.signal, onset), *of_servo], default=None)
+        if detection is None:
+            return replace(fault, outcome="missed", word=fault_word(True, False, True), peak_error=None)
+        return replace(
+            fault,
+            outcome="detected",
+            word=fault_word(True, True, True),
+            failed_frame=detection[0],
+            delay_from_onset_frames=detection[0] - onset,
+            resolver=detection[1],
+            peak_error=None,
+        )
+
+    def _found(self, place: str, onset: int) -> Iterator[tuple[int, str]]:
+        """Yield (frame, by whom) of all that speaks against a place from ``onset`` on."""
+        suspects = senders(place)
+        receivers = lanes_of(place)[1:] or [*range(len(COMPUTERS))]
+        for failure in self._finder.failures:
+            if failure.lane in suspects and failure.frame >= onset:
+                yield failure.frame, test_name(failure.test)
+        if site(place) != "ccdl":
+            return
+        for link in self._finder.links:
+            if link.sender in suspects and link.receiver in receivers and link.frame >= onset:
+                yield link.frame, LINK
+        for (receiver, sender), frames in self._outvoted.items():
+            if sender in suspects and receiver in receivers:
+                yield from ((frame, RELAYS) for frame in frames if frame >= onset)
+
+    def isolations(self, kind: IsolationKind, faults: list[FaultScore]) -> list[Isolation]:
+        """Return the lanes that were failed without a fault on them, of one kind; each owns its channel.
+
+        faults : of the score, whose onsets are known
+        """
+        scored = self.score(faults)
+        return [
+            Isolation(
+                f"computer.{each.lane}",
+                COMPUTERS.index(each.lane) + 1,
+                each.frame,
+                each.test,
+                tuple(COMPUTERS.index(lane) + 1 for lane in each.faulty),
+            )
+            for each in (() if scored is None else scored.failures)
+            if each.cause == kind
+        ]
+
+    def _on_lanes(self, fault: FaultScore) -> bool:
+        return site(self._of[fault.index].signal) in OF_LANES

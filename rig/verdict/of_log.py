@@ -1,0 +1,202 @@
+"""The score of a log: read, check that it is a whole flight of a scenario, fly its twin, score."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.lib.recfunctions import repack_fields
+from numpy.typing import NDArray
+
+from rig.core.errors import BadInput
+from rig.core.frame import Block, LaneBlock, UnitStatus
+from rig.core.progress import tell
+from rig.core.runs import runs_where
+from rig.core.trust import Trust
+from rig.flight.time_histogram import Times
+from rig.log import Log, LogFile, scenario_of, unit_of
+from rig.scenario.pressed_keys import pressed
+from rig.scenario.scenario import Scenario, from_resolved
+from rig.unit.running_unit import UnitUnderTest
+from rig.unit.unit_file import voter
+from rig.verdict.conclusion import conclusion
+from rig.verdict.flight_tally import FlightOutcome
+from rig.verdict.score_records import Score, Yardstick
+from rig.verdict.scoring import Scoring, score_of
+from rig.verdict.transients import twin_blocks
+
+_UNANSWERED: Final = (UnitStatus.HELD, UnitStatus.LATE, UnitStatus.DEAD, UnitStatus.REFUSED)
+
+
+@dataclass(frozen=True, slots=True)
+class Miss:
+    """Frames in a row, the last included, that were flown on an older answer."""
+
+    first_frame: int
+    last_frame: int
+    status: str  # of the first of them: held, dead, refused
+
+
+class Scored(NamedTuple):
+    """A scored log; ``digest`` is that of the flight."""
+
+    log: Path
+    scenario: Scenario
+    digest: str
+    score: Score
+    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
+    times: dict[str, dict[str, int]]  # histograms of the wall clock
+    misses: list[Miss]  # of a unit whose file calls them faults
+    conclusion: list[str]  # sentences
+    voter: str  # the manager or the unit that voted
+
+    def __repr__(self) -> str:
+        """Return the conclusion: a sentence a line."""
+        return "\n".join(self.conclusion)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As ``rig score --json`` prints it."""
+        identity = {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest}
+        return {**identity, **self.score.as_dict(), "unit": self.unit, "times": self.times} | {
+            "unit_faults": [asdict(miss) for miss in self.misses],
+            "conclusion": self.conclusion,
+        }
+
+
+def score_log(
+    path: Path,
+    yardstick: Yardstick,
+    twin: bool = True,
+    allow_code: bool = False,
+    unit: UnitUnderTest | None = None,
+    log: Log | LogFile | None = None,
+) -> Scored:
+    """Score the flight at ``path``; ``twin`` flies it again without its faults to compare with.
+
+    allow_code : a manager class that the log names may be run, in the flight of the twin
+    unit : under test, that flew it and flies the twin
+    log : what has been read from ``path`` already; otherwise it is gone through block by block
+    BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
+    """
+    log = LogFile.open(path) if log is None else log
+    scenario = _scenario(path, log, allow_code)
+    if log.result is None:
+        raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
+    if twin:
+        scenario.trust.require(scenario.redundancy.manager)
+        if "unit" in log.metadata and unit is None:
+            raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE, or --no-twin")
+    unit_facts = unit_of(log.metadata)
+    if unit is not None:
+        unit.fly_as(unit_facts)
+    misses = Misses(unit_facts.get("on_miss") == "fault")
+    try:
+        scored, times = _added_up(
+            log, scenario, yardstick, misses, _twin(log, scenario, unit) if twin else None, unit_facts.get("lane")
+        )
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+    exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
+    sentences = conclusion(scenario, scored)
+    digest = log.result.get("digest", "")
+    voted_by = voter(scenario.redundancy.manager, unit_facts.get("name"), unit_facts.get("lane"))
+    return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), misses.all(), sentences, voted_by)
+
+
+def _twin(log: Log | LogFile, scenario: Scenario, unit: UnitUnderTest | None) -> Iterator[Block]:
+    tell("flying the fault-free run")
+    return twin_blocks(scenario, log.frames, unit)
+
+
+def _added_up(
+    log: Log | LogFile,
+    scenario: Scenario,
+    yardstick: Yardstick,
+    misses: Misses,
+    twin: Iterator[Block] | None,
+    unit_lane: str | None,
+) -> tuple[Score, Times]:
+    """Go through the log, and beside it through the twin, block by block."""
+    scoring, times, done = Scoring(scenario, yardstick, twin=twin is not None, unit_lane=unit_lane), Times(), 0
+    for block, other in zip_longest(log.blocks(), twin or ()):
+        scoring.add(block.rows, block.lanes, other)
+        misses.add(block.rows)
+        times.add(block.timing)
+        done += len(block.rows)
+        tell("scoring", done, log.frames)
+    return scoring.score(), times
+
+
+class FlightConclusion:
+    """The conclusion of a flight, gathered while it is flown: ``outcome`` of ``rig.flight.fly.fly``.
+
+    It never raises.
+    """
+
+    def __init__(self) -> None:
+        self._outcome: FlightOutcome | None = None
+        self._refused = "a flight is scored from its frame 0 on"
+
+    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
+        """Take the scenario as it is flown; unit_lane : of several computers, the one that a unit under test is."""
+        self._outcome = FlightOutcome(scenario, Yardstick().window_s, unit_lane)
+
+    def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
+        """Take the next rows; clean : (n,) CLEAN; lanes : (n,) of a flight with servo actuators."""
+        if self._outcome is None:
+            return
+        try:
+            self._outcome.add(rows, clean)
+            self._outcome.add_lanes(rows, lanes)
+        except BadInput as error:
+            self._outcome, self._refused = None, str(error)
+
+    def sentences(self, log: Path, frames: int) -> list[str]:
+        """Return the sentences; log, frames : of the flight."""
+        if self._outcome is None or not frames:
+            return [f"not scored: {log}: {self._refused}"]
+        return conclusion(self._outcome.scenario, score_of(self._outcome))
+
+
+def conclude(log: Log) -> list[str]:
+    """Return the conclusion of a log that has been read, without a fault-free run; never raises."""
+    try:
+        return score_log(Path("log"), Yardstick(), twin=False, log=log).conclusion
+    except BadInput as error:
+        return [f"not scored: {error}"]
+
+
+def _scenario(path: Path, log: Log | LogFile, allow_code: bool) -> Scenario:
+    resolved = scenario_of(log.metadata, path)
+    if not resolved:
+        raise BadInput(f"{path}: holds no scenario, so there is no truth to score against; only logs of rig fly do")
+    scenario = from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
+    return pressed(scenario, log.result, str(path))
+
+
+class Misses:
+    """The frames of a flight that a unit did not answer, of one whose file calls them ``faults``."""
+
+    def __init__(self, faults: bool = True) -> None:
+        self._faults, self._rows = faults, list[Block]()
+
+    def add(self, rows: Block) -> None:
+        """Take the next ``rows`` (n,)."""
+        if self._faults:
+            self._rows.append(repack_fields(rows[["frame", "unit"]]))
+
+    def all(self) -> list[Miss]:
+        """Return all misses, in the order of time."""
+        if not self._rows:
+            return []
+        rows = np.concatenate(self._rows)
+        frames, status = rows["frame"], rows["unit"]
+        return [
+            Miss(int(frames[first]), int(frames[end - 1]), UnitStatus(status[first]).name.lower())
+            for first, end in runs_where(np.isin(status, _UNANSWERED)).tolist()
+        ]

@@ -1,0 +1,128 @@
+"""Requirements of a flight while it is flown and logged, and verdicts as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from rig.core.errors import BadInput
+from rig.core.event import Event
+from rig.core.frame import Block, LaneBlock
+from rig.core.units.quantities import quantity
+from rig.scenario.scenario import Scenario
+from rig.unit.running_unit import UnitUnderTest
+from rig.verdict.of_log import FlightConclusion, Scored
+from rig.verdict.requirements.measure import check_log, recorder_of
+from rig.verdict.requirements.requirement import Requirement, load_requirements
+from rig.verdict.requirements.requirement_recorder import RequirementsRecorder, Verdict
+from rig.verdict.requirements.shown import margin_text, number_of
+
+VIOLATED: Final = "requirement violated"  # name of an event
+
+
+class MeasuredConclusion(FlightConclusion):
+    """The conclusion of a flight, and its requirements beside it: an outcome of ``rig.flight.fly.fly``.
+
+    What names the twin waits for the end of the flight: two flights at once would share the process.
+    """
+
+    def __init__(self, names: Sequence[str | Path] = ()) -> None:
+        """Names : of sets and files, before those that the scenario names."""
+        super().__init__()
+        self._names = tuple(names)
+        self.requirements: tuple[Requirement, ...] = ()
+        self._recorder: RequirementsRecorder | None = None
+
+    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
+        """Take the scenario as it is flown.  BadInput: its requirements."""
+        super().begin(scenario, unit_lane)
+        self.requirements = load_requirements([*self._names, *(scenario.requirements or ())])
+        if not self.requirements:
+            return
+        recorder_of(scenario, self.requirements, iter(()))  # refuses what the flight does not have, twin or not
+        if self._alone:
+            self._recorder = recorder_of(scenario, self._alone, twin=False)
+
+    @property
+    def needs_twin(self) -> bool:
+        """Return whether the twin is flown when the flight is over."""
+        return any(each.names_twin for each in self.requirements)
+
+    @property
+    def _alone(self) -> list[Requirement]:
+        return [each for each in self.requirements if not each.names_twin]
+
+    def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
+        """Take the next rows, as the conclusion does."""
+        super().add(rows, clean, lanes)
+        if self._recorder is not None:
+            self._recorder.record(rows)
+
+    def verdicts(self, log: Path, unit: UnitUnderTest | None = None, allow_code: bool = False) -> tuple[Verdict, ...]:
+        """Return the verdicts of the finished flight, in the order of the requirements.
+
+        log : of the flight, beside which the twin is flown where it is named; unit, allow_code : that fly it
+        """
+        late = [each for each in self.requirements if each.names_twin]
+        verdicts = [*(() if self._recorder is None else self._recorder.finish())]
+        verdicts += check_log(log, late, unit, allow_code) if late else ()
+        order = {each.id: i for i, each in enumerate(self.requirements)}
+        return tuple(sorted(verdicts, key=lambda verdict: order[verdict.requirement]))
+
+
+def measure_scored(
+    scored: Scored, asked: Sequence[Requirement], twin: bool, unit: UnitUnderTest | None, allow_code: bool
+) -> tuple[tuple[Verdict, ...], str]:
+    """Return the verdicts on a log that was scored, and why those of its scenario are not among them, if so.
+
+    asked : measured in any case, BadInput otherwise; those of the scenario if its files are there
+    twin : it is flown where it is named
+    """
+    named, remark = (), ""
+    try:
+        asked_ids = {each.id for each in asked}
+        own = load_requirements(scored.scenario.requirements or ())
+        named = tuple(each for each in own if each.id not in asked_ids and (twin or not each.names_twin))
+    except BadInput as error:
+        remark = f"requirements of the scenario are not measured: {error}"
+    every = [*asked, *named]
+    return (check_log(scored.log, every, unit, allow_code, twin) if every else ()), remark
+
+
+def violated(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """Return the verdicts that are violated, the least margin first."""
+    return sorted((verdict for verdict in verdicts if verdict.status == "violated"), key=lambda verdict: verdict.margin)
+
+
+def events(verdicts: Sequence[Verdict], rate_hz: float) -> list[Event]:
+    """Return an event where each violated verdict is decided, in order of time."""
+    violations = []
+    for verdict in violated(verdicts):
+        there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items())
+        shown = margin_text(verdict.margin)
+        margin = f"margin {shown}; " if shown else ""
+        text = f"{f'{verdict.requirement} {verdict.signal}'.rstrip()}: {margin}{there}"
+        violations.append(Event(round(verdict.instant_s * rate_hz), "error", VIOLATED, text))
+    return sorted(violations, key=lambda event: event.frame)
+
+
+def plain(verdict: Verdict) -> dict[str, Any]:
+    """Return a verdict as JSON has it: the margin null where it has no number, all null where it is not applicable."""
+    numbers = {
+        name: {"value": value if isfinite(value) else None, "unit": u} for name, (value, u) in verdict.values.items()
+    }
+    applies = isfinite(verdict.margin)
+    return {
+        **verdict._asdict(),
+        "margin": number_of(verdict.margin),
+        "instant_s": verdict.instant_s if applies else None,
+        "values": numbers,
+    }
+
+
+def _number(value: float, unit: str) -> dict[str, Any]:
+    return {"value": value if isfinite(value) else None, "unit": unit}

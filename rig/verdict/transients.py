@@ -1,0 +1,139 @@
+"""How the flight went, alone and against its fault-free twin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.errors import BadInput
+from rig.core.frame import INDEX, SIGNALS, Block, End
+from rig.core.units.angles import differences
+from rig.scenario.scenario import Scenario
+from rig.verdict.score_records import Deviation, FaultScore, FlightScore, Transient, Transients, Yardstick
+from rig.verdict.signal_kernels import NEVER
+from rig.verdict.tally_records import EXTREMES
+
+if TYPE_CHECKING:
+    from rig.unit.running_unit import UnitUnderTest
+
+WRAPS: Final = np.array([signal.wraps for signal in SIGNALS])
+_COMPARED: Final = [INDEX[name] for name in ("normal_load_factor", "pitch_rate", "pitch_angle", "roll_angle")]
+
+
+def fly_twin(scenario: Scenario, frames: int | None = None, unit: UnitUnderTest | None = None) -> Block:
+    """Return the same scenario and seed without its faults: its rows, no more than ``frames``.
+
+    unit : under test, that flew the scenario too
+    """
+    from rig.flight.unit_loop import fly_rows  # a score without a twin needs no simulation
+
+    return fly_rows(scenario.model_copy(update={"faults": []}), frames, unit)
+
+
+def twin_blocks(scenario: Scenario, frames: int, unit: UnitUnderTest | None = None) -> Iterator[Block]:
+    """Fly the twin as ``fly_twin`` does, and yield its rows in blocks of util.blocks.ROWS."""
+    from rig.flight.unit_loop import fly_blocks
+
+    return (rows for rows, _ in fly_blocks(scenario.model_copy(update={"faults": []}), frames, unit))
+
+
+def flight_score(scenario: Scenario, flight: np.void, measured: Transients | None) -> FlightScore:
+    """Return the flight and its peaks; flight : FLIGHT; an extreme is 0 where there was no number."""
+    end, frames = End(flight["end"]), int(flight["frames"])
+    low, high = (np.where(np.isfinite(flight[bound]), flight[bound], 0.0).tolist() for bound in ("low", "high"))
+    load_factor, pitch_rate, pitch_angle, roll_angle, angle_of_attack = range(len(EXTREMES))
+    return FlightScore(
+        survived=end == End.FLYING,
+        end_reason=_reason(end, frames, scenario),
+        frames=frames,
+        duration_s=frames / scenario.rate_hz,
+        load_factor_min=low[load_factor],
+        load_factor_max=high[load_factor],
+        pitch_rate_max_rad_s=max(-low[pitch_rate], high[pitch_rate]),
+        pitch_angle_min_rad=low[pitch_angle],
+        pitch_angle_max_rad=high[pitch_angle],
+        roll_angle_max_rad=max(-low[roll_angle], high[roll_angle]),
+        angle_of_attack_min_rad=low[angle_of_attack],
+        angle_of_attack_max_rad=high[angle_of_attack],
+        transients=measured,
+    )
+
+
+def _reason(end: End, frames: int, scenario: Scenario) -> str:
+    if end != End.FLYING:
+        return end.label
+    return "duration flown" if frames >= scenario.frames else "interrupted"
+
+
+class Deviations:
+    """How far a flight is from its twin, added up block by block: 32 bytes a frame."""
+
+    def __init__(self, yardstick: Yardstick) -> None:
+        self.yardstick, self.frames, self.lost = yardstick, 0, False
+        self.first_difference: int | None = None
+        self._off: list[NDArray[np.float64]] = []
+
+    def add(self, rows: Block, twin: Block | None) -> None:
+        """Add the next ``rows`` (n,) and those of the twin, which has fewer where it has ended."""
+        n = 0 if twin is None else min(len(rows), len(twin))
+        if twin is not None:
+            truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
+            differs = np.flatnonzero((truth != other).any(axis=1))
+            if self.first_difference is None and len(differs):
+                self.first_difference = self.frames + int(differs[0])
+            self._off.append(np.abs(differences(truth, other, WRAPS))[:, _COMPARED])
+        if len(rows):
+            self.frames, self.lost = self.frames + len(rows), rows["end"][-1] != End.FLYING
+
+    @property
+    def off(self) -> NDArray[np.float64]:
+        """(n, 4) of the frames that both have, _COMPARED."""
+        return np.concatenate([np.empty((0, len(_COMPARED))), *self._off])
+
+
+def transients(deviations: Deviations, faults: Sequence[FaultScore], acted_from: int, rate_hz: float) -> Transients:
+    """Return how far a flight was from its twin; BadInput when that is none of this flight.
+
+    acted_from : first frame in which any fault acted, or NEVER
+    """
+    first, off, yardstick = deviations.first_difference, deviations.off, deviations.yardstick
+    if first is not None and (acted_from == NEVER or first <= acted_from):
+        raise BadInput(
+            f"the fault-free twin leaves the flight in frame {first}, before any fault can have moved the "
+            "aircraft: other versions flew it; without the twin (--no-twin) it can be scored"
+        )
+    limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
+    beyond = np.any(~(off[:, :2] <= limits), axis=1)
+    window = round(yardstick.window_s * rate_hz)
+    windows = []
+    for onset, ids in _onsets(faults).items():
+        part = slice(onset, min(onset + window + 1, len(off)))
+        ended = deviations.lost and deviations.frames <= onset + window + 1
+        within = not np.any(beyond[part]) and not ended
+        windows.append(Transient(ids, onset, max(part.stop - onset, 0), _peaks(off[part]), bool(within)))
+    return Transients(
+        limits=yardstick.model_dump(),
+        windows=tuple(windows),
+        overall=_peaks(off),
+        out_of_limits_s=float(beyond.sum() / rate_hz),
+        within_limits=all(window.within_limits for window in windows),
+        first_difference_frame=first,
+    )
+
+
+def _onsets(faults: Sequence[FaultScore]) -> dict[int, tuple[str, ...]]:
+    """Return the executed faults by the frame of their onset, in order of time."""
+    ids: dict[int, list[str]] = {}
+    for fault in faults:
+        if fault.onset_frame is not None and fault.outcome != "not executed":
+            ids.setdefault(fault.onset_frame, []).append(fault.id)
+    return {onset: tuple(dict.fromkeys(ids[onset])) for onset in sorted(ids)}
+
+
+def _peaks(off: NDArray[np.float64]) -> Deviation:
+    """Return largest finite differences; 0 when there are none."""
+    finite = np.where(np.isfinite(off), off, 0.0)
+    return Deviation(*(finite.max(axis=0) if len(finite) else np.zeros(len(_COMPARED))).tolist())

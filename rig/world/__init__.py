@@ -1,0 +1,1 @@
+"""The aircraft, its servos and sensors, and what goes wrong with them."""

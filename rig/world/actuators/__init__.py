@@ -1,0 +1,9 @@
+"""Servo actuators: four coils, two hydraulic systems, and the monitors that watch them.
+
+    actuators_table.py  the ``[actuators]`` table
+    servo.py      the physics of one surface: currents, spool, ram, bypass
+    computer/servo_monitors.py  who fails a channel of it, and why
+    servo_stage.py  a flight's servos: drawn parts, state, one frame
+
+Equations, tolerances, thresholds: docs/actuators.md.
+"""

@@ -1,0 +1,303 @@
+"""Kinds of faults of the computers, which ``[computers] count`` of 2 or more has, and of what feeds them.
+
+A fault sits on one lane, ``computer.B``, on the program of all, ``computer.all``, or on a bus of electrical power,
+``bus.1`` for lanes A and C with their sensors, ``bus.2`` for B and D.  What a test of the lane's own sees, it sees by
+the coverage of that test, which is drawn once a fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Literal
+
+from pydantic import model_validator
+
+from rig.core.frame import CHANNELS, COMPUTERS, DISCRETES, MOVED, SIGNALS, SURFACES, LaneTest
+from rig.world.faults.effects import Act, Effect
+from rig.world.faults.fault_settings import Placed, Size, quantity
+from rig.world.faults.places import FLIGHT, Places, Point, Site, lanes_of
+from rig.world.faults.servo_parts import ComputerPart
+
+_TOLERANCE_OF_TESTS = 0.02  # of full scale: a converter that is off by less is within its tolerance
+_BY_ITS_TEST = "the test of its own did not see it, by its coverage, or it was within the tolerance"
+SurfaceName = Literal["elevator", "aileron", "rudder", "throttle"]
+
+
+class _OnComputer(Placed):
+    """A fault of a lane."""
+
+    sites: ClassVar[tuple[Site, ...]] = ("computer",)
+    act, changes_samples = Act.SET, False
+    of_all: ClassVar[bool] = False
+
+    @model_validator(mode="after")
+    def _whose(self) -> _OnComputer:
+        if (self.signal == "computer.all") != self.of_all:
+            allowed = "computer.all" if self.of_all else ", ".join(f"computer.{name}" for name in COMPUTERS)
+            raise ValueError(f"signal: {dict(self)['kind']} cannot sit on {self.signal}, allowed: {allowed}")
+        return self
+
+    @property
+    def targets(self) -> list[Point]:
+        """One record for each lane."""
+        return [Point(f"computer.{COMPUTERS[lane]}") for lane in lanes_of(self.signal)]
+
+
+class ComputerStop(_OnComputer):
+    """A lane computes nothing and says nothing. A processor that hangs, a failed supply of one box.
+
+    When it ends the lane starts again, with what the first engaged lane has, and waits to be readmitted.
+    """
+
+    takes_channels = True
+    sentence = "{where} stopped at {at}"
+    example = "f16_computer_stop"
+
+    kind: Literal["computer_stop"]
+
+    @property
+    def effect(self) -> Effect:
+        """It stands."""
+        return Effect(Act.SET, 1.0, part=ComputerPart.STOPPED, seen_by_test=LaneTest.WATCHDOG)
+
+
+class ClockDrift(_OnComputer):
+    """A lane's clock runs at a wrong rate. A cracked or overheated crystal."""
+
+    sizes = ("drift_ppm",)
+    sentence = "{where} had a wrong clock from {at} on"
+    unseen = "its clock was kept within the window, or the clocks run free"
+    example = "f16_clock_drift"
+
+    kind: Literal["clock_drift"]
+    drift_ppm: float = quantity("ppm", "added to the drift of its clock; above 0 it gains", ge=-500_000, le=500_000)
+
+    @property
+    def effect(self) -> Effect:
+        """Frames a frame."""
+        return Effect(Act.SET, 1e-6 * self.drift_ppm, part=ComputerPart.DRIFT)
+
+
+class _OfOneSurface(_OnComputer):
+    """A wrong number for one surface."""
+
+    sizes = ("offset", "amplitude")
+    part: ClassVar[ComputerPart] = ComputerPart.COMMAND
+
+    surface: SurfaceName = quantity("", "whose command is wrong")
+    does: Literal["offset", "hardover", "stuck", "oscillation"] = quantity("", "how", "hardover")
+    offset: float | None = quantity("rad", "offset: added; for the throttle a share", None)
+    direction: Literal["high", "low"] = quantity("", "hardover: to which stop", "high")
+    amplitude: float | None = quantity("rad", "oscillation: added as a sine", None, gt=0)
+    frequency_hz: float | None = quantity("Hz", "of the oscillation", None, gt=0, le=500)
+    ramp_s: float = quantity("s", "its effect grows linearly from nothing over this time", 0.0, ge=0)
+
+    @model_validator(mode="after")
+    def _what_it_does(self) -> _OfOneSurface:
+        needs = {"offset": ("offset",), "oscillation": ("amplitude", "frequency_hz")}.get(self.does, ())
+        for name in ("offset", "amplitude", "frequency_hz"):
+            if (getattr(self, name) is not None) != (name in needs):
+                raise ValueError(
+                    f"{name}: {'is needed for' if name in needs else 'does not go with'} does = {self.does!r}"
+                )
+        return self
+
+    @property
+    def targets(self) -> list[Point]:
+        """One record for each lane, of its surface counted from 1."""
+        column = [name.removesuffix("_rad") for name in SURFACES].index(self.surface) + 1
+        return [Point(point.place, column) for point in super().targets]
+
+    @property
+    def effect(self) -> Effect:
+        """An offset, a stop, the last value or a sine."""
+        seen = LaneTest.WRAP_AROUND if self.part == ComputerPart.OUTPUT else LaneTest.NONE
+        if self.does == "offset":
+            return Effect(Act.ADD, self.offset or 0.0, part=self.part, seen_by_test=seen)
+        if self.does == "stuck":
+            return Effect(Act.HOLD, part=self.part, seen_by_test=seen)
+        if self.does == "oscillation":
+            wave = self.amplitude or 0.0, self.frequency_hz or 0.0
+            return Effect(Act.OSCILLATE, wave[0], frequency_hz=wave[1], part=self.part, seen_by_test=seen)
+        return Effect(Act.RANGE_END, 1.0 if self.direction == "high" else -1.0, part=self.part, seen_by_test=seen)
+
+
+class WrongCommand(_OfOneSurface):
+    """A lane computes a wrong command, and tells it to the others. A defect of its arithmetic, a flipped bit in memory.
+
+    No test of its own sees it: the vote of all lanes' commands does.
+    """
+
+    sentence = "{where} computed a wrong command from {at} on"
+    example = "f16_wrong_command"
+
+    kind: Literal["wrong_command"]
+
+
+class Software(_OfOneSurface):
+    """All lanes compute the same wrong command. A defect of the program that all run.
+
+    Nobody can find it who compares the lanes; the back-up, which is another program, flies when the pilot commands it.
+    """
+
+    of_all = True
+    sentence = "{where} computed a wrong command from {at} on"
+    unseen = "all lanes computed the same, and nobody compares what all do alike"
+    example = "f16_software"
+
+    kind: Literal["software"]
+
+
+class Dac(_OfOneSurface):
+    """A lane's output converter gives a wrong value for one surface. A stuck bit, a drifting reference.
+
+    The wrap-around, which reads back what is put out, sees more than 2 % of the stroke by its coverage.
+    """
+
+    part = ComputerPart.OUTPUT
+    sentence = "{where} put out a wrong command from {at} on"
+    unseen = _BY_ITS_TEST
+    example = "f16_dac"
+
+    kind: Literal["dac"]
+
+    @property
+    def drives(self) -> tuple[str, int] | None:
+        """Surface and channel from 1 of the servo that it drives; None for the throttle, which has none."""
+        return (self.surface, lanes_of(self.signal)[0] + 1) if self.surface in MOVED else None
+
+
+class Checksum(_OnComputer):
+    """A lane's program is damaged, and its commands are wrong in scale. A worn memory cell, radiation.
+
+    The test of the program's checksum sees it at the end of its period.
+    """
+
+    sizes = ("factor",)
+    sentence = "{where} had a damaged program from {at} on"
+    unseen = _BY_ITS_TEST
+    example = "f16_checksum"
+
+    kind: Literal["checksum"]
+    factor: float = quantity("1", "on all its commands", 1.0)
+
+    @property
+    def effect(self) -> Effect:
+        """A factor, which may be 1."""
+        return Effect(Act.SET, self.factor, part=ComputerPart.CODE, seen_by_test=LaneTest.CHECKSUM)
+
+    @property
+    def magnitude(self) -> Size:
+        """The factor's distance from 1."""
+        return Size(abs(1.0 - self.factor), False)
+
+
+class _OfItsChannels(_OnComputer):
+    """A fault of all channels that a lane samples."""
+
+    changes_samples = True
+
+    @property
+    def points(self) -> list[Point]:
+        """The channels of its lanes, of all signals."""
+        return [Point(signal.name, lane + 1) for lane in lanes_of(self.signal) for signal in SIGNALS]
+
+    @property
+    def targets(self) -> list[Point]:
+        """The same, and the lanes."""
+        return [*self.points, *super().targets]
+
+    def check_fitted(self, fitted: Mapping[str, int], places: Places = FLIGHT) -> None:
+        """Raise nothing for channels that are not fitted: what is not there is not sampled."""
+        unlimited = {name: CHANNELS if self.on is None or self.on.signal != name else n for name, n in fitted.items()}
+        super().check_fitted(unlimited, places)
+
+
+class Adc(_OfItsChannels):
+    """A lane's input converter is wrong for all that it samples. A failed multiplexer, a drifting reference.
+
+    zero and last are seen by the wrap-around, scale and offset beyond 2 % by the test of the reference voltage.
+    """
+
+    sizes = ("factor", "offset")
+    sentence = "{where} sampled wrong values from {at} on"
+    example = "f16_adc"
+
+    kind: Literal["adc"]
+    says: Literal["zero", "last", "scale", "offset"] = quantity("", "what it gives")
+    factor: float | None = quantity("1", "scale: what is left of each value", None)
+    offset: float | None = quantity("1", "offset: added, as a share of each sensor's range", None)
+
+    @model_validator(mode="after")
+    def _what_it_says(self) -> Adc:
+        needed = {"scale": "factor", "offset": "offset"}.get(self.says)
+        for name in ("factor", "offset"):
+            if (getattr(self, name) is not None) != (name == needed):
+                raise ValueError(
+                    f"{name}: {'is needed for' if name == needed else 'does not go with'} says = {self.says!r}"
+                )
+        return self
+
+    @property
+    def magnitude(self) -> Size | None:
+        """Return how far the scale is from 1, or the offset from 0."""
+        return super().magnitude if self.factor is None else Size(abs(1.0 - self.factor), False)
+
+    def effect_on(self, point: Point) -> Effect:
+        """Return what it does to a channel; of the lane, which test sees it."""
+        if FLIGHT.site(point.place) != "computer":
+            return self._of_samples
+        if self.says in ("zero", "last"):
+            return Effect(Act.SET, 1.0, part=ComputerPart.INPUT, seen_by_test=LaneTest.WRAP_AROUND)
+        off = abs((self.factor or 0.0) - 1.0) if self.says == "scale" else abs(self.offset or 0.0)
+        seen = LaneTest.REFERENCE_VOLTAGE if off > _TOLERANCE_OF_TESTS else LaneTest.NONE
+        return Effect(Act.SET, 1.0, part=ComputerPart.SCALE, seen_by_test=seen)
+
+    @property
+    def effect(self) -> Effect:
+        """Return what it does to a channel."""
+        return self._of_samples
+
+    @property
+    def _of_samples(self) -> Effect:
+        if self.says == "zero":
+            return Effect(Act.SET, 0.0)
+        if self.says == "last":
+            return Effect(Act.HOLD)
+        if self.says == "scale":
+            return Effect(Act.SCALE, self.factor or 0.0)
+        return Effect(Act.ADD, self.offset or 0.0, of_range=True)
+
+
+class PowerLoss(_OfItsChannels):
+    """A bus of electrical power fails, with two lanes and all their sensors. A tripped breaker, a failed generator.
+
+    Their samples are flagged and no numbers; the inertial unit has a supply of its own.
+    """
+
+    sites: ClassVar[tuple[Site, ...]] = ("bus",)
+    sentence = "{where} lost power at {at}"
+    example = "f16_power_loss"
+
+    kind: Literal["power_loss"]
+
+    @model_validator(mode="after")
+    def _whose(self) -> PowerLoss:
+        return self
+
+    @property
+    def points(self) -> list[Point]:
+        """The channels of its lanes, of all signals and discretes."""
+        return [Point(one.name, lane + 1) for lane in lanes_of(self.signal) for one in (*SIGNALS, *DISCRETES)]
+
+    @property
+    def effect(self) -> Effect:
+        """No number, flagged by the sensor."""
+        return Effect(Act.NO_NUMBER, invalid=True)
+
+    def effect_on(self, point: Point) -> Effect:
+        """Return what it does to a channel, or to a lane."""
+        where = FLIGHT.site(point.place)
+        if where == "computer":
+            return Effect(Act.SET, 1.0, part=ComputerPart.STOPPED, seen_by_test=LaneTest.WATCHDOG)
+        return Effect(Act.VALID_ONLY, invalid=True) if where == "discrete" else self.effect

@@ -1,0 +1,237 @@
+"""Kinds of faults that change a value: what they do, what causes them, in SI units.
+
+x is the value as it stands when the fault's turn comes, y what becomes of it, t the time since the onset [s].
+What a fault makes of a value stays within the range of its sensor or the stops of its surface.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from pydantic import ValidationInfo, model_validator
+
+from rig.world.faults.effects import Act, Effect
+from rig.world.faults.fault_settings import Corrupted, Ramped, Size, one_form, quantity, require_one, threshold_quantity
+from rig.world.faults.places import Site, places_of
+from rig.world.faults.trigger import DutyCycle, Pulses
+
+WITH_SURFACE: Final[tuple[Site, ...]] = ("channel", "inertial", "reference", "surface")
+_MOST_TIMES: Final = 64
+
+
+class Offset(Ramped):
+    """y = x + offset. A shifted zero: a bent vane, a bad calibration, a misrigged control rod."""
+
+    sites, act, sizes, trials_draw = WITH_SURFACE, Act.ADD, ("offset",), True
+    sentence = "{where} had an offset of {error} from {at} on"
+    example = "f16_pull_up_load_factor_offset"
+
+    kind: Literal["offset"]
+    offset: float | None = quantity("signal", "added to the value", None)
+    offset_thresholds: float | None = threshold_quantity("offset")
+
+    _one_form = one_form("offset")
+
+
+class Drift(Corrupted):
+    """y = x + rate t, or x + settles_at (1 - exp(-t / time_constant)). A gyro warming up, a leaking pressure line."""
+
+    sites, act, sizes, trials_draw = WITH_SURFACE, Act.DRIFT, ("rate_per_s", "settles_at"), True
+    sentence = "{where} drifted from {at} on, by up to {error}"
+    example = "b747_static_pressure_drift"
+
+    kind: Literal["drift"]
+    rate_per_s: float | None = quantity("signal/s", "steady: how fast the error grows", None)
+    rate_thresholds_per_s: float | None = threshold_quantity("rate_per_s")
+    settles_at: float | None = quantity("signal", "exponential: the error in the end", None)
+    settles_at_thresholds: float | None = threshold_quantity("settles_at")
+    time_constant_s: float | None = quantity("s", "exponential: 63 % of it are there after this time", None, gt=0)
+
+    @model_validator(mode="after")
+    def _one_law(self) -> Drift:
+        require_one(self, "rate_per_s", "rate_thresholds_per_s", "settles_at", "settles_at_thresholds")
+        steady = self.rate_per_s is not None or self.rate_thresholds_per_s is not None
+        if steady != (self.time_constant_s is None):
+            raise ValueError("time_constant_s: goes with settles_at or settles_at_thresholds, which need it")
+        return self
+
+    @property
+    def effect(self) -> Effect:
+        """Steady, or towards a bound."""
+        if self.time_constant_s is None:
+            return self.sized(Act.DRIFT)
+        return self.sized(Act.SETTLE, time_constant_s=self.time_constant_s)
+
+
+class Hardover(Ramped):
+    """y = an end of the range. An open or shorted wire, a failed amplifier, a runaway actuator.
+
+    An angle on the circle has no ends: y = x + half a turn, the furthest from where it should be; the direction is
+    that of the ramp.
+    """
+
+    sites, act, found_at_once = WITH_SURFACE, Act.RANGE_END, True
+    sentence = "{where} ran to {value} at {at}"
+    example = "f16_pitch_rate_hardover"
+
+    kind: Literal["hardover"]
+    direction: Literal["high", "low", "either"] = quantity("", "either: one of both, drawn from the seed", "high")
+
+    @property
+    def effect(self) -> Effect:
+        """The direction as +1, -1, or 0 for what is still to be drawn."""
+        return Effect(self.act, {"high": 1.0, "low": -1.0, "either": 0.0}[self.direction])
+
+
+class Scale(Ramped):
+    """y = factor x. A wrong excitation, a cracked bellows; on a surface, a part of it lost (loss of effectiveness)."""
+
+    sites, act, sizes, trials_draw = WITH_SURFACE, Act.SCALE, ("factor",), True
+    sentence = "{where} had a wrong scale from {at} on, an error of up to {error}"
+    example = "b737_roll_rate_scale"
+
+    kind: Literal["scale"]
+    factor: float = quantity("1", "what is left of the value: 1 nothing lost, 0 all")
+
+    @property
+    def magnitude(self) -> Size:
+        """The factor's distance from 1."""
+        return Size(abs(1.0 - self.factor), False)
+
+
+class SignReversal(Corrupted):
+    """y = -x. Wires or pneumatic lines swapped in maintenance, crossed control cables."""
+
+    sites, act = WITH_SURFACE, Act.SCALE
+    sentence = "{where} had the wrong sign from {at} on, an error of up to {error}"
+    example = "f16_lateral_load_factor_sign_reversal"
+
+    kind: Literal["sign_reversal"]
+
+    @property
+    def effect(self) -> Effect:
+        """A scale of -1."""
+        return Effect(self.act, -1.0)
+
+
+class Stuck(Ramped):
+    """y = the last value before the onset, or a given one. A frozen vane, a hung processor, a jammed actuator."""
+
+    sites, act, hidden_at_rest = (*WITH_SURFACE, "discrete"), Act.HOLD, True
+    sentence = "{where} stuck at {value} at {at}"
+    example = "b747_angle_of_attack_stuck"
+
+    kind: Literal["stuck"]
+    value: float | None = quantity(
+        "signal", "where it sticks (a discrete: 0 or 1); not given: where it is (a surface: its true position)", None
+    )
+
+    @model_validator(mode="after")
+    def _of_a_discrete(self, info: ValidationInfo) -> Stuck:
+        if places_of(info).site(self.signal) == "discrete" and self.value not in (None, 0.0, 1.0):
+            raise ValueError(f"value: {self.signal} is a discrete, allowed: 0, 1; got {self.value:g}")
+        return self
+
+    @property
+    def effect(self) -> Effect:
+        """Held in place, or at a given value."""
+        return Effect(Act.HOLD) if self.value is None else Effect(Act.SET, self.value)
+
+
+class Noise(Ramped):
+    """y = x + std n, n white and normal, of its own on every channel. A worn bearing, a failing supply."""
+
+    act, sizes, trials_draw = Act.NOISE, ("std",), True
+    sentence = "{where} had noise of up to {error} from {at} on"
+    example = "b737_yaw_rate_noise"
+
+    kind: Literal["noise"]
+    std: float | None = quantity("signal", "standard deviation of what is added to each sample", None, gt=0)
+    std_thresholds: float | None = threshold_quantity("std", gt=0)
+
+    _one_form = one_form("std")
+
+
+class BiasInstability(Corrupted):
+    """y = x + b, a first-order Gauss-Markov process, of its own on every channel. A gyro that ages, loose glue.
+
+    b <- b exp(-dt / T) + std sqrt(1 - exp(-2 dt / T)) n, n white and normal, from b = 0 at the onset: after t its
+    standard deviation is std sqrt(1 - exp(-2 t / T)), and well before T it is a random walk.
+    """
+
+    act, sizes, trials_draw = Act.GAUSS_MARKOV, ("std",), True
+    sentence = "{where} had an unstable bias from {at} on, of up to {error}"
+    example = "b747_pitch_angle_bias_instability"
+
+    kind: Literal["bias_instability"]
+    std: float | None = quantity("signal", "standard deviation of the bias, long after the onset", None, gt=0)
+    std_thresholds: float | None = threshold_quantity("std", gt=0)
+    time_constant_s: float = quantity("s", "T, of its correlation", gt=0)
+
+    _one_form = one_form("std")
+
+    @property
+    def effect(self) -> Effect:
+        """Correlated over its time constant."""
+        return self.sized(Act.GAUSS_MARKOV, time_constant_s=self.time_constant_s)
+
+
+class Oscillation(Ramped):
+    """y = x + A sin(2 pi f t), or the last value instead of x. An unstable servo loop, a loose connection that hums."""
+
+    sites, act, sizes, trials_draw = WITH_SURFACE, Act.OSCILLATE, ("amplitude",), True
+    sentence = "{where} oscillated from {at} on, by up to {error}"
+    example = "f16_normal_load_factor_oscillation"
+
+    kind: Literal["oscillation"]
+    amplitude: float | None = quantity("signal", "A", None, gt=0)
+    amplitude_thresholds: float | None = threshold_quantity("amplitude", gt=0)
+    frequency_hz: float = quantity("Hz", "f", gt=0, le=500)
+    replacing: bool = quantity(
+        "", "it takes the place of the value, about the last one, instead of adding to it", False
+    )
+
+    _one_form = one_form("amplitude")
+
+    @property
+    def effect(self) -> Effect:
+        """About the value, or about the last one."""
+        return self.sized(Act.SWING if self.replacing else Act.OSCILLATE, frequency_hz=self.frequency_hz)
+
+
+class Spikes(Corrupted):
+    """y = x + amplitude, or a given value, for moments. Corrupted data words, lightning, a wiper off its track."""
+
+    act, sizes, trials_draw = Act.ADD, ("amplitude",), True
+    sentence = "{where} had spikes of up to {error} from {at} on"
+    example = "f16_angle_of_attack_spikes"
+
+    kind: Literal["spikes"]
+    amplitude: float | None = quantity("signal", "added to the value; either this or `value`", None)
+    amplitude_thresholds: float | None = threshold_quantity("amplitude")
+    value: float | None = quantity("signal", "takes the place of the value", None)
+    times_s: list[float] | None = quantity("s", f"when, from the onset; at most {_MOST_TIMES}", None, min_length=1)
+    rate_per_s: float | None = quantity("1/s", "or at random, so often a second on average", None, gt=0)
+    width_s: float | None = quantity("s", "how long each lasts; not given: one frame", None, gt=0)
+
+    @model_validator(mode="after")
+    def _chosen(self) -> Spikes:
+        require_one(self, "amplitude", "amplitude_thresholds", "value")
+        if (self.times_s is None) == (self.rate_per_s is None):
+            raise ValueError("either times_s or rate_per_s")
+        if any(time < 0.0 for time in self.times_s or ()) or len(self.times_s or ()) > _MOST_TIMES:
+            raise ValueError(f"times_s: at most {_MOST_TIMES} times, none below zero")
+        return self
+
+    @property
+    def effect(self) -> Effect:
+        """Added, or in the place of the value."""
+        return self.sized(Act.ADD) if self.value is None else Effect(Act.SET, self.value)
+
+    @property
+    def pulses(self) -> Pulses:
+        """At given times, or after pauses that are exponentially distributed."""
+        width = self.width_s or 0.0
+        if self.rate_per_s is None:
+            return Pulses(DutyCycle.TIMES, on_s=width, times_s=sorted(self.times_s or ()))
+        return Pulses(DutyCycle.RANDOM, on_s=width, off_s=1.0 / self.rate_per_s)
