@@ -9,10 +9,12 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
+from rig.computer.servo_monitors import monitors
 from rig.core.frame import MOVED, lane_rows
 from rig.core.kernels import bind
+from rig.flight.put_out import move_surfaces
 from rig.world.actuators.actuators_table import Config
-from rig.world.actuators.servo_stage import ActuatorData, Actuators, move_surfaces
+from rig.world.actuators.servo_stage import ActuatorData, Actuators, stops_of
 from rig.world.plant.airframe import Actuator
 
 LAG_S, RATE_LIMIT, STOP = 0.05, 1.0, 0.4
@@ -41,7 +43,9 @@ def moved(
 ) -> NDArray[Any]:
     """The records (n, 3) ACTUATOR of all frames; every surface is asked for ``asked`` (n,), rad."""
     config = Config(model="servo", **(EXACT | settings))
-    servos = Actuators(config, dict.fromkeys(MOVED, SURFACE), np.full(3, trim), rate_hz, 1, SeedSequence(seed))
+    surfaces = dict.fromkeys(MOVED, SURFACE)
+    watch = monitors(config, stops_of(surfaces), rate_hz)
+    servos = Actuators(config, surfaces, np.full(3, trim), rate_hz, 1, SeedSequence(seed), watch)
     servos.prepare(lane_rows(len(asked))["actuator"])
     by_channel, out = servos.data.asked, np.zeros(4)
     step = bind(move_surfaces, by_channel, out, 0, servos.data)

@@ -101,7 +101,7 @@ def test_a_bad_scenario_writes_nothing(tmp_path):
     with pytest.raises(BadInput):
         fly(None, overrides=["flight_point=moon"], out=tmp_path / "logs")
     with pytest.raises(BadInput):
-        fly(None, overrides=SHORT, out=tmp_path / "logs", rerun="sideways")
+        rig.fly(None, overrides=SHORT, out=tmp_path / "logs", rerun="sideways")
     assert list(tmp_path.iterdir()) == []
 
 

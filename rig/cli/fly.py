@@ -139,6 +139,7 @@ def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -
     """Fly a scenario as the options say."""
     from rig.flight.fly import fly
     from rig.show.terminal.keyboard import keyboard
+    from rig.show.viewer.stream import Streams
 
     paced = options.realtime or options.realtime_factor is not None
     return fly(
@@ -147,6 +148,7 @@ def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -
         overrides=options.sets or (),
         out=options.out,
         rerun=options.rerun,
+        streams=Streams(),
         realtime_factor=options.realtime_factor,
         progress=None if options.watch else lambda done, total: tell("flying", done, total),
         viewer=Watching(options.wait),

@@ -1,4 +1,4 @@
-"""One event of a flight, as it is found, logged, read and shown.
+"""One event of a flight, as it is found, logged, read and shown; and what became of the stream that showed it live.
 
 No kernels here: a log is read and viewed before they would be loaded.
 """
@@ -19,3 +19,14 @@ class Event:
     level: Severity
     name: str  # what kind of event, e.g. "channel failed"
     text: str
+
+
+@dataclass(frozen=True, slots=True)
+class StreamReport:
+    """What became of a stream."""
+
+    where: str  # the .rrd file, or the address of the server
+    browser: str  # what to open in a browser; empty unless served
+    sent_frames: int
+    dropped_frames: int
+    error: str  # empty when all went well

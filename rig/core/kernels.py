@@ -105,6 +105,16 @@ def _compiled(function: F, **how: bool) -> F:
     return made
 
 
+@kernel
+def clamp(x, low, high):
+    """Return ``x`` within [low, high]."""
+    if x < low:
+        return low
+    if x > high:
+        return high
+    return x
+
+
 def bind(function: F, *arguments: object) -> F:
     """Compile ``function`` for the types of ``arguments``, without numba's look-up of types at every call.
 

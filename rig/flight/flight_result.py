@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rig.core.event import Event
+from rig.core.event import Event, StreamReport
 from rig.core.frame import Block
 from rig.flight.failures import failed_text
 from rig.flight.pace import Jitter
@@ -16,7 +16,6 @@ from rig.flight.suspects import Suspect, lasting_text
 from rig.log import Log, SignalArrays, read_log
 from rig.scenario.scenario import Scenario
 from rig.scenario.scenario_notes import notes
-from rig.show.viewer.stream import StreamReport
 from rig.unit.unit_file import voter
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ flight.signal("pitch_rate").voted         # (frames,) array, rad/s
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from io import StringIO
@@ -19,7 +19,8 @@ from typing import Any, Protocol
 import tomli_w
 from numpy.typing import NDArray
 
-from rig.core.errors import ManagerFailed, RigError
+from rig.core.errors import BadInput, ManagerFailed, RigError
+from rig.core.event import Event, StreamReport
 from rig.core.frame import Block, LaneBlock
 from rig.core.interrupt import Stop, interruptible
 from rig.core.settings import toml_text
@@ -35,9 +36,6 @@ from rig.flight.unit_loop import UnitComputer
 from rig.log.of_flight import new_log
 from rig.scenario.overrides import Overrides, override_texts, plain_data
 from rig.scenario.scenario import Given, Scenario, find, load
-from rig.show.viewer.facts import of_resolved
-from rig.show.viewer.sink import check_where
-from rig.show.viewer.stream import Stream, StreamReport, open_stream
 from rig.unit.running_unit import UnitUnderTest, running
 from rig.unit.unit_file import Unit, as_lane, read_unit
 
@@ -45,13 +43,35 @@ Progress = Callable[[int, int], None]  # frames flown, frames in all
 Watch = Callable[..., None]  # a block, its rate in Hz, its events; of a flight with servos, their rows too
 
 
+class Stream(Protocol):
+    """A live stream, which never waits for whoever watches it (show/viewer/stream.py)."""
+
+    def put(self, rows: Block, events: Sequence[Event], timing: NDArray[Any], moved: LaneBlock | None) -> None:
+        """Take the next rows."""
+
+    def close(self, timeout_s: float) -> StreamReport:
+        """Send what is left."""
+        ...
+
+
+class Streams(Protocol):
+    """The streams that a flight may open, handed in by whoever shows them."""
+
+    def check(self, where: str) -> None:
+        """Raise BadInput unless there is a stream of that name; before anything is written."""
+
+    def open(self, where: str, scenario: Scenario, log: Path, unit: str, paced: bool) -> Stream | None:
+        """Open it; None for "off"."""
+        ...
+
+
 class Viewer(Protocol):
     """Told of the stream when it opens and when the flight is over, before it closes."""
 
-    def opened(self, stream: Stream, stop: Stop) -> None:
+    def opened(self, stream: Any, stop: Stop) -> None:
         """Show the stream, which is open at known addresses; the flight begins when this returns."""
 
-    def flown(self, stream: Stream, stop: Stop) -> None:
+    def flown(self, stream: Any, stop: Stop) -> None:
         """Note that the last frame has been handed over; the stream closes when this returns."""
 
 
@@ -86,12 +106,13 @@ def fly(
     realtime: bool = False,
     live: Callable[[Keys], AbstractContextManager[object]] | None = None,
     outcome: Outcome | None = None,
+    streams: Streams | None = None,
 ) -> Flight:
     """Fly a scenario and log every frame.
 
     scenario : a file or a bundled name; a table with the keys of such a file; or what ``rig.load`` returned
     overrides, seed : laid over it, as ``--set`` and ``--seed``: texts ``key=value``, or a table of dotted keys
-    out             : folder of the log; rerun : see view.stream.open_stream
+    out             : folder of the log; rerun : see show.viewer.stream.open_stream; streams : who opens it
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
     watch : given every block while it is recorded, on a thread of its own where a second core is free; it must be
             quick, and copy the rows that it keeps
@@ -108,11 +129,10 @@ def fly(
     scenario = load(scenario, overrides, seed, allow_code=allow_code)
     pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
     scenario = scenario if live is None else scenario.armed()
-    tested = read_unit(unit) if isinstance(unit, str | Path) else unit
-    tested = as_lane(tested, lane)
+    tested = as_lane(read_unit(unit) if isinstance(unit, str | Path) else unit, lane)
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
-    destination = _Destination(name, text, Path(out), rerun, progress, viewer, watch, sets, outcome)
+    destination = _Destination(name, text, Path(out), rerun, streams, progress, viewer, watch, sets, outcome)
     with interruptible() as stop, running(tested) as under_test, real_time(realtime) as granted:
         keys = None if live is None else Keys(scenario, pace, stop)
         with nullcontext() if live is None or keys is None else live(keys):
@@ -139,6 +159,7 @@ class _Destination:
     text: str  # of the scenario's file
     out: Path
     rerun: str
+    streams: Streams | None
     progress: Progress | None
     viewer: Viewer | None
     watch: Watch | None
@@ -156,7 +177,10 @@ def _fly_and_record(
     scenario: Scenario, to: _Destination, pace: Pace, stop: Stop, unit: UnitUnderTest | None, keys: Keys | None
 ) -> Flight:
     """Fly into summary, log and stream; the log is finished whatever happens."""
-    check_where(to.rerun)
+    if to.streams is not None:
+        to.streams.check(to.rerun)
+    elif to.rerun != "off":
+        raise BadInput(f"--rerun {to.rerun}: a flight without a viewer has no stream; rig.fly has one")
     kept = (
         0
         if to.outcome is None
@@ -171,9 +195,8 @@ def _fly_and_record(
     software = "" if unit is None else unit.unit.name
     with new_log(to.out, named, scenario, to.text, about, to.overrides, software) as writer:
         path, viewer = writer.path, to.viewer
-        clocked = {"unit": software, "paced": pace.period_s is not None}
-        facts = replace(of_resolved(scenario.resolved()), **clocked)
-        stream = open_stream(to.rerun, scenario.title or path.stem, scenario.rate_hz, path, facts)
+        paced = pace.period_s is not None
+        stream = None if to.streams is None else to.streams.open(to.rerun, scenario, path, software, paced)
         if stream is not None and viewer is not None:
             viewer.opened(stream, stop)
         records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream), assess_rows)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from rig.computer.servo_monitors import watch_surface
+from rig.core.frame import CHANNELS
 from rig.core.kernels import kernel
-from rig.world.actuators.servo_stage import move_surfaces, shift_positions
+from rig.world.actuators.servo_stage import fly_frame, sense, shift_positions, wire
 from rig.world.faults import actuate, break_parts
 
 
@@ -27,6 +29,24 @@ def put_out(row, k, still, faults, actuators, orders):
         shift_positions(actuator, k, actuators)
         for i in range(len(actuators.state)):
             still[i] = actuators.rows[k, i]["bypassed"]
+
+
+@kernel
+def move_surfaces(asked, actuator, k, data):
+    """Sense, monitor and move all three surfaces for a frame.
+
+    asked : (4, 4) what each channel is asked for;  actuator : (4,) where they are at the end of the frame
+    Writes row k of ``data.rows`` and ``data.positions``;  data : ActuatorData
+    """
+    for i in range(len(data.state)):
+        row = data.rows[k, i]
+        for c in range(CHANNELS):
+            row["asked"][c] = asked[c, i]
+        wire(i, data.noise[k, i], data)
+        sense(row, i, data)
+        watch_surface(row, data.designed[i], i, data.off, data.monitors)
+        fly_frame(row, i, data)
+        actuator[i] = row["ram"]
 
 
 @kernel

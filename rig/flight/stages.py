@@ -32,13 +32,15 @@ def servos(scenario: Scenario, plant: Plant | LinearPlant) -> Actuators | None:
     """Return the servos that move the surfaces of ``plant``; None where its own lag does."""
     if not scenario.has_servos or not isinstance(plant, Plant):
         return None
+    surfaces = _surfaces(scenario)
     made = Actuators(
         scenario.actuators,
-        _surfaces(scenario),
+        surfaces,
         plant.trim[: len(MOVED)],
         scenario.rate_hz,
         scenario.steps_per_frame,
         scenario.streams()["actuators"],
+        monitors(scenario.actuators, stops_of(surfaces), scenario.rate_hz),
     )
     plant.moved_by(made.data.positions)
     return made

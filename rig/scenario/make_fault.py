@@ -7,7 +7,7 @@ from typing import Any
 from rig.core.errors import BadInput
 from rig.core.settings import build
 from rig.core.text import choices, quoted
-from rig.scenario.scenario import plain_data
+from rig.scenario.overrides import plain_data
 from rig.world.faults import KINDS, Fault
 
 

@@ -21,11 +21,11 @@ from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.control import laws
 from rig.computer.control.degraded import lift_angle
 from rig.computer.control.law_state import C_Q
-from rig.computer.control.laws import clamp, move
+from rig.computer.control.laws import move
 from rig.computer.control.modes import ALTITUDE, PITCH
 from rig.computer.control.source import carry
 from rig.core.frame import Law, Source, sig
-from rig.core.kernels import kernel
+from rig.core.kernels import clamp, kernel
 from rig.core.units.constants import GRAVITY
 
 NOT_NEEDED, LOAD, ALPHA, BLIND = 0, 1, 2, 3  # what the back-up law flies on

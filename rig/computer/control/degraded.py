@@ -25,10 +25,9 @@ from rig.computer.analytic.flight_path import SLOWEST, pitch_rate_of, pitching, 
 from rig.computer.control import laws
 from rig.computer.control.airdata import flight_path_angle
 from rig.computer.control.law_state import C_GAMMA, C_PSI
-from rig.computer.control.laws import clamp
 from rig.computer.control.source import carry, put
 from rig.core.frame import Source, sig
-from rig.core.kernels import kernel
+from rig.core.kernels import clamp, kernel
 from rig.core.units.angles import wrap
 from rig.core.units.constants import GRAVITY
 

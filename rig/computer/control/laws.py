@@ -13,7 +13,7 @@ import math
 from typing import Final
 
 from rig.computer.control.gains_file import COLUMNS
-from rig.core.kernels import kernel
+from rig.core.kernels import clamp, kernel
 from rig.core.units.angles import wrap
 from rig.core.units.constants import GRAVITY
 
@@ -61,16 +61,6 @@ BACKUP_LOAD: Final = COLUMNS.index("backup_load_feedback_alpha")  # the first of
 BACKUP_ALPHA: Final = COLUMNS.index("backup_alpha_feedback_alpha")
 
 _STEEP: Final = 0.5  # cosine of the bank up to which a level turn is made up for in full (60 degrees)
-
-
-@kernel
-def clamp(x, low, high):
-    """Return ``x`` within [low, high]."""
-    if x < low:
-        return low
-    if x > high:
-        return high
-    return x
 
 
 @kernel

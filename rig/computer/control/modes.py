@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.control import laws
 from rig.computer.control.law_state import C_ALTITUDE, C_BETA, C_P, C_PHI, C_PSI, C_Q, C_SPEED, C_THETA
-from rig.computer.control.laws import clamp
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.core.frame import Law, sig
-from rig.core.kernels import kernel
+from rig.core.kernels import clamp, kernel
 from rig.core.units.angles import wrap
 from rig.core.units.constants import GRAVITY, TWO_PI
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ParamSpec
 from rig.flight import flight_result as result
 from rig.flight import fly as assembly
 from rig.show.notebook.log import Log, read_log
+from rig.show.viewer.stream import Streams
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,6 +43,7 @@ def _shown(fly: Callable[P, result.Flight]) -> Callable[P, Flight]:
         from rig.verdict.of_log import FlightConclusion
 
         kwargs.setdefault("outcome", FlightConclusion())
+        kwargs.setdefault("streams", Streams())
         flight = fly(*args, **kwargs)
         return Flight(**{field.name: getattr(flight, field.name) for field in fields(flight)})
 

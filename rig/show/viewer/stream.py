@@ -9,18 +9,21 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 from urllib.parse import urlsplit
 
 from numpy.typing import NDArray
 
-from rig.core.event import Event
+from rig.core.event import Event, StreamReport
 from rig.core.frame import Block, LaneBlock
 from rig.show.viewer import viewer
-from rig.show.viewer.facts import UNKNOWN, Facts, Layout, Shown
+from rig.show.viewer.facts import UNKNOWN, Facts, Layout, Shown, of_resolved
 from rig.show.viewer.sink import About, check_where, open_sink
+
+if TYPE_CHECKING:
+    from rig.scenario.scenario import Scenario
 
 QUEUE_BYTES: Final = 128 * 1024 * 1024  # of rows that wait; minutes of flight, also when flown faster than shown
 FLUSH_S: Final = 30.0  # the worker's patience with a sink at the end; close has its own
@@ -45,17 +48,6 @@ class SinkLike(Protocol):
     def close(self) -> None: ...  # noqa: D102
 
 
-@dataclass(frozen=True, slots=True)
-class StreamReport:
-    """What became of a stream."""
-
-    where: str  # the .rrd file, or the address of the server
-    browser: str  # what to open in a browser; empty unless served
-    sent_frames: int
-    dropped_frames: int
-    error: str  # empty when all went well
-
-
 def open_stream(
     where: str, title: str, rate_hz: float, out_path: Path, facts: Facts = UNKNOWN, text: str = ""
 ) -> Stream | None:
@@ -71,6 +63,18 @@ def open_stream(
         return None
     about = About(title, text or f"**{title}**", Layout([Shown(facts=facts)]))
     return Stream(open_sink(where, about, out_path.with_suffix(".rrd")), rate_hz)
+
+
+class Streams:
+    """The streams that a flight may open (flight/fly.py is given them)."""
+
+    check = staticmethod(check_where)
+
+    @staticmethod
+    def open(where: str, scenario: Scenario, log: Path, unit: str, paced: bool) -> Stream | None:
+        """Open the stream of ``where`` for a flight whose ``log`` is open; None for "off"."""
+        facts = replace(of_resolved(scenario.resolved()), unit=unit, paced=paced)
+        return open_stream(where, scenario.title or log.stem, scenario.rate_hz, log, facts)
 
 
 _Item = tuple[Block, "Sequence[Event]", NDArray[Any] | None, LaneBlock | None]

@@ -17,14 +17,16 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from rig.computer.servo_monitors import monitors
 from rig.core.errors import BadInput
 from rig.core.frame import MOVED, lane_rows
 from rig.core.kernels import bind
 from rig.core.text import choices, quoted
+from rig.flight.put_out import move_surfaces
 from rig.scenario.aircraft import own_tables
 from rig.world.actuators.actuators_table import Config, refuse_unfit
 from rig.world.actuators.servo import LONGEST_SUBSTEP_S
-from rig.world.actuators.servo_stage import Actuators, move_surfaces
+from rig.world.actuators.servo_stage import Actuators, stops_of
 from rig.world.plant.airframe import Actuator, parse
 
 Floats = NDArray[np.float64]
@@ -171,7 +173,9 @@ def _move(
     """Return times and ram at the ends of all sub-steps; ``asked_rad`` of the times at which frames begin."""
     parts = max(1, int(np.ceil(1.0 / (rate_hz * LONGEST_SUBSTEP_S) - 1e-9)))
     frames = int(np.ceil(duration_s * rate_hz))
-    servos = Actuators(_EXACT, dict.fromkeys(MOVED, actuator), np.zeros(3), rate_hz, parts, SeedSequence(0))
+    surfaces = dict.fromkeys(MOVED, actuator)
+    watch = monitors(_EXACT, stops_of(surfaces), rate_hz)
+    servos = Actuators(_EXACT, surfaces, np.zeros(3), rate_hz, parts, SeedSequence(0), watch)
     servos.prepare(lane_rows(frames)["actuator"])
     asked, moved, ram = asked_rad(np.arange(frames) / rate_hz), np.zeros(4), np.empty((frames, parts))
     step = bind(move_surfaces, servos.data.asked, moved, 0, servos.data)

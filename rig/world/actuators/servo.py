@@ -20,8 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.control.laws import clamp
-from rig.core.kernels import kernel
+from rig.core.kernels import clamp, kernel
 
 LONGEST_SUBSTEP_S: Final = 1e-3
 

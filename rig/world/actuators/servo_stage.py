@@ -9,10 +9,8 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
-from rig.computer.control.laws import clamp
-from rig.computer.servo_monitors import MonitorData, monitors, watch_surface
 from rig.core.frame import CHANNELS, MOVED, SURFACES, SYSTEMS, lane_rows
-from rig.core.kernels import kernel
+from rig.core.kernels import clamp, kernel
 from rig.world.actuators.actuators_table import Config
 from rig.world.actuators.servo import RAM, SERVO, SPOOL, asked_current, describe, move_ram, move_spool, substeps
 from rig.world.faults.servo_parts import Part, whole_parts
@@ -56,7 +54,7 @@ class ActuatorData(NamedTuple):
     broken: NDArray[np.float64]  # (3, Part, 4) in this frame, in place
     whole: NDArray[np.float64]  # the same with nothing broken
     state: NDArray[Any]  # (3,) STATE, in place
-    monitors: MonitorData
+    monitors: Any
     noise: NDArray[np.float32]  # (n, 3, 4) of a block's rows, standard normal
     rows: NDArray[Any]  # (n, 3) ACTUATOR of a block's rows
     asked: NDArray[np.float64]  # (4, 4) workspace: what each channel is asked for, surface by surface
@@ -76,8 +74,9 @@ class Actuators:
         rate_hz: float,
         steps_per_frame: int,
         seeds: SeedSequence,
+        monitors: tuple[Any, ...],
     ) -> None:
-        """surfaces : by the names of MOVED; trim_rad : (3,) where they stand."""
+        """surfaces : by the names of MOVED; trim_rad : (3,) where they stand; monitors : MonitorData."""
         # The order is part of every recorded flight: append, never insert.
         calibration, self._noise_rng = map(np.random.default_rng, seeds.spawn(2))
         step_s = 1.0 / (rate_hz * steps_per_frame)
@@ -90,7 +89,7 @@ class Actuators:
             broken=whole_parts(),
             whole=whole_parts(),
             state=_at_rest(trim_rad),
-            monitors=monitors(config, stops_of(surfaces), rate_hz),
+            monitors=monitors,
             noise=np.zeros((0, len(MOVED), CHANNELS), np.float32),
             rows=lane_rows(2)["actuator"],  # of two: of one the view would count as contiguous
             asked=np.zeros((CHANNELS, len(SURFACES))),
@@ -148,24 +147,6 @@ def _at_rest(trim_rad: NDArray[np.float64]) -> NDArray[Any]:
     state["model"][:, :, RAM] = trim_rad[:, None]
     state["stuck_at"] = np.nan
     return state
-
-
-@kernel
-def move_surfaces(asked, actuator, k, data):
-    """Sense, monitor and move all three surfaces for a frame.
-
-    asked : (4, 4) what each channel is asked for;  actuator : (4,) where they are at the end of the frame
-    Writes row k of ``data.rows`` and ``data.positions``;  data : ActuatorData
-    """
-    for i in range(len(data.state)):
-        row = data.rows[k, i]
-        for c in range(CHANNELS):
-            row["asked"][c] = asked[c, i]
-        wire(i, data.noise[k, i], data)
-        sense(row, i, data)
-        watch_surface(row, data.designed[i], i, data.off, data.monitors)
-        fly_frame(row, i, data)
-        actuator[i] = row["ram"]
 
 
 @kernel
