@@ -1,10 +1,13 @@
-"""One flight from its scenario to its records.
+"""One flight, from its scenario to its records.
 
+loop.py           the order of a frame; stages.py: its stages, made from a scenario; put_out.py: commands to surfaces
 fly.py            fly: loop, unit, keys, recorders and result put together
-flight_result.py  what a finished flight gives
+flight_result.py  what a finished flight gives; summary.py: how it went: digest, end, failed channels, peaks
 recorder.py       events, summary and log of a flight, in the loop or on a thread
-unit_loop.py      a unit under test in the place of the manager
+events.py         what happened in which frame: failures.py, suspects.py, servo_events.py, lane_events.py
+unit_loop.py      a unit under test in the place of the manager; unit_lane.py: of one computer of several
 operator_keys.py  faults and resets that an operator asks for while it flies
 pace.py           real time: when the next frame is due, what the machine is asked for
+time_histogram.py times of the wall clock, counted
 cost.py           what a frame costs: ``rig bench``
 """

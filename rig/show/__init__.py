@@ -1,1 +1,7 @@
-"""What a person sees of a flight: viewer, terminal, notebook, pages."""
+"""What a person sees of a flight.
+
+viewer/    Rerun and Foxglove, live or from a log
+terminal/  the redundancy page: ``rig watch``
+pages/     HTML reports
+notebook/  a flight and a log in Python: ``rig.fly``, ``rig.read_log``
+"""

@@ -1,1 +1,7 @@
-"""The aircraft, its servos and sensors, and what goes wrong with them."""
+"""The aircraft, its servos and sensors, and what goes wrong with them.
+
+plant/      JSBSim, or the linear aircraft: the truth of a frame
+sensors/    truth to four channels
+faults/     what changes channels, parts and computers, and when
+actuators/  commands to surfaces
+"""

@@ -5,11 +5,11 @@
     modes         what each axis follows, one row each; the outer loops
     source        each signal from its vote, its reference or its degraded mode
     degraded      what replaces a lost signal
-    backup        the elevator without a pitch rate
+    backup_law    the elevator without a pitch rate
     laws          the single laws
     airdata       altitude, Mach number and airspeeds from two pressures
-    state         parameters and state
-    gains         the designed numbers of one aircraft, gains.toml
+    law_state     parameters and state
+    gains_file    the designed numbers of one aircraft, gains.toml
 
 Its numbers come from rig.design.
 """

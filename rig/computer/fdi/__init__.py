@@ -5,7 +5,7 @@
     decision      innovation tests, reversion, arbitration by the path
     rate_bias     whose rates of turn are in order: the gyros', the inertial unit's, or both
     fault_estimate  effectiveness and offset of a faulty sensor
-    state         the ``[control.tolerant]`` table, parameters and state
+    pitch_test_state  the ``[control.tolerant]`` table, parameters and state
 
 The rest of the law flies on as it is, on the estimate in the sensor's place.
 """
