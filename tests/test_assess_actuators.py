@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rig.cli.main import app
-from rig.core.frame import MOVED, ActuatorMonitor
+from rig.core.frame import MOVED, ActuatorMonitor, Table
 from rig.flight.fly import fly
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
@@ -47,7 +47,7 @@ def flown(*faults: str, sets: tuple[str, ...] = (), seconds: float = 2.0) -> tup
 
 def scored_flight(*faults: str, **more: Any) -> tuple[Score, list[str]]:
     which, rows, lanes = flown(*faults, **more)
-    scored = score(which, rows, lanes=lanes)
+    scored = score(which, Table(rows, lanes))
     return scored, conclusion(which, scored)
 
 
@@ -88,7 +88,7 @@ def test_both_hydraulic_systems_cost_every_surface_at_once():
 
 def test_a_jam_fails_all_channels_and_costs_the_surface_when_the_last_one_is_shut_off():
     which, rows, lanes = flown(JAM, sets=('turbulence="severe"',), seconds=5.0)
-    scored = score(which, rows, lanes=lanes)
+    scored = score(which, Table(rows, lanes))
     by = lanes["actuator"]["failed_by"][:, 0]
     failed = [int(np.argmax(by[:, c] != 0)) for c in range(4)]
     assert by[-1].all() and scored.faults[0].failed_frame == min(failed)
@@ -135,7 +135,7 @@ def test_a_healthy_channel_that_is_shut_off_is_told(surface: int, kind: str, fie
     which, rows, lanes = flown(HARDOVER)
     tampered = lanes.copy()
     tampered["actuator"]["failed_by"][ONSET + 12 :, surface, 2] = ActuatorMonitor.RAM
-    scored, name = score(which, rows, lanes=tampered), MOVED[surface]
+    scored, name = score(which, Table(rows, tampered)), MOVED[surface]
     (one,) = getattr(scored, field)
     assert (one.signal, one.channel, one.frame, one.resolver) == (f"actuator.{name}", 3, ONSET + 12, "ram")
     assert scored.actuators[name].failures[-1].cause == kind
@@ -157,9 +157,9 @@ def test_blocks_of_rows_give_what_the_whole_flight_gives():
     done = 0
     for part, clean in MeasuredAgain(which).of(rows):
         outcome.add(part, clean)
-        outcome.add_lanes(part, lanes[done : done + len(part)])
+        outcome.add_parts(Table(part, lanes[done : done + len(part)]))
         done += len(part)
-    whole = score(which, rows, lanes=lanes)
+    whole = score(which, Table(rows, lanes))
     again = score_of(outcome)
     assert done == len(rows) and again.actuators == whole.actuators and again.faults == whole.faults
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_assess_parts import Q, flight, offset
 
-from rig.core.frame import INDEX, Ilm, State, UnitStatus
+from rig.core.frame import INDEX, Ilm, State, Table, UnitStatus
 from rig.verdict import score
 from rig.verdict.conclusion import conclusion, next_commands
 from rig.verdict.context import agreement, channels, longest_run
@@ -46,7 +46,7 @@ def against(faults: list[dict[str, Any]], load_factor: float, window_s: float = 
     for block in (rows, twin):
         block["truth"][:, INDEX["normal_load_factor"]] = np.linspace(1.0, 2.0, 100)  # the manoeuvre: 1 g
     rows["truth"][30:, INDEX["normal_load_factor"]] += load_factor
-    return conclusion(which, score(which, rows, twin, Yardstick(window_s=window_s), clean=clean))
+    return conclusion(which, score(which, Table(rows, clean=clean), twin, Yardstick(window_s=window_s)))
 
 
 def test_the_transient_of_a_fault_is_measured_against_the_fault_free_flight():
@@ -71,7 +71,7 @@ def test_without_the_fault_free_flight_no_transient_is_told():
     unfaulted = flight([], 100, exact=True)[1]
     clean["channels"], clean["valid"] = unfaulted["channels"], unfaulted["valid"]
     rows["truth"][:, INDEX["normal_load_factor"]] = np.linspace(1.0, 2.0, 100)
-    scored = score(which, rows, clean=clean)
+    scored = score(which, Table(rows, clean=clean))
     assert scored.faults[0].load_factor_change == pytest.approx(0.8, abs=0.01)
     assert not any("load factor" in line for line in conclusion(which, scored))
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rig.core.frame import LaneBlock
+from rig.core.frame import Block, Table
 from rig.flight.loop import fly_rows
 from rig.scenario import scenario
 from rig.verdict import Score, score
@@ -22,9 +22,9 @@ def scored(fault: str, *sets: str) -> Score:
     """Score two seconds of four computers with one fault, which begins at frame ONSET."""
     faults = f"faults=[{{{fault}, start_s=1.0}}]" if fault else "faults=[]"
     given = scenario.load(None, ["computers.count=4", "duration_s=2", faults, *sets])
-    lanes: list[LaneBlock] = []
+    lanes: list[Block] = []
     rows = fly_rows(given, lanes=lanes)
-    return score(given, rows, lanes=np.concatenate(lanes))
+    return score(given, Table(rows, np.concatenate(lanes)))
 
 
 WRONG = 'kind="wrong_command", signal="computer.B", surface="elevator", does="hardover"'

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from rig.cli.main import app
 from rig.core.errors import BadInput, BadLog
 from rig.core.files import bundled
-from rig.core.frame import DISCRETE_INDEX, INDEX
+from rig.core.frame import DISCRETE_INDEX, INDEX, Table
 from rig.flight.fly import Flight, fly
 from rig.log import LogWriter, recover
 from rig.log.of_flight import metadata
@@ -121,7 +121,7 @@ def line(path: Path) -> str:
 def test_a_log_without_a_verdict_is_refused(flight: Flight, tmp_path: Path):
     path = tmp_path / "open.mcap"
     with LogWriter(path, 100.0, metadata(flight.scenario), []) as writer:
-        writer.write(flight.rows[:100], np.zeros(100, [("frame_us", "f8"), ("late_us", "f8")]), [])
+        writer.write(Table(flight.rows[:100], timing=np.zeros(100, [("frame_us", "f8"), ("late_us", "f8")])), [])
     assert "no verdict" in line(path)
 
 
@@ -137,7 +137,7 @@ def test_a_recovered_log_is_refused(flight: Flight, tmp_path: Path):
 def test_a_log_without_a_scenario_is_refused(flight: Flight, tmp_path: Path):
     path = tmp_path / "voted.mcap"
     with LogWriter(path, 100.0, {}, []) as writer:
-        writer.write(flight.rows[:10], np.zeros(10, [("frame_us", "f8"), ("late_us", "f8")]), [])
+        writer.write(Table(flight.rows[:10], timing=np.zeros(10, [("frame_us", "f8"), ("late_us", "f8")])), [])
         writer.close({})
     assert "no scenario" in line(path)
 
@@ -163,14 +163,14 @@ def test_every_bundled_scenario_is_scored_by_the_clean_channels_that_its_flight_
     onset_s = min([fault.start_s for fault in which.faults if fault.start_s is not None], default=0.0)
     which = which.model_copy(update={"duration_s": min(which.duration_s, max(11.0, onset_s + 5.0))})
     flown = fly_in_memory(which)
-    rows, lanes = flown.rows, flown.lanes
-    again = np.concatenate([clean.copy() for _, clean in MeasuredAgain(which).of(rows, lanes)])
+    rows, lanes = flown.rows, flown.table.beside
+    again = np.concatenate([clean.copy() for _, clean in MeasuredAgain(which).of(Table(rows, lanes))])
     for field in ("channels", "valid"):
-        np.testing.assert_array_equal(flown.clean[field], again[field])
+        np.testing.assert_array_equal(flown.table.clean[field], again[field])
     corrupted = any((rows[field] != again[field]).any() for field in ("channels", "valid"))
     assert corrupted or not any(f.signal in INDEX and f.start_s is not None for f in which.faults)
-    found = score(which, rows, lanes=lanes)
-    assert found == score(which, rows, clean=flown.clean, lanes=lanes)
+    found = score(which, Table(rows, lanes))
+    assert found == score(which, Table(rows, lanes, clean=flown.table.clean))
     acted = [any(f.outcome != "not executed" for f in found.faults if f.index == i) for i in range(len(which.faults))]
     execution = Execution(which.faults)
     execution.add(rows)

@@ -85,7 +85,7 @@ def test_flight_score_campaign_and_log_say_the_same_of_each_fault(name: str, tmp
     scored = score(which, flown.rows)
     assert list(flown.conclusion) == conclusion(which, scored)
     in_memory = fly_in_memory(which)
-    kept = score(which, in_memory.rows, clean=in_memory.clean)
+    kept = score(which, in_memory.table)
     assert kept.faults == scored.faults and kept.as_dict() == scored.as_dict()
     rows = campaign_rows("faults", 0, which, kept)
     assert [row["outcome"] for row in rows] == [fault.outcome for fault in scored.faults]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.core.frame import INDEX, INERTIAL, SIGNALS
+from rig.core.frame import INDEX, INERTIAL, SIGNALS, Table
 from rig.flight.loop import fly_rows
 from rig.scenario import scenario
 from rig.scenario.scenario import Scenario
@@ -178,7 +178,7 @@ def test_what_was_kept_in_flight_gives_the_same_as_measuring_again():
     flight = flown(
         fault("inertial.pitch_rate_rad_s", "noise", std=0.1), fault("reference.roll_angle", "drift", rate_per_s=0.1)
     )
-    kept = score(flight.scenario, flight.rows, clean=flight.clean)
+    kept = score(flight.scenario, flight.table)
     assert kept.as_dict() == scored(flight).as_dict() and kept.faults[0].peak_error
 
 
@@ -217,4 +217,4 @@ def test_faults_of_computers_links_and_servos_are_told_by_their_setting(settings
     which = loaded({"start_s": 1.0, **settings}, sets=("computers.count=4", "actuators.model=servo"))
     lanes: list[Any] = []
     rows = fly_rows(which, lanes=lanes)
-    assert conclusion(which, score(which, rows, lanes=np.concatenate(lanes)))[0].startswith(told)
+    assert conclusion(which, score(which, Table(rows, np.concatenate(lanes))))[0].startswith(told)

@@ -17,7 +17,7 @@ from rig.bench.vote_rows import VotedDiscrete, vote_discretes
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DiscreteConfigs, discrete_parameters
 from rig.core.errors import BadInput
-from rig.core.frame import DISCRETES, TIMING, Ilm, State, new_block
+from rig.core.frame import DISCRETES, TIMING, Ilm, State, Table, new_block
 from rig.log import LogWriter
 from rig.log.recordings.align import align
 from rig.log.recordings.read import read
@@ -134,7 +134,7 @@ def test_the_discretes_of_a_log_vote_as_in_flight(tmp_path: Path):
     for k in range(600):
         step_stage(voter, block, k)
     with LogWriter(tmp_path / "log.mcap", 100.0, {}) as writer:
-        writer.write(block, np.zeros(600, TIMING))
+        writer.write(Table(block, timing=np.zeros(600, TIMING)))
     config = VoteConfig(discrete={discrete.name: RecordedDiscrete() for discrete in DISCRETES})
     recording = read(tmp_path / "log.mcap", config)
     found = vote_discretes(recording, config.discretes(recording.discretes, ""), [])

@@ -28,7 +28,7 @@ def flight() -> CampaignFlight:
 
 @pytest.fixture(scope="module")
 def rows(flight: CampaignFlight) -> list[Row]:
-    return campaign_rows("faults", 0, flight.scenario, score(flight.scenario, flight.rows, lanes=flight.lanes))
+    return campaign_rows("faults", 0, flight.scenario, score(flight.scenario, flight.table))
 
 
 def test_a_fault_of_a_channel_has_the_monitor_that_found_it_and_the_delay(rows: list[Row]) -> None:
@@ -45,7 +45,7 @@ def test_a_stuck_valve_is_found_by_its_own_monitor_once_the_channel_is_shut_off(
 
 
 def test_a_run_counts_channels_that_were_shut_off_and_those_without_a_fault(flight: CampaignFlight) -> None:
-    row = campaign_rows("runs", 0, flight.scenario, score(flight.scenario, flight.rows), flight)[0]
+    row = campaign_rows("runs", 0, flight.scenario, score(flight.scenario, flight.table.rows), flight)[0]
     assert (row["coils_failed"], row["healthy_coils_failed"]) == (2, 0)
     others = {"elevator": {1: (1.5, "spool"), 2: (1.04, "current")}}
     assert shut_off(flight.scenario, others) == (2, 1)

@@ -21,6 +21,7 @@ from hostile_cases.remade import exchanged
 
 import rig
 from rig.cli import main
+from rig.core import frame
 from rig.core.errors import BadInput, BadLog, RigError
 from rig.core.event import Event
 from rig.core.files import open_regular
@@ -228,7 +229,7 @@ def _again(flown: Path, out: Path, change: Callable[[Any], None], result: Any = 
     held = SimpleNamespace(rows=log.rows, timing=log.timing, events=log.events)
     change(held)
     with LogWriter(out, log.rate_hz, {**log.metadata}) as writer:
-        writer.write(held.rows, held.timing, held.events)
+        writer.write(frame.Table(held.rows, timing=held.timing), held.events)
         writer.close(log.result if result is None else result)
     return out
 

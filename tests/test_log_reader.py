@@ -16,7 +16,7 @@ from test_log_writer import RATE, random_block, random_timing, summary_of, write
 import rig
 from rig.cli import main as cli
 from rig.core.errors import BadInput, BadLog
-from rig.core.frame import FLAT, INDEX, TIMING
+from rig.core.frame import FLAT, INDEX, TIMING, Table
 from rig.flight.events import Event
 from rig.log import LogWriter, iter_chunks, read_log, schema
 from rig.log.decode import Damaged
@@ -63,14 +63,14 @@ def test_a_log_tells_all_that_was_said(tmp_path):
 
 def test_a_log_without_result_or_attachment_says_none(tmp_path):
     with LogWriter(tmp_path / "a.mcap", 60.0, {}) as log:
-        log.write(random_block(7), random_timing(7))
+        log.write(Table(random_block(7), timing=random_timing(7)))
     read = read_log(tmp_path / "a.mcap")
     assert (read.result, read.scenario_text, read.rate_hz, len(read.rows)) == (None, None, 60.0, 7)
 
 
 def test_events_without_frames_are_kept(tmp_path):
     with LogWriter(tmp_path / "a.mcap", RATE, {}) as log:
-        log.write(random_block(0), random_timing(0), EVENTS[:1])
+        log.write(Table(random_block(0), timing=random_timing(0)), EVENTS[:1])
     assert [e.text for e in read_log(tmp_path / "a.mcap").events] == [EVENTS[0].text]
 
 

@@ -7,7 +7,7 @@ from mcap.reader import make_reader
 from test_log_writer import random_block, random_timing, summary_of, write
 
 from rig.core.errors import BadLog, RigError
-from rig.core.frame import FLAT
+from rig.core.frame import FLAT, Table
 from rig.flight.events import Event
 from rig.log import LogWriter, read_log, recover
 
@@ -109,7 +109,7 @@ def test_damage_in_the_middle_keeps_what_is_before_it(tmp_path, flown):
 
 def test_an_aborted_log_is_mended(tmp_path):
     log = LogWriter(tmp_path / "a.mcap", 100.0, {})
-    log.write(random_block(100), random_timing(100))
+    log.write(Table(random_block(100), timing=random_timing(100)))
     log.abort()
     assert recover(tmp_path / "a.mcap", tmp_path / "b.mcap").frames == 100
 

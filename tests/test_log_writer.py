@@ -19,7 +19,7 @@ from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from rig.core.errors import BadInput, RigError
-from rig.core.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, TIMING, Ilm, Pattern, Resolver, State, new_block
+from rig.core.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, TIMING, Ilm, Pattern, Resolver, State, Table, new_block
 from rig.flight.events import Event
 from rig.log import LogWriter, read_log, recover
 from rig.log.chunk_layout import ROW, log_times
@@ -61,7 +61,7 @@ def write(path, frames, events=(), seed=0, rate=RATE, result=None):
     with LogWriter(path, rate, {"scenario": "{}"}, [("flight.toml", b"duration_s = 1\n")]) as log:
         for start in range(0, frames, second):
             part = slice(start, start + second)
-            log.write(block[part], timing[part], [e for e in events if start <= e.frame < start + second])
+            log.write(Table(block[part], timing=timing[part]), [e for e in events if start <= e.frame < start + second])
         log.close(result)
     return block, timing
 
@@ -213,7 +213,7 @@ def test_pose_and_position_say_where_the_aircraft_is_and_points(tmp_path):
         flight[FLIGHT_INDEX[name]] = value
     path = tmp_path / "a.mcap"
     with LogWriter(path, RATE, {}) as log:
-        log.write(block, np.zeros(1, TIMING))
+        log.write(Table(block, timing=np.zeros(1, TIMING)))
     (pose,) = decoded(path, "/pose")
     forward = [math.sin(yaw) * math.cos(pitch), math.cos(yaw) * math.cos(pitch), math.sin(pitch)]  # east, north, up
     np.testing.assert_allclose(rotated(pose.rotation, [1, 0, 0]), forward, atol=1e-12)
@@ -244,7 +244,7 @@ def test_time_is_exact_to_the_nanosecond_after_a_day(rate):
 def test_a_chunk_is_no_longer_than_a_second_unless_asked_nor_than_a_mebibyte(tmp_path):
     write(tmp_path / "a.mcap", 2500, rate=1000.0)
     with LogWriter(tmp_path / "b.mcap", 10.0, {}) as log:
-        log.write(random_block(25), random_timing(25))
+        log.write(Table(random_block(25), timing=random_timing(25)))
     for name in "a", "b":
         indexes = summary_of(tmp_path / f"{name}.mcap").chunk_indexes
         assert len(indexes) > 2
@@ -252,7 +252,7 @@ def test_a_chunk_is_no_longer_than_a_second_unless_asked_nor_than_a_mebibyte(tmp
         assert all(index.uncompressed_size <= 2**20 for index in indexes)
     with LogWriter(tmp_path / "c.mcap", 10.0, {}, chunk_frames=500) as log:
         assert 10 < log.chunk_frames < 500
-        log.write(random_block(500), random_timing(500))
+        log.write(Table(random_block(500), timing=random_timing(500)))
     assert [index.uncompressed_size <= 2**20 for index in summary_of(tmp_path / "c.mcap").chunk_indexes] == [True, True]
 
 
@@ -272,13 +272,13 @@ def test_close_twice_and_abort_after_close_do_nothing(tmp_path):
     log.abort()
     assert (tmp_path / "a.mcap").stat().st_size == size
     with pytest.raises(RigError, match="closed"):
-        log.write(random_block(1), random_timing(1))
+        log.write(Table(random_block(1), timing=random_timing(1)))
 
 
 def test_each_chunk_is_in_the_file_when_write_returns(tmp_path):
     log = LogWriter(tmp_path / "a.mcap", RATE, {})
     before = (tmp_path / "a.mcap").stat().st_size
-    log.write(random_block(100), random_timing(100))
+    log.write(Table(random_block(100), timing=random_timing(100)))
     assert (tmp_path / "a.mcap").stat().st_size > before + 50_000
     log.abort()
 
@@ -287,7 +287,7 @@ def test_a_value_that_does_not_fit_is_refused_by_name(tmp_path):
     block = random_block(10)
     block["level"][4, 2] = 128
     with LogWriter(tmp_path / "a.mcap", RATE, {}) as log, pytest.raises(RigError, match="level above 127"):
-        log.write(block, random_timing(10))
+        log.write(Table(block, timing=random_timing(10)))
 
 
 @pytest.mark.parametrize("path", ["missing/a.mcap", ".", "/dev/full"])
@@ -306,7 +306,7 @@ def test_a_full_disk_ends_the_log_with_what_it_holds(tmp_path):
     try:
         with pytest.raises(RigError, match=r"disk full .*flight stopped at \d+\.990 s; the log is complete"):
             for k in range(100):
-                log.write(random_block(100, k, 100 * k), random_timing(100))
+                log.write(Table(random_block(100, k, 100 * k), timing=random_timing(100)))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     read = read_log(path)
@@ -332,7 +332,7 @@ def test_a_full_disk_that_takes_no_summary_is_said_to_need_recovery(tmp_path, mo
 
     monkeypatch.setattr(Container, "_put", full)
     with pytest.raises(RigError, match=r"disk full .*run rig recover"):
-        log.write(random_block(10), random_timing(10))
+        log.write(Table(random_block(10), timing=random_timing(10)))
     log.close()
     monkeypatch.undo()
     assert recover(tmp_path / "a.mcap", tmp_path / "b.mcap").frames == 0
@@ -341,10 +341,11 @@ def test_a_full_disk_that_takes_no_summary_is_said_to_need_recovery(tmp_path, mo
 KILLED = """
 import os, sys
 from test_log_writer import random_block, random_timing
+from rig.core.frame import Table
 from rig.log import LogWriter
 log = LogWriter(sys.argv[1], 100.0, {"seed": "1"})
 for k in range(3):
-    log.write(random_block(100, k, 100 * k), random_timing(100))
+    log.write(Table(random_block(100, k, 100 * k), timing=random_timing(100)))
 os.kill(os.getpid(), 9)
 """
 
@@ -359,10 +360,10 @@ def test_a_killed_process_leaves_every_second_that_it_wrote(tmp_path):
 def test_memory_does_not_grow_with_the_flight(tmp_path):
     rows, timing, events = random_block(0), random_timing(0), [Event(1, "info", "name", "text")]
     with LogWriter(tmp_path / "a.mcap", 2.0, {}) as log:
-        log.write(rows, timing, events)
+        log.write(Table(rows, timing=timing), events)
         tracemalloc.start()
         for _ in range(3000):  # 50 minutes at a chunk a second
-            log.write(rows, timing, events)
+            log.write(Table(rows, timing=timing), events)
         grown, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
     assert grown < 3000 * 72 * 1.3
@@ -389,7 +390,7 @@ def test_noisy_frames_cost_at_most_1500_bytes_each_on_disk(tmp_path):
     with LogWriter(path, RATE, {}) as log:
         empty = path.stat().st_size
         for k in range(0, frames, 100):
-            log.write(block[k : k + 100], random_timing(100, k))
+            log.write(Table(block[k : k + 100], timing=random_timing(100, k)))
     assert (path.stat().st_size - empty) / frames < 1500
     assert ROW < 4000
 

@@ -6,7 +6,7 @@ from interpreted import printed
 from one_stage import step_stage
 
 from rig.computer.lanes.think import ComputerData, think_lane
-from rig.core.frame import INDEX, End, nested, new_block
+from rig.core.frame import INDEX, End, Table, nested, new_block
 from rig.flight import loop
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
@@ -118,9 +118,9 @@ class Frames:
     def __init__(self) -> None:
         self.numbers: list[int] = []
 
-    def record(self, rows: np.ndarray, timing: np.ndarray, lanes: np.ndarray | None = None) -> None:
-        assert len(rows) == len(timing) and lanes is None
-        self.numbers += rows["frame"].tolist()
+    def record(self, table: Table) -> None:
+        assert len(table) == len(table.timing) and table.beside is None
+        self.numbers += table["frame"].tolist()
 
 
 def test_each_recorder_takes_every_row_and_the_hook_acts_before_it():

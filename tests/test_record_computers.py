@@ -5,6 +5,7 @@ from functools import cache
 import pytest
 
 from rig.core.event import Event
+from rig.core.frame import Table
 from rig.flight import lane_events as computers
 from rig.flight.loop import Rig, frames
 from rig.flight.recorder import Findings
@@ -23,7 +24,7 @@ def found(*faults: str, commands: str = "", seconds: float = 1.0, more: tuple[st
     rig, findings = Rig(which), Findings(which)
     for rows, timing in frames(rig, which):
         for lanes in rig.lanes(len(rows)):
-            findings.record(rows, timing, lanes)
+            findings.record(Table(rows, lanes, timing))
     return findings
 
 
@@ -105,5 +106,5 @@ def test_blocks_of_any_length_tell_the_same():
     ((rows, lanes),) = [(rows.copy(), *rig.lanes(len(rows))) for rows, _ in frames(rig, which)]
     whole, parts, told = Findings(which), Findings(which), list[Event]()
     for k in range(0, len(rows), 7):
-        told += parts.computers.find(lanes[k : k + 7], rows[k : k + 7])
-    assert told == whole.computers.find(lanes, rows) != []
+        told += parts.computers.find(Table(rows, lanes)[k : k + 7])
+    assert told == whole.computers.find(Table(rows, lanes)) != []

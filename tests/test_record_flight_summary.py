@@ -7,7 +7,7 @@ from digests import ways
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.core.frame import FLIGHT_INDEX, INDEX, End, LaneBlock, LaneParts, State, lane_rows, new_block
+from rig.core.frame import FLIGHT_INDEX, INDEX, Block, End, LaneParts, State, Table, lane_rows, new_block
 from rig.flight.summary import Verdict
 from rig.scenario import scenario
 
@@ -34,7 +34,7 @@ def test_the_digest_is_that_of_all_rows_however_they_come():
 PARTS: list[LaneParts] = [("actuator",), ("computer",), ("actuator", "computer")]
 
 
-def beside(parts: LaneParts) -> LaneBlock:
+def beside(parts: LaneParts) -> Block:
     rng, lanes = np.random.default_rng(1), lane_rows(200, parts)
     for part in parts:
         for name in lanes[part].dtype.names or ():
@@ -47,7 +47,7 @@ def beside(parts: LaneParts) -> LaneBlock:
 def test_the_digest_of_rows_and_lanes_is_that_of_both_however_they_come(parts: LaneParts, cuts: set[int]):
     block, lanes, verdict = flown(), beside(parts), Verdict()
     for first, last in zip([0, *sorted(cuts)], [*sorted(cuts), 200], strict=True):
-        verdict.add(block[first:last], [], lanes[first:last])
+        verdict.add(Table(block[first:last], lanes[first:last]), [])
     both = hashlib.sha256(block.tobytes()).digest() + hashlib.sha256(lanes.tobytes()).digest()
     assert verdict.digest == hashlib.sha256(both).hexdigest()
 
@@ -58,7 +58,7 @@ def test_another_number_of_a_lane_is_another_digest(part: str, field: str):
     for changed in (0, 1):
         lanes[part][field][-1, -1] += changed
         verdict = Verdict()
-        verdict.add(flown(), [], lanes)
+        verdict.add(Table(flown(), lanes), [])
         digests.add(verdict.digest)
     assert len(digests) == 2
 

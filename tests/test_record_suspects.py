@@ -141,5 +141,5 @@ def test_fly_campaign_and_report_tell_it(rig_command, tmp_path: Path):
     assert "Suspect channels" in page and "channels suspect in many frames, never failed" in page
     assert [each["rows"] for each in found["suspects"] if each["rows"]] == [175]
     flown = fly(scenario.load(None, sets))
-    (row,) = campaign_rows("runs", 0, flown.scenario, score(flown.scenario, flown.rows, clean=flown.clean), flown)
+    (row,) = campaign_rows("runs", 0, flown.scenario, score(flown.scenario, flown.table), flown)
     assert row["suspect_channels"] == 1

@@ -14,7 +14,7 @@ from rig.bench.replay.what_if import changed, what_if
 from rig.cli import main as cli
 from rig.core.errors import BadInput, BadLog
 from rig.core.files import bundled
-from rig.core.frame import FLAT, INDEX, TIMING, State, new_block
+from rig.core.frame import FLAT, INDEX, TIMING, State, Table, new_block
 from rig.flight.fly import fly
 from rig.flight.summary import Verdict
 from rig.log import LogWriter, read_log
@@ -46,7 +46,8 @@ def rewrite(source: Path, target: Path, rows=None, changes=None) -> Path:
     """A log with other rows or other metadata."""
     log = read_log(source)
     with LogWriter(target, log.rate_hz, {**log.metadata, **(changes or {})}, log.attachments.items()) as writer:
-        writer.write(log.rows if rows is None else rows, log.timing[: len(log.rows if rows is None else rows)])
+        kept = log.rows if rows is None else rows
+        writer.write(Table(kept, timing=log.timing[: len(kept)]))
     return target
 
 
@@ -215,7 +216,7 @@ def drifting(tmp_path: Path) -> Path:
     rows["channels"][:, Q, 2] = 0.001 * np.maximum(np.arange(400) - 200, 0)
     path = tmp_path / "drift.mcap"
     with LogWriter(path, 100.0, metadata(which)) as writer:
-        writer.write(vote_again(rows, which), np.zeros(400, TIMING))
+        writer.write(Table(vote_again(rows, which), timing=np.zeros(400, TIMING)))
     return path
 
 

@@ -55,7 +55,7 @@ def test_a_decision_that_was_changed_in_the_log_is_found(recording: Recorded, fi
     assert log.lanes is not None
     log.lanes["actuator"][field][50, 0, 0] = 1
     with LogWriter(path, log.rate_hz, log.metadata, log.attachments.items(), lanes=("actuator",)) as writer:
-        writer.write(log.rows, log.timing, lanes=log.lanes)
+        writer.write(log.table)
     (unequal,) = [one for one in verify(recorded(path)).comparison.fields if one.verdict != "equal"]
     assert (unequal.name, unequal.frames, unequal.first_frame) == (f"actuator.elevator.{field}_1", 1, 50)
 

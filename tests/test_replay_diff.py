@@ -15,7 +15,7 @@ from rig.bench.replay.before_after import diff, side
 from rig.bench.replay.compare_flights import Tolerances, compare, of_column, tolerances
 from rig.cli import main as cli
 from rig.core.errors import BadInput
-from rig.core.frame import FLAT, INDEX, TIMING, new_block
+from rig.core.frame import FLAT, INDEX, TIMING, Table, new_block
 from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS, unit_of
 from rig.log.schema import OLDEST, SCHEMA_VERSION
@@ -33,7 +33,7 @@ def run(capsys, monkeypatch, *arguments: object) -> tuple[int, str, str]:
 
 def logged(path: Path, rows, rate: float = 100.0, **metadata: str) -> Path:
     with LogWriter(path, rate, metadata) as writer:
-        writer.write(rows, np.zeros(len(rows), TIMING))
+        writer.write(Table(rows, timing=np.zeros(len(rows), TIMING)))
     return path
 
 

@@ -64,7 +64,7 @@ def test_a_number_of_a_lane_that_was_changed_in_the_log_is_found(wrong_command: 
     assert log.lanes is not None
     log.lanes["computer"][field][50, 2] = Health.FAILED
     with LogWriter(path, log.rate_hz, log.metadata, log.attachments.items(), lanes=wrong_command.log.lanes) as writer:
-        writer.write(log.rows, log.timing, lanes=log.lanes)
+        writer.write(log.table)
     unequal = [one for one in verify(recorded(path)).comparison.fields if one.verdict != "equal"]
     assert [(one.name, one.frames, one.first_frame) for one in unequal] == [(f"computer.C.{field}", 1, 50)]
 

@@ -11,7 +11,6 @@ from test_assess_actuators import HARDOVER, ONSET, given
 from rig.core.palette import RED
 from rig.flight.flight_result import Flight
 from rig.flight.fly import fly
-from rig.log.log_file import Frames
 from rig.show.pages.flight_page import report
 from rig.show.pages.servo_figures import happened, of_actuator
 from rig.verdict.of_log import score_log
@@ -35,7 +34,7 @@ def test_the_picture_shows_the_channel_leave_its_threshold_and_end(flight: Fligh
     (one,) = happened(scored)
     assert (one.surface, one.begin) == ("elevator", ONSET - 50)
     assert log.lanes is not None
-    kept = Frames(log.rows[one.begin : one.end], np.empty(0), log.lanes[one.begin : one.end])
+    kept = log.table[one.begin : one.end]
     figure: Any = of_actuator(kept, scored, one)
     currents = {line.name: np.array(line.y) for line in figure.data if line.yaxis == "y2"}
     beyond = {name: int((np.abs(values) > 0.25).sum()) for name, values in currents.items()}

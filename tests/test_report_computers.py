@@ -9,7 +9,6 @@ import pytest
 
 from rig.flight.flight_result import Flight
 from rig.flight.fly import fly
-from rig.log.log_file import Frames
 from rig.show.pages import lane_figures as computers
 from rig.show.pages.course import Course
 from rig.show.pages.flight_page import report
@@ -37,7 +36,7 @@ def test_the_page_says_who_failed_which_lane_for_what_and_after_how_long(flight:
 
 def test_the_states_are_those_of_lanes_and_of_votes_that_were_not_normal(flight: Flight):
     log = flight.recorded
-    course = Course(Frames(log.rows, log.timing, log.lanes), 1)
+    course = Course(log.table, 1)
     spans = [span for span in computers.states(course, log.rate_hz, 4) if span.lane in ("lane B", "vote elevator")]
     told = [(span.lane, round(span.begin_s, 2), round(span.end_s, 2), span.label) for span in spans]
     assert told[0] == ("lane B", 0.0, 1.04, "engaged")
@@ -51,7 +50,7 @@ def test_the_picture_shows_one_command_leave_the_threshold_of_the_others(flight:
     log, scored = flight.recorded, score_log(flight.log, Yardstick(), twin=False)
     one = computers.happened(scored, log.events)
     assert one is not None and one.begin == ONSET - 50 and log.lanes is not None
-    kept = Frames(log.rows[one.begin : one.end], np.empty(0), log.lanes[one.begin : one.end])
+    kept = log.table[one.begin : one.end]
     figure: Any = computers.commands(kept, scored, one)
     low, high = flight.scenario.airframe.surface_limits[0]
     limit = np.degrees(flight.scenario.computers.command_threshold * (high - low))

@@ -12,10 +12,9 @@ import outside
 import pytest
 from browser import visit
 
-from rig.core.frame import INDEX, State, new_block
+from rig.core.frame import INDEX, State, Table, new_block
 from rig.core.palette import RED
 from rig.flight.fly import Flight, fly
-from rig.log.log_file import Frames
 from rig.show.pages.course import Course
 from rig.show.pages.flight_figures import of_flight, spanned, surfaces, vote_errors
 from rig.show.pages.flight_page import report
@@ -78,7 +77,7 @@ def test_a_hardover_does_not_flatten_the_others(page: tuple[dict[str, Any], str]
 
 
 def test_the_lanes_change_when_the_fault_begins_and_when_the_channel_is_failed(flight: Flight):
-    course = Course(Frames(flight.rows, np.empty(0)), 1)
+    course = Course(Table(flight.rows), 1)
     found = spans(course, 100.0, ["pitch_rate"], ["hardover pitch_rate.3"])
     by = {(span.lane, span.label): (span.begin_s, span.end_s) for span in found}
     assert by["fault hardover pitch_rate.3", "acting"] == (3.0, 6.0)
@@ -198,7 +197,7 @@ def test_an_angle_goes_on_through_north_from_block_to_block():
     for field in ("truth", "voted"):
         rows[field][:, s] = turned % (2.0 * np.pi)
     rows["channels"][:, s] = turned[:, None] % (2.0 * np.pi)
-    shown = of_signal(rows, 100.0, "heading", 0.1)
+    shown = of_signal(Table(rows), 100.0, "heading", 0.1)
     for drawn in (shown.truth, shown.voted, *shown.channels):
         assert drawn.values == pytest.approx(np.degrees(turned))
 
@@ -214,7 +213,7 @@ def test_small_motion_is_not_blown_up():
 def test_what_reaches_an_actuator_is_drawn_where_a_fault_changed_it():
     rows = new_block(3)
     rows["frame"], rows["actuator"][:, 1] = np.arange(3), np.radians(4.0)  # of the aileron
-    drawn = surfaces([of_surface(rows, 100.0, i) for i in range(4)]).to_dict()
+    drawn = surfaces([of_surface(Table(rows), 100.0, i) for i in range(4)]).to_dict()
     changed = [trace["yaxis"] for trace in drawn["data"] if trace["name"] == "at the actuator"]
     assert changed == ["y2"]
     assert drawn["layout"]["yaxis"]["range"] == [-1.0, 1.0]
@@ -225,10 +224,10 @@ def test_a_flight_that_ends_not_finite_can_be_drawn():
     rows, s = new_block(4), INDEX["roll_angle"]
     rows["frame"], rows["truth"][:, s] = np.arange(4), [0.0, 1.0, np.inf, np.nan]
     rows["voted"][:, s], rows["actuator"][:, 0] = [0.0, 1e300, np.nan, 0.0], [0.0, 1e300, np.inf, np.nan]
-    drawn = [of_flight(of_signal(rows, 100.0, "roll_angle", 0.1), 100.0, "roll_angle", np.ones(4, bool))]
-    off = line(rows["frame"] / 100.0, errors(rows, "roll_angle") / 0.1)
+    drawn = [of_flight(of_signal(Table(rows), 100.0, "roll_angle", 0.1), 100.0, "roll_angle", np.ones(4, bool))]
+    off = line(rows["frame"] / 100.0, errors(Table(rows), "roll_angle") / 0.1)
     drawn += [vote_errors({"roll_angle": off}, {"roll_angle": 0.1})]
-    drawn += [surfaces([of_surface(rows, 100.0, i) for i in range(4)])]
+    drawn += [surfaces([of_surface(Table(rows), 100.0, i) for i in range(4)])]
     for figure in drawn:
         assert "NaN" not in json.dumps(json.loads(figure.to_json() or ""))
 
@@ -237,5 +236,5 @@ def test_the_error_of_a_vote_of_an_angle_is_the_short_way_round():
     rows, s = new_block(2), INDEX["heading"]
     rows["voted"][:, s], rows["truth"][:, s] = [0.01, 6.28], [6.28, 0.01]
     off = 0.01 - 6.28 + 2.0 * np.pi
-    assert errors(rows, "heading") == pytest.approx([off, -off])
+    assert errors(Table(rows), "heading") == pytest.approx([off, -off])
     assert (rows["state"] == State.OK).all()

@@ -115,7 +115,7 @@ def test_the_middle_of_an_angle_is_taken_the_short_way():
 def test_bursts_are_twelve_and_as_long_as_said(signal, frames):
     one = next(one for one in evidence_rows.bursts() if one.about == f"f16 {signal} 0 {frames} +10")
     found = fly(scenario.load(None, one.seeded(1).sets))
-    changed = (found.rows["channels"] != found.clean["channels"]) & np.isfinite(found.clean["channels"])
+    changed = (found.rows["channels"] != found.table.clean["channels"]) & np.isfinite(found.table.clean["channels"])
     assert np.flatnonzero(changed.any(axis=(0, 2))).tolist() == [INDEX[signal]]
     edges = np.flatnonzero(np.diff(changed[:, INDEX[signal], 1].astype(int)))
     assert np.diff(edges)[::2].tolist() == [frames] * 12
@@ -131,7 +131,7 @@ def test_a_reference_is_measured_in_its_own_thresholds():
     """The load factor's reference is the unit's force: an offset there is its error."""
     force = {"kind": "offset", "signal": "inertial.specific_force_forward_m_s2", "offset": 9.80665}
     found = flown(f"faults={evidence_rows.toml([{**force, 'start_s': 1.0, 'ramp_s': 1.0}])}")
-    middle = evidence_found.middle_of(found.clean["channels"], found.rows["truth"])
+    middle = evidence_found.middle_of(found.table.clean["channels"], found.rows["truth"])
     threshold = found.scenario.references.error("longitudinal_load_factor", "inertial")
     assert threshold is not None
     error, unusable = evidence_found.reference_errors(found, middle)["longitudinal_load_factor"]

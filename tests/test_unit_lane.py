@@ -89,7 +89,7 @@ def test_a_campaign_counts_no_healthy_channel_of_a_lane_that_is_a_unit(tmp_path:
     with running(tested) as again:
         assert again is not None
         flown = fly_in_memory(which, again)
-        found = score(which, flown.rows, clean=flown.clean, lanes=flown.lanes, unit_lane=again.lane)
+        found = score(which, flown.table, unit_lane=again.lane)
     (row,) = campaign_rows("runs", 0, which, found, flown)
     assert (row["detected"], row["missed"], row["false_alarms"], row["wrong_isolations"]) == (1, 0, 0, 0)
     assert row["healthy_coils_failed"] == 0 and not campaign_rows("alarms", 0, which, found)

@@ -14,7 +14,20 @@ import rerun as rr
 from rerun.chunk import Chunk, McapReader, RrdReader
 
 from rig.core.errors import BadInput, BadLog, RigError
-from rig.core.frame import COMMANDS, FLAT, INDEX, SURFACES, TIMING, Block, Ilm, Pattern, Resolver, State, new_block
+from rig.core.frame import (
+    COMMANDS,
+    FLAT,
+    INDEX,
+    SURFACES,
+    TIMING,
+    Block,
+    Ilm,
+    Pattern,
+    Resolver,
+    State,
+    Table,
+    new_block,
+)
 from rig.core.frame.fields import FIELD, places
 from rig.core.units.constants import TWO_PI
 from rig.flight.events import Event
@@ -51,7 +64,7 @@ def files(rows: Block, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
     log, streamed = folder / "log.mcap", folder / "streamed.rrd"
     events = [Event(500 + e.frame, e.level, e.name, e.text) for e in EVENTS]
     with LogWriter(log, RATE_HZ, {}) as writer:
-        writer.write(rows, np.zeros(len(rows), TIMING), events)
+        writer.write(Table(rows, timing=np.zeros(len(rows), TIMING)), events)
     recording = rr.RecordingStream("test")
     recording.save(streamed)
     Columns(recording, RATE_HZ).send(rows, events)

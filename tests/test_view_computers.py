@@ -16,11 +16,11 @@ from rig.core.frame import (
     SURFACES,
     TIMING,
     Health,
-    LaneBlock,
     LaneTest,
     LinkState,
     Pattern,
     Resolver,
+    Table,
     lane_rows,
     new_block,
 )
@@ -41,7 +41,7 @@ FACTS = Facts("a flight", {"pitch_rate": 1.0}, (STOP,), computers=4)
 
 
 @pytest.fixture(scope="module")
-def moved() -> LaneBlock:
+def moved() -> Table:
     """A accuses B with C and D, which is failed a frame later; its links fail; at 2 s nobody leads any more."""
     block = lane_rows(FRAMES, ("computer",))
     lanes = block["computer"]
@@ -57,7 +57,7 @@ def moved() -> LaneBlock:
     lanes["command_pattern"][120:, A, 0] = Pattern.P1_1
     lanes["command_resolver"][130:, A, 0] = Resolver.UNRESOLVED
     lanes["leads"][200:] = 0
-    return block
+    return Table(new_block(FRAMES), block, np.zeros(FRAMES, TIMING))
 
 
 def changed(found: list[Changes], path: str) -> list[tuple[int, str]]:
@@ -66,7 +66,7 @@ def changed(found: list[Changes], path: str) -> list[tuple[int, str]]:
     ]
 
 
-def test_lanes_say_which_computer_failed_when_for_what_and_who_leads(moved: LaneBlock) -> None:
+def test_lanes_say_which_computer_failed_when_for_what_and_who_leads(moved: Table) -> None:
     found = list(computers.SHOWN.changes(moved, None))
     assert changed(found, "/lane_A") == [(0, "ENGAGED")]
     assert changed(found, "/lane_B") == [(0, "ENGAGED"), (FAILED, "FAILED_COMMANDS")]
@@ -74,7 +74,7 @@ def test_lanes_say_which_computer_failed_when_for_what_and_who_leads(moved: Lane
     assert changed(found, "/leading_lane") == [(0, "A"), (200, "BACKUP")]
 
 
-def test_lanes_say_which_links_and_votes_of_commands_were_not_in_order(moved: LaneBlock) -> None:
+def test_lanes_say_which_links_and_votes_of_commands_were_not_in_order(moved: Table) -> None:
     found = list(computers.SHOWN.changes(moved, None))
     assert changed(found, "/B_to_C") == [(0, "FRESH"), (SILENT, "FAILED")]
     assert changed(found, "/C_to_B") == [(0, "FRESH")]
@@ -90,7 +90,7 @@ def test_every_state_of_a_lane_has_a_look_and_red_is_for_failures_alone() -> Non
         assert all(label.startswith("failed") for label in red)
 
 
-def test_blocks_show_the_changes_of_the_whole(moved: LaneBlock) -> None:
+def test_blocks_show_the_changes_of_the_whole(moved: Table) -> None:
     of, whole = computers.SHOWN, list(computers.SHOWN.changes(moved, None))
     parts = [(of.changes(moved[k : k + 50], moved[k - 1 : k] if k else None), k) for k in range(0, FRAMES, 50)]
     found = [Changes(each.path, each.rows + k, each.states) for part, k in parts for each in part]
@@ -104,17 +104,17 @@ def test_computers_that_are_not_fitted_are_left_out() -> None:
     assert len(computers.fitted(computers.OF_LINKS, 4)) == len(LINKS)
 
 
-def test_the_list_of_a_computer_has_angles_in_degrees_the_throttle_and_its_clock(moved: LaneBlock) -> None:
-    shown, rows = computers.values(moved, C), moved["computer"][:, C]
+def test_the_list_of_a_computer_has_angles_in_degrees_the_throttle_and_its_clock(moved: Table) -> None:
+    shown, rows = computers.values(moved, C), moved.lane[:, C]
     expected = [*np.degrees(rows["surface"][:, :3]).T, rows["surface"][:, 3], rows["clock_lead"]]
     np.testing.assert_allclose(shown.T, expected)
     assert computers.NAMES[:4] == SURFACES
 
 
-def test_the_headline_names_computer_delay_and_accusers_and_the_tab_shows_these_seconds(moved: LaneBlock) -> None:
+def test_the_headline_names_computer_delay_and_accusers_and_the_tab_shows_these_seconds(moved: Table) -> None:
     rows = new_block(FRAMES)
     rows["acting"][ONSET:, 0] = 1
-    facts, told = look(FACTS, rows, HZ, True, moved)
+    facts, told = look(FACTS, Table(rows, moved.beside), HZ, True)
     silent = "link B to A, C, D failed at 1.04 s, 40 ms after the onset, by its silence"
     failed = "computer B failed at 1.05 s, 50 ms after the onset, by lanes A, C and D in the vote of commands"
     assert told == f"SURVIVED: {silent}; {failed}"
@@ -126,9 +126,9 @@ def test_a_channel_that_fails_with_its_computer_has_that_fault_on_it() -> None:
     assert STOP.acts_on("pitch_rate", B + 1) and not STOP.acts_on("pitch_rate", A + 1)
 
 
-def test_a_saved_recording_has_the_lanes_and_lists_of_the_log(moved: LaneBlock, tmp_path: Path) -> None:
+def test_a_saved_recording_has_the_lanes_and_lists_of_the_log(moved: Table, tmp_path: Path) -> None:
     with LogWriter(tmp_path / "flight.mcap", HZ, {}, lanes=("computer",)) as writer:
-        writer.write(new_block(FRAMES), np.zeros(FRAMES, TIMING), [], moved)
+        writer.write(moved)
     save(read([tmp_path / "flight.mcap"]), tmp_path / "opened.rrd")
     rows: dict[str, int] = {}
     for chunk in RrdReader(tmp_path / "opened.rrd").stream():
@@ -143,14 +143,14 @@ def test_the_tab_is_there_for_flights_with_several_computers_alone() -> None:
         blueprint(Layout((Shown(),), COMPUTERS))
 
 
-def page(row: LaneBlock) -> dict[str, str]:
+def page(row: Table) -> dict[str, str]:
     screen = Console(file=io.StringIO(), record=True, width=120)
-    screen.print(Page().draw(new_block(1)[0], HZ, row))
+    screen.print(Page().draw(row, HZ))
     return {line.split("  ")[0]: line for line in screen.export_text().splitlines()}
 
 
 def test_the_terminal_marks_the_computer_that_failed_and_says_for_what_and_whose_messages_miss(
-    moved: LaneBlock,
+    moved: Table,
 ) -> None:
     lines = page(moved[140:141])
     assert lines["computers"].split() == ["computers", "A", "Bx", "C", "D", "A", "3", "B", "vote", "of", "commands"]
@@ -160,13 +160,13 @@ def test_the_terminal_marks_the_computer_that_failed_and_says_for_what_and_whose
     assert "normal" in lines["throttle command"]
 
 
-def test_the_terminal_says_that_the_back_up_flies(moved: LaneBlock) -> None:
+def test_the_terminal_says_that_the_back_up_flies(moved: Table) -> None:
     assert page(moved[-1:])["computers"].split()[5:8] == ["none", "3", "back-up"]
 
 
 def test_a_servo_channel_that_its_failed_computer_has_shut_off_counts_as_off() -> None:
-    rows = lane_rows(1)
-    rows["actuator"]["valve"][:, 0, B] = 1
+    rows = Table(new_block(1), lane_rows(1))
+    rows.servo["valve"][:, 0, B] = 1
     found = list(servos.SHOWN.changes(rows, None))
     assert changed(found, "/elevator/channel_2") == [(0, "WITH_COMPUTER")]
     assert changed(found, "/elevator/moved_by") == [(0, "HELD_3")]

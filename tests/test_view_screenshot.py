@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from rig.core.errors import BadInput
-from rig.core.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, new_block
+from rig.core.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, Table, new_block
 from rig.core.units.quantities import unit_shown
 from rig.flight.events import Event
 from rig.log import LogWriter
@@ -57,7 +57,7 @@ def flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     ]
     for name, block, events in (("faulted", rows, told), ("healthy", twin, told[:1])):
         with LogWriter(folder / f"{name}.mcap", RATE_HZ, {}) as writer:
-            writer.write(block, np.zeros(len(block), TIMING), events)
+            writer.write(Table(block, timing=np.zeros(len(block), TIMING)), events)
     return folder / "faulted.mcap", folder / "healthy.mcap"
 
 

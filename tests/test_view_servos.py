@@ -13,7 +13,7 @@ from rerun.chunk import McapReader, RrdReader
 from rich.console import Console
 
 from rig.core.errors import BadInput
-from rig.core.frame import LANE_FIELDS, MOVED, TIMING, ActuatorMonitor, LaneBlock, lane_rows, new_block
+from rig.core.frame import LANE_FIELDS, MOVED, TIMING, ActuatorMonitor, Table, lane_rows, new_block
 from rig.core.frame.fields import elements
 from rig.log import LogWriter
 from rig.show.terminal.redundancy_page import Page
@@ -30,7 +30,7 @@ FACTS = Facts("a flight", {"pitch_rate": 1.0}, (FaultFact("coil", "actuator.elev
 
 
 @pytest.fixture(scope="module")
-def moved() -> LaneBlock:
+def moved() -> Table:
     """Channel 2 of the elevator is shut off by its current; the rudder is bypassed at the end."""
     block, rng = lane_rows(FRAMES), np.random.default_rng(1)
     block["frame"] = np.arange(FRAMES)
@@ -38,14 +38,14 @@ def moved() -> LaneBlock:
         block["actuator"][name] = rng.uniform(-0.1, 0.1, block["actuator"][name].shape)
     block["actuator"]["failed_by"][FAILED:, ELEVATOR, 1] = ActuatorMonitor.CURRENT
     block["actuator"]["bypassed"][200:, RUDDER] = 1
-    return block
+    return Table(new_block(FRAMES), block, np.zeros(FRAMES, TIMING))
 
 
 @pytest.fixture(scope="module")
-def log(moved: LaneBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path, rows = tmp_path_factory.mktemp("servos") / "flight.mcap", new_block(FRAMES)
+def log(moved: Table, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("servos") / "flight.mcap"
     with LogWriter(path, HZ, {}, lanes=("actuator",)) as writer:
-        writer.write(rows, np.zeros(FRAMES, TIMING), [], moved)
+        writer.write(moved)
     return path
 
 
@@ -55,7 +55,7 @@ def changed(found: list[Changes], path: str) -> list[tuple[int, str]]:
     ]
 
 
-def test_a_lane_says_when_a_channel_was_shut_off_and_by_whom(moved: LaneBlock) -> None:
+def test_a_lane_says_when_a_channel_was_shut_off_and_by_whom(moved: Table) -> None:
     found = list(servos.SHOWN.changes(moved, None))
     assert changed(found, "/elevator/channel_2") == [(0, "NONE"), (FAILED, "CURRENT")]
     assert changed(found, "/elevator/channel_1") == [(0, "NONE")]
@@ -63,7 +63,7 @@ def test_a_lane_says_when_a_channel_was_shut_off_and_by_whom(moved: LaneBlock) -
     assert changed(found, "/rudder/moved_by") == [(0, "HELD_4"), (200, "BYPASSED")]
 
 
-def test_blocks_show_the_changes_of_the_whole(moved: LaneBlock) -> None:
+def test_blocks_show_the_changes_of_the_whole(moved: Table) -> None:
     parts = [
         (servos.SHOWN.changes(moved[k : k + 50], moved[k - 1 : k] if k else None), k) for k in range(0, FRAMES, 50)
     ]
@@ -72,8 +72,8 @@ def test_blocks_show_the_changes_of_the_whole(moved: LaneBlock) -> None:
         assert changed(found, lane.path) == changed(list(servos.SHOWN.changes(moved, None)), lane.path)
 
 
-def test_the_list_of_a_surface_has_angles_in_degrees_and_shares_as_they_are(moved: LaneBlock) -> None:
-    shown, rows = servos.values(moved, RUDDER), moved["actuator"][:, RUDDER]
+def test_the_list_of_a_surface_has_angles_in_degrees_and_shares_as_they_are(moved: Table) -> None:
+    shown, rows = servos.values(moved, RUDDER), moved.servo[:, RUDDER]
     for name, expected in (
         ("ram", np.degrees(rows["ram"])),
         ("lvdt_3", np.degrees(rows["lvdt"][:, 2])),
@@ -102,15 +102,15 @@ def test_the_importer_makes_the_same_messages_of_our_log(log: Path, tmp_path: Pa
         assert values.equals(theirs[topic])
 
 
-def test_every_number_of_the_message_is_a_column(moved: LaneBlock) -> None:
+def test_every_number_of_the_message_is_a_column(moved: Table) -> None:
     names = [name for name, _, _ in servos.columns(moved, ELEVATOR)]
     assert names == [name for field in LANE_FIELDS for name, _ in elements(field)]
 
 
-def test_the_headline_names_channel_delay_and_monitor_and_the_tab_shows_these_seconds(moved: LaneBlock) -> None:
+def test_the_headline_names_channel_delay_and_monitor_and_the_tab_shows_these_seconds(moved: Table) -> None:
     rows = new_block(FRAMES)
     rows["acting"][ONSET:, 0] = 1
-    facts, told = look(FACTS, rows, HZ, True, moved)
+    facts, told = look(FACTS, Table(rows, moved.beside), HZ, True)
     assert told == "SURVIVED: actuator.elevator, channel 2, failed at 1.04 s, 40 ms after the onset, by current"
     assert facts.seen is not None and facts.seen.isolated_s == 1.04
     assert facts.seen.coils_s == pytest.approx((0.5, 2.04))
@@ -122,9 +122,9 @@ def test_the_tab_is_there_for_flights_with_servos_alone() -> None:
         blueprint(Layout((Shown(),), SERVOS))
 
 
-def test_the_terminal_marks_the_channel_that_is_shut_off_and_says_by_whom(moved: LaneBlock) -> None:
+def test_the_terminal_marks_the_channel_that_is_shut_off_and_says_by_whom(moved: Table) -> None:
     screen = Console(file=io.StringIO(), record=True, width=100)
-    screen.print(Page().draw(new_block(1)[0], HZ, moved[FAILED : FAILED + 1]))
+    screen.print(Page().draw(moved[FAILED : FAILED + 1], HZ))
     lines = {line.split()[0]: line for line in screen.export_text().splitlines() if " servo " in line}
     assert lines.keys() == set(MOVED)
     assert lines["elevator"].count("x") == 1 and lines["elevator"].split()[-3:] == ["3", "2", "current"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from rig.core.frame import DEMANDS, INDEX, SURFACES, TIMING, Block, End, Resolver, State, new_block
+from rig.core.frame import DEMANDS, INDEX, SURFACES, TIMING, Block, End, Resolver, State, Table, new_block
 from rig.flight.failures import decisive_s
 from rig.log import LogWriter
 from rig.show.viewer import charts
@@ -141,7 +141,7 @@ def test_the_lanes_of_a_flight_end_with_it(tmp_path: Path) -> None:
     lost["end"][-1] = End.DEPARTURE_RATE
     for name, rows in (("short", short), ("lost", lost), ("long", long)):
         with LogWriter(tmp_path / f"{name}.mcap", HZ, {}) as writer:
-            writer.write(rows, np.zeros(len(rows), TIMING), [])
+            writer.write(Table(rows, timing=np.zeros(len(rows), TIMING)), [])
     save(read([tmp_path / f"{name}.mcap" for name in ("short", "lost", "long")]), tmp_path / "all.rrd")
     told: dict[str, list[str]] = {}
     for chunk in RrdReader(tmp_path / "all.rrd").stream():

@@ -19,7 +19,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from rig.core.errors import BadInput, RigError
-from rig.core.frame import FLAT, SIGNALS, Block, new_block
+from rig.core.frame import FLAT, SIGNALS, Table, new_block
 from rig.show.viewer import sink, viewer
 from rig.show.viewer.blueprint import blueprint, decisive_span, main_signal, status_shown
 from rig.show.viewer.facts import Facts, FaultFact, Layout, Seen, Shown, together
@@ -47,11 +47,11 @@ class FakeSink:
     def begin(self) -> None:
         self.gate.wait()
 
-    def send(self, rows: Block, rate_hz: float, events: Sequence[Any], timing: Any = None, moved: Any = None) -> None:
+    def send(self, table: Table, rate_hz: float, events: Sequence[Any]) -> None:
         self.gate.wait()
         if self.broken:
             raise ValueError("no luck\nwith this one")
-        self.taken.append(int(rows["frame"][0]))
+        self.taken.append(int(table["frame"][0]))
 
     def flush(self, timeout_s: float) -> None:
         pass

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from rig.core.frame import TIMING, new_block
+from rig.core.frame import TIMING, Table, new_block
 from rig.flight.time_histogram import EDGES_US, binned
 from rig.log.of_flight import metadata
 from rig.scenario.scenario import load
@@ -21,7 +21,7 @@ def streamed(folder: Path, facts: Facts, timing: Any) -> dict[str, list[Any]]:
     assert stream is not None
     half = len(timing) // 2
     for first in (0, half):
-        stream.put(new_block(half, first), (), timing[first : first + half])
+        stream.put(Table(new_block(half, first), timing=timing[first : first + half]))
     report = stream.close(10.0)
     assert report.error == ""
     found: dict[str, list[Any]] = {}

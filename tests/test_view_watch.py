@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from rig.cli.main import app
 from rig.core.errors import BadInput, BadLog
-from rig.core.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, new_block
+from rig.core.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, Table, new_block
 from rig.flight.events import Event
 from rig.log import LogWriter, read_log
 from rig.show.terminal.draw import InPipe, InProcess, OnTerminal
@@ -59,7 +59,7 @@ def pipe() -> Console:
 def drawn(row: Block, width: int = 120) -> Console:
     page, screen = Page("a flight"), terminal(width)
     page.note(TOLD, RATE_HZ)
-    screen.print(page.draw(row, RATE_HZ))
+    screen.print(page.draw(Table(np.atleast_1d(row)), RATE_HZ))
     return screen
 
 
@@ -102,14 +102,14 @@ def test_angles_around_north_are_read_together() -> None:
 
 def test_a_page_fits_eighty_columns_and_keeps_its_height() -> None:
     row, page, screen = flown()[0], Page(), terminal(80)
-    screen.print(page.draw(row, RATE_HZ))
+    screen.print(page.draw(Table(np.atleast_1d(row)), RATE_HZ))
     bare = screen.export_text().splitlines()
     assert max(map(len, bare)) <= 80
     assert any("51.566x" in line and "-7.162" in line for line in bare)
     for count in (1, EVENTS, EVENTS + 5):
         page = Page()
         page.note([Event(i, "error", "level", f"event {i}") for i in range(count)], RATE_HZ)
-        screen.print(page.draw(row, RATE_HZ))
+        screen.print(page.draw(Table(np.atleast_1d(row)), RATE_HZ))
         text = screen.export_text().splitlines()
         assert len(text) == len(bare) + 1 + EVENTS
     assert "event 10" in text[-1]  # the latest stay
@@ -149,7 +149,7 @@ def test_what_draws_may_hang_and_does_not_hold_the_flight_up() -> None:
     class Stuck(InPipe):
         gate = threading.Event()
 
-        def draw(self, row: Any, rate_hz: float, events: Sequence[Event], moved: Any = None) -> None:
+        def draw(self, row: Any, rate_hz: float, events: Sequence[Event]) -> None:
             self.gate.wait()
 
     watch = Watch(Stuck(pipe()), None)
@@ -171,7 +171,7 @@ def test_on_a_terminal_another_process_draws_the_page(monkeypatch: pytest.Monkey
     monkeypatch.setattr(subprocess, "Popen", lambda *args, **more: real(*args, **more, stderr=theirs))
     drawer = InProcess()
     drawer.draw(None, RATE_HZ, TOLD[:1])
-    drawer.draw(flown()[150:151], RATE_HZ, TOLD[1:])
+    drawer.draw(Table(flown()[150:151]), RATE_HZ, TOLD[1:])
     drawer.close()
     os.close(theirs)
     text = ""
@@ -188,7 +188,7 @@ def test_a_process_that_is_gone_is_not_waited_for() -> None:
     drawer._process.kill()
     drawer._process.wait()
     for _ in range(100):
-        drawer.draw(flown(1), RATE_HZ, TOLD)
+        drawer.draw(Table(flown(1)), RATE_HZ, TOLD)
     drawer.close()
 
 
@@ -216,7 +216,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("watch") / "a_flight.mcap"
     rows = flown()
     with LogWriter(path, RATE_HZ, {}) as writer:
-        writer.write(rows, np.zeros(len(rows), TIMING), TOLD)
+        writer.write(Table(rows, timing=np.zeros(len(rows), TIMING)), TOLD)
     return path
 
 

@@ -18,7 +18,7 @@ from rig.computer.control.autopilot import Control
 from rig.computer.lanes.lanes_stage import Lanes, think_all
 from rig.computer.lanes.think import ComputerData
 from rig.computer.redundancy.manager_config import command
-from rig.core.frame import FCC, FLAT, FLIGHT_INDEX, MOVED, SURFACES, Block, LaneBlock, has_part, lane_rows, nested
+from rig.core.frame import FCC, FLAT, FLIGHT_INDEX, MOVED, SURFACES, Block, Table, lane_rows, nested
 from rig.core.kernels import kernel, long_kernel
 from rig.flight.stages import computers, faults, redundancy
 from rig.scenario.scenario import Scenario
@@ -44,11 +44,9 @@ class LanesAgain:
         self._again = [i for i, fault in enumerate(scenario.faults) if places_of(fault) <= _THOUGHT]
         self._lanes: Lanes | None = None
 
-    def add(self, rows: Block, recorded: LaneBlock) -> tuple[Block, LaneBlock]:
-        """Copy the next ``rows`` (n,) with FCC, and their COMPUTER rows, written again.
-
-        recorded : (n,) rows of lanes and servos, of which the servos are copied
-        """
+    def add(self, recorded: Table) -> Table:
+        """Copy the next frames with FCC and lanes written again, the servos as they are."""
+        rows = recorded.rows
         lanes = self._lanes = self._lanes or self._begin(rows[0])
         again, flown = blank(rows, self._scenario, OUTPUTS, self._again), copied(rows)
         self._faults.prepare(again)
@@ -57,12 +55,9 @@ class LanesAgain:
         data = lanes.data._replace(rows=made["computer"])
         common = ComputerData(self._redundancy.data, self._control.data, self._faults.data)
         think_rows(nested(again), nested(flown), bypassed(recorded), common, data)
-        made = made[: len(rows)]
-        made["frame"] = recorded["frame"]
-        if has_part(recorded, "actuator"):
-            for name in recorded["actuator"].dtype.names or ():
-                made["actuator"][name] = recorded["actuator"][name]
-        return again, made
+        whole = recorded.copied_beside(part for part in recorded.parts if part == "actuator")
+        whole.lane[:] = made["computer"][: len(rows)]
+        return Table(again, whole.beside, recorded.timing)
 
     def _begin(self, first: Any) -> Lanes:
         """Return the lanes at the ``first`` row of the flight.  BadInput: another computer or manager."""
@@ -78,11 +73,11 @@ def places_of(fault: Fault) -> set[Site]:
     return {site(point.place) for point in fault.targets}
 
 
-def bypassed(recorded: LaneBlock) -> NDArray[np.uint8]:
+def bypassed(recorded: Table) -> NDArray[np.uint8]:
     """Return (n, 3): surfaces that no servo moved in a frame; none without servos."""
-    if not has_part(recorded, "actuator"):
+    if recorded.servo is None:
         return np.zeros((len(recorded), len(MOVED)), np.uint8)
-    return np.ascontiguousarray(recorded["actuator"]["bypassed"])
+    return np.ascontiguousarray(recorded.servo["bypassed"])
 
 
 def blank(rows: Block, scenario: Scenario, names: Sequence[str], again: Sequence[int]) -> Block:

@@ -17,11 +17,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import tomli_w
-from numpy.typing import NDArray
 
 from rig.core.errors import BadInput, ManagerFailed, RigError
 from rig.core.event import Event, StreamReport
-from rig.core.frame import Block, LaneBlock
+from rig.core.frame import Table
 from rig.core.interrupt import Stop, interruptible
 from rig.core.settings import toml_text
 from rig.core.threads import cores
@@ -46,8 +45,8 @@ Watch = Callable[..., None]  # a block, its rate in Hz, its events; of a flight 
 class Stream(Protocol):
     """A live stream, which never waits for whoever watches it (show/viewer/stream.py)."""
 
-    def put(self, rows: Block, events: Sequence[Event], timing: NDArray[Any], moved: LaneBlock | None) -> None:
-        """Take the next rows."""
+    def put(self, table: Table, events: Sequence[Event]) -> None:
+        """Take the next frames."""
 
     def close(self, timeout_s: float) -> StreamReport:
         """Send what is left."""
@@ -81,8 +80,8 @@ class Outcome(Protocol):
     def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
         """Take the scenario as it is flown, and the lane that a unit under test is; the first frame comes next."""
 
-    def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
-        """Take the next rows, their (n,) CLEAN, and the (n,) ``lanes`` of a flight with servo actuators."""
+    def add(self, table: Table) -> None:
+        """Take the next frames, with their clean channels."""
 
     def sentences(self, log: Path, frames: int) -> list[str]:
         """Return the conclusion of the finished flight of so many ``frames``."""
@@ -187,10 +186,10 @@ def _fly_and_record(
         else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
     )
     rig = loop.Rig(scenario, None if unit is None else UnitComputer(unit, pace, stop), keep_clean=kept)
-    assess_rows = None
+    assess = None
     if (outcome := to.outcome) is not None:
         outcome.begin(scenario, None if unit is None else unit.lane)
-        assess_rows = lambda rows, lanes: outcome.add(rows, rig.faults.clean_of(rows), lanes)  # noqa: E731 # every block
+        assess = lambda flown: outcome.add(Table(flown.rows, flown.beside, clean=rig.faults.clean_of(flown.rows)))  # noqa: E731 # every block
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
     software = "" if unit is None else unit.unit.name
     with new_log(to.out, named, scenario, to.text, about, to.overrides, software) as writer:
@@ -199,7 +198,7 @@ def _fly_and_record(
         stream = None if to.streams is None else to.streams.open(to.rerun, scenario, path, software, paced)
         if stream is not None and viewer is not None:
             viewer.opened(stream, stop)
-        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream), assess_rows)
+        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream), assess)
         began = time.perf_counter()
         try:
             failure = _fly(rig, records, pace, stop, keys)
@@ -219,15 +218,11 @@ def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> li
     """Return who is given every block with its events when the log has it."""
     watchers: list[Watcher] = []
     if stream is not None:
-        watchers.append(lambda rows, events, timing, moved: stream.put(rows.copy(), events, timing.copy(), moved))
+        watchers.append(lambda table, events: stream.put(table.copy(), events))
     if (watch := to.watch) is not None:
-        watchers.append(
-            lambda rows, events, timing, moved: watch(
-                rows, scenario.rate_hz, events, *(() if moved is None else (moved,))
-            )
-        )
+        watchers.append(lambda table, events: watch(table, scenario.rate_hz, events))
     if (progress := to.progress) is not None:
-        watchers.append(lambda rows, *_: progress(int(rows["frame"][-1]) + 1, scenario.frames))
+        watchers.append(lambda table, _: progress(int(table["frame"][-1]) + 1, scenario.frames))
     return watchers
 
 

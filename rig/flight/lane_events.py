@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.event import Event, Severity
-from rig.core.frame import COMPUTERS, Block, Health, LaneBlock, LaneTest, LinkState, has_part
+from rig.core.frame import COMPUTERS, Health, LaneTest, LinkState, Table, stacked
 from rig.core.units.quantities import duration
 
 FAILED, DISENGAGED, RESTARTING = "lane failed", "lane disengaged", "lane restarting"  # names of events
@@ -76,9 +76,9 @@ def failed_by(failure: LaneFailure) -> str:
     return f"by {lane_names(failure.accusers)} for its {what}"
 
 
-def is_engaged(lanes: LaneBlock) -> NDArray[np.bool_]:
+def is_engaged(table: Table) -> NDArray[np.bool_]:
     """Return (n, 4): lanes that drive their servo channels."""
-    return np.isin(lanes["computer"]["health"], ENGAGED)
+    return np.isin(table.lane["health"], ENGAGED)
 
 
 class ComputerFinder:
@@ -90,21 +90,18 @@ class ComputerFinder:
     def __init__(self, rate_hz: float, orders: Sequence[Order] = (), places: Sequence[tuple[int, ...]] = ()) -> None:
         self._rate_hz, self._orders, self._places = rate_hz, orders, places
         self._acted: dict[int, int] = {}  # first frame in which a fault acted on a lane
-        self._last: LaneBlock | None = None
+        self._last: Table | None = None
         self.failures: list[LaneFailure] = []
         self.links: list[LinkFailure] = []
         self.backup: tuple[int, str] | None = None  # frame, and why
 
-    def find(self, lanes: LaneBlock, rows: Block | None = None) -> list[Event]:
-        """Return the events of ``lanes``, which follow those of the last call, in order of time.
-
-        rows : (n,) beside them, which say when faults began to act
-        """
-        if not has_part(lanes, "computer") or not len(lanes):
+    def find(self, table: Table) -> list[Event]:
+        """Return the events of frames, which follow those of the last call, in order of time."""
+        if table.lane is None or not len(table):
             return []
-        before, self._last = _before_the_first(lanes) if self._last is None else self._last, lanes[-1:].copy()
-        both = np.concatenate([before, lanes])
-        self._note_onsets(rows)
+        before, self._last = _before_the_first(table) if self._last is None else self._last, table[-1:].copy()
+        both = stacked([Table(each.rows, each.beside) for each in (before, table)])
+        self._note_onsets(table)
         found = [*self._healths(both), *self._refused(both), *self._leads(both), *self._links(both)]
         return sorted(found, key=lambda event: event.frame)
 
@@ -115,9 +112,9 @@ class ComputerFinder:
             first.setdefault(COMPUTERS[failure.lane], failure.frame / self._rate_hz)
         return first
 
-    def _note_onsets(self, rows: Block | None) -> None:
+    def _note_onsets(self, rows: Table) -> None:
         """Note when faults first acted on each lane."""
-        if rows is None or not any(self._places):
+        if not any(self._places):
             return
         acting = np.unpackbits(rows["acting"], axis=1, count=len(self._places), bitorder="little")
         for places, acts in zip(self._places, acting.T, strict=True):
@@ -125,9 +122,9 @@ class ComputerFinder:
                 for lane in places:
                     self._acted.setdefault(lane, int(rows["frame"][acts.argmax()]))
 
-    def _healths(self, both: LaneBlock) -> Iterator[Event]:
-        for k, i in _news(both["computer"]["health"]):
-            old, new = (Health(int(both["computer"]["health"][row, i])) for row in (k, k + 1))
+    def _healths(self, both: Table) -> Iterator[Event]:
+        for k, i in _news(both.lane["health"]):
+            old, new = (Health(int(both.lane["health"][row, i])) for row in (k, k + 1))
             frame, name = int(both["frame"][k + 1]), COMPUTERS[i]
             if new == Health.FAILED:
                 yield self._failed(both, k, i)
@@ -138,17 +135,17 @@ class ComputerFinder:
             elif new in ENGAGED and old not in ENGAGED:
                 yield Event(frame, "info", READMITTED, f"{name}: by command")
 
-    def _failed(self, both: LaneBlock, k: int, i: int) -> Event:
+    def _failed(self, both: Table, k: int, i: int) -> Event:
         """Note the failure of lane ``i`` in the row behind ``k``; those who accused it did so in row ``k``."""
-        frame, test = int(both["frame"][k + 1]), LaneTest(int(both["computer"]["failed_for"][k + 1, i]))
-        accusers = np.flatnonzero(both["computer"]["accuses"][k, :, i]) if test in BY_OTHERS else ()
+        frame, test = int(both["frame"][k + 1]), LaneTest(int(both.lane["failed_for"][k + 1, i]))
+        accusers = np.flatnonzero(both.lane["accuses"][k, :, i]) if test in BY_OTHERS else ()
         failure = LaneFailure(frame, i, test, tuple(map(int, accusers)))
         self.failures.append(failure)
         onset = self._acted.get(i, frame + 1)
         after = f", {duration(frame - onset, self._rate_hz)} after the onset of its fault" if onset <= frame else ""
         return Event(frame, "error", FAILED, f"{COMPUTERS[i]}: {failed_by(failure)}{after}")
 
-    def _refused(self, both: LaneBlock) -> Iterator[Event]:
+    def _refused(self, both: Table) -> Iterator[Event]:
         """Yield commands that readmitted no lane: it was not engaged in the row before, and is not."""
         engaged, first = is_engaged(both), int(both["frame"][1])
         for frame, do, lane in self._orders:
@@ -159,8 +156,8 @@ class ComputerFinder:
                 text = f"{COMPUTERS[lane]}: has not agreed with the leading lane for long enough"
                 yield Event(frame, "warning", REFUSED, text)
 
-    def _leads(self, both: LaneBlock) -> Iterator[Event]:
-        leads = both["computer"]["leads"]
+    def _leads(self, both: Table) -> Iterator[Event]:
+        leads = both.lane["leads"]
         leading = np.where(leads.any(axis=1), leads.argmax(axis=1), -1)
         for (k,) in _news(leading):
             frame, old, new = int(both["frame"][k + 1]), int(leading[k]), int(leading[k + 1])
@@ -170,17 +167,17 @@ class ComputerFinder:
             self.backup = frame, self._why(both[k + 1 : k + 2])
             yield Event(frame, "error", BACKUP, self.backup[1])
 
-    def _why(self, row: LaneBlock) -> str:
+    def _why(self, row: Table) -> str:
         """Return why the back-up flies from ``row`` (1,) on."""
         if any(order.do == "backup" and order.frame == row["frame"][0] for order in self._orders):
             return BY_COMMAND
         return UNRESOLVED if is_engaged(row).any() else NO_LANE
 
-    def _links(self, both: LaneBlock) -> Iterator[Event]:
+    def _links(self, both: Table) -> Iterator[Event]:
         """Yield an event for the links of a sender that fail, or come back, in one frame."""
-        failed = both["computer"]["link"] == LinkState.FAILED
+        failed = both.lane["link"] == LinkState.FAILED
         found = sorted((k, j, bool(failed[k + 1, i, j]), i) for k, i, j in _news(failed))
-        fitted = int((both["computer"]["health"][-1] != Health.ABSENT).sum())
+        fitted = int((both.lane["health"][-1] != Health.ABSENT).sum())
         for (k, j, lost), group in groupby(found, key=lambda each: each[:3]):
             receivers, frame = [i for *_, i in group], int(both["frame"][k + 1])
             self.links += [LinkFailure(frame, j, i) for i in receivers] if lost else []
@@ -189,10 +186,10 @@ class ComputerFinder:
             yield Event(frame, level, LINK_FAILED if lost else LINK_BACK, f"{COMPUTERS[j]}: to {to}")
 
 
-def _before_the_first(lanes: LaneBlock) -> LaneBlock:
+def _before_the_first(table: Table) -> Table:
     """Return the row before a flight: as its first one, but every lane that is fitted is engaged, and A leads."""
-    before = lanes[:1].copy()
-    computer: Any = before["computer"]
+    before = table[:1].copy()
+    computer: Any = before.lane
     computer["health"] = np.where(computer["health"] == Health.ABSENT, Health.ABSENT, Health.ENGAGED)
     computer["accuses"], computer["leads"] = LaneTest.NONE, 0
     computer["leads"][:, 0] = 1

@@ -17,7 +17,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from itertools import cycle
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.manager_config import command
 from rig.computer.redundancy.own import OwnManager
 from rig.core.errors import ManagerFailed
-from rig.core.frame import FLAT, TIMING, Block, LaneBlock, Nested, lane_rows, nested, new_block
+from rig.core.frame import FLAT, TIMING, Block, Nested, Table, lane_rows, nested, new_block
 from rig.core.interrupt import Stop
 from rig.core.kernels import bind, inlined, kernel
 from rig.flight.put_out import put_out
@@ -101,7 +101,7 @@ class Rig:
         alone = ComputerData(self.redundancy.data, self.control.data, self.faults.data)
         own = UNIT if computer is not None else self.redundancy.own
         self.computers = computers(scenario, alone, self.sensors, own, getattr(computer, "lane", None))
-        self._lanes: LaneBlock | None = None  # of the present block
+        self._lanes: Block | None = None  # of the present block
         self.data = self._gather()
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)
 
@@ -119,7 +119,11 @@ class Rig:
                     stage.prepare(self._lanes[part])
         self.data = self._gather()
 
-    def lanes(self, count: int) -> tuple[LaneBlock] | tuple[()]:
+    def table(self, rows: Block, timing: NDArray[Any] | None = None) -> Table:
+        """Return ``rows`` of the block that was flown last as a table."""
+        return Table(rows, *(self.lanes(len(rows)) or (None,)), timing)
+
+    def lanes(self, count: int) -> tuple[Block] | tuple[()]:
         """Return the first ``count`` rows of servos and lanes in the block that was flown last; () without any."""
         return () if self._lanes is None else (self._lanes[:count],)
 
@@ -218,11 +222,8 @@ class Pacing(Protocol):
 class Recorder(Protocol):
     """Whoever keeps rows: log, stream, summary."""
 
-    def record(self, rows: Block, timing: NDArray[np.void], lanes: LaneBlock | None = None) -> None:
-        """Take the next rows and their TIMING, which stay as they are until the next call has returned.
-
-        lanes : (n,) of a flight with servo actuators or several computers
-        """
+    def record(self, table: Table) -> None:
+        """Take the next frames with their timing, which stay as they are until the next call has returned."""
         ...
 
 
@@ -240,9 +241,9 @@ def fly(
 ) -> None:
     """Fly to the end of the flight; each recorder takes every block in turn.  The rest as for ``frames``."""
     for rows, timing in frames(rig, rig.scenario, pace, stop, memory, before_row):
-        lanes = rig.lanes(len(rows))
+        table = rig.table(rows, timing)
         for recorder in recorders:
-            recorder.record(rows, timing, *lanes)
+            recorder.record(table)
 
 
 def frames(
@@ -276,7 +277,7 @@ def fly_rows(
     scenario: Scenario,
     frames_at_most: int | None = None,
     computer: Callable[[Rig], ComputerStep] | None = None,
-    lanes: list[LaneBlock] | None = None,
+    lanes: list[Block] | None = None,
 ) -> Block:
     """Return all rows of a flight in memory, no more than ``frames_at_most``; two kilobytes a frame.
 

@@ -15,10 +15,9 @@ from contextvars import copy_context
 from typing import Any, Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.core.errors import ManagerFailed
-from rig.core.frame import COMPUTERS, TIMING, Block, LaneBlock, new_block, to_frame
+from rig.core.frame import COMPUTERS, TIMING, Table, new_block, to_frame
 from rig.core.interrupt import Stop
 from rig.flight.events import Event, EventFinder, not_executed
 from rig.flight.lane_events import ComputerFinder, Order
@@ -38,8 +37,8 @@ INTERRUPTED: Final = "interrupted"  # an end reason
 # A recording spends most of its time outside the interpreter's lock (hash, checksum, compression,
 # write); it must get the lock back quickly in between, or the frames would wait for it in the end.
 SWITCH_S: Final = 2e-4
-# Given each block with its events and TIMING, and LANES of a flight with servos, which stay as they are.
-Watcher = Callable[[Block, Sequence[Event], NDArray[Any], LaneBlock | None], None]
+# Given each block with its events, which stay as they are.
+Watcher = Callable[[Table, Sequence[Event]], None]
 
 
 class Findings:
@@ -50,24 +49,21 @@ class Findings:
         self._finder, self.execution = event_finder(scenario), Execution(scenario.faults)
         self.actuators, self.computers = ActuatorFinder(), computer_finder(scenario)
 
-    def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
-        """Take the next rows in and keep all of their events."""
-        self.events += self.add(rows, lanes)
+    def record(self, table: Table) -> None:
+        """Take the next frames in and keep all of their events."""
+        self.events += self.add(table)
 
-    def add(self, rows: Block, lanes: LaneBlock | None = None) -> list[Event]:
-        """Take the next rows in; return their events."""
-        events = self.found(rows, lanes)
-        self.verdict.add(rows, events, lanes)
-        self.execution.add(rows)
+    def add(self, table: Table) -> list[Event]:
+        """Take the next frames in; return their events."""
+        events = self.found(table)
+        self.verdict.add(table, events)
+        self.execution.add(table.rows)
         return events
 
-    def found(self, rows: Block, lanes: LaneBlock | None) -> list[Event]:
-        """Return the events of the next rows, in order of time."""
-        events = self._finder.find(rows)
-        if lanes is None:
-            return events
-        beside = [*self.computers.find(lanes, rows), *self.actuators.find(lanes)]
-        return sorted([*events, *beside], key=lambda event: event.frame)
+    def found(self, table: Table) -> list[Event]:
+        """Return the events of the next frames, in order of time."""
+        events = [*self._finder.find(table.rows), *self.computers.find(table), *self.actuators.find(table)]
+        return sorted(events, key=lambda event: event.frame)
 
     def end(self) -> list[Event]:
         """Return what only the end can tell: the faults that did nothing."""
@@ -85,33 +81,33 @@ class FlightRecords(Findings):
         unit: UnitUnderTest | None = None,
         keys: Keys | None = None,
         watchers: Sequence[Watcher] = (),
-        assess_rows: Callable[[Block, LaneBlock | None], None] | None = None,
+        assess: Callable[[Table], None] | None = None,
     ) -> None:
         super().__init__(scenario)
         self.scenario, self._writer, self._unit, self._keys, self._watchers = scenario, writer, unit, keys, watchers
-        self._assess_rows = assess_rows
+        self._assess = assess
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
         self._replies = Histogram()
 
-    def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
-        """Record the next rows; watchers are given them when the log has them."""
-        events = self.found(rows, lanes)
+    def record(self, table: Table) -> None:
+        """Record the next frames; watchers are given them when the log has them."""
+        events, last = self.found(table), int(table["frame"][-1])
         if self._unit is not None:
-            news = self._unit.news.until(int(rows["frame"][-1]))
+            news = self._unit.news.until(last)
             events = sorted([*events, *news], key=lambda event: event.frame) if news else events
         if self._keys is not None:
-            events = sorted([*self._keys.events_until(int(rows["frame"][-1])), *events], key=lambda event: event.frame)
-        self.verdict.add(rows, events, lanes)
-        if self._assess_rows is not None:
-            self._assess_rows(rows, lanes)
-        self._writer.write(rows, timing, events, lanes)
-        self.execution.add(rows)
+            events = sorted([*self._keys.events_until(last), *events], key=lambda event: event.frame)
+        self.verdict.add(table, events)
+        if self._assess is not None:
+            self._assess(table)
+        self._writer.write(table, events)
+        self.execution.add(table.rows)
         if self.jitter is not None:
-            self.jitter.add(timing["frame_us"], timing["late_us"])
+            self.jitter.add(table.timing["frame_us"], table.timing["late_us"])
         if self._unit is not None:
-            self._replies.add(timing["reply_us"])
+            self._replies.add(table.timing["reply_us"])
         for watcher in self._watchers:
-            watcher(rows, events, timing, lanes)
+            watcher(table, events)
 
     def unit_result(self) -> dict[str, Any] | None:
         """Return what became of the exchanges with a unit under test, and how long they took."""
@@ -126,7 +122,7 @@ class FlightRecords(Findings):
             self._unit.end()
         verdict, last = self.verdict, self.end()
         verdict.events += last
-        self._writer.write(new_block(0), np.zeros(0, TIMING), last)
+        self._writer.write(Table(new_block(0), timing=np.zeros(0, TIMING)), last)
         failed = "the manager class raised" if self._unit is None else "the unit under test is dead"
         reason = end_reason(verdict, stop, self.scenario) if failure is None else failed
         unit = self.unit_result()
@@ -150,13 +146,13 @@ class RecordingThread:
         self._context = copy_context()  # whoever listens to progress does so there too
         self._switch_s = sys.getswitchinterval()
 
-    def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
-        """Begin to record ``rows`` as soon as the block before them is done.
+    def record(self, table: Table) -> None:
+        """Begin to record the next frames as soon as the block before them is done.
 
         The arrays must stay as they are until the next call has returned.
         """
         self._wait()
-        self._pending = self._pool.submit(self._context.run, self._recorder.record, rows, timing, lanes)
+        self._pending = self._pool.submit(self._context.run, self._recorder.record, table)
 
     def _wait(self) -> None:
         pending, self._pending = self._pending, None

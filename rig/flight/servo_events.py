@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rig.core.event import Event
-from rig.core.frame import MOVED, ActuatorMonitor, LaneBlock, has_part, lane_rows
+from rig.core.frame import MOVED, ActuatorMonitor, Table, lane_rows, new_block
 
 FAILED, VALVE, BYPASSED = "actuator channel failed", "shut-off valve", "surface lost"  # names of events
 CoilsFailed = dict[str, dict[int, tuple[int, str]]]  # by surface and channel from 1: frame and monitor
@@ -23,14 +23,14 @@ class ActuatorFinder:
 
     def __init__(self) -> None:
         self.failed: CoilsFailed = {}
-        self._last = lane_rows(1)
+        self._last = Table(new_block(1), lane_rows(1))
 
-    def find(self, lanes: LaneBlock) -> list[Event]:
-        """Return the events of ``lanes``, which follow those of the last call, in order of time."""
-        if not has_part(lanes, "actuator"):
+    def find(self, table: Table) -> list[Event]:
+        """Return the events of frames, which follow those of the last call, in order of time."""
+        if table.servo is None:
             return []
-        before, self._last = self._last, lanes[-1:].copy()
-        found = [*self._failures(before, lanes), *_valves(before, lanes), *_bypassed(before, lanes)]
+        before, self._last = self._last, table[-1:].copy()
+        found = [*self._failures(before, table), *_valves(before, table), *_bypassed(before, table)]
         return sorted(found, key=lambda event: event.frame)
 
     def failed_at(self, rate_hz: float) -> dict[str, dict[int, tuple[float, str]]]:
@@ -40,26 +40,26 @@ class ActuatorFinder:
             for surface, channels in self.failed.items()
         }
 
-    def _failures(self, before: LaneBlock, lanes: LaneBlock) -> Iterator[Event]:
-        for k, i, c in _news(before, lanes, "failed_by"):
-            frame, monitor = int(lanes["frame"][k]), monitor_name(lanes["actuator"]["failed_by"][k, i, c])
+    def _failures(self, before: Table, table: Table) -> Iterator[Event]:
+        for k, i, c in _news(before, table, "failed_by"):
+            frame, monitor = int(table["frame"][k]), monitor_name(table.servo["failed_by"][k, i, c])
             self.failed.setdefault(MOVED[i], {})[c + 1] = frame, monitor
             yield Event(frame, "error", FAILED, f"{MOVED[i]}.{c + 1}: by {monitor}")
 
 
-def _valves(before: LaneBlock, lanes: LaneBlock) -> Iterator[Event]:
-    for k, i, c in _news(before, lanes, "valve_differs"):
-        if lanes["actuator"]["valve_differs"][k, i, c]:
-            yield Event(int(lanes["frame"][k]), "warning", VALVE, f"{MOVED[i]}.{c + 1}: is not as commanded")
+def _valves(before: Table, table: Table) -> Iterator[Event]:
+    for k, i, c in _news(before, table, "valve_differs"):
+        if table.servo["valve_differs"][k, i, c]:
+            yield Event(int(table["frame"][k]), "warning", VALVE, f"{MOVED[i]}.{c + 1}: is not as commanded")
 
 
-def _bypassed(before: LaneBlock, lanes: LaneBlock) -> Iterator[Event]:
-    for k, i in _news(before, lanes, "bypassed"):
-        if lanes["actuator"]["bypassed"][k, i]:
-            yield Event(int(lanes["frame"][k]), "error", BYPASSED, f"{MOVED[i]}: no channel or no pressure moves it")
+def _bypassed(before: Table, table: Table) -> Iterator[Event]:
+    for k, i in _news(before, table, "bypassed"):
+        if table.servo["bypassed"][k, i]:
+            yield Event(int(table["frame"][k]), "error", BYPASSED, f"{MOVED[i]}: no channel or no pressure moves it")
 
 
-def _news(before: LaneBlock, lanes: LaneBlock, field: str) -> list[tuple[int, ...]]:
-    """Return the places in ``field`` of ``lanes`` where it is not what it was a row before."""
-    values = np.concatenate([before["actuator"][field], lanes["actuator"][field]])
+def _news(before: Table, table: Table, field: str) -> list[tuple[int, ...]]:
+    """Return the places in ``field`` of ``table`` where it is not what it was a row before."""
+    values = np.concatenate([before.servo[field], table.servo[field]])
     return [tuple(map(int, place)) for place in np.argwhere(values[1:] != values[:-1])]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.event import Event
-from rig.core.frame import FLIGHT_INDEX, INDEX, Block, End, LaneBlock, new_block, sig
+from rig.core.frame import FLIGHT_INDEX, INDEX, Block, End, Table, new_block, sig
 from rig.core.kernels import kernel
 from rig.core.units.angles import wrap
 from rig.flight.failures import failed_channels
@@ -74,14 +74,16 @@ class Verdict:
         """Compile the kernel before the first frame."""
         widen(self._start, self._last, self._peaks)
 
-    def add(self, rows: Block, events: Sequence[Event], lanes: LaneBlock | None = None) -> None:
-        """Take in the next rows of the flight and their events; ``lanes``: beside them, if it has any."""
+    def add(self, table: Table | Block, events: Sequence[Event]) -> None:
+        """Take in the next frames of the flight and their events."""
+        table = Table.of(table)
+        rows = table.rows
         if not len(self._start):
             self._start = rows[:1].copy()
         self._hash.update(rows.view(np.uint8).data)
-        if lanes is not None:
+        if table.beside is not None:
             self._beside = self._beside or hashlib.sha256()
-            self._beside.update(lanes.view(np.uint8).data)
+            self._beside.update(table.beside.view(np.uint8).data)
         self.frames += len(rows)
         self._last[:] = rows[-1:]
         widen(rows, self._start, self._peaks)

@@ -23,7 +23,7 @@ from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import DiscreteData
 from rig.computer.redundancy.manager_config import PARAMS
 from rig.core.blocks import in_blocks
-from rig.core.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Nested, UnitStatus, nested, new_block
+from rig.core.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Table, UnitStatus, nested, new_block
 from rig.core.interrupt import Stop
 from rig.core.kernels import bind, kernel
 from rig.flight import loop
@@ -61,7 +61,7 @@ def fly_rows(
     scenario: Scenario,
     frames_at_most: int | None = None,
     unit: UnitUnderTest | None = None,
-    lanes: list[LaneBlock] | None = None,
+    lanes: list[Block] | None = None,
 ) -> Block:
     """Return all rows of a flight in memory, no more than ``frames_at_most``, of a unit or of our own computer.
 
@@ -74,21 +74,18 @@ def fly_rows(
     return rows
 
 
-def fly_blocks(
-    scenario: Scenario, frames_at_most: int, unit: UnitUnderTest | None = None
-) -> Iterator[tuple[Block, LaneBlock | None]]:
-    """Fly as ``fly_rows`` does, and yield rows and lanes in blocks of util.blocks.ROWS: memory for these alone."""
-    yield from map(tuple, in_blocks(_flown(scenario, frames_at_most, unit)))  # pyright: ignore[reportReturnType]
+def fly_blocks(scenario: Scenario, frames_at_most: int, unit: UnitUnderTest | None = None) -> Iterator[Table]:
+    """Fly as ``fly_rows`` does, and yield the frames in blocks of util.blocks.ROWS: memory for these alone."""
+    yield from (Table(*arrays) for arrays in in_blocks(_flown(scenario, frames_at_most, unit)))
     if unit is not None:
         unit.end()
 
 
-def _flown(scenario: Scenario, left: int, unit: UnitUnderTest | None) -> Iterator[tuple[Block, LaneBlock | None]]:
+def _flown(scenario: Scenario, left: int, unit: UnitUnderTest | None) -> Iterator[tuple[Any, ...]]:
     """Yield the blocks of a flight as the loop flies them, ``left`` frames at most."""
     rig = Rig(scenario, None if unit is None else UnitComputer(unit))
     for rows, _ in loop.frames(rig, scenario):
-        lanes = rig.lanes(len(rows))
-        yield rows[:left], lanes[0][:left] if lanes else None
+        yield rig.table(rows)[:left].arrays()
         left -= len(rows)
         if left <= 0:
             return

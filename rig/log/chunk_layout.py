@@ -32,7 +32,6 @@ from rig.core.frame import (
     TIMING,
     Block,
     Ilm,
-    LaneBlock,
     LanePart,
     LaneParts,
     State,
@@ -132,7 +131,7 @@ class Decoded(NamedTuple):
 
     rows: Block  # FLAT
     timing: NDArray[np.void]
-    lanes: LaneBlock | None
+    lanes: Block | None
     runs: list[Run]
     size: int  # bytes
 

@@ -26,7 +26,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
-from rig.core.frame import FLAT, INDEX, LANE_FIELDS, SIGNALS, Block, Ilm, LaneBlock, LanePart, Pattern, State, parts_of
+from rig.core.frame import (
+    FLAT,
+    INDEX,
+    LANE_FIELDS,
+    SIGNALS,
+    Block,
+    Ilm,
+    LanePart,
+    Pattern,
+    State,
+    Table,
+)
 from rig.core.frame.fields import FIELD
 from rig.core.text import choices, quoted
 from rig.core.units.quantities import unit_of_name
@@ -57,7 +68,7 @@ class Column:
         """The channel, counted from 1; None for what is not of one channel."""
         return self.index[1] + 1 if len(self.index) == 2 else None
 
-    def of(self, rows: Block) -> NDArray[Any]:
+    def of(self, rows: Block | Table) -> NDArray[Any]:
         """Return the column of ``rows`` (n,), a view."""
         return rows[self.field][(slice(None), *self.index)]
 
@@ -68,9 +79,10 @@ class LaneColumn(Column):
 
     part: LanePart
 
-    def of(self, rows: LaneBlock) -> NDArray[Any]:
-        """Return the column of ``rows`` (n,) that have the part, a view."""
-        return rows[self.part][self.field][(slice(None), *self.index)]
+    def of(self, rows: Block | Table) -> NDArray[Any]:
+        """Return the column of a table that has the part, a view."""
+        part = rows.part(self.part) if isinstance(rows, Table) else rows[self.part]
+        return part[self.field][(slice(None), *self.index)]
 
 
 def _at(topic: Topic, field: Field) -> tuple[int, ...]:
@@ -152,32 +164,27 @@ def _fitted(rows: Block, column: Column) -> bool:
     return bool(rows[field][0][column.index] != State.ABSENT)
 
 
-def chosen_lanes(lanes: LaneBlock | None, owners: Sequence[str] = ()) -> list[LaneColumn]:
-    """Return the columns of ``owners`` of servos and computers that ``lanes`` have; all of them if none."""
-    of = parts_of(lanes)
+def chosen_lanes(table: Table, owners: Sequence[str] = ()) -> list[LaneColumn]:
+    """Return the columns of ``owners`` of servos and computers that the table has; all of them if none."""
+    of = table.parts
     return [column for column in LANE_COLUMNS if column.part in of and (not owners or column.owner in owners)]
 
 
-def lane_owners(lanes: LaneBlock | None) -> list[str]:
-    """Return whose columns ``lanes`` have."""
-    return list(dict.fromkeys(column.owner for column in chosen_lanes(lanes)))
+def lane_owners(table: Table) -> list[str]:
+    """Return whose columns of servos and computers the table has."""
+    return list(dict.fromkeys(column.owner for column in chosen_lanes(table)))
 
 
-def dataframe(
-    rows: Block, time_s: NDArray[np.float64], owners: Sequence[str] = (), lanes: LaneBlock | None = None
-) -> pl.DataFrame:
-    """Return the table of ``rows`` (n,) at ``time_s`` (n,), s; SI units, enums as words.
+def dataframe(table: Table, time_s: NDArray[np.float64], owners: Sequence[str] = ()) -> pl.DataFrame:
+    """Return a flight's table at ``time_s`` (n,), s; SI units, enums as words.
 
-    lanes : (n,) of its servos and computers, if there are any
     BadInput: an owner that is no signal, discrete, topic, actuator or computer of the flight.
     """
-    allowed = [*OWNERS, *lane_owners(lanes)]
+    allowed = [*OWNERS, *lane_owners(table)]
     for owner in owners:
         if owner not in allowed:
             raise BadInput(f"unknown {quoted(owner)}, {choices(owner, allowed, 'rig signals')}")
-    values = {column: column.of(rows) for column in chosen(rows, owners)}
-    if lanes is not None:
-        values |= {column: column.of(lanes) for column in chosen_lanes(lanes, owners)}
+    values = {column: column.of(table) for column in (*chosen(table.rows, owners), *chosen_lanes(table, owners))}
     return of_columns({TIME: time_s, **{name(c): v for c, v in values.items()}}, {name(c): c for c in values})
 
 

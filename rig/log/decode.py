@@ -23,7 +23,7 @@ from zlib_ng.zlib_ng import crc32
 
 from rig.core.errors import BadLog
 from rig.core.event import Event, Severity
-from rig.core.frame import Block, LaneBlock
+from rig.core.frame import Block
 from rig.core.threads import cores
 from rig.log.chunk_layout import Layout, event_runs
 from rig.log.container import COMPRESSION, Run
@@ -60,7 +60,7 @@ class Part(NamedTuple):
 
     rows: Block
     timing: NDArray[Any]
-    lanes: LaneBlock | None
+    lanes: Block | None
     events: list[Event]
     runs: list[Run]  # of its messages
     chunk: Chunk

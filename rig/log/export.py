@@ -21,7 +21,7 @@ from pyarrow.parquet import ParquetWriter
 from rig.core.blocks import in_blocks
 from rig.core.errors import BadInput, RigError
 from rig.core.files import replaced, write_text
-from rig.core.frame import FLAT, SIGNALS, TIMING, Block, LaneBlock
+from rig.core.frame import FLAT, SIGNALS, Block, Table
 from rig.core.text import choices, quoted
 from rig.log import Log
 from rig.log.columns import (
@@ -29,7 +29,6 @@ from rig.log.columns import (
     OWNERS,
     TIME,
     Column,
-    LaneColumn,
     chosen,
     chosen_lanes,
     lane_owners,
@@ -37,7 +36,7 @@ from rig.log.columns import (
     of_columns,
     unit_of,
 )
-from rig.log.log_file import Frames, iter_blocks
+from rig.log.log_file import iter_blocks
 from rig.log.scan import About
 
 _FOR_VOTE: Final = ("channels", "ilm", "reference")
@@ -96,10 +95,10 @@ def _read(log: Log | Path, owners: Sequence[str], for_vote: bool) -> tuple[dict[
     """Return the wanted columns by their names in the table, and their values, time first, group by group."""
     about = About()
     blocks = iter_blocks(log, about) if isinstance(log, Path) else log.blocks()
-    first = next(blocks, Frames(np.empty(0, FLAT), np.empty(0, TIMING)))
-    described = {name(column): column for column in _chosen(first.rows, first.lanes, owners, for_vote)}
+    first = next(blocks, Table(np.empty(0, FLAT)))
+    described = {name(column): column for column in _chosen(first, owners, for_vote)}
     rate_hz = about.rate_hz if isinstance(log, Path) else log.rate_hz
-    held = (_narrowed(block.rows, block.lanes, described, for_vote) for block in chain([first], blocks))
+    held = (_narrowed(block, described, for_vote) for block in chain([first], blocks))
     return described, _groups(held, rate_hz)
 
 
@@ -117,19 +116,19 @@ def _group(block: NDArray[Any], rate_hz: float) -> Group:
     return {**{key: block[key] for key in block.dtype.names or ()}, TIME: block[TIME] / rate_hz}
 
 
-def _narrowed(rows: Block, lanes: LaneBlock | None, described: dict[str, Column], for_vote: bool) -> Block:
+def _narrowed(table: Table, described: dict[str, Column], for_vote: bool) -> Block:
     """Return the wanted columns of a block, which are few of it; ``time_s`` is the frame's number yet."""
-    columns = {key: _values(rows, lanes, column, for_vote) for key, column in described.items()}
-    columns = {TIME: rows["frame"], **columns}
-    narrow = np.empty(len(rows), [(key, values.dtype) for key, values in columns.items()])
+    columns = {key: _values(table, column, for_vote) for key, column in described.items()}
+    columns = {TIME: table["frame"], **columns}
+    narrow = np.empty(len(table), [(key, values.dtype) for key, values in columns.items()])
     for key, values in columns.items():
         narrow[key] = values
     return narrow
 
 
-def _chosen(rows: Block, lanes: LaneBlock | None, owners: Sequence[str], for_vote: bool) -> list[Column]:
+def _chosen(table: Table, owners: Sequence[str], for_vote: bool) -> list[Column]:
     """Return the columns of the owners, without channels that are not fitted."""
-    of_lanes = [] if for_vote else lane_owners(lanes)
+    of_lanes = [] if for_vote else lane_owners(table)
     accepted = [signal.name for signal in SIGNALS] if for_vote else [*OWNERS, *of_lanes]
     for owner in owners:
         if owner in LANE_OWNERS and owner not in of_lanes and not for_vote:
@@ -137,14 +136,14 @@ def _chosen(rows: Block, lanes: LaneBlock | None, owners: Sequence[str], for_vot
             raise BadInput(f"--signals {owner}: the flight had {had}")
         if owner not in accepted:
             raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, accepted, 'rig signals')}")
-    wanted = chosen(rows, owners or accepted, _FOR_VOTE if for_vote else ())
-    return [*wanted, *(chosen_lanes(lanes, owners) if of_lanes else ())]
+    wanted = chosen(table.rows, owners or accepted, _FOR_VOTE if for_vote else ())
+    return [*wanted, *(chosen_lanes(table, owners) if of_lanes else ())]
 
 
-def _values(rows: Block, lanes: LaneBlock | None, column: Column, for_vote: bool) -> NDArray[Any]:
-    values = column.of(lanes if isinstance(column, LaneColumn) and lanes is not None else rows)
+def _values(table: Table, column: Column, for_vote: bool) -> NDArray[Any]:
+    values = column.of(table)
     if for_vote and column.field == "channels":
-        return np.where(rows["valid"][(slice(None), *column.index)] != 0, values, np.nan)
+        return np.where(table["valid"][(slice(None), *column.index)] != 0, values, np.nan)
     return values
 
 

@@ -6,29 +6,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.blocks import in_blocks
 from rig.core.event import Event
-from rig.core.frame import Block, LaneBlock, LaneParts
+from rig.core.frame import LaneParts, Table, new_block
 from rig.log.scan import About, iter_parts
 
 
-class Frames(NamedTuple):
-    """Frames that follow each other: (n,) FLAT, TIMING, and LANES of a flight with servo actuators."""
-
-    rows: Block
-    timing: NDArray[Any]
-    lanes: LaneBlock | None = None
-
-
-def iter_blocks(path: Path, about: About) -> Iterator[Frames]:
+def iter_blocks(path: Path, about: About) -> Iterator[Table]:
     """Yield all frames of a log in blocks of util.blocks.ROWS, and fill ``about``; BadLog when damage is reached."""
     parts = iter_parts(path, about)
-    yield from (Frames(*block) for block in in_blocks((part.rows, part.timing, part.lanes) for part in parts))
+    yield from (Table(*block) for block in in_blocks((part.rows, part.lanes, part.timing) for part in parts))
 
 
 @dataclass(slots=True, repr=False)
@@ -57,29 +49,24 @@ class LogFile:
         said = about.metadata, about.result, about.attachments
         return cls(Path(path), about.rate_hz, *said, events, frames, complete, about.lanes)
 
-    def mapped(self) -> Frames:
+    def mapped(self) -> Table:
         """Return all frames at once, on the disk and mapped into memory: what nobody reads costs none."""
-        whole: list[Any] = []
-        for first, block in _placed(self.blocks()):
-            whole = whole or [None if part is None else _mapped(self.frames, part.dtype) for part in block]
-            for target, part in zip(whole, block, strict=True):
+        whole: Table | None = None
+        first = 0
+        for block in self.blocks():
+            whole = whole or block.each(lambda part: _mapped(self.frames, part))
+            for target, part in zip(whole.arrays(), block.arrays(), strict=True):
                 if target is not None:
                     target[first : first + len(part)].view(np.uint8)[:] = np.ascontiguousarray(part).view(np.uint8)
-        return Frames(*whole)
+            first += len(block)
+        return Table(new_block(0)) if whole is None else whole
 
-    def blocks(self) -> Iterator[Frames]:
+    def blocks(self) -> Iterator[Table]:
         """Yield all frames in blocks of util.blocks.ROWS; BadLog when the file has become another."""
         return iter_blocks(self.path, About())
 
 
-def _placed(blocks: Iterator[Frames]) -> Iterator[tuple[int, Frames]]:
-    first = 0
-    for block in blocks:
-        yield first, block
-        first += len(block.rows)
-
-
-def _mapped(frames: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return rows in a file without a name, which is gone with them."""
+def _mapped(frames: int, part: NDArray[Any]) -> NDArray[Any]:
+    """Return rows like those of ``part`` in a file without a name, which is gone with them."""
     with TemporaryFile(prefix="rig-") as file:
-        return np.memmap(file, dtype, "w+", shape=(frames,)).view(np.ndarray)
+        return np.memmap(file, part.dtype, "w+", shape=(frames, *part.shape[1:])).view(np.ndarray)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.errors import RigError
-from rig.core.frame import FLAT, FLIGHT_INDEX, Block, LaneBlock, LanePart, LaneParts, parts_of
+from rig.core.frame import FLAT, FLIGHT_INDEX, Block, LanePart, LaneParts, Table
 from rig.core.kernels import kernel
 from rig.log.chunk_layout import FRAMES, LANES, POSES, Moves
 from rig.log.records import DERIVED, TIMES, WIRE, place
@@ -110,26 +110,20 @@ def _refuse_large(rows: Block) -> None:
         raise RigError(f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged")
 
 
-def pack(
-    rows: Block,
-    timing: NDArray[Any],
-    times: NDArray[np.uint64],
-    out: NDArray[np.uint8],
-    lanes: LaneBlock | None = None,
-) -> None:
-    """Fill ``out``, which was the plan's ``blank``, with the records of ``rows``; ``times`` in ns.
+def pack(table: Table, times: NDArray[np.uint64], out: NDArray[np.uint8], parts: LaneParts = ()) -> None:
+    """Fill ``out``, which was the plan's ``blank``, with the records of the frames; ``times`` in ns.
 
-    lanes : (n,), if the log has them.  RigError when a one-byte field is above 127.
+    parts : that the log has.  RigError when a one-byte field is above 127.
     """
+    rows = table.rows
     _refuse_large(rows)
-    made = plan(len(rows), parts_of(lanes))
-    for name, source in (("frame", rows), ("timing", timing), ("times", times.view(TIMES))):
+    made = plan(len(rows), parts)
+    for name, source in (("frame", rows), ("timing", table.timing), ("times", times.view(TIMES))):
         move(_bytes(source), out, *made.moves[name])
     move(_bytes(_derive(rows, times)), out[made.begin :], *made.posed)
-    if lanes is not None:
-        for part, (begin, moves) in made.lanes.items():
-            for name, source in ((part, lanes[part]), ("frame", rows), ("times", times.view(TIMES))):
-                move(_bytes(source), out[begin:], *moves[name])
+    for part, (begin, moves) in made.lanes.items():
+        for name, source in ((part, table.part(part)), ("frame", rows), ("times", times.view(TIMES))):
+            move(_bytes(source), out[begin:], *moves[name])
 
 
 def _derive(rows: Block, times: NDArray[np.uint64]) -> NDArray[Any]:

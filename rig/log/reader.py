@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from rig.core.blocks import cuts
 from rig.core.errors import BadInput, BadLog
 from rig.core.event import Event
-from rig.core.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, LaneBlock, has_part, lane_rows, links
+from rig.core.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, Table, lane_rows, links
 from rig.core.text import choices, quoted
-from rig.log.log_file import Frames
 from rig.log.scan import About, iter_parts
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ class Lanes(np.ndarray[Any, np.dtype[Any]]):
         """Return what any array has; ``link`` is made of the computers' records."""
         if not isinstance(key, str):
             return super().__getitem__(key)
-        if key == "link" and has_part(self, "computer"):
+        if key == "link" and "computer" in (self.dtype.names or ()):
             return links(self["computer"])
         return super().__getitem__(key).view(np.ndarray)
 
@@ -80,7 +79,7 @@ class Log:
     result: dict[str, str] | None  # None when the flight was not ended by the loop
     attachments: dict[str, bytes]
     # (n,): ``actuator`` (3,) of servos; ``computer`` (4,) and ``link`` (4, 4), receiver by sender, of computers.
-    lanes: LaneBlock | None = None
+    lanes: NDArray[Any] | None = None
 
     @classmethod
     def read(cls, path: Path | str) -> Self:
@@ -100,14 +99,19 @@ class Log:
         return None if first is None else first.decode("utf-8")
 
     @property
+    def table(self) -> Table:
+        """Return all frames with their parts."""
+        return Table(self.rows, self.lanes, self.timing)
+
+    @property
     def frames(self) -> int:
         """Return how many frames were flown."""
         return len(self.rows)
 
-    def blocks(self) -> Iterator[Frames]:
+    def blocks(self) -> Iterator[Table]:
         """Yield all frames in blocks of util.blocks.ROWS: views, as LogFile gives them from the disk."""
         for part in cuts(self.frames):
-            yield Frames(self.rows[part], self.timing[part], None if self.lanes is None else self.lanes[part])
+            yield self.table[part]
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -136,7 +140,7 @@ class Log:
         """
         from rig.log.columns import dataframe
 
-        return dataframe(self.rows, self.time_s, owners, self.lanes)
+        return dataframe(self.table, self.time_s, owners)
 
 
 def _place(index: dict[str, int], name: str, kind: str) -> int:

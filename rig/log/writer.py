@@ -10,15 +10,14 @@ from typing import Any, Final, Self
 import numpy as np
 import zstandard
 from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
-from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
 from rig.core.errors import BadInput, RigError
 from rig.core.event import Event
-from rig.core.frame import TIMING, Block, LaneBlock, LaneParts, lane_rows, new_block
+from rig.core.frame import TIMING, LaneParts, Table, lane_rows, new_block
 from rig.log.chunk_layout import event_runs, frame_runs, log_times, row_bytes
 from rig.log.container import Container, Packed, Run
-from rig.log.packing import pack, parts_of, plan
+from rig.log.packing import pack, plan
 from rig.log.records import HEAD, MESSAGE_OPCODE
 from rig.log.schema import EVENT_CHANNEL, LEVELS, RESULT, RIG, SCHEMA_VERSION, opening
 
@@ -67,7 +66,7 @@ class LogWriter:
         self._compressor = zstandard.ZstdCompressor(compression_params=COMPRESSION)
         self._last_time = 0
         self._file: Container | None = None
-        self._fill(new_block(1), np.zeros(1, TIMING), (), self._blank_lanes)  # compiles before the first frame
+        self._fill(Table(new_block(1), self._blank_lanes, np.zeros(1, TIMING)), ())  # compiles before the first frame
         try:
             self._file = Container(self.path, opening(lanes), new=new)
             about = {"schema_version": str(SCHEMA_VERSION), "rate_hz": repr(float(rate_hz))}
@@ -83,21 +82,21 @@ class LogWriter:
             kind = RigError if full else BadInput
             raise kind(f"{self._named}: the log cannot be written: {error.strerror}") from None
 
-    def write(
-        self, rows: Block, timing: NDArray[Any], events: Sequence[Event] = (), lanes: LaneBlock | None = None
-    ) -> None:
-        """Append ``rows`` with their ``timing`` and the events found in them; on the disk when it returns.
+    def write(self, table: Table, events: Sequence[Event] = ()) -> None:
+        """Append frames with their timing and the events found in them; on the disk when it returns.
 
         In chunks of at most ``chunk_frames``.  RigError when the disk is full: the log is then closed with
         what it holds.
         """
-        if len(timing) != len(rows):
-            raise ValueError(f"{len(rows)} rows, {len(timing)} rows of timing")
-        starts = range(0, len(rows), self.chunk_frames) or range(1 if events else 0)
+        timed = 0 if table.timing is None else len(table.timing)
+        if timed != len(table):
+            raise ValueError(f"{len(table)} rows, {timed} rows of timing")
+        if table.beside is None and self._blank_lanes is not None:
+            table = Table(table.rows, self._blank_lanes[:0], table.timing)
+        starts = range(0, len(table), self.chunk_frames) or range(1 if events else 0)
         for start in starts:
-            part = slice(start, start + self.chunk_frames)
-            moved = None if self._blank_lanes is None else self._blank_lanes[:0] if lanes is None else lanes[part]
-            self._append(*self._fill(rows[part], timing[part], events if start == starts[-1] else (), moved))
+            part = table[start : start + self.chunk_frames]
+            self._append(*self._fill(part, events if start == starts[-1] else ()))
 
     def close(self, result: Mapping[str, str] | None = None) -> None:
         """Write ``result`` (how the flight ended) and the summary; a second call does nothing.
@@ -129,16 +128,14 @@ class LogWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _fill(
-        self, rows: Block, timing: NDArray[Any], events: Sequence[Event], lanes: LaneBlock | None
-    ) -> tuple[Any, list[Run]]:
+    def _fill(self, table: Table, events: Sequence[Event]) -> tuple[Any, list[Run]]:
         """Return the bytes of a chunk, which stay until the next call, and its runs."""
-        times = log_times(rows["frame"], self._rate_hz)
-        made = plan(len(rows), parts_of(lanes))
+        times, parts = log_times(table["frame"], self._rate_hz), table.parts if self._blank_lanes is not None else ()
+        made = plan(len(table), parts)
         if len(self._records) != len(made.blank):
             self._records = made.blank.copy()
         data: Any = self._records
-        pack(rows, timing, times, data, lanes)
+        pack(table, times, data, parts)
         entries: list[tuple[int, int]] = []
         if events:
             event_times = log_times(np.array([event.frame for event in events]), self._rate_hz)
@@ -146,7 +143,7 @@ class LogWriter:
             offsets = data.nbytes + np.cumsum([0, *map(len, records)])
             entries = list(zip(event_times.tolist(), offsets[:-1].tolist(), strict=True))
             data = b"".join([data.tobytes(), *records])
-        return data, [*frame_runs(times, parts_of(lanes)), *event_runs(entries)]
+        return data, [*frame_runs(times, parts), *event_runs(entries)]
 
     def _append(self, data: Any, runs: list[Run]) -> None:
         if self._file is None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS, SIGNALS, Block, LaneBlock, has_part, new_block
+from rig.core.frame import CHANNELS, SIGNALS, Block, Table, new_block
 from rig.flight.suspects import SuspectCount
 from rig.scenario.scenario import Scenario
 from rig.verdict.kept_columns import KeptColumns
@@ -164,12 +164,12 @@ class FlightOutcome(Outcome):
         if self.law is not None:
             self.law.add(rows, clean)
 
-    def add_lanes(self, rows: Block, lanes: LaneBlock | None) -> None:
-        """Add ``lanes`` (n,) of servos and computers, which stand beside ``rows`` (n,); None: there are none."""
-        if self.actuators is not None and has_part(lanes, "actuator"):
-            self.actuators.add(rows, lanes)
-        if self.computers is not None and lanes is not None:
-            self.computers.add(lanes)
+    def add_parts(self, table: Table) -> None:
+        """Add servos and lanes of the next frames, if there are any."""
+        if self.actuators is not None and table.servo is not None:
+            self.actuators.add(table)
+        if self.computers is not None:
+            self.computers.add(table)
 
 
 def _blank_flight(signals: int, window: int) -> NDArray[Any]:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from rig.core.frame import COMPUTERS, LaneBlock, has_part
+from rig.core.frame import COMPUTERS, Table
 from rig.flight.lane_events import ComputerFinder, LaneFailure, test_name
 from rig.scenario.scenario import Scenario
 from rig.verdict.score_records import ComputersScore, FaultScore, Isolation, LaneFailed
@@ -37,15 +37,15 @@ class LaneOutcome:
         self._outvoted: dict[tuple[int, int], list[int]] = {}  # frames, by receiver and sender
         self._seen = False
 
-    def add(self, lanes: LaneBlock) -> None:
-        """Add the next ``lanes`` (n,)."""
-        if not has_part(lanes, "computer") or not len(lanes):
+    def add(self, table: Table) -> None:
+        """Add the next frames."""
+        if table.lane is None or not len(table):
             return
         self._seen = True
-        self._finder.find(lanes)
-        outvoted = lanes["computer"]["outvoted"] != 0
+        self._finder.find(table)
+        outvoted = table.lane["outvoted"] != 0
         for i, j in zip(*np.nonzero(outvoted.any(axis=0)), strict=True):
-            first = int(lanes["frame"][outvoted[:, i, j].argmax()])
+            first = int(table["frame"][outvoted[:, i, j].argmax()])
             self._outvoted.setdefault((int(i), int(j)), []).append(first)
 
     def score(self, faults: list[FaultScore]) -> ComputersScore | None:

@@ -11,10 +11,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.lib.recfunctions import repack_fields
-from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
-from rig.core.frame import Block, LaneBlock, UnitStatus
+from rig.core.frame import Block, Table, UnitStatus
 from rig.core.progress import tell
 from rig.core.runs import runs_where
 from rig.core.trust import Trust
@@ -124,7 +123,7 @@ def _added_up(
     """Go through the log, and beside it through the twin, block by block."""
     scoring, times, done = Scoring(scenario, yardstick, twin=twin is not None, unit_lane=unit_lane), Times(), 0
     for block, other in zip_longest(log.blocks(), twin or ()):
-        scoring.add(block.rows, block.lanes, other)
+        scoring.add(block, other)
         misses.add(block.rows)
         times.add(block.timing)
         done += len(block.rows)
@@ -146,13 +145,13 @@ class FlightConclusion:
         """Take the scenario as it is flown; unit_lane : of several computers, the one that a unit under test is."""
         self._outcome = FlightOutcome(scenario, Yardstick().window_s, unit_lane)
 
-    def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
-        """Take the next rows; clean : (n,) CLEAN; lanes : (n,) of a flight with servo actuators."""
+    def add(self, table: Table) -> None:
+        """Take the next frames, with their clean channels."""
         if self._outcome is None:
             return
         try:
-            self._outcome.add(rows, clean)
-            self._outcome.add_lanes(rows, lanes)
+            self._outcome.add(table.rows, table.clean)
+            self._outcome.add_parts(table)
         except BadInput as error:
             self._outcome, self._refused = None, str(error)
 

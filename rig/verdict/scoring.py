@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, LaneBlock, Pattern, Resolver
+from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, Pattern, Resolver, Table
 from rig.scenario.scenario import Scenario
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.monitored_places import allowed_frames, channels_of, monitor
@@ -68,23 +68,19 @@ class Scoring:
         """The sensors once more, which take a tenth of a score to set up: for rows without their clean channels."""
         return MeasuredAgain(self._scenario)
 
-    def add(
-        self,
-        rows: Block,
-        lanes: LaneBlock | None = None,
-        twin: Block | None = None,
-        clean: NDArray[np.void] | None = None,
-    ) -> None:
-        """Add the next ``rows`` (n,), from frame 0 on; twin : as many of the other flight, fewer where it ends.
+    def add(self, table: Table | Block, twin: Block | None = None) -> None:
+        """Add the next frames, from frame 0 on; twin : as many of the other flight, fewer where it ends.
 
-        lanes, clean : as of ``score``.  BadInput when the sensors cannot have given the rows.
+        BadInput when the sensors cannot have given the rows.
         """
-        rows, outcome = laid_out(rows), self._outcome
+        table = Table.of(table)
+        rows, outcome = laid_out(table.rows), self._outcome
+        table = Table(rows, table.beside, clean=table.clean)
         if outcome.frames == 0 and len(rows) and rows["frame"][0] != 0:
             raise BadInput(_FROM_0)
-        for part, kept in [(rows, clean)] if clean is not None else self._again.of(rows, lanes):
+        for part, kept in self._again.of(table) if table.clean is None else [(rows, table.clean)]:
             outcome.add(part, kept)
-        outcome.add_lanes(rows, lanes)
+        outcome.add_parts(table)
         if self._off is not None:
             self._off.add(rows, twin)
 
@@ -97,23 +93,20 @@ class Scoring:
 
 def score(
     scenario: Scenario,
-    rows: Block,
+    table: Table | Block,
     twin: Block | None = None,
     yardstick: Yardstick = _YARDSTICK,
-    clean: NDArray[np.void] | None = None,
-    lanes: LaneBlock | None = None,
     unit_lane: str | None = None,
 ) -> Score:
-    """Score a flight of ``scenario`` against the truth in its ``rows`` (n,) of FRAME, from frame 0 on.
+    """Score a flight of ``scenario`` against the truth in its ``table``, from frame 0 on.
 
     twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
-    lanes : (n,) of its servo actuators and computers, if it has any; without them nothing is said of these
     unit_lane : as of ``Scoring``
-    clean : (n,) what ``Faults.clean`` kept in flight; without it the sensors are run again over the recorded truth
+    Without its clean channels the sensors are run again over the recorded truth.
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
     whole = Scoring(scenario, yardstick, twin=twin is not None, unit_lane=unit_lane)
-    whole.add(rows, lanes, twin, clean)
+    whole.add(table, twin)
     return whole.score()
 
 

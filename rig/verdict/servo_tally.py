@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.lanes.health import shut_off
-from rig.core.frame import CHANNELS, COMPUTERS, MOVED, Block, LaneBlock, lane_rows, new_block
+from rig.core.frame import CHANNELS, COMPUTERS, MOVED, Table, lane_rows, new_block
 from rig.flight.servo_events import monitor_name
 from rig.flight.stages import actuator_monitors
 from rig.scenario.scenario import Scenario
@@ -49,13 +49,13 @@ class ActuatorOutcome:
         )
         self._of_unit = NEVER if unit_lane is None else COMPUTERS.index(unit_lane)  # its channel
         self._seen, self._bypassed = False, np.zeros(len(MOVED), int)  # frames
-        self.add(new_block(0), lane_rows(0))  # compiles before the first frame
+        self.add(Table(new_block(0), lane_rows(0)))  # compiles before the first frame
 
-    def add(self, rows: Block, lanes: LaneBlock) -> None:
-        """Add the next ``rows`` (n,) with their ``lanes`` (n,)."""
-        add_lanes(rows, lanes["actuator"], lanes.copy()["actuator"], shut_off(lanes), self.records)
-        self._seen = self._seen or len(lanes) > 0
-        self._bypassed += (lanes["actuator"]["bypassed"] != 0).sum(axis=0)
+    def add(self, table: Table) -> None:
+        """Add the next frames."""
+        add_lanes(table.rows, table.servo, table.copy().servo, shut_off(table), self.records)
+        self._seen = self._seen or len(table) > 0
+        self._bypassed += (table.servo["bypassed"] != 0).sum(axis=0)
 
     def completed(self, n: int, fault: FaultScore) -> FaultScore:
         """Return what became of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""

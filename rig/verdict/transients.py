@@ -37,7 +37,7 @@ def twin_blocks(scenario: Scenario, frames: int, unit: UnitUnderTest | None = No
     """Fly the twin as ``fly_twin`` does, and yield its rows in blocks of util.blocks.ROWS."""
     from rig.flight.unit_loop import fly_blocks
 
-    return (rows for rows, _ in fly_blocks(scenario.model_copy(update={"faults": []}), frames, unit))
+    return (table.rows for table in fly_blocks(scenario.model_copy(update={"faults": []}), frames, unit))
 
 
 def flight_score(scenario: Scenario, flight: np.void, measured: Transients | None) -> FlightScore:

@@ -17,7 +17,7 @@ from rig.computer.analytic.references import References, refer, remember
 from rig.computer.lanes.lane_clock import sample_early
 from rig.computer.redundancy.managers import manager_kind
 from rig.computer.redundancy.median_vote import mean
-from rig.core.frame import CHANNELS, FLAT, Block, LaneBlock, has_part, nested, new_block
+from rig.core.frame import CHANNELS, FLAT, Block, Table, nested, new_block
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference, limit
 from rig.scenario.scenario import Scenario
@@ -38,14 +38,12 @@ class MeasuredAgain:
         self._skew = self._sensors.params["skew"].copy()
         self._block, self._kept = new_block(ROWS), np.zeros(ROWS, CLEAN)
 
-    def of(self, rows: Block, lanes: LaneBlock | None = None) -> Iterator[tuple[Block, NDArray[Any]]]:
-        """Yield the next ``rows`` part by part, with the (n,) CLEAN of each.
-
-        lanes : (n,) whose clocks say when each of several computers has sampled
-        """
-        lead = np.zeros((len(rows), CHANNELS))
-        if has_part(lanes, "computer"):
-            lead[:] = lanes["computer"]["clock_lead"]
+    def of(self, table: Table | Block) -> Iterator[tuple[Block, NDArray[Any]]]:
+        """Yield the next rows part by part, with the (n,) CLEAN of each, sampled when the lanes' clocks say."""
+        table = Table.of(table)
+        rows, lead = table.rows, np.zeros((len(table), CHANNELS))
+        if table.lane is not None:
+            lead[:] = table.lane["clock_lead"]
         for first in range(0, len(rows), ROWS):
             recorded = rows[first : first + ROWS]
             again, clean = self._block[: len(recorded)], self._kept[: len(recorded)]

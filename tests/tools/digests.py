@@ -64,7 +64,7 @@ def of_log(path: Path, folder: Path) -> Iterator[tuple[str, str]]:
     """Yield the digest that a log states, and those that are made again from it."""
     log, verdict, recording = read_log(path), Verdict(), recorded(path)
     yield "stated", (log.result or {})["digest"]
-    verdict.add(log.rows, [], log.lanes)
+    verdict.add(log.table, [])
     yield "rows read", verdict.digest
     nothing = what_if(recording, recording.scenario, folder / "nothing.mcap")
     yield "what if nothing", (read_log(nothing.path).result or {})["digest"]

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rig.core.frame import COMPUTERS, Block, LaneBlock, nested
+from rig.core.frame import COMPUTERS, Block, Table, nested
 from rig.flight import loop
 from rig.flight.loop import Rig
 from rig.scenario import scenario
@@ -38,14 +38,14 @@ class Compared:
         if k and lanes.data.fcc[0].tobytes() != rows[k - 1]["fcc"].tobytes():
             self.differing.add("FCC of the row")
 
-    def record(self, rows: Block, timing: Any, lanes: LaneBlock | None = None) -> None:
+    def record(self, table: Table) -> None:
         """Compare the next rows."""
-        assert lanes is not None
+        rows, lanes = table.rows, table.lane
         alone = self._alone[self.frames :][: len(rows)]
         self.frames += len(rows)
         if nested(alone).tobytes() != nested(rows).tobytes():
             self.differing.add("rows")
-        each, fitted = lanes["computer"], self._rig.scenario.computers.count
+        each, fitted = lanes, self._rig.scenario.computers.count
         for name in _NOTED:
             if any(each[name][:, i].tobytes() != rows[name].tobytes() for i in range(fitted)):
                 self.differing.add(name)

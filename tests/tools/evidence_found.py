@@ -32,7 +32,7 @@ def outcome_of(one: Try) -> Table:
 
 def by_score(flown: CampaignFlight) -> Table:
     """Return what the score says."""
-    found = score(flown.scenario, flown.rows, clean=flown.clean)
+    found = score(flown.scenario, flown.table)
     wrong = [f"{i.signal}.{i.channel}" for i in (*found.wrong_isolations, *found.false_alarms)]
     missed = [f"{f.signal}.{f.channel}" for f in found.faults if f.outcome == "missed"]
     return {"right": not wrong and not missed, "wrong": wrong, "missed": missed}
@@ -55,7 +55,7 @@ def by_frames(flown: CampaignFlight) -> Table:
     """
     rows, named = flown.rows, flown.scenario.redundancy.signals
     thresholds = np.array([getattr(named, signal.name).threshold for signal in SIGNALS])
-    faulty, middle = lasting(flown.scenario.faults), middle_of(flown.clean["channels"], rows["truth"])
+    faulty, middle = lasting(flown.scenario.faults), middle_of(flown.table.clean["channels"], rows["truth"])
     voted, referred = (~(np.abs(differences(rows[by], middle, WRAPS)) <= thresholds) for by in ("voted", "reference"))
     second = round(flown.scenario.rate_hz)
     undeclared = lasts(voted & (rows["source"] == Source.VOTED) & (rows["level"] > 0), second)

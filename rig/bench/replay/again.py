@@ -7,9 +7,8 @@ from rig.bench.lanes_again import LanesAgain
 from rig.bench.replay import vote_again, watch_again
 from rig.bench.replay.vote_again import VoteAgain
 from rig.bench.replay.watch_again import WatchAgain
-from rig.core.frame import has_part
+from rig.core.frame import Table
 from rig.log.columns import LANE_COLUMNS, LaneColumn
-from rig.log.log_file import Frames
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
 
@@ -28,14 +27,13 @@ class Again:
         self.outputs = lanes_again.OUTPUTS if several else vote_again.outputs(unit)  # fields of the rows
         self.lane_columns = [column for column in LANE_COLUMNS if _written(column)]
 
-    def add(self, frames: Frames) -> Frames:
+    def add(self, frames: Table) -> Table:
         """Copy the next ``frames``, with what is written again."""
-        rows, lanes = frames.rows, frames.lanes
         if self._vote is not None:
-            rows = self._vote.add(rows)
-        if self._lanes is not None and has_part(lanes, "computer"):
-            rows, lanes = self._lanes.add(rows, lanes)
-        return Frames(rows, frames.timing, self._watch.add(lanes))
+            frames = Table(self._vote.add(frames.rows), frames.beside, frames.timing)
+        if self._lanes is not None and frames.lane is not None:
+            frames = self._lanes.add(frames)
+        return self._watch.add(frames)
 
 
 def _written(column: LaneColumn) -> bool:

@@ -45,9 +45,8 @@ def side(path: Path | str) -> Side:
     if _is_voted(path):
         return _voted(path)
     log = read_log(path)
-    columns = {column.path: (column.of(log.rows), column.wraps) for column in COLUMNS}
-    if (lanes := log.lanes) is not None:
-        columns |= {column.path: (column.of(lanes), False) for column in chosen_lanes(lanes)}
+    every = (*COLUMNS, *chosen_lanes(log.table))
+    columns = {column.path: (column.of(log.table), column.wraps) for column in every}
     return Side(path, log.rate_hz, log.rows["frame"], columns, log.metadata)
 
 

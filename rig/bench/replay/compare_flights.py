@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
-from rig.core.frame import Block, LaneBlock
+from rig.core.frame import Block, Table
 from rig.core.units.angles import short_way
 from rig.log.columns import COLUMNS, Column
 
-Rows = Block | LaneBlock  # whose the columns are
+Rows = Block | Table  # whose the columns are
 Verdict = Literal["equal", "within", "different", "missing in A", "missing in B"]
 
 
@@ -100,9 +100,9 @@ def tolerances(texts: Sequence[str], names: Iterable[str]) -> Tolerances:
 def compare(a: Rows, b: Rows, columns: Sequence[Column] = COLUMNS, allowed: Tolerances | None = None) -> list[Field]:
     """Compare the ``columns`` of the rows, or of the rows of servo actuators, that both flights have."""
     n = min(len(a), len(b))
-    frames, allowed = a["frame"][:n], allowed or Tolerances()
+    a, b, allowed = a[:n], b[:n], allowed or Tolerances()
     return [
-        of_column(column.path, column.of(a[:n]), column.of(b[:n]), frames, allowed.of(column.path), column.wraps)
+        of_column(column.path, column.of(a), column.of(b), a["frame"], allowed.of(column.path), column.wraps)
         for column in columns
     ]
 

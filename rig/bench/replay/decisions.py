@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.bench.replay.compare_flights import Field, Rows, compare, joined
-from rig.core.frame import ActuatorMonitor, Block, LaneBlock, State
+from rig.core.frame import ActuatorMonitor, Block, State, Table
 from rig.core.runs import runs
 from rig.log.columns import COLUMNS, Column, chosen_lanes, label
 
@@ -105,15 +105,10 @@ def _decision(column: Column) -> str:
     return _FLIGHT.get(column.field, column.field.removeprefix("discrete_"))
 
 
-def decisions(
-    old: Block, new: Block, old_lanes: LaneBlock | None = None, new_lanes: LaneBlock | None = None
-) -> Decisions:
-    """Return the moves from ``old`` to ``new``: decisions, failures, and how far the votes are apart.
-
-    old_lanes, new_lanes : (n,) of servo actuators, if both have them
-    """
+def decisions(old: Table | Block, new: Table | Block) -> Decisions:
+    """Return the moves from ``old`` to ``new``: decisions, failures, and how far the votes are apart."""
     moves = Moves()
-    moves.add(old, new, old_lanes, new_lanes)
+    moves.add(Table.of(old), Table.of(new))
     return moves.decisions()
 
 
@@ -125,19 +120,15 @@ class Moves:
         self._failed: dict[Column, tuple[int | None, int | None]] = {}  # first frame in the old flight, in the new
         self._votes: list[Field] = []
 
-    def add(
-        self, old: Block, new: Block, old_lanes: LaneBlock | None = None, new_lanes: LaneBlock | None = None
-    ) -> None:
-        """Take the next rows of both, (n,), and of their servo actuators, if both have them."""
+    def add(self, old: Table, new: Table) -> None:
+        """Take the next frames of both."""
         votes = compare(old, new, _VOTES)
         self._votes = [joined(*pair) for pair in zip(self._votes, votes, strict=True)] if self._votes else votes
         self._add(old, new, decided(FIELDS), decided(("state", "discrete_state")))
-        if old_lanes is not None and new_lanes is not None:
-            columns = [column for column in chosen_lanes(new_lanes) if column.field in LANE_FIELDS]
-            n = min(len(old_lanes), len(new_lanes))
-            self._add(
-                old_lanes[:n], new_lanes[:n], columns, [column for column in columns if column.field == "failed_by"]
-            )
+        if old.parts:
+            columns = [column for column in chosen_lanes(new) if column.field in LANE_FIELDS]
+            n = min(len(old), len(new))
+            self._add(old[:n], new[:n], columns, [column for column in columns if column.field == "failed_by"])
 
     def _add(self, old: Rows, new: Rows, columns: Sequence[Column], failing: Sequence[Column]) -> None:
         n = min(len(old), len(new))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any
@@ -12,11 +11,10 @@ from rig.bench.replay.before_after import of_replay
 from rig.bench.replay.compare_flights import Comparison, Field, compare, joined
 from rig.bench.replay.decisions import Decisions, Moves
 from rig.core.errors import BadInput
-from rig.core.frame import Block, LaneBlock
+from rig.core.frame import Table
 from rig.core.versions import versions
 from rig.flight.unit_loop import fly_blocks
 from rig.log.columns import COLUMNS, chosen_lanes
-from rig.log.log_file import Frames
 from rig.log.recordings.flown_log import Recorded
 from rig.unit.running_unit import UnitUnderTest
 
@@ -51,33 +49,24 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
     if not fly and unit is not None and unit.lane is not None:
         raise BadInput(f"{recording.path}: {unit.unit.name} is one lane of several: fly it again, --fly")
     computer = None if fly else Again(scenario, unit)
-    again = fly_blocks(scenario, log.frames, unit) if computer is None else _replayed(recording, computer)
+    again = fly_blocks(scenario, log.frames, unit) if computer is None else map(computer.add, log.blocks())
     fields, moves, frames = list[Field](), Moves(), 0
     for old, new in zip_longest(log.blocks(), again):
-        rows, lanes = new or (old.rows[:0], None if old.lanes is None else old.lanes[:0])
-        compared = _compared(old, rows, lanes, computer)
+        new = old[:0] if new is None else new
+        compared = _compared(old, new, computer)
         fields = [joined(*pair) for pair in zip(fields, compared, strict=True)] if fields else compared
-        moves.add(old.rows, rows, old.lanes, lanes)
-        frames += len(rows)
+        moves.add(old, new)
+        frames += len(new)
     lengths = [f"recorded {log.frames} frames, flown again {frames}"] if log.frames != frames else []
     notes = [*of_replay(log.metadata, versions()), *_of_unit(recording, unit)]
     return Verified(Comparison(min(log.frames, frames), fields, lengths, notes), moves.decisions())
 
 
-def _replayed(recording: Recorded, computer: Again) -> Iterator[tuple[Block, LaneBlock | None]]:
-    for block in recording.log.blocks():
-        frames = computer.add(block)
-        yield frames.rows, frames.lanes
-
-
-def _compared(old: Frames, rows: Block, lanes: LaneBlock | None, again: Again | None) -> list[Field]:
+def _compared(old: Table, new: Table, again: Again | None) -> list[Field]:
     """Compare what is written ``again``; all fields of a flight."""
     columns = [column for column in COLUMNS if again is None or column.field in (*again.outputs, "acting")]
-    fields = compare(old.rows, rows, columns)
-    if old.lanes is None or lanes is None:
-        return fields
-    chosen = [column for column in chosen_lanes(lanes) if again is None or column in again.lane_columns]
-    return fields + compare(old.lanes, lanes, chosen)
+    chosen = [column for column in chosen_lanes(new) if again is None or column in again.lane_columns]
+    return compare(old, new, [*columns, *(chosen if old.parts else ())])
 
 
 def _of_unit(recording: Recorded, unit: UnitUnderTest | None) -> list[str]:

@@ -6,7 +6,7 @@ from typing import Final
 
 from rig.computer.lanes.health import shut_off
 from rig.computer.servo_monitors import watch_rows
-from rig.core.frame import LaneBlock, has_part, lane_rows, parts_of
+from rig.core.frame import Table
 from rig.flight.stages import actuator_monitors
 from rig.scenario.scenario import Scenario
 
@@ -22,16 +22,12 @@ class WatchAgain:
     def __init__(self, scenario: Scenario) -> None:
         self._designed, self._monitors = actuator_monitors(scenario)
 
-    def add(self, lanes: LaneBlock | None) -> LaneBlock | None:
-        """Copy the next ``lanes`` (n,), of servos with OUTPUTS as the monitors write them."""
-        if not has_part(lanes, "actuator"):
-            return lanes
-        again = lane_rows(len(lanes), parts_of(lanes))
-        again["frame"] = lanes["frame"]
-        for part in parts_of(lanes):
-            for name in lanes[part].dtype.names or ():  # padding, which is part of the digest, stays zero
-                again[part][name] = lanes[part][name]
+    def add(self, table: Table) -> Table:
+        """Copy the next frames, of servos with OUTPUTS as the monitors write them."""
+        if table.servo is None:
+            return table
+        again = table.copied_beside(table.parts)
         for name in OUTPUTS:
-            again["actuator"][name] = 0
-        watch_rows(again["actuator"], self._designed, shut_off(lanes), self._monitors)
+            again.servo[name] = 0
+        watch_rows(again.servo, self._designed, shut_off(table), self._monitors)
         return again

@@ -20,13 +20,12 @@ from rig.bench.replay.decisions import Decisions, Moves
 from rig.core.blocks import in_blocks
 from rig.core.errors import BadInput
 from rig.core.files import draft, numbered, publish, replaced
-from rig.core.frame import TIMING, new_block
+from rig.core.frame import TIMING, Table, new_block
 from rig.core.settings import read_toml
 from rig.core.text import quoted
 from rig.core.versions import versions
 from rig.flight.recorder import Findings
 from rig.log import LogWriter
-from rig.log.log_file import Frames
 from rig.log.recordings.flown_log import Recorded
 from rig.scenario.aircraft import merge, without_designed
 from rig.scenario.overrides import named_manager, override, parse_set
@@ -103,24 +102,25 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
     return WhatIf(path, scenario, moves.decisions(), events)
 
 
-def _voted(recording: Recorded, scenario: Scenario, moves: Moves) -> Iterator[Frames]:
+def _voted(recording: Recorded, scenario: Scenario, moves: Moves) -> Iterator[Table]:
     """Yield the recorded frames as the computers and monitors of ``scenario`` answer them."""
     again = Again(scenario)
     for block in recording.log.blocks():
         voted = again.add(block)
-        moves.add(block.rows, voted.rows, block.lanes, voted.lanes)
+        moves.add(block, voted)
         yield voted
 
 
-def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, frames: Iterator[Frames]) -> int:
+def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, frames: Iterator[Table]) -> int:
     """Write the whole log, a second at a time as in flight; how many events it has."""
     log, findings, count = recording.log, Findings(scenario), 0
-    for rows, timing, lanes in in_blocks(frames, max(1, int(log.rate_hz))):
-        events = findings.add(rows, lanes)
+    for arrays in in_blocks((table.arrays() for table in frames), max(1, int(log.rate_hz))):
+        table = Table(*arrays)
+        events = findings.add(table)
         count += len(events)
-        writer.write(rows, timing, events, lanes)
+        writer.write(table, events)
     last = findings.end()
-    writer.write(new_block(0), np.zeros(0, TIMING), last)
+    writer.write(Table(new_block(0), timing=np.zeros(0, TIMING)), last)
     writer.close({**(log.result or {}), "digest": findings.verdict.digest})
     return count + len(last)
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rig.computer.lanes.computers_table import Command, Config
 from rig.computer.redundancy.durations import in_frames
-from rig.core.frame import COMPUTERS, SURFACES, Health, LaneBlock, LaneTest, LinkState, has_part, to_frame
+from rig.core.frame import COMPUTERS, SURFACES, Health, LaneTest, LinkState, Table, to_frame
 from rig.core.kernels import kernel
 from rig.world.faults.servo_parts import ComputerPart, whole_computers
 
@@ -328,11 +328,11 @@ def suspect(data):
             data.lane[j]["health"] = Health.SUSPECT.value if accused else Health.ENGAGED.value
 
 
-def shut_off(lanes: LaneBlock) -> NDArray[np.uint8]:
+def shut_off(table: Table) -> NDArray[np.uint8]:
     """Return (n, 4): servo channels that their computers shut off in recorded rows, none while the back-up flies."""
-    if not has_part(lanes, "computer"):
-        return np.zeros((len(lanes), _LANES), np.uint8)
-    computer = lanes["computer"]
+    computer = table.lane
+    if computer is None:
+        return np.zeros((len(table), _LANES), np.uint8)
     engaged, leads = np.isin(computer["health"], (Health.ENGAGED, Health.SUSPECT)), computer["leads"] != 0
     driven = engaged | (leads & ~engaged.any(axis=1, keepdims=True))
     return (~driven & leads.any(axis=1, keepdims=True)).astype(np.uint8)

@@ -5,6 +5,7 @@ enums.py    states, patterns, resolvers and what else has one byte
 fields.py   the one table of fields: part, shape, meaning, place in the log
 sig.py      the places of the signals by their symbols, for kernels
 second_row.py  the second row, of flights with servo actuators or several computers
+table.py    the frames of a flight with all their parts
 row.py      the row type of some signals; FRAME, that of a flight, nested by part; FLAT, the same by field; blocks
 """
 
@@ -80,3 +81,4 @@ from rig.core.frame.signals import (
     S,
     Signal,
 )
+from rig.core.frame.table import Table, stacked

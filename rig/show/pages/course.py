@@ -7,9 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import INDEX, SIGNALS, Pattern, Source, State, has_part
+from rig.core.frame import INDEX, SIGNALS, Pattern, Source, State, Table
 from rig.flight.failures import became_failed
-from rig.log.log_file import Frames
 from rig.show.viewer import lanes_view as computers
 from rig.show.viewer import servo_series as servos
 from rig.show.viewer.state_strips import Changes, changed, changes
@@ -25,15 +24,15 @@ def level_path(name: str) -> str:
 class Course:
     """What happened when in ``flight``; faults : how many the scenario has."""
 
-    def __init__(self, flight: Frames, faults: int) -> None:
-        self.flight, self.frames, self._faults = flight, len(flight.rows), range(faults)
-        self.acting: NDArray[np.uint8] = flight.rows["acting"]  # (n, bytes) a bit a fault that acts
-        self._failed = became_failed(flight.rows["state"])
+    def __init__(self, flight: Table, faults: int) -> None:
+        self.flight, self.frames, self._faults = flight, len(flight), range(faults)
+        self.acting: NDArray[np.uint8] = flight["acting"]  # (n, bytes) a bit a fault that acts
+        self._failed = became_failed(flight["state"])
 
     @cached_property
     def odd(self) -> dict[str, int]:
         """By signal, the first frame that was not as all others."""
-        rows = self.flight.rows
+        rows = self.flight
         doubted = np.isin(rows["state"], (State.SUSPECT, State.FAILED)).any(axis=2)
         odd = doubted | (rows["pattern"] != Pattern.NORMAL) | (rows["source"] != Source.VOTED)
         return {name: int(odd[:, s].argmax()) for name, s in INDEX.items() if odd[:, s].any()}
@@ -54,11 +53,11 @@ class Course:
 
     @cached_property
     def lanes(self) -> dict[str, Changes]:
-        """The changes of each lane of view.lanes, view.computers and view.servos, and of the levels."""
-        rows, beside = self.flight.rows, self.flight.lanes
-        found = list(changes(rows, None, self._faults))
+        """The changes of each lane of the viewer's signals, computers and servos, and of the levels."""
+        flight = self.flight
+        found = list(changes(flight.rows, None, self._faults))
         for s, signal in enumerate(SIGNALS):
-            found += changed(level_path(signal.name), _LEVELS, rows["level"][:, s], None)
+            found += changed(level_path(signal.name), _LEVELS, flight["level"][:, s], None)
         for shown in (computers.SHOWN, servos.SHOWN):
-            found += shown.changes(beside, None) if has_part(beside, shown.part) else ()
+            found += shown.changes(flight, None) if shown.part in flight.parts else ()
         return {change.path: change for change in found}

@@ -18,7 +18,6 @@ from rig.core.units.quantities import duration, quantity, seconds
 from rig.flight.flight_result import Flight
 from rig.log import LogFile, scenario_of
 from rig.log.info import FILE, overrides
-from rig.log.log_file import Frames
 from rig.log.schema import SCHEMA_VERSION
 from rig.show.pages import flight_figures as draw
 from rig.show.pages import lane_figures as computers
@@ -85,16 +84,11 @@ def write_report(flight: Flight | Path | str, out: Path | str | None = None, req
     return target
 
 
-def _part(flight: Frames, one: Any) -> Frames:
-    """Return the frames of a stretch, from its ``begin`` to its ``end``."""
-    return Frames(*(None if part is None else part[one.begin : one.end] for part in flight))
-
-
 def _figures(
     log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
 ) -> dict[str, go.Figure]:
     """Draw the pictures, by the id of their element, in the order of the page; names : signals with an event."""
-    shown, rows = names[:MOST_SIGNALS], course.flight.rows
+    shown, flight = names[:MOST_SIGNALS], course.flight
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
     surfaces = actuators.happened(scored) if "actuator" in log.lanes else []
     lanes, thresholds = computers.happened(scored, log.events), _thresholds(scored, shown)
@@ -106,20 +100,20 @@ def _figures(
     for one in moments:
         acts = acting[one.signal][one.begin : one.end]
         about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
-        found[f"moment-{one.signal}"] = draw.of_moment(_part(course.flight, one).rows, rate_hz, *about)
+        found[f"moment-{one.signal}"] = draw.of_moment(flight[one.begin : one.end].rows, rate_hz, *about)
     for name in shown:
         found[f"signal-{name}"] = draw.of_flight(
-            of_signal(rows, rate_hz, name, threshold(resolved, name)), rate_hz, name, acting[name]
+            of_signal(flight, rate_hz, name, threshold(resolved, name)), rate_hz, name, acting[name]
         )
     for one in surfaces:
-        found[f"actuator-{one.surface}"] = actuators.of_actuator(_part(course.flight, one), scored, one)
+        found[f"actuator-{one.surface}"] = actuators.of_actuator(flight[one.begin : one.end], scored, one)
     if lanes is not None:
         found["computers"] = timeline(beside, course.frames / rate_hz)
-        found["commands"] = computers.commands(_part(course.flight, lanes), scored, lanes)
-    time_s = rows["frame"] / rate_hz
-    shares = {name: line(time_s, errors(rows, name) / limit) for name, limit in thresholds.items()}
+        found["commands"] = computers.commands(flight[lanes.begin : lanes.end], scored, lanes)
+    time_s = flight["frame"] / rate_hz
+    shares = {name: line(time_s, errors(flight, name) / limit) for name, limit in thresholds.items()}
     found["votes"] = draw.vote_errors(shares, thresholds)
-    found["surfaces"] = draw.surfaces([of_surface(rows, rate_hz, i) for i in range(len(SURFACES))])
+    found["surfaces"] = draw.surfaces([of_surface(flight, rate_hz, i) for i in range(len(SURFACES))])
     return found
 
 

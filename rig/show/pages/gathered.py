@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.core.frame import FLIGHT_INDEX, INDEX, SIGNALS, SURFACES, Block
+from rig.core.frame import FLIGHT_INDEX, INDEX, SIGNALS, SURFACES, Table
 from rig.core.units.angles import near
 from rig.show.pages.lines import Array, Line, line
 from rig.show.viewer.series import Series, limits, series
@@ -28,15 +28,15 @@ def signal_lines(shown: Series, ends: tuple[float, float]) -> SignalLines:
     return SignalLines(voted, truth, channels, ends)
 
 
-def of_signal(rows: Block, rate_hz: float, name: str, limit: float) -> SignalLines:
+def of_signal(flight: Table, rate_hz: float, name: str, limit: float) -> SignalLines:
     """Return a signal over a whole flight; limit : SI, what channels may be off the vote."""
-    shown = series(rows, rate_hz, name)
+    shown = series(flight.rows, rate_hz, name)
     return signal_lines(shown, limits(shown, limit))
 
 
-def errors(rows: Block, name: str) -> Array:
+def errors(flight: Table, name: str) -> Array:
     """Return vote less truth (n,) of a signal, SI, angles the short way round; NaN where either is no number."""
-    voted, truth = rows["voted"][:, INDEX[name]], rows["truth"][:, INDEX[name]]
+    voted, truth = flight["voted"][:, INDEX[name]], flight["truth"][:, INDEX[name]]
     with np.errstate(invalid="ignore"):
         return (near(voted, truth) if SIGNALS[INDEX[name]].wraps else voted) - truth
 
@@ -50,9 +50,10 @@ class SurfaceLines(NamedTuple):
     changed: bool
 
 
-def of_surface(rows: Block, rate_hz: float, i: int) -> SurfaceLines:
+def of_surface(flight: Table, rate_hz: float, i: int) -> SurfaceLines:
     """Return surface ``i`` over a whole flight."""
-    scale, time_s = degrees(1.0) if SURFACES[i].endswith("_rad") else 1.0, rows["frame"] / rate_hz
-    shown = rows["surface"][:, i], rows["actuator"][:, i], rows["flight"][:, FLIGHT_INDEX[SURFACES[i]]]
-    changed = not np.array_equal(*shown[:2], equal_nan=True)
-    return SurfaceLines(*(line(time_s, values * scale) for values in shown), changed)
+    scale, time_s = degrees(1.0) if SURFACES[i].endswith("_rad") else 1.0, flight["frame"] / rate_hz
+    command, actuated = flight["surface"][:, i], flight["actuator"][:, i]
+    position = flight["flight"][:, FLIGHT_INDEX[SURFACES[i]]]
+    lines = [line(time_s, values * scale) for values in (command, actuated, position)]
+    return SurfaceLines(*lines, changed=not np.array_equal(command, actuated, equal_nan=True))

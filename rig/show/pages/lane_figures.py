@@ -10,13 +10,12 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from rig.core.event import Event
-from rig.core.frame import COMPUTERS, SURFACES, LaneBlock
+from rig.core.frame import COMPUTERS, SURFACES, Table
 from rig.core.palette import CHANNELS, DASHES, VOTE
 from rig.core.runs import runs_where
 from rig.core.units.quantities import scale_shown, seconds, unit_of_name, unit_shown
 from rig.flight import lane_events as lanes
 from rig.flight.failures import decisive_s
-from rig.log.log_file import Frames
 from rig.show.pages.course import Course
 from rig.show.pages.flight_figures import ACTING, DOTTED, draw_line
 from rig.show.pages.page import lay_out
@@ -76,14 +75,14 @@ def states(course: Course, rate_hz: float, count: int) -> list[Span]:
     return found
 
 
-def commands(kept: Frames, scored: Scored, one: Happened) -> go.Figure:
+def commands(kept: Table, scored: Scored, one: Happened) -> go.Figure:
     """Draw what each lane commanded, and the vote of the leading one with the threshold of the others about it.
 
-    kept : the rows of ``one``, of a flight with several computers
+    kept : the frames of ``one``, of a flight with several computers
     """
-    rows, time_s = kept.lanes["computer"], kept.rows["frame"] / scored.scenario.rate_hz
+    rows, time_s = kept.lane, kept["frame"] / scored.scenario.rate_hz
     figure = make_subplots(rows=len(SURFACES), cols=1, shared_xaxes=True, vertical_spacing=0.03)
-    voted, config = _voted(kept.lanes), scored.scenario.computers
+    voted, config = _voted(kept), scored.scenario.computers
     for s, (name, (low, high)) in enumerate(zip(SURFACES, scored.scenario.airframe.surface_limits, strict=True)):
         scale, panel = scale_shown(unit_of_name(name)), {"row": s + 1, "col": 1, "showlegend": s == 0}
         for i in range(config.count):
@@ -101,23 +100,23 @@ def commands(kept: Frames, scored: Scored, one: Happened) -> go.Figure:
     return figure
 
 
-def _voted(rows: LaneBlock) -> Any:
+def _voted(table: Table) -> Any:
     """Return (n, 4) what the leading lane puts out; NaN while the back-up flies."""
-    leading = computers.leading(rows)
+    leading = computers.leading(table)
     whose = np.minimum(leading, len(COMPUTERS) - 1)
-    output = rows["computer"]["output"][np.arange(len(rows)), whose]
+    output = table.lane["output"][np.arange(len(table)), whose]
     return np.where((leading == computers.BACKUP)[:, None], np.nan, output)
 
 
-def _mark(figure: go.Figure, kept: Frames, scored: Scored, time_s: Any) -> None:
+def _mark(figure: go.Figure, kept: Table, scored: Scored, time_s: Any) -> None:
     """Shade the time in which a fault on computers or links acts, and mark each lane's failure."""
     every: dict[str, Any] = {"row": "all", "col": 1}
     of = [i for i, fault in enumerate(scored.scenario.faults) if site(fault.signal) in OF_LANES]
-    acting = np.asarray(np.unpackbits(kept.rows["acting"], axis=1, bitorder="little")[:, of].any(axis=1))
+    acting = np.asarray(np.unpackbits(kept["acting"], axis=1, bitorder="little")[:, of].any(axis=1))
     for a, b in runs_where(acting):
         figure.add_vrect(float(time_s[a]), float(time_s[b - 1]), fillcolor=ACTING, line_width=0, layer="below", **every)
     finder = lanes.ComputerFinder(scored.scenario.rate_hz)
-    finder.find(kept.lanes)
+    finder.find(kept)
     for failure in finder.failures:
-        if failure.frame > kept.rows["frame"][0]:
+        if failure.frame > kept["frame"][0]:
             figure.add_vline(x=failure.frame / scored.scenario.rate_hz, line=DOTTED, **every)

@@ -10,13 +10,12 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from rig.core.frame import MOVED
+from rig.core.frame import MOVED, Table
 from rig.core.palette import CHANNELS, DASHES, INK, TRUTH
 from rig.core.runs import runs_where
 from rig.core.units.quantities import scale_shown, seconds
 from rig.flight.failures import decisive_s
 from rig.flight.stages import actuator_monitors
-from rig.log.log_file import Frames
 from rig.show.pages.course import Course
 from rig.show.pages.flight_figures import ACTING, DOTTED, draw_line
 from rig.show.pages.page import lay_out
@@ -91,14 +90,14 @@ def states(course: Course, rate_hz: float) -> list[Span]:
     return found
 
 
-def of_actuator(kept: Frames, scored: Scored, one: Happened) -> go.Figure:
+def of_actuator(kept: Table, scored: Scored, one: Happened) -> go.Figure:
     """Draw a surface's actuator: positions, then what its monitors compare, with their thresholds.
 
-    kept : the rows of ``one``, of a flight with servo actuators
+    kept : the frames of ``one``, of a flight with servo actuators
     """
     i = MOVED.index(one.surface)
-    rows, time_s = kept.lanes["actuator"][:, i], kept.rows["frame"] / scored.scenario.rate_hz
-    acting = np.unpackbits(kept.rows["acting"], axis=1, bitorder="little")
+    rows, time_s = kept.servo[:, i], kept["frame"] / scored.scenario.rate_hz
+    acting = np.unpackbits(kept["acting"], axis=1, bitorder="little")
     figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04)
     _positions(figure, rows, time_s)
     for panel, (title, values, limit) in enumerate(_compared(rows, i, scored), 2):

@@ -16,14 +16,14 @@ from rich.live import Live
 
 from rig.core.console import Screen
 from rig.core.event import Event
-from rig.core.frame import Block, LaneBlock
+from rig.core.frame import Table
 from rig.show.terminal.redundancy_page import Page, event_line
 
 
 class Drawer(Protocol):
-    """Draws the page of one row (1,) after another, with that of its servos, if it has any."""
+    """Draws the page of one frame (1,) after another."""
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
+    def draw(self, row: Table | None, rate_hz: float, events: Sequence[Event]) -> None:
         """Draw the page of a row, with these events too; without a row they are for the next page."""
 
     def close(self) -> None:
@@ -38,11 +38,11 @@ class OnTerminal:
         self._live = Live(console=screen, auto_refresh=False)
         self._live.start()
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
+    def draw(self, row: Table | None, rate_hz: float, events: Sequence[Event]) -> None:
         """Draw now, if there is a row."""
         self._page.note(events, rate_hz)
         if row is not None:
-            self._live.update(self._page.draw(row[0], rate_hz, moved), refresh=True)
+            self._live.update(self._page.draw(row, rate_hz), refresh=True)
 
     def close(self) -> None:
         """Leave the last page on the terminal."""
@@ -55,19 +55,18 @@ class InPipe:
     def __init__(self, screen: Console, title: str = "") -> None:
         self._screen = screen
         self._page = Page(title)
-        self._last: tuple[Block, float, LaneBlock | None] | None = None
+        self._last: tuple[Table, float] | None = None
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
+    def draw(self, row: Table | None, rate_hz: float, events: Sequence[Event]) -> None:
         """Print the events, keep the row."""
         for event in events:
             self._screen.print(event_line(event.frame / rate_hz, event), soft_wrap=True)
-        self._last = self._last if row is None else (row, rate_hz, moved)
+        self._last = self._last if row is None else (row, rate_hz)
 
     def close(self) -> None:
         """Print the page."""
         if self._last is not None:
-            row, rate_hz, moved = self._last
-            self._screen.print(self._page.draw(row[0], rate_hz, moved))
+            self._screen.print(self._page.draw(*self._last))
 
 
 class InProcess:
@@ -76,11 +75,11 @@ class InProcess:
     def __init__(self) -> None:
         self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.show.terminal.draw"], stdin=subprocess.PIPE)
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
+    def draw(self, row: Table | None, rate_hz: float, events: Sequence[Event]) -> None:
         """Pass it on, if there is anything."""
         if row is not None or events:
             with suppress(OSError):
-                pickle.dump((row, rate_hz, events, moved), self._pipe)
+                pickle.dump((row, rate_hz, events), self._pipe)
                 self._pipe.flush()
 
     def close(self) -> None:

@@ -14,14 +14,14 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Final, NamedTuple
+from typing import Final
 
 from rich.console import Console
 
 from rig.core.console import Screen
 from rig.core.errors import BadInput
 from rig.core.event import Event
-from rig.core.frame import Block, LaneBlock, to_frame
+from rig.core.frame import Block, Table, to_frame
 from rig.core.settings import LONGEST_S
 from rig.log import Log
 from rig.show.terminal.draw import Drawer, InPipe, InProcess, OnTerminal
@@ -47,34 +47,23 @@ def watching(enabled: bool, realtime_factor: float | None) -> Iterator[Watch | N
         watch.close()
 
 
-class _Flown(NamedTuple):
-    """A block with the rows of its servos, if it has any."""
-
-    rows: Block
-    moved: LaneBlock | None
-
-    def part(self, k: int) -> _Flown:
-        """Return row ``k`` (1,)."""
-        end = k + 1 or None
-        return _Flown(self.rows[k:end], None if self.moved is None else self.moved[k:end])
-
-
 class Watch:
     """Takes blocks and has the pages of some of their frames drawn."""
 
     def __init__(self, drawer: Drawer, realtime_factor: float | None) -> None:
         self._drawer = drawer
         self._factor = realtime_factor
-        self._queue: deque[tuple[_Flown, float, Sequence[Event]]] = deque()
+        self._queue: deque[tuple[Table, float, Sequence[Event]]] = deque()
         self._changed = threading.Condition()  # guards the queue and _closing
         self._closing = False
         self.drawn = 0  # pages
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
         self._thread.start()
 
-    def __call__(self, rows: Block, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
+    def __call__(self, table: Table | Block, rate_hz: float, events: Sequence[Event]) -> None:
         """Take a block; never waits for the terminal."""
-        kept = _Flown(rows.copy(), moved) if self._factor else _Flown(rows[-1:].copy(), moved).part(-1)
+        table = Table.of(table)
+        kept = table.copy() if self._factor else table[-1:].copy()
         with self._changed:
             self._queue.append((kept, rate_hz, events))
             self._changed.notify()
@@ -87,17 +76,17 @@ class Watch:
         self._thread.join(timeout_s)
 
     def _run(self) -> None:
-        last: _Flown | None = None
+        last: Table | None = None
         rate_hz = 1.0
         while (blocks := self._take()) is not None:
             flown, rate_hz, _ = blocks[-1]
             self._play(flown, rate_hz, [event for _, _, events in blocks for event in events])
-            last = flown.part(-1)
+            last = flown[-1:]
         if last is not None:
             self._draw(last, rate_hz, ())
         self._drawer.close()
 
-    def _play(self, flown: _Flown, rate_hz: float, events: Sequence[Event]) -> None:
+    def _play(self, flown: Table, rate_hz: float, events: Sequence[Event]) -> None:
         """Draw frames of a block as they were flown, until it is over or others wait."""
         pace_hz = rate_hz * (self._factor or float("inf"))
         rows, began, k = flown.rows, time.monotonic(), -1
@@ -105,16 +94,16 @@ class Watch:
             k = int(min((time.monotonic() - began + UPDATE_S) * pace_hz, len(rows) - 1))
             due = [event for event in events if event.frame <= rows["frame"][k]]
             events = events[len(due) :]
-            self._draw(flown.part(k), rate_hz, due)
+            self._draw(flown[k : k + 1], rate_hz, due)
             with self._changed:
                 self._changed.wait_for(lambda: self._closing, UPDATE_S)
         self._drawer.draw(None, rate_hz, events)  # of frames that were not drawn
 
-    def _draw(self, flown: _Flown, rate_hz: float, events: Sequence[Event]) -> None:
-        self._drawer.draw(flown.rows, rate_hz, events, flown.moved)
+    def _draw(self, flown: Table, rate_hz: float, events: Sequence[Event]) -> None:
+        self._drawer.draw(flown, rate_hz, events)
         self.drawn += 1
 
-    def _take(self) -> list[tuple[_Flown, float, Sequence[Event]]] | None:
+    def _take(self) -> list[tuple[Table, float, Sequence[Event]]] | None:
         """Wait for blocks and take all of them; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)
@@ -145,18 +134,18 @@ def play(
     first = to_frame(min(from_s, LONGEST_S), log.rate_hz)  # beyond all flights
     if first > last:
         raise BadInput(f"--from {from_s:g}: the log ends at {last / log.rate_hz:g} s")
-    flown = _Flown(log.rows, log.lanes)
+    flown = log.table
     if not screen.is_terminal:
-        page, end = InPipe(screen, title), flown.part(-1)
-        page.draw(end.rows, log.rate_hz, [event for event in log.events if event.frame >= first], end.moved)
+        page, end = InPipe(screen, title), flown[-1:]
+        page.draw(end, log.rate_hz, [event for event in log.events if event.frame >= first])
         page.close()
         return
     page, began, shown = OnTerminal(screen, title), clock(), -1
     try:
         while shown < last:
             k = min(first + int((clock() - began) * speed * log.rate_hz), last)
-            now, due = flown.part(k), [e for e in log.events if shown < e.frame <= k]
-            page.draw(now.rows, log.rate_hz, due, now.moved)
+            now, due = flown[k : k + 1], [e for e in log.events if shown < e.frame <= k]
+            page.draw(now, log.rate_hz, due)
             shown = k
             sleep(UPDATE_S)
     except KeyboardInterrupt:

@@ -22,14 +22,13 @@ from rig.core.frame import (
     SIGNALS,
     ActuatorMonitor,
     End,
-    LaneBlock,
     Law,
     Pattern,
     Resolver,
     Source,
     State,
-    has_part,
 )
+from rig.core.frame import Table as FlightTable
 from rig.core.text import plain
 from rig.core.units.angles import short_way
 from rig.core.units.quantities import scale_shown, unit_shown
@@ -54,8 +53,10 @@ class Page:
         """Keep events for the foot of the page."""
         self._events.extend((event.frame / rate_hz, event) for event in events)
 
-    def draw(self, row: Any, rate_hz: float, moved: LaneBlock | None = None) -> RenderableType:
-        """Draw the page of one row of a block; ``moved`` (1,): of its servos and computers."""
+    def draw(self, frame: FlightTable, rate_hz: float) -> RenderableType:
+        """Draw the page of one frame (1,)."""
+        frame = FlightTable.of(frame)
+        row, servo, lane = frame.rows[0], frame.servo, frame.lane
         table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
         table.add_column("signal")  # the one that a narrow terminal cuts
         table.add_column("unit", no_wrap=True, style="dim")
@@ -67,9 +68,9 @@ class Page:
             table.add_row(*_signal(row, s))
         for d in range(len(DISCRETES)):
             table.add_row(*_discrete(row, d))
-        for surface, servo in zip(MOVED, moved["actuator"][0], strict=True) if has_part(moved, "actuator") else ():
-            table.add_row(*_servo(surface, servo))
-        for cells_of_row in computer_rows(moved["computer"][0]) if has_part(moved, "computer") else ():
+        for surface, one in zip(MOVED, servo[0], strict=True) if servo is not None else ():
+            table.add_row(*_servo(surface, one))
+        for cells_of_row in computer_rows(lane[0]) if lane is not None else ():
             table.add_row(*cells_of_row)
         lines = [event_line(time_s, event) for time_s, event in self._events]
         blank = [Text("")] * (EVENTS - len(lines))  # or the page would jump

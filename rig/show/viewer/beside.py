@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import LaneBlock, LanePart
+from rig.core.frame import LanePart, Table
 from rig.core.frame.fields import Field
 from rig.show.viewer.state_strips import Changes, Lane, changed
 from rig.show.viewer.style import Color
@@ -31,10 +31,10 @@ class Beside(NamedTuple):
     legend: str  # entity
     legend_lines: Sequence[tuple[str, Color]]
     lanes: Sequence[Lane]
-    codes: Callable[[LaneBlock, Lane], NDArray[Any]]  # the state of a lane in each row
-    entities: Callable[[LaneBlock], Iterator[Entity]]
+    codes: Callable[[Table, Lane], NDArray[Any]]  # the state of a lane in each row
+    entities: Callable[[Table], Iterator[Entity]]
 
-    def changes(self, rows: LaneBlock, before: LaneBlock | None) -> Iterator[Changes]:
+    def changes(self, rows: Table, before: Table | None) -> Iterator[Changes]:
         """Yield the changes in ``rows`` of any lane, after the row ``before`` (1,); None: all lanes begin here."""
         for lane in self.lanes:
             last = None if before is None else self.codes(before, lane)

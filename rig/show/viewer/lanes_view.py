@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import COMPUTERS, LINKS, SURFACES, Health, LaneBlock, LaneTest, LinkState, Pattern, Resolver
+from rig.core.frame import COMPUTERS, LINKS, SURFACES, Health, LaneTest, LinkState, Pattern, Resolver, Table
 from rig.core.units.quantities import scale_shown, unit_of_name
 from rig.flight.lane_events import test_name
 from rig.show.viewer.beside import Beside, Entity
@@ -134,17 +134,17 @@ def fitted(lanes: tuple[Lane, ...], count: int) -> list[Lane]:
     return [lane for lane in lanes if max(lane.at) < count]
 
 
-def leading(lanes: LaneBlock) -> NDArray[np.intp]:
+def leading(table: Table) -> NDArray[np.intp]:
     """Return the leading lane of each row (n,), BACKUP where none leads."""
-    leads = lanes["computer"]["leads"]
+    leads = table.lane["leads"]
     return np.where(leads.any(axis=1), leads.argmax(axis=1), BACKUP)
 
 
-def codes(lanes: LaneBlock, lane: Lane) -> NDArray[Any]:
+def codes(table: Table, lane: Lane) -> NDArray[Any]:
     """Return what a lane of LANES shows in each row (n,)."""
-    rows = lanes["computer"]
+    rows = table.lane
     if lane.field == "leads":
-        return leading(lanes)
+        return leading(table)
     if lane.field == "health":
         return rows["health"][:, lane.at[0]] << _TEST_BITS | rows["failed_for"][:, lane.at[0]]
     if lane.field == "accuses":
@@ -153,30 +153,30 @@ def codes(lanes: LaneBlock, lane: Lane) -> NDArray[Any]:
         receiver, sender = lane.at
         outvoted = np.where(rows["outvoted"][:, receiver, sender] != 0, _OUTVOTED, 0)
         return rows["link"][:, receiver, sender] | outvoted
-    whose = np.minimum(leading(lanes), len(COMPUTERS) - 1), lane.at[0]
+    whose = np.minimum(leading(table), len(COMPUTERS) - 1), lane.at[0]
     k = np.arange(len(rows))
     unresolved = rows["command_resolver"][k, *whose] == Resolver.UNRESOLVED
     return rows["command_pattern"][k, *whose] | np.where(unresolved, _UNRESOLVED, 0)
 
 
-def values(lanes: LaneBlock, i: int) -> NDArray[np.float64]:
+def values(table: Table, i: int) -> NDArray[np.float64]:
     """Return the numbers of NAMES of computer ``i``: (n, m)."""
-    rows = lanes["computer"][:, i]
+    rows = table.lane[:, i]
     return np.column_stack([rows["surface"] * _SCALES, rows[CLOCK]])
 
 
-def ranges(lanes: LaneBlock, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
+def ranges(table: Table, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
     """Return the axes of what NAMES names: of commands in a ``part`` of the rows, deg or share; of clocks, frames."""
-    fitted = [i for i in range(len(COMPUTERS)) if (lanes["computer"]["health"][:, i] != Health.ABSENT).any()]
-    every = np.stack([values(lanes, i) for i in fitted]) if fitted else np.zeros((1, len(lanes), len(NAMES)))
+    fitted = [i for i in range(len(COMPUTERS)) if (table.lane["health"][:, i] != Health.ABSENT).any()]
+    every = np.stack([values(table, i) for i in fitted]) if fitted else np.zeros((1, len(table), len(NAMES)))
     axes = {name: every[:, slice(None) if name == CLOCK else part, i].ravel() for i, name in enumerate(NAMES)}
     return {name: spanned(drawn, 2.0 if name.endswith("_rad") else 0.1) for name, drawn in axes.items()}
 
 
-def entities(lanes: LaneBlock) -> Iterator[Entity]:
+def entities(table: Table) -> Iterator[Entity]:
     """Yield the lists of all computers."""
     for i in range(len(COMPUTERS)):
-        yield Entity(topic(i), VALUES, values(lanes, i))
+        yield Entity(topic(i), VALUES, values(table, i))
 
 
 SHOWN: Final = Beside("computer", LEGEND, LEGEND_LINES, LANES, codes, entities)

@@ -73,7 +73,7 @@ def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) 
 def _looked(log: Log) -> tuple[Facts, str]:
     """Return the facts of a log, and its headline."""
     facts = replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any()))
-    return look(facts, log.rows, log.rate_hz, log.result is not None, log.lanes)
+    return look(facts, log.table, log.rate_hz, log.result is not None)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
@@ -105,8 +105,7 @@ def send(opened: Opened, sink: Sink) -> None:
     for flight, log in enumerate(opened.logs):
         for first in range(0, len(log.rows), BATCH):
             part, events = slice(first, first + BATCH), log.events if first == 0 else ()
-            moved = None if log.lanes is None else log.lanes[part]
-            sink.send(log.rows[part], log.rate_hz, events, log.timing[part], moved, flight)
+            sink.send(log.table[part], log.rate_hz, events, flight)
         if len(log.rows) / log.rate_hz < longest_s:
             sink.end(flight)
     sink.flush(FLUSH_S)

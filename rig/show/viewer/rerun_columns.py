@@ -36,7 +36,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from rig.core.event import Event
-from rig.core.frame import TIMING, Block, End, LaneBlock, has_part
+from rig.core.frame import TIMING, Block, End, Table
 from rig.core.frame.fields import FIELD, Field, places
 from rig.flight.time_histogram import BINS, EDGES_US, binned
 from rig.log.schema import TOPICS_OF_ROWS, Topic
@@ -115,22 +115,15 @@ class Columns:
         self._facts = facts
         self._root = root
         self._before: Block | None = None
-        self._moved: LaneBlock | None = None  # the last row of servos and computers
+        self._last: Table | None = None  # frame
         self._derived = derived.Derived(facts)
         self._scene = Scene(recording, root, color)
         self._times = Times(self._columns) if facts.unit else None
 
-    def send(
-        self,
-        rows: Block,
-        events: Sequence[Event] = (),
-        timing: NDArray[Any] | None = None,
-        moved: LaneBlock | None = None,
-    ) -> None:
-        """Send every row of ``rows`` and the events among them, one batch an entity.
-
-        timing : (n,) of TIMING, shown of a flight with a unit under test;  moved : (n,) of servos and computers
-        """
+    def send(self, table: Table | Block, events: Sequence[Event] = ()) -> None:
+        """Send every frame and the events among them, one batch an entity; timing if a unit is tested."""
+        table = Table.of(table)
+        rows, timing = table.rows, table.timing
         if not len(rows):
             return
         nanoseconds = np.rint(rows["frame"] * (1e9 / self._rate_hz))
@@ -147,9 +140,9 @@ class Columns:
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
         for of in BESIDE:
-            if has_part(moved, of.part):
-                self._lanes(of, moved, nanoseconds)
-        self._moved = None if moved is None else moved[-1:].copy()
+            if of.part in table.parts:
+                self._lanes(of, table, nanoseconds)
+        self._last = table[-1:].copy()
         self._matrix(rows, nanoseconds)
         self._scene.send(rows, nanoseconds)
         if self._times is not None and timing is not None:
@@ -159,16 +152,16 @@ class Columns:
         if rows["end"][-1] != End.FLYING:
             self._ends(End(rows["end"][-1]).name, rows["frame"][-1:])
 
-    def _lanes(self, of: Beside, moved: LaneBlock, nanoseconds: NDArray[np.float64]) -> None:
-        """Send a part of the second row."""
-        if self._moved is None:
+    def _lanes(self, of: Beside, table: Table, nanoseconds: NDArray[np.float64]) -> None:
+        """Send servos or lanes."""
+        if self._last is None:
             rr.log(of.legend, matrix.strip(of.legend_lines), static=True, recording=self._recording)
-        for entity in of.entities(moved):
+        for entity in of.entities(table):
             components = [*_values(entity.archetype, entity.values.astype(np.float32))]
             if entity.message:
                 components += _message(entity.message, _struct(entity.columns))
             self._columns(entity.path, [time_column(nanoseconds)], components)
-        for change in of.changes(moved, self._moved):
+        for change in of.changes(table, self._last):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
 
@@ -187,7 +180,7 @@ class Columns:
     def _ends(self, how: str, frame: NDArray[Any]) -> None:
         time = [time_column(np.rint(frame * (1e9 / self._rate_hz)))]
         ends = list(lanes.ends(how, self._facts.faults))
-        ends += [(lane.path, how) for of in BESIDE if has_part(self._moved, of.part) for lane in of.lanes]
+        ends += [(lane.path, how) for of in BESIDE if self._last and of.part in self._last.parts for lane in of.lanes]
         for path, state in ends:
             self._columns(path, time, rr.StateChange.columns(state=[state]))
 

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import CHANNELS, LANE_FIELDS, MOVED, ActuatorMonitor, LaneBlock
+from rig.core.frame import CHANNELS, LANE_FIELDS, MOVED, ActuatorMonitor, Table
 from rig.core.frame.fields import Field, elements
 from rig.core.units.quantities import scale_shown
 from rig.show.viewer.beside import Beside, Entity
@@ -94,22 +94,22 @@ def look(field: str, number: int) -> tuple[Color, float]:
     return (shade(CHANNEL_COLORS[number], 1), 1.0) if field.endswith("_model") else (CHANNEL_COLORS[number], 1.5)
 
 
-def values(servos: LaneBlock, i: int) -> NDArray[np.float64]:
+def values(table: Table, i: int) -> NDArray[np.float64]:
     """Return the numbers of NAMES of surface ``i`` of MOVED: (n, m)."""
-    rows = servos["actuator"][:, i]
+    rows = table.servo[:, i]
     columns = [rows[name].reshape(len(rows), -1) * scale_shown(FIELD[name].unit) for name in DRAWN]
     return np.concatenate(columns, axis=1)
 
 
-def ranges(servos: LaneBlock, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
+def ranges(table: Table, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
     """Return the axis of the position of each surface in a ``part`` of the rows, deg, by its topic."""
     wanted = [i for i, name in enumerate(NAMES) if name == "ram" or name.startswith(("asked", "lvdt"))]
-    return {topic(surface): spanned(values(servos[part], i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
+    return {topic(surface): spanned(values(table[part], i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
 
 
-def columns(servos: LaneBlock, i: int) -> Iterator[tuple[str, Field, NDArray[Any]]]:
+def columns(table: Table, i: int) -> Iterator[tuple[str, Field, NDArray[Any]]]:
     """Yield every number of the message of surface ``i``: its name, its field, its values (n,)."""
-    rows = servos["actuator"][:, i]
+    rows = table.servo[:, i]
     for field in LANE_FIELDS:
         for name, index in elements(field):
             yield name, field, rows[field.name][(slice(None), *index)]
@@ -126,15 +126,15 @@ def of_surface(surface: str) -> list[Lane]:
 LANES: Final = tuple(lane for surface in MOVED for lane in of_surface(surface))
 
 
-def entities(servos: LaneBlock) -> Iterator[Entity]:
+def entities(table: Table) -> Iterator[Entity]:
     """Yield what is drawn of each surface."""
     for i, surface in enumerate(MOVED):
-        yield Entity(topic(surface), VALUES, values(servos, i), MESSAGE, columns(servos, i))
+        yield Entity(topic(surface), VALUES, values(table, i), MESSAGE, columns(table, i))
 
 
-def _codes(servos: LaneBlock, lane: Lane) -> NDArray[Any]:
+def _codes(table: Table, lane: Lane) -> NDArray[Any]:
     """Return what a lane shows in each row."""
-    rows = servos["actuator"][:, lane.at[0]]
+    rows = table.servo[:, lane.at[0]]
     by, shut = rows["failed_by"], rows["valve"] != 0
     if lane.field:
         c = lane.at[1]

@@ -6,14 +6,12 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
-
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from rig.core.errors import BadInput, RigError
 from rig.core.event import Event
 from rig.core.files import reported
-from rig.core.frame import Block, LaneBlock
+from rig.core.frame import Table
 from rig.show.viewer import viewer
 from rig.show.viewer.facts import Facts, Layout
 from rig.show.viewer.piped import DESCRIPTORS, PipedFile
@@ -95,14 +93,12 @@ class Sink:
 
     def send(
         self,
-        rows: Block,
+        table: Table,
         rate_hz: float,
         events: Sequence[Event],
-        timing: NDArray[Any] | None = None,
-        moved: LaneBlock | None = None,
         flight: int = 0,
     ) -> None:
-        """Hand rows, events, timing and servos of ``flight``, a number into the layout's ``shown``, to Rerun."""
+        """Hand frames and events of ``flight``, a number into the layout's ``shown``, to Rerun."""
         from rig.show.viewer.rerun_columns import Columns
         from rig.show.viewer.style import FLIGHT_COLORS
 
@@ -113,19 +109,19 @@ class Sink:
             shown = self._about.layout.shown[flight]
             columns = Columns(self._recording, rate_hz, shown.facts, shown.root, FLIGHT_COLORS[shown.below])
             self._columns[flight] = columns
-        columns.send(rows, events, timing, moved)
-        if self._live is not None and len(rows):
-            self._tell(self._live, rows, rate_hz, moved)
+        columns.send(table, events)
+        if self._live is not None and len(table):
+            self._tell(self._live, table, rate_hz)
 
-    def _tell(self, facts: Facts, rows: Block, rate_hz: float, moved: LaneBlock | None) -> None:
+    def _tell(self, facts: Facts, table: Table, rate_hz: float) -> None:
         """Send the headline of a flight that is under way, when it has changed."""
         from rig.show.viewer.scene import send_about
 
         if self._story is None:
             self._story = Story(facts, rate_hz)
-        if self._story.add(rows, moved):
+        if self._story.add(table):
             text = f"# {self._story.headline('IN FLIGHT')}\n\n{self._about.text}"
-            send_about(self._recording, text, int(rows["frame"][-1]) / rate_hz)
+            send_about(self._recording, text, int(table["frame"][-1]) / rate_hz)
 
     def end(self, flight: int) -> None:
         """End the lanes of ``flight`` where another goes on."""

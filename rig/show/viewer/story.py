@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from rig.core.frame import CHANNELS, COMPUTERS, INDEX, SIGNALS, Block, End, LaneBlock, State, has_part
+from rig.core.frame import CHANNELS, COMPUTERS, INDEX, SIGNALS, Block, End, State, Table
 from rig.core.units.quantities import duration, seconds
 from rig.flight.failures import Failure, decisive_s, failures
 from rig.flight.lane_events import ComputerFinder, failed_by
@@ -59,16 +59,17 @@ class Story:
         self.end = End.FLYING
         self.last = 0  # frame
 
-    def add(self, rows: Block, moved: LaneBlock | None = None) -> bool:
-        """Take in the next rows, ``moved`` of servos and computers; return True if the headline may have changed."""
+    def add(self, table: Table | Block) -> bool:
+        """Take in the next frames; return True if the headline may have changed."""
+        table = Table.of(table)
+        rows = table.rows
         acts = acting(rows, len(self._facts.faults))
         onsets_before = list(self._onsets)
         for i, onset in enumerate(self._onsets):
             if onset is None and acts[:, i].any():
                 self._onsets[i] = int(rows["frame"][acts[:, i].argmax()])
         new_failures = failures(rows, self._before)
-        new_failures += self._coils(moved) if has_part(moved, "actuator") else []
-        new_failures += self._lanes(moved) if has_part(moved, "computer") else []
+        new_failures += [*self._coils(table), *self._lanes(table)]
         new = [
             Isolation(failure, self._onset(failure)) for failure in sorted(new_failures, key=lambda each: each.frame)
         ]
@@ -77,10 +78,10 @@ class Story:
         self.end, self.last = End(rows["end"][-1]), int(rows["frame"][-1])
         return bool(new) or onsets_before != self._onsets or self.end != End.FLYING
 
-    def _coils(self, moved: LaneBlock) -> list[Failure]:
-        """Return the channels of servos that are shut off in ``moved``."""
+    def _coils(self, table: Table) -> list[Failure]:
+        """Return the channels of servos that are shut off in these frames."""
         before = {surface: set(channels) for surface, channels in self._servos.failed.items()}
-        self._servos.find(moved)
+        self._servos.find(table)
         return [
             Failure(frame, f"{ACTUATOR}{surface}", channel, monitor)
             for surface, channels in self._servos.failed.items()
@@ -88,10 +89,10 @@ class Story:
             if channel not in before.get(surface, ())
         ]
 
-    def _lanes(self, moved: LaneBlock) -> list[Failure]:
-        """Return the computers, and the links by their receivers, that fail in ``moved``."""
+    def _lanes(self, table: Table) -> list[Failure]:
+        """Return the computers, and the links by their receivers, that fail in these frames."""
         of, failed, silent = self._computers, len(self._computers.failures), len(self._computers.links)
-        of.find(moved)
+        of.find(table)
         return [
             *(
                 Failure(
@@ -196,10 +197,11 @@ def _text(place: str, channels: Sequence[int]) -> str:
     return f"{plain(place)}, channel{'s' if len(channels) > 1 else ''} {', '.join(map(str, channels))},"
 
 
-def look(facts: Facts, rows: Block, rate_hz: float, ended: bool, moved: LaneBlock | None = None) -> tuple[Facts, str]:
+def look(facts: Facts, table: Table | Block, rate_hz: float, ended: bool) -> tuple[Facts, str]:
     """Return ``facts`` with what a whole flight has shown, and its headline; ``ended``: its loop has ended it."""
-    story = Story(facts, rate_hz)
-    story.add(rows, moved)
+    table = Table.of(table)
+    story, rows = Story(facts, rate_hz), table.rows
+    story.add(table)
     lost = story.end != End.FLYING
     ranges = charts.ranges(rows) | {signal.name: signal_range(facts, rows, i) for i, signal in enumerate(SIGNALS)}
     end_s, decisive = story.last / rate_hz, story.decisive
@@ -210,9 +212,9 @@ def look(facts: Facts, rows: Block, rate_hz: float, ended: bool, moved: LaneBloc
     if (lanes := story.first_s(COMPUTER, LINK)) is not None:
         seen = replace(seen, isolated_s=lanes[1], lanes_s=decisive_s(*lanes, end_s))
     for of, span_s in ((servos, seen.coils_s), (computers, seen.lanes_s)):
-        if has_part(moved, of.SHOWN.part):
+        if of.SHOWN.part in table.parts:
             first, last = (round(s * rate_hz) for s in span_s or (0.0, end_s))
-            ranges |= of.ranges(moved, slice(first, last + 1))
+            ranges |= of.ranges(table, slice(first, last + 1))
     if decisive is not None:
         span_s = decisive_s(decisive.onset_s, decisive.isolated_s, end_s)
         first, last = (int(np.searchsorted(rows["frame"], s * rate_hz)) for s in span_s)

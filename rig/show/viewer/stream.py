@@ -11,13 +11,11 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 from urllib.parse import urlsplit
 
-from numpy.typing import NDArray
-
 from rig.core.event import Event, StreamReport
-from rig.core.frame import Block, LaneBlock
+from rig.core.frame import Block, Table
 from rig.show.viewer import viewer
 from rig.show.viewer.facts import UNKNOWN, Facts, Layout, Shown, of_resolved
 from rig.show.viewer.sink import About, check_where, open_sink
@@ -38,11 +36,9 @@ class SinkLike(Protocol):
     def begin(self) -> None: ...  # noqa: D102
     def send(  # noqa: D102
         self,
-        rows: Block,
+        table: Table,
         rate_hz: float,
         events: Sequence[Event],
-        timing: NDArray[Any] | None = None,
-        moved: LaneBlock | None = None,
     ) -> None: ...
     def flush(self, timeout_s: float) -> None: ...  # noqa: D102
     def close(self) -> None: ...  # noqa: D102
@@ -77,7 +73,7 @@ class Streams:
         return open_stream(where, scenario.title or log.stem, scenario.rate_hz, log, facts)
 
 
-_Item = tuple[Block, "Sequence[Event]", NDArray[Any] | None, LaneBlock | None]
+_Item = tuple[Table, "Sequence[Event]"]
 
 
 class Stream:
@@ -99,19 +95,14 @@ class Stream:
         self._worker = threading.Thread(target=self._run, name="rerun stream", daemon=True)
         self._worker.start()
 
-    def put(
-        self,
-        rows: Block,
-        events: Sequence[Event] = (),
-        timing: NDArray[Any] | None = None,
-        moved: LaneBlock | None = None,
-    ) -> None:
-        """Queue ``rows``, which the caller no longer touches, events, TIMING and LANES.  Never waits for the sink."""
+    def put(self, table: Table | Block, events: Sequence[Event] = ()) -> None:
+        """Queue frames, which the caller no longer touches, and their events.  Never waits for the sink."""
+        table = Table.of(table)
         with self._changed:
-            self._frames += len(rows)
-            if not self._closing and (self._pending + len(rows)) * rows.itemsize <= self._queue_bytes:
-                self._queue.append((rows, events, timing, moved))
-                self._pending += len(rows)
+            self._frames += len(table)
+            if not self._closing and (self._pending + len(table)) * table.rows.itemsize <= self._queue_bytes:
+                self._queue.append((table, events))
+                self._pending += len(table)
                 self._changed.notify_all()
 
     @property
@@ -146,11 +137,11 @@ class Stream:
     def _run(self) -> None:
         self._try(self._sink.begin)
         while (item := self._next()) is not None:
-            rows, events, timing, moved = item
-            sent = self._try(lambda: self._sink.send(rows, self._rate_hz, events, timing, moved))  # noqa: B023 # called at once
+            table, events = item
+            sent = self._try(lambda: self._sink.send(table, self._rate_hz, events))  # noqa: B023 # called at once
             with self._changed:
-                self._pending -= len(rows)
-                self._sent += len(rows) if sent else 0
+                self._pending -= len(table)
+                self._sent += len(table) if sent else 0
                 self._changed.notify_all()
         self._try(lambda: self._sink.flush(FLUSH_S))
         self._try(self._sink.close)

@@ -103,10 +103,10 @@ def _flown(scenario: Scenario, entrant: Entrant, signal: OfSignal, mine: Calibra
         flight = fly(told)
     s, fault = INDEX[signal.name], scenario.faults[made.tested]
     onset = to_frame(float(fault.start_s or 0.0), scenario.rate_hz)
-    failed = flight.rows["state"][:, s] == State.FAILED
+    failed = flight.table["state"][:, s] == State.FAILED
     result = np.zeros(1, RESULT)
     result["failed_at"] = first_failed(failed)
-    rows = flight.rows[onset:]
+    rows = flight.table.rows[onset:]
     errors = np.abs(differences(rows["voted"][:, s], rows["truth"][:, s], SIGNALS[s].wraps))
     result["peak"] = errors.max(initial=0.0)
     found = became(made, np.array([onset]), result)

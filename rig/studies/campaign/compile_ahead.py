@@ -24,6 +24,7 @@ from rig.computer.redundancy.managers import KINDS
 from rig.computer.redundancy.state import ManagerData
 from rig.core.errors import RigError
 from rig.core.files import reported
+from rig.core.frame import Table
 from rig.core.interrupt import at_once
 from rig.core.kernel_cache import folder, reached
 from rig.core.kernel_locks import give_back, take
@@ -155,7 +156,7 @@ def _from_the_end() -> None:
     compile_inner(loop.after, loop.nested(rows), 0, data)
     outcome = FlightConclusion()
     outcome.begin(scenario)
-    outcome.add(rows, rig.faults.clean_of(rows))
+    outcome.add(Table(rows, clean=rig.faults.clean_of(rows)))
     _managers_from_the_last(row, data.redundancy.manager)
     compile_inner(think_all, row, 0, ComputerData(data.redundancy, data.control, data.faults), data.lanes)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rig.core.errors import UnitDead
 from rig.core.files import replaced
-from rig.core.frame import TIMING, Block, LaneBlock, new_block
+from rig.core.frame import TIMING, Block, Table, new_block
 from rig.core.interrupt import Stop
 from rig.flight import loop
 from rig.flight.events import Event
@@ -30,15 +30,17 @@ class CampaignFlight:
     """A flight in memory."""
 
     scenario: Scenario
-    rows: Block
-    timing: NDArray[Any]
+    table: Table
     events: list[Event]
-    clean: NDArray[np.void]  # of the sensors before any fault
     verdict: Verdict
     ended: list[Event]  # that only the end shows: faults that did nothing
-    lanes: LaneBlock | None = None
     coils_failed: dict[str, dict[int, tuple[float, str]]] = field(default_factory=dict)  # as Flight.coils_failed
     unit: dict[str, str] = field(default_factory=dict)  # metadata of its log on the unit under test
+
+    @property
+    def rows(self) -> Block:
+        """Return its rows alone."""
+        return self.table.rows
 
     @property
     def end_reason(self) -> str:
@@ -56,21 +58,22 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlig
     loop.fly(rig, [findings, beside], memory=(rows, timing))
     flown = slice(findings.verdict.frames)
     lanes = np.concatenate(beside.blocks) if beside.blocks else None
+    table = Table(rows[flown], lanes, timing[flown], rig.faults.clean[flown])
     coils = findings.actuators.failed_at(scenario.rate_hz)
-    end = findings.verdict, findings.end(), lanes, coils, ended_unit(tested)
-    return CampaignFlight(scenario, rows[flown], timing[flown], findings.events, rig.faults.clean[flown], *end)
+    end = findings.verdict, findings.end(), coils, ended_unit(tested)
+    return CampaignFlight(scenario, table, findings.events, *end)
 
 
 class _Lanes:
     """Keeps the rows of lanes, which are given for good."""
 
     def __init__(self) -> None:
-        self.blocks: list[LaneBlock] = []
+        self.blocks: list[NDArray[Any]] = []
 
-    def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
+    def record(self, table: Table) -> None:
         """Keep the next rows, if there are any."""
-        if lanes is not None:
-            self.blocks.append(lanes)
+        if table.beside is not None:
+            self.blocks.append(table.beside)
 
 
 def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
@@ -96,7 +99,6 @@ def write_log(flight: CampaignFlight, path: Path) -> None:
         for first in range(0, verdict.frames, writer.chunk_frames):
             part = slice(first, first + writer.chunk_frames)
             events = flight.events[bisect_left(frames, part.start) : bisect_left(frames, part.stop)]
-            lanes = None if flight.lanes is None else flight.lanes[part]
-            writer.write(flight.rows[part], flight.timing[part], events, lanes)
-        writer.write(new_block(0), np.zeros(0, TIMING), flight.ended)
+            writer.write(flight.table[part], events)
+        writer.write(Table(new_block(0), timing=np.zeros(0, TIMING)), flight.ended)
         writer.close({"digest": verdict.digest, "end_reason": flight.end_reason, "survived": str(verdict.survived)})

@@ -105,7 +105,7 @@ def _measured(case: Case, requirements: tuple[Requirement, ...], unit: Unit | No
         scenario, unit = managed(scenario, unit), None
     with flown_with(unit) as tested:
         flight = fly(scenario, tested)
-        verdicts = check_rows(flight.rows, flight.scenario, requirements, None, tested)
+        verdicts = check_rows(flight.table.rows, flight.scenario, requirements, None, tested)
     events = [*flight.events, *flight.ended]
     return _Outcome([(verdict, "") for verdict in verdicts], _decided(events, scenario.rate_hz), _idle(events))
 

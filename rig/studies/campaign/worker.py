@@ -108,9 +108,9 @@ def fly_run(run: Run, orders: Orders) -> Rows:
             flight = fly(run.scenario(_tables(run.aircraft)), tested)
             twin = fly_twin(flight.scenario, unit=tested) if orders.twin else None
             lane = None if tested is None else tested.lane
-            scored = score(flight.scenario, flight.rows, twin, clean=flight.clean, lanes=flight.lanes, unit_lane=lane)
+            scored = score(flight.scenario, flight.table, twin, unit_lane=lane)
             asked = orders.requirements
-            verdicts = check_rows(flight.rows, flight.scenario, asked, twin, tested) if asked else ()
+            verdicts = check_rows(flight.table.rows, flight.scenario, asked, twin, tested) if asked else ()
         found = {table: rows(table, run.number, flight.scenario, scored, flight, verdicts) for table in TABLES}
         found["runs"][0]["manager"] = orders.voter(flight.scenario.redundancy.manager)
     except (UnitDead, UnitRefused) as error:
@@ -154,7 +154,7 @@ def warm() -> None:
     """Compile the kernels, or load them, before the first clock runs."""
     short = load(None, ["duration_s=0.01", "faults=[]"])
     flight = fly(short)
-    score(short, flight.rows, clean=flight.clean, lanes=flight.lanes)
+    score(short, flight.table)
     gc.collect()
     gc.freeze()  # what stays is not searched for rubbish again and again: tens of milliseconds each time
 

@@ -7,11 +7,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Final
 
-from numpy.typing import NDArray
-
 from rig.core.errors import BadInput
 from rig.core.event import Event
-from rig.core.frame import Block, LaneBlock
+from rig.core.frame import Table
 from rig.core.units.quantities import quantity
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
@@ -56,11 +54,11 @@ class MeasuredConclusion(FlightConclusion):
     def _alone(self) -> list[Requirement]:
         return [each for each in self.requirements if not each.names_twin]
 
-    def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
-        """Take the next rows, as the conclusion does."""
-        super().add(rows, clean, lanes)
+    def add(self, table: Table) -> None:
+        """Take the next frames, as the conclusion does."""
+        super().add(table)
         if self._recorder is not None:
-            self._recorder.record(rows)
+            self._recorder.record(table)
 
     def verdicts(self, log: Path, unit: UnitUnderTest | None = None, allow_code: bool = False) -> tuple[Verdict, ...]:
         """Return the verdicts of the finished flight, in the order of the requirements.

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
-from rig.core.frame import Block, End, State
+from rig.core.frame import Block, End, State, Table
 from rig.core.text import choices, quoted
 from rig.verdict.requirements.formula import CHANNEL, COMPARISONS, SIGNAL, Formula, body, read_formula
 from rig.verdict.requirements.margins import Held, decisive, frames_reach, refuse_empty_windows, values
@@ -166,8 +166,9 @@ class RequirementsRecorder:
         """Return whether a formula names ``twin.``"""
         return any(q.parts.twin for q in self.quantities)
 
-    def record(self, rows: Block, timing: Any = None, lanes: Any = None) -> None:
-        """Take the next rows (n,), of a flight or of a bench."""
+    def record(self, table: Table | Block) -> None:
+        """Take the next frames (n,), of a flight or of a bench."""
+        rows = Table.of(table).rows
         if not len(rows) or not self.measured:
             return
         columns = np.empty((len(self.quantities), len(rows)))

@@ -149,10 +149,10 @@ def healthy_flight(aircraft: str, rate_hz: float, seed: int, duration_s: str, *m
 
 def statistics(flight: CampaignFlight) -> NDArray[np.float64]:
     """Return the largest difference that each monitor saw in a single frame: current, spool, position, ram."""
-    assert flight.lanes is not None
+    assert flight.table.servo is not None
     largest = np.zeros(4)
     for i, surface in enumerate(MOVED):
-        rows, actuator = flight.lanes["actuator"][:, i], getattr(flight.scenario.airframe, surface)
+        rows, actuator = flight.table.servo[:, i], getattr(flight.scenario.airframe, surface)
         largest = np.maximum(largest, _differences(rows, actuator))
     return largest
 

@@ -61,8 +61,8 @@ def beginning(faults: Sequence[tuple[str, float]]) -> str:
 def findings(flight: CampaignFlight) -> ComputerFinder:
     """Return who was failed, and why the back-up flies."""
     finder = ComputerFinder(flight.scenario.rate_hz)
-    assert flight.lanes is not None
-    finder.find(flight.lanes)
+    assert flight.table.lane is not None
+    finder.find(flight.table)
     return finder
 
 
@@ -130,7 +130,7 @@ def _found(flight: CampaignFlight, found: Score, start_s: float) -> tuple[str, f
 
 def scored(flight: CampaignFlight) -> Score:
     """Return the score of a flight."""
-    return score(flight.scenario, flight.rows, clean=flight.clean, lanes=flight.lanes)
+    return score(flight.scenario, flight.table)
 
 
 def _row(name: str, flights: Sequence[Outcome]) -> list[str]:
@@ -184,8 +184,8 @@ def _in_a_row(aircraft: str, order: Sequence[str]) -> Row:
     faults = [(LOSSES[kind].format(lane=COMPUTERS[i]), 4.0 + 3.0 * i) for i, kind in enumerate(order)]
     flight, before = (four(aircraft, "duration_s=40", SURE, beginning(faults[:n])) for n in (4, 3))
     backup = findings(flight).backup
-    assert flight.lanes is not None
-    counts = is_engaged(flight.lanes[: None if backup is None else backup[0] + 1]).sum(axis=1)
+    assert flight.table.lane is not None
+    counts = is_engaged(flight.table[: None if backup is None else backup[0] + 1]).sum(axis=1)
     left = [counts[0], *counts[1:][np.diff(counts) != 0]]
     why = "it does not" if backup is None else backup[1]
     return Row("-".join(map(str, left)), why, flight.verdict.survived, transient(flight, before, faults[3][1]))
@@ -252,8 +252,8 @@ def _parted(rounds: int, liar: int, link: str, more: str, channel: int, name: st
     off = f"kind='offset', signal='{name}', channels=[{channel + 1}], offset_thresholds=10.0"
     sets = [f"computers.exchange_rounds={rounds}", "actuators.model=lag", "duration_s=1"]
     flight = four("f16", *sets, beginning([(lie, 0.3), (off, 0.3)]))
-    assert flight.lanes is not None
-    failed = flight.lanes["computer"]["state"][-1][:, INDEX[name]] == State.FAILED
+    assert flight.table.lane is not None
+    failed = flight.table.lane["state"][-1][:, INDEX[name]] == State.FAILED
     good = [lane for lane in range(4) if lane != liar]
     return bool((failed[good] != failed[good[0]]).any())
 

@@ -1,0 +1,106 @@
+"""The frames of a flight as one table, in memory while it flies and out of a log.
+
+    table["voted"], len(table), table[first:end]    as of an array of rows
+    table.servo   (n, 3) ACTUATOR, or None: no servo moves a surface
+    table.lane    (n, 4) COMPUTER, or None: there is one computer
+    table.timing  (n,) TIMING, or None: not known
+    table.clean   (n,) what the sensors gave before any fault, or None: not kept
+
+Kernels are given its arrays: ``rows`` and the parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.core.frame.row import Block
+from rig.core.frame.second_row import LANE_PARTS, LaneBlock, LanePart, LaneParts, lane_rows, parts_of
+
+NAMES: Final[dict[Literal["servo", "lane"], LanePart]] = {"servo": "actuator", "lane": "computer"}
+
+
+class Table:
+    """Frames that follow each other; a slice is a view."""
+
+    __slots__ = ("beside", "clean", "rows", "timing")
+    rows: Block
+    beside: Any  # arrays (n,), or None
+    timing: Any
+    clean: Any
+
+    def __init__(
+        self,
+        rows: Block,
+        beside: LaneBlock | None = None,
+        timing: NDArray[Any] | None = None,
+        clean: NDArray[Any] | None = None,
+    ) -> None:
+        """beside : (n,) servos and lanes as one record a frame, as the loop fills them and the log packs them."""
+        self.rows, self.beside, self.timing, self.clean = rows, beside, timing, clean
+
+    @classmethod
+    def of(cls, frames: Block | Table) -> Table:
+        """Return a table as it is, and rows alone as one without parts."""
+        return frames if isinstance(frames, Table) else cls(frames)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return a field of the rows, or the frames of a slice."""
+        if isinstance(key, str):
+            return self.rows[key]
+        return self.each(lambda part: part[key])
+
+    def each(self, function: Callable[[NDArray[Any]], NDArray[Any]]) -> Table:
+        """Return the table of what ``function`` makes of its rows and of each of its parts."""
+        return Table(function(self.rows), *[None if part is None else function(part) for part in self.arrays()[1:]])
+
+    def arrays(self) -> tuple[Any, ...]:
+        """Return what the table is made of, in the order of its arguments."""
+        return self.rows, self.beside, self.timing, self.clean
+
+    def part(self, name: LanePart) -> Any:
+        """Return a part by its name in the log; None: the flight has none."""
+        return self.beside[name] if self.beside is not None and name in self.parts else None
+
+    @property
+    def parts(self) -> LaneParts:
+        """Return the names of its parts in the log."""
+        return parts_of(self.beside)
+
+    @property
+    def servo(self) -> Any:
+        """(n, 3) ACTUATOR; None: no servo moves a surface."""
+        return self.part("actuator")
+
+    @property
+    def lane(self) -> Any:
+        """(n, 4) COMPUTER; None: there is one computer."""
+        return self.part("computer")
+
+    def copy(self) -> Table:
+        """Return a table of its own memory."""
+        return self.each(lambda part: part.copy())
+
+    def copied_beside(self, parts: Iterable[LanePart]) -> Table:
+        """Return its rows with new records beside them, into which ``parts`` are copied field by field.
+
+        The padding between fields is part of the digest, and zero.
+        """
+        made = lane_rows(len(self), self.parts)
+        made["frame"] = self["frame"]
+        for part in parts:
+            for name in LANE_PARTS[part].base.names or ():
+                made[part][name] = self.part(part)[name]
+        return Table(self.rows, made, self.timing, self.clean)
+
+
+def stacked(tables: list[Table]) -> Table:
+    """Return tables that follow each other as one."""
+    rows, *parts = zip(*(table.arrays() for table in tables), strict=True)
+    return Table(np.concatenate(rows), *[None if part[0] is None else np.concatenate(part) for part in parts])
