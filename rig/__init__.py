@@ -6,9 +6,7 @@ flight = rig.fly("faults/f16_pitch_rate_hardover.toml", seed=2)
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -26,7 +24,7 @@ _HOME = {
     **dict.fromkeys(("Scenario", "load"), "rig.scenario.scenario"),
     **dict.fromkeys(("score", "vote"), "rig.bench.api"),
     "fault": "rig.scenario.make_fault",
-    "write_report": "rig.show.pages.flight_page",
+    **dict.fromkeys(("report", "write_report"), "rig.show.pages.flight_page"),
 }
 __all__ = ["Flight", "Log", "Scenario", "fault", "fly", "load", "read_log", "report", "score", "vote", "write_report"]
 
@@ -35,25 +33,9 @@ def __getattr__(name: str) -> Any:
     """Import on first use: ``rig --help`` must not load numba and JSBSim."""
     if name not in _HOME:
         raise AttributeError(f"module 'rig' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+    return getattr(import_module(_HOME[name]), "write_report" if name == "report" else name)
 
 
 def __dir__() -> list[str]:
     """Return the public names, imported or not."""
     return sorted({*globals(), *__all__})
-
-
-class _Public(ModuleType):
-    """This package, whose ``report`` is the function, also when the folder of that name has been imported."""
-
-    @property
-    def report(self) -> Any:
-        """Return the function that writes the report of a flight."""
-        return import_module("rig.show.pages.flight_page").write_report
-
-    @report.setter
-    def report(self, folder: ModuleType) -> None:
-        """Take no notice of the folder, which an import puts here; it stays in ``sys.modules``."""
-
-
-sys.modules[__name__].__class__ = _Public

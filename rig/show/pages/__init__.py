@@ -1,4 +1,6 @@
-"""Reports: HTML files that open without a network; of one flight here, ``page`` for those of other rooms.
+"""Reports: HTML files that open without a network.
 
-``rig.report`` is the function that writes that of a flight (flight.write_report).
+flight_page.py  the report of a flight, which ``rig.report`` writes; page.py: what all pages have, for other rooms too
+course.py, moments.py  which state each lane took when; what is shown of a decision
+flight_figures.py, timeline.py, servo_figures.py, lane_figures.py, requirement_figures.py  its pictures; gathered.py, lines.py
 """

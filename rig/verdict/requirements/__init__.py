@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _HOME = {
     **dict.fromkeys(("MeasuredConclusion", "events", "measure_scored", "plain", "violated"), "along"),
     **dict.fromkeys(("check_log", "check_rows", "fly_requirements", "names_twin", "recorder_of"), "measure"),
-    **dict.fromkeys(("RequirementsRecorder", "Verdict"), "recorder"),
+    **dict.fromkeys(("RequirementsRecorder", "Verdict"), "requirement_recorder"),
     **dict.fromkeys(("margin_text", "number_of"), "shown"),
     **dict.fromkeys(("Requirement", "find_requirements", "load_requirements"), "requirement"),
     **dict.fromkeys(("Subject", "of_flight", "of_recording"), "subject"),

@@ -27,7 +27,7 @@ import rig.flight.loop  # noqa: F401  # warm: the libraries stay, itself is forg
 for name in [name for name in sys.modules if name.split(".")[0] == "rig"]:
     del sys.modules[name]
 # What does not read rig.computer stays; all else is read again by every run.
-for name in ("angles", "faults", "frame", "kernels", "plant", "sensors", "text", "trust"):
+for name in ("core.frame", "core.kernels", "core.units.angles", "world.faults", "world.plant", "world.sensors"):
     import_module(f"rig.{name}")
 if any(name.startswith("rig.computer") for name in sys.modules):
     raise SystemExit("a module that is kept reads rig.computer: its mutants would not be seen")
@@ -36,7 +36,7 @@ if any(name.startswith("rig.computer") for name in sys.modules):
 MONITOR = ("examples kernels manager resolve last_channel reference_threshold", "box common baselines")
 STAGES: dict[str, tuple[str, ...]] = {
     "__init__": ("stage", "own references"),
-    "config": ("kernels", "discrete examples manager baselines stage"),
+    "manager_config": ("kernels", "discrete examples manager baselines stage"),
     "designed": ("stage", "references"),
     "discrete": ("discrete",),
     "discrete_config": ("discrete kernels stage",),
@@ -46,7 +46,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "own": ("own",),
     "durations": ("kernels discrete",),
     "references": ("stage kinematics", "pitch_reference", "references"),
-    "sources": ("common", "stage", "references"),
+    "reference_sources": ("common", "stage", "references"),
     "strapdown": ("strapdown", "inertial_unit"),
     "inertial_unit": ("strapdown inertial_unit",),
     "unit_bank": ("unit_bank", "rate_bias"),
