@@ -154,14 +154,11 @@ def test_a_threshold_that_noise_leaves_gives_false_alarms_of_a_flight_without_fa
 def test_blocks_of_rows_give_what_the_whole_flight_gives():
     which, rows, lanes = flown(JAM, HARDOVER, sets=('turbulence="severe"',), seconds=5.0)
     outcome = FlightOutcome(which, 2.0)
-    done = 0
-    for part, clean in MeasuredAgain(which).of(rows):
-        outcome.add(part, clean)
-        outcome.add_parts(Table(part, lanes[done : done + len(part)]))
-        done += len(part)
+    for part in MeasuredAgain(which).of(Table(rows, lanes)):
+        outcome.add(part)
     whole = score(which, Table(rows, lanes))
     again = score_of(outcome)
-    assert done == len(rows) and again.actuators == whole.actuators and again.faults == whole.faults
+    assert outcome.frames == len(rows) and again.actuators == whole.actuators and again.faults == whole.faults
 
 
 def test_rows_without_those_of_the_servos_are_not_scored():

@@ -164,7 +164,7 @@ def test_every_bundled_scenario_is_scored_by_the_clean_channels_that_its_flight_
     which = which.model_copy(update={"duration_s": min(which.duration_s, max(11.0, onset_s + 5.0))})
     flown = fly_in_memory(which)
     rows, lanes = flown.rows, flown.table.beside
-    again = np.concatenate([clean.copy() for _, clean in MeasuredAgain(which).of(Table(rows, lanes))])
+    again = np.concatenate([part.clean.copy() for part in MeasuredAgain(which).of(Table(rows, lanes))])
     for field in ("channels", "valid"):
         np.testing.assert_array_equal(flown.table.clean[field], again[field])
     corrupted = any((rows[field] != again[field]).any() for field in ("channels", "valid"))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_assess_parts import flight, offset
 
-from rig.core.frame import CHANNELS, State
+from rig.core.frame import CHANNELS, State, Table
 from rig.flight.fly import fly
 from rig.scenario import scenario
 from rig.studies.campaign.flying import fly as fly_in_memory
@@ -63,10 +63,10 @@ def test_every_word_has_its_public_names():
 @pytest.mark.parametrize("size", [1, 7, 100])
 def test_rows_added_in_parts_give_the_score_of_all_at_once(size: int):
     which, rows = flight([offset([2], 0.2, 0.3), offset([3, 4], 0.4, 0.2, 0.7), offset([2], 0.6, 0.1)], 100)
-    (whole, clean), *_ = MeasuredAgain(which).of(rows)
+    (whole,) = MeasuredAgain(which).of(Table(rows))
     outcome = FlightOutcome(which, 2.0)
     for first in range(0, len(rows), size):
-        outcome.add(whole[first : first + size], clean[first : first + size])
+        outcome.add(whole[first : first + size])
     in_parts, at_once = score_of(outcome), score(which, rows)
     assert in_parts == at_once and in_parts.as_dict() == at_once.as_dict()
     assert conclusion(which, in_parts) == conclusion(which, at_once)
@@ -101,8 +101,8 @@ def test_a_flight_with_a_manager_that_fails_and_takes_back_is_gathered_as_it_is_
     which = scenario.load(None, ["duration_s=3", "redundancy.manager=selection"])
     rows = fly_rows(which)
     outcome = FlightOutcome(which, 2.0)
-    for part, clean in MeasuredAgain(which).of(rows):
-        outcome.add(part, clean)
+    for part in MeasuredAgain(which).of(Table(rows)):
+        outcome.add(part)
     assert score_of(outcome) == score(which, rows)
 
 

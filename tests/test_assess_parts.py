@@ -10,7 +10,20 @@ from hypothesis import strategies as st
 
 from rig.computer.redundancy.manager_config import PARAMS
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS, FLAT, INDEX, SIGNALS, Block, End, Pattern, Resolver, State, nested, new_block
+from rig.core.frame import (
+    CHANNELS,
+    FLAT,
+    INDEX,
+    SIGNALS,
+    Block,
+    End,
+    Pattern,
+    Resolver,
+    State,
+    Table,
+    nested,
+    new_block,
+)
 from rig.flight.loop import Rig
 from rig.scenario import scenario
 from rig.scenario.scenario import Scenario
@@ -61,7 +74,7 @@ def test_the_clean_channels_are_the_recorded_ones_bit_for_bit_where_no_fault_act
     which, rows = flight([offset([3], 0.5, 0.2)])
     from rig.verdict.unfaulted import MeasuredAgain
 
-    clean = np.concatenate([kept["channels"].copy() for _, kept in MeasuredAgain(which).of(rows)])
+    clean = np.concatenate([part.clean["channels"].copy() for part in MeasuredAgain(which).of(Table(rows))])
     error = rows["channels"] - clean
     corrupted = np.zeros_like(error, bool)
     corrupted[50:, Q, 2] = True

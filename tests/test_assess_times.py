@@ -4,7 +4,7 @@ import numpy as np
 
 from rig.core.frame import TIMING, new_block
 from rig.flight.time_histogram import BINS, Times, binned, keyed
-from rig.verdict.of_log import Miss, Misses
+from rig.verdict.of_log import Miss, misses
 
 
 def test_a_time_on_an_edge_is_not_below_it():
@@ -32,12 +32,6 @@ def test_a_flight_without_clock_or_unit_has_no_times():
 def test_misses_are_told_by_their_frames_and_first_status():
     rows = new_block(10, 5)
     rows["unit"] = [1, 2, 2, 1, 6, 4, 5, 1, 1, 2]
-    for size in (1, 3, 10):  # a miss that goes on in the next block is one
-        misses = Misses()
-        for first in range(0, 10, size):
-            misses.add(rows[first : first + size])
-        assert misses.all() == [Miss(6, 7, "held"), Miss(9, 10, "refused"), Miss(14, 14, "held")]
+    assert misses(rows) == [Miss(6, 7, "held"), Miss(9, 10, "refused"), Miss(14, 14, "held")]
     rows["unit"] = 0
-    misses = Misses()
-    misses.add(rows)
-    assert misses.all() == []
+    assert misses(rows) == []

@@ -26,7 +26,7 @@ from rig.bench.channels import usable_samples
 from rig.bench.inject import Injection
 from rig.bench.rows_of_recording import FIELDS, blocks, put
 from rig.bench.vote_rows import Result, Voted, discrete_params, params_of
-from rig.core.frame import Block, D, Ilm, S, State, rows
+from rig.core.frame import Block, D, Ilm, S, State, Table, rows
 from rig.core.units.angles import differences
 from rig.log.recordings.align import Corrections
 from rig.log.recordings.injection_file import Injected
@@ -116,7 +116,7 @@ def added_up(injection: Injection, recording: Recording, voted: Result, correcti
     monitored = Monitored.of(params, discretes, voted.rules.box_signals)
     outcome = Outcome(monitored, fault_records(injection.faults, monitored, injection.places))
     for block, clean in _rows(injection, recording, voted, corrections):
-        outcome.add(block, clean)
+        outcome.add(Table(block, clean=clean))
     return outcome
 
 

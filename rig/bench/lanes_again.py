@@ -44,7 +44,7 @@ class LanesAgain:
         self._again = [i for i, fault in enumerate(scenario.faults) if places_of(fault) <= _THOUGHT]
         self._lanes: Lanes | None = None
 
-    def add(self, recorded: Table) -> Table:
+    def over(self, recorded: Table) -> Table:
         """Copy the next frames with FCC and lanes written again, the servos as they are."""
         rows = recorded.rows
         lanes = self._lanes = self._lanes or self._begin(rows[0])

@@ -2,30 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.blocks import in_blocks
 from rig.core.event import Event
-from rig.core.frame import LaneParts, Table, new_block
+from rig.core.frame import FLAT, LaneParts, Table, new_block
 from rig.log.scan import About, iter_parts
 
+HELD_BYTES: Final = 128 * 1024 * 1024  # of the rows of a log that is decoded once; of a longer one as often as asked
 
-def iter_blocks(path: Path, about: About) -> Iterator[Table]:
-    """Yield all frames of a log in blocks of util.blocks.ROWS, and fill ``about``; BadLog when damage is reached."""
-    parts = iter_parts(path, about)
-    yield from (Table(*block) for block in in_blocks((part.rows, part.lanes, part.timing) for part in parts))
+
+def iter_blocks(path: Path, about: About, events: list[Event] | None = None) -> Iterator[Table]:
+    """Yield all frames of a log in blocks of core.blocks.ROWS, and fill ``about``; BadLog when damage is reached.
+
+    events : its events are added to it
+    """
+    noted = list[Event]() if events is None else events
+
+    def arrays() -> Iterator[tuple[Any, Any, Any]]:
+        for part in iter_parts(path, about):
+            noted.extend(part.events)
+            yield part.rows, part.lanes, part.timing
+
+    yield from (Table(*block) for block in in_blocks(arrays()))
 
 
 @dataclass(slots=True, repr=False)
 class LogFile:
-    """A whole log that stays on the disk: it was gone through once, and gives its frames as often as it is asked."""
+    """A whole log that was gone through once, and gives its frames as often as it is asked, from memory or the disk."""
 
     path: Path
     rate_hz: float
@@ -36,37 +47,53 @@ class LogFile:
     frames: int
     complete: bool  # the frames' numbers count from 0 on
     lanes: LaneParts  # what its rows of lanes have
+    _held: list[Table] | None = field(default=None)  # all its blocks; None: they are too long for that
 
     @classmethod
     def open(cls, path: Path | str) -> Self:
         """Go through the flight at ``path``; BadLog in one line when it is missing, foreign, cut or damaged."""
         about, events, frames, complete = About(), list[Event](), 0, True
-        for part in iter_parts(Path(path), about):
-            expected = np.arange(frames, frames + len(part.rows))
-            complete = complete and np.array_equal(part.rows["frame"], expected)
-            frames += len(part.rows)
-            events += part.events
+        held: list[Table] | None = []
+        for block in iter_blocks(Path(path), about, events):
+            complete = complete and np.array_equal(block["frame"], np.arange(frames, frames + len(block)))
+            frames += len(block)
+            held = None if held is None or frames * FLAT.itemsize > HELD_BYTES else [*held, block]
         said = about.metadata, about.result, about.attachments
-        return cls(Path(path), about.rate_hz, *said, events, frames, complete, about.lanes)
+        return cls(Path(path), about.rate_hz, *said, events, frames, complete, about.lanes, held)
 
-    def mapped(self) -> Table:
-        """Return all frames at once, on the disk and mapped into memory: what nobody reads costs none."""
+    def table(self, fields: Sequence[str]) -> Table:
+        """Return all frames at once; of a long log some ``fields`` of FLAT with servos and lanes, from a scratch file.
+
+        It is mapped into memory, has no name, and is gone with the table.
+        """
+        kept = np.dtype([(name, FLAT[name]) for name in fields])
         whole: Table | None = None
         first = 0
         for block in self.blocks():
-            whole = whole or block.each(lambda part: _mapped(self.frames, part))
+            if self._held is None:
+                block = Table(_fields(block.rows, kept), block.beside)
+            make = np.empty if self._held is not None else _mapped
+            whole = whole or block.each(lambda part, make=make: make(self.frames, part.dtype))
             for target, part in zip(whole.arrays(), block.arrays(), strict=True):
                 if target is not None:
-                    target[first : first + len(part)].view(np.uint8)[:] = np.ascontiguousarray(part).view(np.uint8)
+                    target[first : first + len(part)].view(np.uint8)[:] = part.view(np.uint8)
             first += len(block)
         return Table(new_block(0)) if whole is None else whole
 
     def blocks(self) -> Iterator[Table]:
-        """Yield all frames in blocks of util.blocks.ROWS; BadLog when the file has become another."""
-        return iter_blocks(self.path, About())
+        """Yield all frames in blocks of core.blocks.ROWS; BadLog when the file has become another."""
+        return iter_blocks(self.path, About()) if self._held is None else iter(self._held)
 
 
-def _mapped(frames: int, part: NDArray[Any]) -> NDArray[Any]:
-    """Return rows like those of ``part`` in a file without a name, which is gone with them."""
+def _fields(rows: NDArray[Any], kept: np.dtype[Any]) -> NDArray[Any]:
+    """Return some fields of ``rows`` as rows of their own."""
+    chosen = np.empty(len(rows), kept)
+    for name in kept.names or ():
+        chosen[name] = rows[name]
+    return chosen
+
+
+def _mapped(frames: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return rows in a file without a name, which is gone with them."""
     with TemporaryFile(prefix="rig-") as file:
-        return np.memmap(file, part.dtype, "w+", shape=(frames, *part.shape[1:])).view(np.ndarray)
+        return np.memmap(file, dtype, "w+", shape=(frames,)).view(np.ndarray)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS, SIGNALS, Block, Table, new_block
+from rig.core.frame import CHANNELS, SIGNALS, Table, new_block
 from rig.flight.suspects import SuspectCount
 from rig.scenario.scenario import Scenario
 from rig.verdict.kept_columns import KeptColumns
@@ -61,15 +61,14 @@ class Outcome:
         """Frames that were added."""
         return int(self.records.flight["frames"][0])
 
-    def add(self, rows: Block, clean: NDArray[Any]) -> None:
-        """Add the next rows; clean : (n,) CLEAN.  BadInput when no fault can have made a sample that differs."""
-        self._add(rows, clean, NO_REFERENCES)
+    def add(self, table: Table, references: NDArray[np.float64] = NO_REFERENCES) -> None:
+        """Add the next frames, with their clean channels; references : as of ``add_rows``.
 
-    def _add(self, rows: Block, clean: NDArray[Any], references: NDArray[np.float64]) -> None:
-        """Add the next rows; references : as of ``add_rows``."""
+        Block-wise: a flight is assessed while it is flown.  BadInput when no fault can have made a sample that differs.
+        """
         done = 0
-        while done < len(rows):
-            done = int(add_rows(rows, clean, references, done, self.records))
+        while done < len(table):
+            done = int(add_rows(table.rows, table.clean, references, done, self.records))
             self._empty()
 
     def _empty(self) -> None:
@@ -151,21 +150,18 @@ class FlightOutcome(Outcome):
         self.law = LawOutcome(self.params) if scenario.control.law == "fault-tolerant" else None
         add_rows(new_block(0), np.zeros(0, CLEAN), NO_REFERENCES, 0, self.records)  # compiles before the first frame
 
-    def add(self, rows: Block, clean: NDArray[Any]) -> None:
-        """Add the next rows, and keep what is to be kept of them."""
-        if self.frames == 0 and len(rows):
+    def add(self, table: Table, references: NDArray[np.float64] = NO_REFERENCES) -> None:
+        """Add the next frames, with their servos and lanes if there are any, and keep what is to be kept of them."""
+        rows, first = table.rows, self.frames
+        if first == 0 and len(rows):
             faults = self.records.faults
             here = (faults["signal"] >= 0) & (faults["discrete"] == 0)
             faults["sample"][here] = rows["channels"][0][faults["signal"][here], faults["channel"][here]]
-        first = self.frames
-        self._add(rows, clean, NO_REFERENCES if self._referred is None else self._referred.of(rows))
+        super().add(table, references if self._referred is None else self._referred.of(rows))
         self.kept.add(rows, first, self.records.faults)
         self.suspects.add(rows)
         if self.law is not None:
-            self.law.add(rows, clean)
-
-    def add_parts(self, table: Table) -> None:
-        """Add servos and lanes of the next frames, if there are any."""
+            self.law.add(table)
         if self.actuators is not None and table.servo is not None:
             self.actuators.add(table)
         if self.computers is not None:

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import INDEX, SIGNALS, Block, SensorFault, Trust
+from rig.core.frame import INDEX, SIGNALS, SensorFault, Table, Trust
 from rig.core.units.angles import differences
 from rig.verdict.score_records import FaultScore, LawFinding
 from rig.verdict.words import fault_word
@@ -35,10 +35,11 @@ class LawOutcome:
         self._trust, self._lie = int(Trust.NONE), int(SensorFault.NONE)  # in the row before
         self.findings: list[LawFinding] = []
 
-    def add(self, rows: Block, clean: NDArray[Any]) -> None:
-        """Add the next rows; clean : (n,) CLEAN."""
-        if not len(rows):
+    def add(self, table: Table) -> None:
+        """Add the next frames, with their clean channels."""
+        if not len(table):
             return
+        rows, clean = table.rows, table.clean
         trust, lie = ([before, *rows[name].tolist()] for before, name in ((self._trust, "trust"), (self._lie, "lie")))
         news = np.flatnonzero((np.diff(trust) != 0) | (np.diff(lie) != 0)).tolist()
         for k in news:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.lib.recfunctions import repack_fields
+from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
 from rig.core.frame import Block, Table, UnitStatus
@@ -26,7 +26,7 @@ from rig.unit.unit_file import voter
 from rig.verdict.conclusion import conclusion
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.score_records import Score, Yardstick
-from rig.verdict.scoring import Scoring, score_of
+from rig.verdict.scoring import score_blocks, score_of
 from rig.verdict.transients import twin_blocks
 
 _UNANSWERED: Final = (UnitStatus.HELD, UnitStatus.LATE, UnitStatus.DEAD, UnitStatus.REFUSED)
@@ -93,18 +93,18 @@ def score_log(
     unit_facts = unit_of(log.metadata)
     if unit is not None:
         unit.fly_as(unit_facts)
-    misses = Misses(unit_facts.get("on_miss") == "fault")
+    times, answers = Times(), list[NDArray[Any]]()
+    blocks, other = _gone_through(log, times, answers), _twin(log, scenario, unit) if twin else None
     try:
-        scored, times = _added_up(
-            log, scenario, yardstick, misses, _twin(log, scenario, unit) if twin else None, unit_facts.get("lane")
-        )
+        scored = score_blocks(scenario, blocks, other, yardstick, unit_facts.get("lane"))
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
     sentences = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
     voted_by = voter(scenario.redundancy.manager, unit_facts.get("name"), unit_facts.get("lane"))
-    return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), misses.all(), sentences, voted_by)
+    missed = misses(np.concatenate(answers)) if unit_facts.get("on_miss") == "fault" else []
+    return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), missed, sentences, voted_by)
 
 
 def _twin(log: Log | LogFile, scenario: Scenario, unit: UnitUnderTest | None) -> Iterator[Block]:
@@ -112,23 +112,15 @@ def _twin(log: Log | LogFile, scenario: Scenario, unit: UnitUnderTest | None) ->
     return twin_blocks(scenario, log.frames, unit)
 
 
-def _added_up(
-    log: Log | LogFile,
-    scenario: Scenario,
-    yardstick: Yardstick,
-    misses: Misses,
-    twin: Iterator[Block] | None,
-    unit_lane: str | None,
-) -> tuple[Score, Times]:
-    """Go through the log, and beside it through the twin, block by block."""
-    scoring, times, done = Scoring(scenario, yardstick, twin=twin is not None, unit_lane=unit_lane), Times(), 0
-    for block, other in zip_longest(log.blocks(), twin or ()):
-        scoring.add(block, other)
-        misses.add(block.rows)
+def _gone_through(log: Log | LogFile, times: Times, answers: list[NDArray[Any]]) -> Iterator[Table]:
+    """Yield the blocks of a log; note on the way its times of the wall clock, and what a unit answered."""
+    done = 0
+    for block in log.blocks():
         times.add(block.timing)
-        done += len(block.rows)
+        answers.append(repack_fields(block.rows[["frame", "unit"]]))
+        yield block
+        done += len(block)
         tell("scoring", done, log.frames)
-    return scoring.score(), times
 
 
 class FlightConclusion:
@@ -150,8 +142,7 @@ class FlightConclusion:
         if self._outcome is None:
             return
         try:
-            self._outcome.add(table.rows, table.clean)
-            self._outcome.add_parts(table)
+            self._outcome.add(table)
         except BadInput as error:
             self._outcome, self._refused = None, str(error)
 
@@ -178,24 +169,10 @@ def _scenario(path: Path, log: Log | LogFile, allow_code: bool) -> Scenario:
     return pressed(scenario, log.result, str(path))
 
 
-class Misses:
-    """The frames of a flight that a unit did not answer, of one whose file calls them ``faults``."""
-
-    def __init__(self, faults: bool = True) -> None:
-        self._faults, self._rows = faults, list[Block]()
-
-    def add(self, rows: Block) -> None:
-        """Take the next ``rows`` (n,)."""
-        if self._faults:
-            self._rows.append(repack_fields(rows[["frame", "unit"]]))
-
-    def all(self) -> list[Miss]:
-        """Return all misses, in the order of time."""
-        if not self._rows:
-            return []
-        rows = np.concatenate(self._rows)
-        frames, status = rows["frame"], rows["unit"]
-        return [
-            Miss(int(frames[first]), int(frames[end - 1]), UnitStatus(status[first]).name.lower())
-            for first, end in runs_where(np.isin(status, _UNANSWERED)).tolist()
-        ]
+def misses(answers: NDArray[Any]) -> list[Miss]:
+    """Return the frames that a unit did not answer, in the order of time; answers : (n,) frame and unit of rows."""
+    frames, status = answers["frame"], answers["unit"]
+    return [
+        Miss(int(frames[first]), int(frames[end - 1]), UnitStatus(status[first]).name.lower())
+        for first, end in runs_where(np.isin(status, _UNANSWERED)).tolist()
+    ]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Iterable, Mapping
+from itertools import zip_longest
 from typing import Final
 
 import numpy as np
@@ -32,63 +32,17 @@ from rig.verdict.servo_kernels import MONITORS
 from rig.verdict.servo_tally import finder
 from rig.verdict.signal_kernels import LEVELS, NEVER
 from rig.verdict.tally_records import COMPARISON
-from rig.verdict.transients import Deviations, flight_score, transients
+from rig.verdict.transients import Apart, Deviations, apart_from, flight_score, transients
 from rig.verdict.unfaulted import MeasuredAgain, laid_out
 from rig.verdict.words import PUBLIC, Cause, FaultWord, IsolationKind, fault_word
 
-__all__ = ["Scoring", "monitor", "score", "score_of"]
+__all__ = ["monitor", "score", "score_blocks", "score_of"]
 _YARDSTICK = Yardstick()
 _DISCRETE_NAMES = [discrete.name for discrete in DISCRETES]
 _SIGNAL_NAMES = [signal.name for signal in SIGNALS]
 _FROM_0 = "a flight is scored from its frame 0 on"
 _FRAMES = ("onset", "exceeded_at", "failed_at")
 OUTCOMES: Final[Mapping[FaultWord, Outcome]] = PUBLIC["score"]  # pyright: ignore[reportAssignmentType]
-
-
-class Scoring:
-    """The score of a flight of ``scenario`` against the truth in its rows, added up block by block.
-
-    twin : whether the same flight without faults is compared with it; without that there are no transients
-    unit_lane : of several computers, the one whose software is a unit under test, A to D
-    """
-
-    def __init__(
-        self,
-        scenario: Scenario,
-        yardstick: Yardstick = _YARDSTICK,
-        *,
-        twin: bool = False,
-        unit_lane: str | None = None,
-    ) -> None:
-        self._outcome, self._scenario = FlightOutcome(scenario, yardstick.window_s, unit_lane), scenario
-        self._off = Deviations(yardstick) if twin else None
-
-    @cached_property
-    def _again(self) -> MeasuredAgain:
-        """The sensors once more, which take a tenth of a score to set up: for rows without their clean channels."""
-        return MeasuredAgain(self._scenario)
-
-    def add(self, table: Table | Block, twin: Block | None = None) -> None:
-        """Add the next frames, from frame 0 on; twin : as many of the other flight, fewer where it ends.
-
-        BadInput when the sensors cannot have given the rows.
-        """
-        table = Table.of(table)
-        rows, outcome = laid_out(table.rows), self._outcome
-        table = Table(rows, table.beside, clean=table.clean)
-        if outcome.frames == 0 and len(rows) and rows["frame"][0] != 0:
-            raise BadInput(_FROM_0)
-        for part, kept in self._again.of(table) if table.clean is None else [(rows, table.clean)]:
-            outcome.add(part, kept)
-        outcome.add_parts(table)
-        if self._off is not None:
-            self._off.add(rows, twin)
-
-    def score(self) -> Score:
-        """Return the score of what was added; BadInput: nothing was, or the twin is that of another flight."""
-        if self._outcome.frames == 0:
-            raise BadInput(_FROM_0)
-        return score_of(self._outcome, self._off)
 
 
 def score(
@@ -101,13 +55,37 @@ def score(
     """Score a flight of ``scenario`` against the truth in its ``table``, from frame 0 on.
 
     twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
-    unit_lane : as of ``Scoring``
+    unit_lane : of several computers, the one whose software is a unit under test, A to D
     Without its clean channels the sensors are run again over the recorded truth.
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
-    whole = Scoring(scenario, yardstick, twin=twin is not None, unit_lane=unit_lane)
-    whole.add(table, twin)
-    return whole.score()
+    return score_blocks(scenario, [Table.of(table)], None if twin is None else [twin], yardstick, unit_lane)
+
+
+def score_blocks(
+    scenario: Scenario,
+    blocks: Iterable[Table],
+    twin: Iterable[Block] | None = None,
+    yardstick: Yardstick = _YARDSTICK,
+    unit_lane: str | None = None,
+) -> Score:
+    """Score a flight whose frames come in blocks, as ``score`` does; twin : as many at a time, fewer where it ends."""
+    outcome, again, apart = FlightOutcome(scenario, yardstick.window_s, unit_lane), None, list[Apart]()
+    for table, other in zip_longest(blocks, twin or ()):
+        rows = laid_out(table.rows)
+        if outcome.frames == 0 and len(rows) and rows["frame"][0] != 0:
+            raise BadInput(_FROM_0)
+        if table.clean is None:
+            again = again or MeasuredAgain(scenario)  # it takes a tenth of a score to set up
+            for part in again.of(Table(rows, table.beside)):
+                outcome.add(part)
+        else:
+            outcome.add(Table(rows, table.beside, clean=table.clean))
+        if twin is not None:
+            apart.append(apart_from(rows, other))
+    if outcome.frames == 0:
+        raise BadInput(_FROM_0)
+    return score_of(outcome, None if twin is None else Deviations.of(apart, yardstick))
 
 
 def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:

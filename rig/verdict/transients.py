@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,30 +68,48 @@ def _reason(end: End, frames: int, scenario: Scenario) -> str:
     return "duration flown" if frames >= scenario.frames else "interrupted"
 
 
-class Deviations:
-    """How far a flight is from its twin, added up block by block: 32 bytes a frame."""
+class Apart(NamedTuple):
+    """How far frames of a flight are from those of its twin."""
 
-    def __init__(self, yardstick: Yardstick) -> None:
-        self.yardstick, self.frames, self.lost = yardstick, 0, False
-        self.first_difference: int | None = None
-        self._off: list[NDArray[np.float64]] = []
+    frames: int
+    lost: bool  # the flight, in the last of them
+    first_difference: int | None  # of the truth, counted from the first of them
+    off: NDArray[np.float64]  # (n, 4) of the frames that both have, _COMPARED
 
-    def add(self, rows: Block, twin: Block | None) -> None:
-        """Add the next ``rows`` (n,) and those of the twin, which has fewer where it has ended."""
-        n = 0 if twin is None else min(len(rows), len(twin))
-        if twin is not None:
-            truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
-            differs = np.flatnonzero((truth != other).any(axis=1))
-            if self.first_difference is None and len(differs):
-                self.first_difference = self.frames + int(differs[0])
-            self._off.append(np.abs(differences(truth, other, WRAPS))[:, _COMPARED])
-        if len(rows):
-            self.frames, self.lost = self.frames + len(rows), rows["end"][-1] != End.FLYING
 
-    @property
-    def off(self) -> NDArray[np.float64]:
-        """(n, 4) of the frames that both have, _COMPARED."""
-        return np.concatenate([np.empty((0, len(_COMPARED))), *self._off])
+def apart_from(rows: Block, twin: Block | None) -> Apart:
+    """Compare ``rows`` (n,) with those of the twin, which has fewer where it has ended, or none."""
+    lost = bool(len(rows)) and bool(rows["end"][-1] != End.FLYING)
+    if twin is None:
+        return Apart(len(rows), lost, None, np.empty((0, len(_COMPARED))))
+    n = min(len(rows), len(twin))
+    truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
+    differs = np.flatnonzero((truth != other).any(axis=1))
+    off = np.abs(differences(truth, other, WRAPS))[:, _COMPARED]
+    return Apart(len(rows), lost, int(differs[0]) if len(differs) else None, off)
+
+
+class Deviations(NamedTuple):
+    """How far a whole flight is from its twin."""
+
+    yardstick: Yardstick
+    frames: int
+    lost: bool
+    first_difference: int | None
+    off: NDArray[np.float64]  # (n, 4)
+
+    @classmethod
+    def of(cls, parts: Sequence[Apart], yardstick: Yardstick) -> Self:
+        """Return what the parts of a flight, in their order, come to."""
+        begins = np.cumsum([0, *(part.frames for part in parts)]).tolist()
+        firsts = (
+            begin + part.first_difference
+            for begin, part in zip(begins[:-1], parts, strict=True)
+            if part.first_difference is not None
+        )
+        off = np.concatenate([np.empty((0, len(_COMPARED))), *(part.off for part in parts)])
+        lost = next((part.lost for part in reversed(parts) if part.frames), False)
+        return cls(yardstick, begins[-1], lost, next(firsts, None), off)
 
 
 def transients(deviations: Deviations, faults: Sequence[FaultScore], acted_from: int, rate_hz: float) -> Transients:

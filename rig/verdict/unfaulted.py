@@ -38,14 +38,14 @@ class MeasuredAgain:
         self._skew = self._sensors.params["skew"].copy()
         self._block, self._kept = new_block(ROWS), np.zeros(ROWS, CLEAN)
 
-    def of(self, table: Table | Block) -> Iterator[tuple[Block, NDArray[Any]]]:
-        """Yield the next rows part by part, with the (n,) CLEAN of each, sampled when the lanes' clocks say."""
-        table = Table.of(table)
+    def of(self, table: Table) -> Iterator[Table]:
+        """Yield the next frames part by part with their clean channels, sampled when the lanes' clocks say."""
         rows, lead = table.rows, np.zeros((len(table), CHANNELS))
         if table.lane is not None:
             lead[:] = table.lane["clock_lead"]
         for first in range(0, len(rows), ROWS):
-            recorded = rows[first : first + ROWS]
+            part = table[first : first + ROWS]
+            recorded = part.rows
             again, clean = self._block[: len(recorded)], self._kept[: len(recorded)]
             again.view(np.uint8)[:] = recorded.view(np.uint8)
             self._sensors.prepare(again)
@@ -53,7 +53,8 @@ class MeasuredAgain:
             measure_again(nested(again), self._sensors.data, self._inertial.data, self._skew, lead[first:])
             for field in CLEAN.names or ():
                 clean[field] = again[field]
-            yield recorded, clean
+            part.clean = clean
+            yield part
 
 
 def laid_out(rows: Block) -> Block:

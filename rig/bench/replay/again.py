@@ -27,13 +27,13 @@ class Again:
         self.outputs = lanes_again.OUTPUTS if several else vote_again.outputs(unit)  # fields of the rows
         self.lane_columns = [column for column in LANE_COLUMNS if _written(column)]
 
-    def add(self, frames: Table) -> Table:
+    def over(self, frames: Table) -> Table:
         """Copy the next ``frames``, with what is written again."""
         if self._vote is not None:
-            frames = Table(self._vote.add(frames.rows), frames.beside, frames.timing)
+            frames = Table(self._vote.over(frames.rows), frames.beside, frames.timing)
         if self._lanes is not None and frames.lane is not None:
-            frames = self._lanes.add(frames)
-        return self._watch.add(frames)
+            frames = self._lanes.over(frames)
+        return self._watch.over(frames)
 
 
 def _written(column: LaneColumn) -> bool:

@@ -1,9 +1,9 @@
-"""The two sides of ``rig diff``: logs of flights, or MCAP files that ``rig vote`` wrote."""
+"""The two sides of ``rig diff``, in bounded memory: logs of flights, or MCAP files that ``rig vote`` wrote."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -11,12 +11,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.bench.replay.compare_flights import Comparison, Field, of_column, tolerances
+from rig.bench.replay.compare_flights import Comparison, Field, joined, of_column, tolerances
+from rig.core.blocks import cuts
 from rig.core.errors import BadLog
 from rig.core.frame import INDEX, SIGNALS
 from rig.core.text import shorten
-from rig.log import foreign, read_log
-from rig.log.columns import COLUMNS, chosen_lanes
+from rig.log import LogFile, foreign
+from rig.log.columns import COLUMNS, LANE_COLUMNS
 from rig.log.info import leaves
 from rig.log.reader import scenario_of
 from rig.log.schema import MESSAGES
@@ -27,14 +28,18 @@ _MOST_KEYS: Final = 20  # settings that are told one by one
 _SAID: Final = ("seed", "scenario", "machine", "git commit")  # and all "version ..."
 
 
+Part = Callable[[str], NDArray[Any]]  # a column (n,) of some frames by its name
+
+
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One file: columns (n,) by name, with whether each is an angle on the circle."""
+    """One file, a block of frames at a time: what its columns are, and the numbers of its frames."""
 
     path: Path
     rate_hz: float | None
-    frames: NDArray[np.int64]
-    columns: dict[str, tuple[NDArray[Any], bool]]
+    frames: int
+    wraps: dict[str, bool]  # by the name of a column: an angle on the circle
+    blocks: Callable[[], Iterator[tuple[NDArray[np.int64], Part]]]
     metadata: dict[str, str]
     partial: bool = False  # a vote of a flight: the rest of the flight is not missing in it
 
@@ -44,14 +49,18 @@ def side(path: Path | str) -> Side:
     path = Path(path)
     if _is_voted(path):
         return _voted(path)
-    log = read_log(path)
-    every = (*COLUMNS, *chosen_lanes(log.table))
-    columns = {column.path: (column.of(log.table), column.wraps) for column in every}
-    return Side(path, log.rate_hz, log.rows["frame"], columns, log.metadata)
+    log = LogFile.open(path)
+    columns = {column.path: column for column in (*COLUMNS, *(lane for lane in LANE_COLUMNS if lane.part in log.lanes))}
+
+    def blocks() -> Iterator[tuple[NDArray[np.int64], Part]]:
+        return ((block["frame"], lambda name, block=block: columns[name].of(block)) for block in log.blocks())
+
+    wraps = {name: column.wraps for name, column in columns.items()}
+    return Side(path, log.rate_hz, log.frames, wraps, blocks, log.metadata)
 
 
 def _is_voted(path: Path) -> bool:
-    """Return whether the file has signals but no flight; what cannot be told here is for read_log to say."""
+    """Return whether the file has signals but no flight; what cannot be told here is for LogFile to say."""
     try:
         topics = foreign.topics(path)
     except BadLog:
@@ -67,41 +76,44 @@ def _voted(path: Path) -> Side:
         for topic, schema in foreign.topics(path).items()
         if schema == "rig.Signal" or topic in of_flight
     }
-    columns: dict[str, tuple[NDArray[Any], bool]] = {}
-    rows = 0
+    columns, wraps, rows = dict[str, NDArray[Any]](), dict[str, bool](), 0
     for topic, source in foreign.read(path, wanted).items():
         name, rows = topic.rsplit("/", 1)[1], len(source.time_s)
-        wraps = name in INDEX and SIGNALS[INDEX[name]].wraps
+        on_circle = name in INDEX and SIGNALS[INDEX[name]].wraps
         for field, values in source.fields.items():
-            columns[f"{name}.{field}"] = (values, wraps and field in _ANGLES)
-    return Side(path, None, np.arange(rows), columns, {}, partial=bool(of_flight))
+            columns[f"{name}.{field}"], wraps[f"{name}.{field}"] = values, on_circle and field in _ANGLES
+
+    def blocks() -> Iterator[tuple[NDArray[np.int64], Part]]:
+        return ((np.arange(rows)[part], lambda name, part=part: columns[name][part]) for part in cuts(rows))
+
+    return Side(path, None, rows, wraps, blocks, {}, partial=bool(of_flight))
 
 
 def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:
     """All fields of two files, frame by frame, by number and not by time.  BadInput: a tolerance."""
-    names = list(dict.fromkeys([*a.columns, *b.columns]))
+    names = list(dict.fromkeys([*a.wraps, *b.wraps]))
     if a.partial or b.partial:
-        names = [name for name in names if all(name in side.columns for side in (a, b) if side.partial)]
+        names = [name for name in names if all(name in side.wraps for side in (a, b) if side.partial)]
     allowed = tolerances(tolerance, names)
-    n = min(len(a.frames), len(b.frames))
-    fields: list[Field] = []
-    for name in names:
-        if name not in a.columns or name not in b.columns:
-            fields.append(Field(name, "missing in A" if name not in a.columns else "missing in B"))
-            continue
-        (left, wraps), (right, _) = a.columns[name], b.columns[name]
-        fields.append(of_column(name, left[:n], right[:n], a.frames[:n], allowed.of(name), wraps))
+    both = {name: Field(name, "equal") for name in names if name in a.wraps and name in b.wraps}
+    for (frames, left), (others, right) in zip(a.blocks(), b.blocks(), strict=False):
+        n = min(len(frames), len(others))
+        for name, before in both.items():
+            here = of_column(name, left(name)[:n], right(name)[:n], frames[:n], allowed.of(name), a.wraps[name])
+            both[name] = joined(before, here)
+    missing = {name: Field(name, "missing in A" if name not in a.wraps else "missing in B") for name in names}
+    fields = [both.get(name, missing[name]) for name in names]
     notes = _notes(a.metadata, b.metadata)
     for name, part, whole in (("A", a, b), ("B", b, a)):
         if part.partial and not whole.partial:
-            notes.append(f"{name} is a vote: {len(whole.columns) - len(names)} fields of the flight are not part of it")
-    return Comparison(n, fields, _remarks(a, b), notes)
+            notes.append(f"{name} is a vote: {len(whole.wraps) - len(names)} fields of the flight are not part of it")
+    return Comparison(min(a.frames, b.frames), fields, _remarks(a, b), notes)
 
 
 def _remarks(a: Side, b: Side) -> list[str]:
     remarks: list[str] = []
-    if len(a.frames) != len(b.frames):
-        remarks.append(f"lengths differ: {len(a.frames)} and {len(b.frames)} frames; the common ones are compared")
+    if a.frames != b.frames:
+        remarks.append(f"lengths differ: {a.frames} and {b.frames} frames; the common ones are compared")
     if a.rate_hz and b.rate_hz and a.rate_hz != b.rate_hz:
         remarks.append(f"rates differ: {a.rate_hz:g} and {b.rate_hz:g} Hz; frames are compared by number, not by time")
     left, right = (log.metadata.get("aircraft") for log in (a, b))

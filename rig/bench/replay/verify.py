@@ -49,7 +49,7 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
     if not fly and unit is not None and unit.lane is not None:
         raise BadInput(f"{recording.path}: {unit.unit.name} is one lane of several: fly it again, --fly")
     computer = None if fly else Again(scenario, unit)
-    again = fly_blocks(scenario, log.frames, unit) if computer is None else map(computer.add, log.blocks())
+    again = fly_blocks(scenario, log.frames, unit) if computer is None else map(computer.over, log.blocks())
     fields, moves, frames = list[Field](), Moves(), 0
     for old, new in zip_longest(log.blocks(), again):
         new = old[:0] if new is None else new

@@ -26,7 +26,7 @@ COMMANDED: Final = ("surface", "law")  # by a unit in the form of a flight compu
 
 def vote_again(rows: Block, scenario: Scenario, unit: UnitUnderTest | None = None) -> Block:
     """Copy all ``rows`` of a flight, with OUTPUTS as VoteAgain writes them."""
-    return VoteAgain(scenario, unit).add(rows)
+    return VoteAgain(scenario, unit).over(rows)
 
 
 class VoteAgain:
@@ -48,7 +48,7 @@ class VoteAgain:
             faults=self._faults.data, references=data.references, manager=data.manager, discretes=data.discretes
         )
 
-    def add(self, rows: Block) -> Block:
+    def over(self, rows: Block) -> Block:
         """Copy the next ``rows`` (n,), with OUTPUTS written again."""
         again = blank(rows, self._scenario, outputs(self._unit), self._on_references)
         self._faults.prepare(again)

@@ -22,7 +22,7 @@ class WatchAgain:
     def __init__(self, scenario: Scenario) -> None:
         self._designed, self._monitors = actuator_monitors(scenario)
 
-    def add(self, table: Table) -> Table:
+    def over(self, table: Table) -> Table:
         """Copy the next frames, of servos with OUTPUTS as the monitors write them."""
         if table.servo is None:
             return table

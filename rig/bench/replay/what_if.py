@@ -106,7 +106,7 @@ def _voted(recording: Recorded, scenario: Scenario, moves: Moves) -> Iterator[Ta
     """Yield the recorded frames as the computers and monitors of ``scenario`` answer them."""
     again = Again(scenario)
     for block in recording.log.blocks():
-        voted = again.add(block)
+        voted = again.over(block)
         moves.add(block, voted)
         yield voted
 

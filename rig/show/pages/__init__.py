@@ -2,5 +2,6 @@
 
 flight_page.py  the report of a flight, which ``rig.report`` writes; page.py: what all pages have, for other rooms too
 course.py, moments.py  which state each lane took when; what is shown of a decision
-flight_figures.py, timeline.py, servo_figures.py, lane_figures.py, requirement_figures.py  its pictures; gathered.py, lines.py
+flight_figures.py, servo_figures.py, lane_figures.py, requirement_figures.py, timeline.py  its pictures
+gathered.py, lines.py  the lines that they show
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,11 @@ from rig.show.viewer import lanes_view as computers
 from rig.show.viewer import servo_series as servos
 from rig.show.viewer.state_strips import Changes, changed, changes
 
+# Of FLAT, that the pictures show.
+FIELDS: Final = (
+    *("frame", "acting", "truth", "channels", "voted", "reference", "state", "level", "pattern", "resolver", "source"),
+    *("discrete_state", "law", "surface", "actuator", "flight"),
+)
 _LEVELS = {0: "no channel", 1: "1 channel", 2: "2 channels", 3: "3 channels", 4: "4 channels"}
 
 

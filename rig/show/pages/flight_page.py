@@ -22,7 +22,7 @@ from rig.log.schema import SCHEMA_VERSION
 from rig.show.pages import flight_figures as draw
 from rig.show.pages import lane_figures as computers
 from rig.show.pages import servo_figures as actuators
-from rig.show.pages.course import Course
+from rig.show.pages.course import FIELDS, Course
 from rig.show.pages.gathered import errors, of_signal, of_surface
 from rig.show.pages.lines import line
 from rig.show.pages.moments import Moment, affected, limit, moment, signals_of
@@ -55,7 +55,7 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     scored = score_log(path, Yardstick(), twin=False, log=log)
     margins = Margins.of(log, scored.scenario, requirements)
     tell("looking for what happened")
-    course = Course(log.mapped(), len(scored.scenario.faults))
+    course = Course(log.table(FIELDS), len(scored.scenario.faults))
     names = affected(scored, course)
     moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
     drawn = _figures(log, scored, course, names, moments) | margins.figures()

@@ -120,8 +120,11 @@ RUNS: Final[dict[str, Column]] = {
     "out_of_limits_s": Column(REAL, "scored.flight.transients.out_of_limits_s"),  # where the twin was flown
     "coverage": Column(TEXT, lambda s: _coverage(s.scored)),  # JSON
     "wall_s": Column(REAL, hashed=False),
-    "replies": Column(  # reply times of a unit under test in each bin of record.histogram
-        pl.List(INT), lambda s: binned(s.flight.timing["reply_us"]).tolist() if s.flight.unit else None, False, True
+    "replies": Column(  # reply times of a unit under test in each bin of flight/time_histogram.py
+        pl.List(INT),
+        lambda s: binned(s.flight.table.timing["reply_us"]).tolist() if s.flight.unit else None,
+        False,
+        True,
     ),
     **{  # in ``alarms``, hashed there
         name: Column(INT, lambda s, name=name: len(getattr(s.scored, name)), False, True) for name in COUNTED
