@@ -3,10 +3,13 @@
 import ast
 import re
 import tomllib
+from collections import Counter
 from importlib.metadata import packages_distributions
 from pathlib import Path
+from typing import Any
 
 import grimp
+import rooms
 
 import rig
 
@@ -55,9 +58,39 @@ def test_contributing_describes_every_room():
     assert described == rooms
 
 
+def contracts() -> list[dict[str, Any]]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+
+
 def test_the_import_contract_has_no_exception():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
-    assert settings["contracts"] and not any("ignore_imports" in one for one in settings["contracts"])
+    assert contracts() and not any("ignore_imports" in one for one in contracts())
+
+
+def test_the_package_has_thirteen_rooms_and_nothing_else():
+    rooms = {path.name for path in (ROOT / "rig").iterdir() if path.is_dir() and path.name != "__pycache__"}
+    (layers,) = (one["layers"] for one in contracts() if one.get("containers") == ["rig"])
+    assert rooms == set(layers) and len(rooms) == 13
+    assert {path.name for path in (ROOT / "rig").glob("*.py")} == {"__init__.py", "__main__.py"}
+
+
+def test_no_name_is_used_for_two_files():
+    """But a command's file is named like what it runs, and a package's own is ``__init__``."""
+    names = [path.stem for path in SOURCES if path.parent.name != "cli" and path.stem != "__init__"]
+    assert sorted(name for name, count in Counter(names).items() if count > 1) == []
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_imports():
+    text = rooms.PAGE.read_text()
+    assert text == rooms.page_with(text, rooms.picture())
+
+
+def test_the_files_that_contributing_names_are_there_and_hold_what_to_look_for():
+    page = (ROOT / "CONTRIBUTING.md").read_text()
+    asked = re.findall(r"^\| [^|]*\? \| `(\S+)` \| `([^`]+)`", page, re.MULTILINE)
+    assert len(asked) >= 25
+    assert [(name, text) for name, text in asked if text not in (ROOT / name).read_text()] == []
+    named = set(re.findall(r"`((?:rig|tests|docs|aircraft|faults)/[\w/.]+)`", page))
+    assert [name for name in sorted(named) if not (ROOT / name).exists()] == []
 
 
 def test_feet_pounds_and_slugs_stay_in_the_plant_each_with_one_value():
