@@ -12,7 +12,7 @@ from lanes_flown import FOUR, ONSET, Flown, flown
 
 from rig.computer.lanes.health import shut_off
 from rig.core.errors import BadInput
-from rig.core.frame import COMPUTERS, INDEX, Health, LaneTest, State
+from rig.core.frame import COMPUTERS, INDEX, Health, LaneTest, State, Table, new_block
 from rig.flight.loop import Rig
 from rig.scenario import scenario
 
@@ -178,7 +178,9 @@ def test_no_surface_is_bypassed_while_the_back_up_takes_over_from_the_last_lane(
     assert leads[20:33, 3].all() and not leads[33:].any()
     assert lanes["computer"]["health"][32:, 3].tolist() == [Health.FAILED] * 68
     assert (shut[20:33] == [[1, 1, 1, 0]]).all() and not shut[33:].any()
-    assert (shut_off(lanes) == shut[:, 0]).all() and not lanes["actuator"]["bypassed"].any()
+    assert (shut_off(Table(new_block(len(lanes)), lanes)) == shut[:, 0]).all() and not lanes["actuator"][
+        "bypassed"
+    ].any()
 
 
 ONE_BY_ONE = """faults=[

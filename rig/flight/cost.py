@@ -17,7 +17,7 @@ from typing import Any, Final
 from rig.computer.control.law import control_law
 from rig.computer.redundancy import conclude, refer, vote_signals
 from rig.core.errors import BadInput, RigError
-from rig.core.frame import nested, new_block
+from rig.core.frame import Table, nested, new_block
 from rig.core.kernels import bind, kernel
 from rig.flight import loop
 from rig.flight.fly import fly
@@ -183,9 +183,9 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
                 for name, entry, data in bound:
                     clock.time(name, entry, rows, k, data)
                 clock.time("plant.step", rig.plant.step, block, k)
-            events = clock.time("events", finder.find, block)
-            clock.time("verdict", verdict.add, block, events)
-            clock.time("log", writer.write, block, timing, events)
+            table, events = Table(block, timing=timing), clock.time("events", finder.find, block)
+            clock.time("verdict", verdict.add, table, events)
+            clock.time("log", writer.write, table, events)
     return {name: total / scenario.frames * 1e6 for name, total in clock.total_s.items()}
 
 

@@ -4,7 +4,7 @@ and the load factor against the fault-free flight.
     python tests/tools/conclusions_of_logs.py [NAME ...]
 
 Flies the bundled scenarios, all of them if none is named, scores each log and reads its sentences.  What they must say
-is derived here from the rows alone, without rig.assess; of several computers the transient is.  Prints a line a
+is derived here from the rows alone, without rig.verdict; of several computers the transient is.  Prints a line a
 scenario and the number of contradictions; exit code 1 where there are any.
 """
 

@@ -59,7 +59,7 @@ FIGURES: Final = {  # name: its module
     ),
     **dict.fromkeys(
         (
-            *("lanes_before", "lanes_healthy", "lanes_flight_44", "lanes_picture"),
+            *("lanes_healthy", "lanes_flight_44", "lanes_picture"),
             *("lanes_cost", "lanes_compile", "lanes_log"),
         ),
         "lanes_whole",
@@ -178,12 +178,11 @@ PAGES: Final = {
         ],
     ),
     "computers": Page(
-        "Four computers: one as before, clocks, every fault, pairs, cost",
+        "Four computers: clocks, every fault, pairs, cost",
         [
             Section(
                 "Without a fault",
                 [
-                    *(f"{SHOW} lanes_before {commit}" for commit in ("0f7aef9", "58419bc")),
                     *(f"python tests/tools/equal_lanes.py{ahead}" for ahead in ("", " 0 0.05 0.2 0.1")),
                     *(f"{SHOW} lanes_{name}" for name in ("healthy", "picture", "log", "compile", "flight_44", "cost")),
                 ],

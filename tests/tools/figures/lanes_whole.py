@@ -1,15 +1,13 @@
-"""Four computers measured without a fault: healthy, clocks that run free, their cost, their logs, and one as before.
+"""Four computers measured without a fault: healthy, clocks that run free, their cost and their logs.
 
 ``lanes_picture`` draws docs/measured/lanes.svg; everything else prints a table or a line.
 """
 
 from __future__ import annotations
 
-import io
 import os
 import subprocess
 import sys
-import tarfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from statistics import median
@@ -28,7 +26,7 @@ from figures.lanes import FOUR, findings, four
 from figures.patterns import SMALL
 from rig.bench.replay.before_after import diff, side
 from rig.bench.replay.verify import verify
-from rig.core.frame import COMPUTERS, SIGNALS, Health
+from rig.core.frame import COMPUTERS, Health
 from rig.core.palette import BLUE, GREEN, INK, ORANGE, RED, VIOLET
 from rig.flight.fly import fly as fly_logged
 from rig.flight.lane_events import test_name
@@ -41,57 +39,6 @@ from rig.studies.campaign.flying import CampaignFlight
 from rig.studies.papers.servo_study import RATES_HZ
 
 ROOT: Final = Path(__file__).parents[3]
-
-# One computer as before.
-
-DIGESTS: Final = """
-import sys
-from hashlib import sha256
-from rig.scenario import scenario
-from rig.flight.loop import Rig, fly
-from rig.flight.summary import Verdict
-class Digest(Verdict):
-    def record(self, table):
-        self.add(table, [])
-for name in scenario.names():
-    given, digest = scenario.load(name, sys.argv[1:]), Digest()
-    fly(Rig(given), [digest])
-    count = given.computers.count if hasattr(given, "computers") else 1
-    print(name, count, given.actuators.model, "".join(seen.hexdigest() for seen in digest.hashes), flush=True)
-"""  # of the bundled scenarios of any commit, whose own digests have been made in several ways
-
-
-# Computers came before two settings that are on by default now.
-DEFAULTS_OF_THEN: Final = (
-    "redundancy.common_mode=report",
-    *(f"redundancy.signals.{signal.name}.stale_frames=0" for signal in SIGNALS),
-)
-
-
-def lanes_before(commit: str) -> None:
-    """Print how many scenarios that a commit has, of one computer, have its digest at the defaults of then."""
-    archive = subprocess.run(
-        ["git", "archive", commit, "rig", "faults", "aircraft"], cwd=ROOT, capture_output=True, check=True
-    )
-    with TemporaryDirectory() as folder:
-        with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
-            files.extractall(folder, filter="data")
-        old, new = _digests(Path(folder)), _digests(ROOT, DEFAULTS_OF_THEN)
-    same = [
-        f"{model} {sum(old[key] == new[key] for key in keys)} of {len(keys)}"
-        for model in ("lag", "servo")
-        if (keys := [key for key in new if key in old and key[1:] == ("1", model)])
-    ]
-    others = [key[0] for key in new if key[1] == "1" and old.get(key, new[key]) != new[key]]
-    print(f"digests of one computer as {commit} gives them: {', '.join(same)}; others: {', '.join(others) or 'none'}")
-
-
-def _digests(root: Path, sets: Sequence[str] = ()) -> dict[tuple[str, str, str], str]:
-    environment = {**os.environ, "PYTHONPATH": str(root)}
-    command = [sys.executable, "-c", DIGESTS, *sets]
-    ran = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=True)
-    return {(name, count, model): digest for name, count, model, digest in map(str.split, ran.stdout.splitlines())}
-
 
 # Healthy.
 
