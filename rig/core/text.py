@@ -35,15 +35,6 @@ def one_line(text: str) -> str:
     return shorten(plain(" ".join(text.split())), LONGEST_LINE)
 
 
-def is_utf8(text: str) -> bool:
-    """Return True if ``text`` can be written in UTF-8; the name of a file may have bytes that are not."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
-
-
 def shorten(text: str, most: int = LONGEST_VALUE) -> str:
     """Cut the middle out of a ``text`` of more than ``most`` characters."""
     if len(text) <= most:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from rig.bench import lanes_again
 from rig.bench.lanes_again import LanesAgain
-from rig.bench.replay import vote_again, watch_again
+from rig.bench.replay import vote_again
 from rig.bench.replay.vote_again import VoteAgain
-from rig.bench.replay.watch_again import WatchAgain
+from rig.computer.lanes.health import shut_off
+from rig.computer.servo_monitors import watch_rows
 from rig.core.frame import Table
+from rig.flight.stages import actuator_monitors
 from rig.log.columns import LANE_COLUMNS, LaneColumn
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
+
+WATCHED: Final = ("valve", "valve_differs", "failed_by")  # what the monitors of servos write of a row
 
 
 class Again:
@@ -37,4 +43,24 @@ class Again:
 
 
 def _written(column: LaneColumn) -> bool:
-    return column.part == "computer" or column.field in watch_again.OUTPUTS
+    return column.part == "computer" or column.field in WATCHED
+
+
+class WatchAgain:
+    """The monitors of ``scenario`` over the recorded rows of its servos, which are given in their order.
+
+    Open loop: a channel that was shut off in flight has no current afterwards, whatever the monitors say now.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._designed, self._monitors = actuator_monitors(scenario)
+
+    def over(self, table: Table) -> Table:
+        """Copy the next frames, of servos with WATCHED as the monitors write them."""
+        if table.servo is None:
+            return table
+        again = table.copied_beside(table.parts)
+        for name in WATCHED:
+            again.servo[name] = 0
+        watch_rows(again.servo, self._designed, shut_off(table), self._monitors)
+        return again
