@@ -159,12 +159,13 @@ def stages_of(trials, j, at, scratch):
     """Return the stages of trial j before the manager, SensorData and FaultData; draws begin in row ``at``."""
     f = scratch.faults
     data = FaultData(
-        f.param, trials.schedule[j], f.state, trials.targets[j], f.kept, f.program, f.stack, f.times, f.memory, f.seen,
-        f.uniform, trials.normal[at:], f.clean,
+        param=f.param, schedule=trials.schedule[j], state=f.state, targets=trials.targets[j], kept=f.kept,
+        program=f.program, stack=f.stack, times=f.times, memory=f.memory, seen=f.seen, uniform=f.uniform,
+        normal=trials.normal[at:], clean=f.clean,
     )  # fmt: skip
     own = SensorData(
-        trials.sensors[j], trials.noise[at:], scratch.no_drift, scratch.memory, scratch.line,
-        scratch.no_discretes, scratch.no_alarms,
+        params=trials.sensors[j], noise=trials.noise[at:], drift=scratch.no_drift, memory=scratch.memory,
+        line=scratch.line, discretes=scratch.no_discretes, alarms=scratch.no_alarms,
     )  # fmt: skip
     return own, data
 

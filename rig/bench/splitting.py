@@ -74,8 +74,8 @@ def step(held, p, j, k, noise):
     row["frame"] = frame
     truth["truth"][0] = held.truth[frame]
     sensors = SensorData(
-        held.sensors[p.flight[j]], noise[k:], held.no_drift, p.memory[j : j + 1], p.line[j],
-        held.no_discretes, held.no_alarms,
+        params=held.sensors[p.flight[j]], noise=noise[k:], drift=held.no_drift, memory=p.memory[j : j + 1],
+        line=p.line[j], discretes=held.no_discretes, alarms=held.no_alarms,
     )  # fmt: skip
     fcc["reference"][0], fcc["second_reference"][0] = held.reference[frame], held.second[frame]
     bench_step(

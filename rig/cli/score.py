@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from rig.verdict.score_records import Deviation, FlightScore, Isolation, Score, Transients
 
 WIDTH: Final = 18  # of the labels
-_FAULTS: Final = (  # of (outcome, *cells.fault_row)
-    *(Column("fault", 1), Column("on", 2, worth=2), Column("onset", 3, worth=4)),
-    *(Column("left threshold", 4, worth=1), Column("found", 5, worth=7), Column("delay", 6)),
-    *(Column("from threshold", 7, worth=3), Column("by", 8)),
-    *(Column("peak error", lambda row: f"{row[9]} {row[10]}", worth=6), Column("outcome", 11)),
+_FAULTS: Final = (  # of cells.fault_row by its heads
+    *(Column("fault", "fault"), Column("on", "on", worth=2), Column("onset", "onset", worth=4)),
+    *(Column("left threshold", "left threshold", worth=1), Column("found", "found", worth=7)),
+    *(Column("delay", "delay"), Column("from threshold", "from threshold", worth=3), Column("by", "by")),
+    *(Column("peak error", lambda row: f"{row['peak error']} {row['unit']}", worth=6), Column("outcome", "outcome")),
 )
 _WORTH: Final = {"at": 3, "RMS": 4, "after onset": 2, "due to faults, peak": 5, "asked": 3, "open": 4, "answered": 5}
 _STYLES: Final = {"detected": "green", "missed": "red", "undetectable": "", "not executed": "yellow"}
@@ -119,8 +119,8 @@ def _show(scored: Scored) -> None:
     conclusion(scored.conclusion)
     if not score.faults:
         field("faults", "none in the scenario", width=WIDTH)
-    faults = [(fault.outcome, *cells.fault_row(fault, scenario)) for fault in score.faults]
-    table(faults, _FAULTS, MOST_LINES, lambda row: _STYLES[row[0]])
+    faults = [dict(zip(cells.FAULTS, cells.fault_row(fault, scenario), strict=True)) for fault in score.faults]
+    table(faults, _FAULTS, MOST_LINES, lambda row: _STYLES[row["outcome"].partition(",")[0]])
     _isolations("false alarms", score.false_alarms, scenario.rate_hz)
     _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
     _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)

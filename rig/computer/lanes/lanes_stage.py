@@ -281,8 +281,9 @@ def of_lane(i, data, lanes):
     discretes = DiscreteData(data.redundancy.discretes.params, lanes.discretes[i])
     control = ControlData(c.pressures, c.table, c.param, lanes.control[i], lanes.gain[i], c.fdi_param, lanes.fdi[i])
     faults = FaultData(
-        f.param, f.schedule, f.state, f.targets, lanes.kept[i], f.program, f.stack, f.times, lanes.memory[i],
-        f.seen, f.uniform, f.normal, f.clean,
+        param=f.param, schedule=f.schedule, state=f.state, targets=f.targets, kept=lanes.kept[i], program=f.program,
+        stack=f.stack, times=f.times, memory=lanes.memory[i], seen=f.seen, uniform=f.uniform, normal=f.normal,
+        clean=f.clean,
     )  # fmt: skip
     return ComputerData(RedundancyData(references, manager, discretes), control, faults)
 

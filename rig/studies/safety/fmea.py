@@ -168,28 +168,30 @@ def _flown(group: _Group, rates: Rates) -> Line:
     detected = rows["isolation"].drop_nulls().to_list()
     latent = sum(word == "none" for word in detected)
     levels = rows["level_at_end"].drop_nulls().to_list()
+    rate, source = _rate(group.item, group.kind, rates)
     return Line(
-        "",
-        group.item,
-        _function(group.item),
-        group.mode,
-        _cause(group, rates),
-        *_rate(group.item, group.kind, rates),
-        group.phase,
-        _exposure(group, latent),
-        f"pattern {_most(rows['pattern'])}, resolver {_most(rows['resolver'])}",
-        f"level {_most(rows['level_at_end'])} at the end; {_beyond(beyond)}",
-        f"aircraft lost in {lost} of {n}" if lost else f"flight goes on in {n} of {n}",
-        _severity(lost, beyond, rates),
-        f"{_share(sum(word == 'right' for word in detected), len(detected))} isolated"
+        id="",
+        item=group.item,
+        function=_function(group.item),
+        mode=group.mode,
+        cause=_cause(group, rates),
+        rate=rate,
+        source=source,
+        phase=group.phase,
+        exposure=_exposure(group, latent),
+        local_effect=f"pattern {_most(rows['pattern'])}, resolver {_most(rows['resolver'])}",
+        next_effect=f"level {_most(rows['level_at_end'])} at the end; {_beyond(beyond)}",
+        end_effect=f"aircraft lost in {lost} of {n}" if lost else f"flight goes on in {n} of {n}",
+        severity=_severity(lost, beyond, rates),
+        detection=f"{_share(sum(word == 'right' for word in detected), len(detected))} isolated"
         + (f", {sum(word == 'wrong' for word in detected)} wrongly" if "wrong" in detected else ""),
-        _times(rows["delay_from_onset_s"].drop_nulls()),
-        _share(latent, len(detected)),
-        _provision(group.item, levels),
-        _remarks(group.item),
-        str(n),
-        _share(int((~not_kept).sum()), len(not_kept)) if len(not_kept) else "no vote of a signal",
-        _worst(group),
+        time_to_detection=_times(rows["delay_from_onset_s"].drop_nulls()),
+        latent_share=_share(latent, len(detected)),
+        compensating_provision=_provision(group.item, levels),
+        remarks=_remarks(group.item),
+        flights=str(n),
+        not_kept=_share(int((~not_kept).sum()), len(not_kept)) if len(not_kept) else "no vote of a signal",
+        worst_flight=_worst(group),
     )
 
 
