@@ -8,10 +8,10 @@ import pytest
 from scipy.stats import binom
 
 from rig.core.errors import BadInput
+from rig.studies.campaign.statistics import at_most
 from rig.studies.search.confirm_worst import Confirmed, Table, confirm, least_apart, worst
 from rig.studies.search.objective import NONE, VOTE, Measured, chosen, measured
 from rig.studies.search.rounds import Draw
-from rig.studies.search.search_result import upper
 from rig.studies.search.shrink import BACK, MOST, TRIES, shrink, simplest
 
 SEEDS = (11, 12, 13, 14, 15)
@@ -69,8 +69,8 @@ def test_most_violations_are_worst_then_the_least_median_margin():
 
 @pytest.mark.parametrize(("count", "trials"), [(0, 24), (3, 24), (10, 600)])
 def test_the_bound_is_exact_and_of_one_side(count: int, trials: int):
-    assert binom.cdf(count, trials, upper(count, trials)) == pytest.approx(0.05, abs=1e-9)
-    assert upper(0, 24) == pytest.approx(0.117, abs=5e-4) and upper(24, 24) == 1.0
+    assert binom.cdf(count, trials, at_most(count, trials)) == pytest.approx(0.05, abs=1e-9)
+    assert at_most(0, 24) == pytest.approx(0.117, abs=5e-4) and at_most(24, 24) == 1.0
 
 
 def table(**changes: object) -> Table:

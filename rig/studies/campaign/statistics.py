@@ -17,6 +17,7 @@ import scipy  # its parts are imported when first used: most of a campaign's run
 from numpy.typing import NDArray
 
 CONFIDENCE: Final = 0.95
+_TAIL: Final = 0.025  # of an interval of that
 _STEEPEST: Final = log(1e3)  # slopes of the logistic fit, natural logarithm, per unit of ln magnitude
 _FLATTEST: Final = log(0.1)
 _FARTHEST: Final = log(1e3)  # an interval's end is looked for within this factor of the magnitudes tried
@@ -39,6 +40,18 @@ def proportion(count: int, trials: int, confidence: float = CONFIDENCE) -> Rate:
         return Rate(0, 0, None, None, None)
     interval = scipy.stats.binomtest(count, trials).proportion_ci(confidence_level=confidence, method="exact")
     return Rate(count, trials, count / trials, float(interval.low), float(interval.high))
+
+
+def at_most(count: int, trials: int, confidence: float = CONFIDENCE) -> float:
+    """Return the exact one-sided upper bound of a probability (Clopper and Pearson, Biometrika 26, 1934)."""
+    return 1.0 if count == trials else float(scipy.stats.beta.ppf(confidence, count + 1, trials - count))
+
+
+def jeffreys(count: int, trials: int) -> tuple[float, float]:
+    """Return Jeffreys' 95 % interval of a probability, 0 and 1 included at the ends: of an estimate with his prior."""
+    of, others = count + 0.5, trials - count + 0.5
+    low = 0.0 if count == 0 else float(scipy.stats.beta.ppf(_TAIL, of, others))
+    return low, 1.0 if count == trials else float(scipy.stats.beta.ppf(1.0 - _TAIL, of, others))
 
 
 def poisson(count: int, hours: float, confidence: float = CONFIDENCE) -> Rate:

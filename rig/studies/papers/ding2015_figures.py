@@ -14,9 +14,9 @@ from plotly.subplots import make_subplots
 
 from rig.core.files import replaced, reported
 from rig.core.outputs import require_apart
+from rig.core.palette import BLUE, GREEN, INK, TRUTH, VIOLET
 from rig.studies.papers.ding2015 import FAULT_S, Matrix, Study
 
-_GREY, _BLUE, _RED, _ORANGE, _BLACK = "#9aa5b1", "#1f6fb4", "#c0392b", "#e08e0b", "#333333"
 _TITLES: Final = ("Attitude: pitch angle", "Control: elevator", "Tracking: the output that the loop brings to 1")
 _UNITS: Final = ("of a unit step", "rad, from that of the reference", "of a unit step")
 _LEGENDS: Final = ((1.0, 0.87), (1.0, 1.0), (1.0, 0.38))  # upper right corner, share of the panel
@@ -38,25 +38,25 @@ def _panels(study: Study) -> list[list[_Line]]:
     paper, honest, truth = study.error_system, study.honest, study.with_truth
     t, one = paper.time_s, np.ones_like(paper.time_s)
     off = "the paper's error system, A, B, C off by 10 %"
-    attitude = [_Line(off, t, run.pitch, _GREY, 0.7, legend=i == 0) for i, run in enumerate(study.perturbed)]
-    control = [_Line(off, t, run.elevator, _GREY, 0.7, legend=False) for run in study.perturbed]
+    attitude = [_Line(off, t, run.pitch, TRUTH, 0.7, legend=i == 0) for i, run in enumerate(study.perturbed)]
+    control = [_Line(off, t, run.elevator, TRUTH, 0.7, legend=False) for run in study.perturbed]
     return [
         [
             *attitude,
-            _Line("the paper's error system", t, paper.pitch, _BLUE),
-            _Line("honest: true", t, honest.pitch, _RED),
-            _Line("honest: measured", t, honest.followed, _ORANGE, dash=True),
-            _Line("honest: true, the law fed with the true state", t, truth.pitch, _BLACK, 1.2),
+            _Line("the paper's error system", t, paper.pitch, BLUE),
+            _Line("honest: true", t, honest.pitch, GREEN),
+            _Line("honest: measured", t, honest.followed, VIOLET, dash=True),
+            _Line("honest: true, the law fed with the true state", t, truth.pitch, INK, 1.2),
         ],
         [
             *control,
-            _Line("the paper's error system", t, paper.elevator, _BLUE),
-            _Line("honest", t, honest.elevator, _RED),
+            _Line("the paper's error system", t, paper.elevator, BLUE),
+            _Line("honest", t, honest.elevator, GREEN),
         ],
         [
-            _Line("wanted, y_r", t, one, _BLACK, 1.0, dash=True),
-            _Line("the paper's error system: estimated", t, paper.followed, _BLUE),
-            _Line("honest: measured", t, honest.followed, _ORANGE),
+            _Line("wanted, y_r", t, one, INK, 1.0, dash=True),
+            _Line("the paper's error system: estimated", t, paper.followed, BLUE),
+            _Line("honest: measured", t, honest.followed, VIOLET),
         ],
     ]
 
@@ -80,7 +80,7 @@ def _page(study: Study) -> go.Figure:
             group = f"legend{row}" if row > 1 else "legend"
             trace = go.Scatter(x=line.x, y=line.y, name=line.name, line=style, showlegend=line.legend, legend=group)
             figure.add_trace(trace, row=row, col=1)
-        figure.add_vline(x=FAULT_S, line={"color": _GREY, "dash": "dot"}, row=row, col=1)  # pyright: ignore[reportArgumentType]  # a row number
+        figure.add_vline(x=FAULT_S, line={"color": TRUTH, "dash": "dot"}, row=row, col=1)  # pyright: ignore[reportArgumentType]  # a row number
         figure.update_yaxes(title_text=unit, row=row, col=1)
     figure.update_xaxes(title_text="time, s", row=3, col=1)
     legends = ("legend", "legend2", "legend3")
@@ -102,7 +102,7 @@ def _picture(study: Study) -> Figure:
         for line in lines:
             label, style = line.name if line.legend else None, "--" if line.dash else "-"
             axis.plot(line.x, line.y, style, color=line.colour, linewidth=0.8 * line.width, label=label)
-        axis.axvline(FAULT_S, color=_GREY, linestyle=":")
+        axis.axvline(FAULT_S, color=TRUTH, linestyle=":")
         axis.set(title=title, ylabel=unit)
         axis.grid(alpha=0.25)
         axis.legend(loc="upper right", bbox_to_anchor=corner, fontsize="small")

@@ -23,8 +23,9 @@ from rig.core.trust import Trust
 from rig.studies.campaign.folder import locked, write_whole
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.run_campaign import Result
+from rig.studies.campaign.statistics import jeffreys
 from rig.studies.safety.cutset_plan import FORMAT, NO_CODE, Asked, Report, fly_all, plan, read_json
-from rig.studies.safety.cutsets import Counted, jeffreys, of_campaign
+from rig.studies.safety.cutsets import Counted, of_campaign
 from rig.studies.safety.sequences import CONDITIONS, Modes
 
 LEVEL: Final = 0.01

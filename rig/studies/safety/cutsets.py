@@ -11,19 +11,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import polars as pl
-from scipy.stats import beta
 
 from rig.core.errors import BadInput
 from rig.core.files import is_file
 from rig.core.outputs import CAMPAIGN
 from rig.studies.campaign.folder import open_folder
+from rig.studies.campaign.statistics import jeffreys
 from rig.studies.safety.cutset_plan import Asked, read_asked
 from rig.studies.safety.sequences import CONDITIONS, Modes
 
-TAIL: Final = 0.025
 WRONG, ANNOUNCED = "wrong vote", "announced loss"
 
 
@@ -60,12 +59,6 @@ class Counted:
             "announced_first": self.announced,
             "aircraft_lost": self.aircraft_lost,
         }
-
-
-def jeffreys(count: int, trials: int) -> tuple[float, float]:
-    """Return Jeffreys' interval of a proportion, 0 and 1 included at the ends."""
-    low = 0.0 if count == 0 else float(beta.ppf(TAIL, count + 0.5, trials - count + 0.5))
-    return low, 1.0 if count == trials else float(beta.ppf(1.0 - TAIL, count + 0.5, trials - count + 0.5))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,13 +12,12 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Final
 
-from rig.core.palette import SERIES, SOFT
+from rig.core.palette import INK, SERIES, SOFT
 from rig.studies.safety.fault_tree import FaultTree
 
 WIDTH, HEIGHT, COLUMN, ROW, GAP = 150, 46, 186, 58, 14  # of a box; from one to the next
 _NUMBER: Final = re.compile(r"(channel|channels|box of channel|and) \d")
 CHARACTERS: Final = 24  # of a line in a box
-INK: Final = "#222222"
 
 
 @dataclass

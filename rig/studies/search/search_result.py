@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import tomli_w
-from scipy.stats import beta
 
 from rig.core.outputs import BESIDE_RUNS
 from rig.studies.campaign.folder import write_whole
+from rig.studies.campaign.statistics import at_most
 from rig.studies.search.confirm_worst import SEEDS, Confirmed
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_plan import SearchPlan
@@ -18,12 +18,6 @@ from rig.verdict.requirements import load_requirements, number_of
 from rig.verdict.requirements.requirement import names
 
 FIGURES, SCENARIO, PICTURE = BESIDE_RUNS
-CONFIDENCE: Final = 0.95
-
-
-def upper(count: int, trials: int) -> float:
-    """Return the exact one-sided upper bound of a probability (Clopper and Pearson, Biometrika 26, 1934)."""
-    return 1.0 if count == trials else float(beta.ppf(CONFIDENCE, count + 1, trials - count))
 
 
 def figures(
@@ -41,7 +35,7 @@ def figures(
     return {
         "flights": len(plan.choices),
         "violated": sum(each.violated for each in found),
-        "random": {"flights": plan.random, "violated": at_random, "upper_95": upper(at_random, plan.random)},
+        "random": {"flights": plan.random, "violated": at_random, "upper_95": at_most(at_random, plan.random)},
         "least_margin": number_of(min(each.margin for each in found)),
         "worst": {
             "run": worst * plan.of_one_draw,
