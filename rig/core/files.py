@@ -134,8 +134,8 @@ def sweep(folder: Path, *names: str) -> None:
 def new_folder(path: Path) -> Iterator[None]:
     """Make the folder ``path`` and those above it where they are missing; they go again when the block raises."""
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
-    path.mkdir(parents=True, exist_ok=True)
     try:
+        path.mkdir(parents=True, exist_ok=True)
         yield
     except BaseException:
         with suppress(OSError):  # somebody else has put something there

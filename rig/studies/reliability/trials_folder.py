@@ -91,12 +91,14 @@ def _held(out: Path) -> Iterator[None]:
         with reported(f"--out {out}", BadInput):
             stack.enter_context(new_folder(out))
         stack.enter_context(locked(out, "rig reliability trials is running"))
-        _require_new(out)  # another command may have been faster
-        sweep(out)
+        mine = [LOCK]
         try:
+            _require_new(out)  # another command may have been faster
+            mine += map(_file, TABLES)
+            sweep(out)
             yield
         except BaseException:
-            for name in (*map(_file, TABLES), LOCK):
+            for name in mine:
                 with suppress(OSError):  # of a system that does not remove what is open
                     (out / name).unlink(missing_ok=True)
             raise
