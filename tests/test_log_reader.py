@@ -18,7 +18,7 @@ from rig.cli import main as cli
 from rig.core.errors import BadInput, BadLog
 from rig.core.frame import FLAT, INDEX, TIMING, Table
 from rig.flight.events import Event
-from rig.log import LogWriter, iter_chunks, read_log, schema
+from rig.log import LogFile, LogWriter, iter_chunks, log_file, read_log, schema
 from rig.log.decode import Damaged
 from rig.log.scan import About, iter_parts
 
@@ -72,6 +72,19 @@ def test_events_without_frames_are_kept(tmp_path):
     with LogWriter(tmp_path / "a.mcap", RATE, {}) as log:
         log.write(Table(random_block(0), timing=random_timing(0)), EVENTS[:1])
     assert [e.text for e in read_log(tmp_path / "a.mcap").events] == [EVENTS[0].text]
+
+
+@pytest.mark.parametrize(("held", "decoded"), [(2**30, 1), (0, 3)])
+def test_a_log_that_can_be_held_is_decoded_once(tmp_path, monkeypatch, held, decoded):
+    block, _ = write(tmp_path / "a.mcap", 330)
+    calls = []
+    monkeypatch.setattr(log_file, "iter_parts", lambda *args: calls.append(args) or iter_parts(*args))
+    monkeypatch.setattr(log_file, "HELD_BYTES", held)
+    log = LogFile.open(tmp_path / "a.mcap")
+    assert b"".join(part.rows.tobytes() for part in log.blocks()) == block.tobytes()
+    table = log.table(("frame", "voted"))
+    assert (table["voted"].tobytes(), table.timing is None) == (block["voted"].tobytes(), held == 0)
+    assert len(calls) == decoded and log.frames == 330 and log.complete
 
 
 def test_a_long_log_is_read_a_second_at_a_time(tmp_path):

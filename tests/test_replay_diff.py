@@ -75,6 +75,19 @@ def test_within_a_tolerance_is_neither_equal_nor_different():
     assert (found.verdict, found.frames, found.first_frame, found.largest) == ("different", 1, 2, 0.5)
 
 
+def test_two_logs_compared_in_blocks_are_compared_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    a, b = random_block(50), random_block(50)
+    b["voted"][:, Q] = (
+        a["voted"][:, Q] + np.where(np.arange(50) % 9 == 4, 0.25, 0.0) + np.where(np.arange(50) == 40, 1.0, 0.0)
+    )
+    b["truth"], b["voted"][3, 0] = a["truth"], np.nan
+    one, other = logged(tmp_path / "a.mcap", a), logged(tmp_path / "b.mcap", b[:47])
+    whole = diff(side(one), side(other), ["pitch_rate.voted=0.5"])
+    assert {"equal", "different"} <= {field.verdict for field in whole.fields} and whole.frames == 47
+    monkeypatch.setattr("rig.core.blocks.ROWS", 7)
+    assert diff(side(one), side(other), ["pitch_rate.voted=0.5"]) == whole
+
+
 def test_nan_equals_nan_and_nothing_else():
     nan = float("nan")
     assert column([nan, 1.0], [nan, 1.0]).verdict == "equal"

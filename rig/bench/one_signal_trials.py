@@ -78,7 +78,7 @@ class Scratch(NamedTuple):
     blank_kept: NDArray[Any]  # (1,)
     manager: ManagerData
     blank_manager: NDArray[Any]  # (1,)
-    signal: NDArray[Any]  # (1,) assess.outcome.SIGNAL
+    signal: NDArray[Any]  # (1,) signal_kernels.SIGNAL
     blank_signal: NDArray[Any]  # (1,)
 
 

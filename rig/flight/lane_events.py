@@ -100,7 +100,7 @@ class ComputerFinder:
         if table.lane is None or not len(table):
             return []
         before, self._last = _before_the_first(table) if self._last is None else self._last, table[-1:].copy()
-        both = stacked([Table(each.rows, each.beside) for each in (before, table)])
+        both = stacked([Table(each.rows[["frame"]], each.beside) for each in (before, table)])  # all fields: 0.1 ms
         self._note_onsets(table)
         found = [*self._healths(both), *self._refused(both), *self._leads(both), *self._links(both)]
         return sorted(found, key=lambda event: event.frame)

@@ -75,7 +75,7 @@ def fly_rows(
 
 
 def fly_blocks(scenario: Scenario, frames_at_most: int, unit: UnitUnderTest | None = None) -> Iterator[Table]:
-    """Fly as ``fly_rows`` does, and yield the frames in blocks of util.blocks.ROWS: memory for these alone."""
+    """Fly as ``fly_rows`` does, and yield the frames in blocks of core.blocks.ROWS: memory for these alone."""
     yield from (Table(*arrays) for arrays in in_blocks(_flown(scenario, frames_at_most, unit)))
     if unit is not None:
         unit.end()

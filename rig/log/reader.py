@@ -109,7 +109,7 @@ class Log:
         return len(self.rows)
 
     def blocks(self) -> Iterator[Table]:
-        """Yield all frames in blocks of util.blocks.ROWS: views, as LogFile gives them from the disk."""
+        """Yield all frames in blocks of core.blocks.ROWS: views, as LogFile gives them from the disk."""
         for part in cuts(self.frames):
             yield self.table[part]
 

@@ -34,7 +34,7 @@ def fly_twin(scenario: Scenario, frames: int | None = None, unit: UnitUnderTest 
 
 
 def twin_blocks(scenario: Scenario, frames: int, unit: UnitUnderTest | None = None) -> Iterator[Block]:
-    """Fly the twin as ``fly_twin`` does, and yield its rows in blocks of util.blocks.ROWS."""
+    """Fly the twin as ``fly_twin`` does, and yield its rows in blocks of core.blocks.ROWS."""
     from rig.flight.unit_loop import fly_blocks
 
     return (table.rows for table in fly_blocks(scenario.model_copy(update={"faults": []}), frames, unit))

@@ -12,15 +12,13 @@ Kernels are given its arrays: ``rows`` and the parts.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, Final, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.frame.row import Block
 from rig.core.frame.second_row import LANE_PARTS, LaneBlock, LanePart, LaneParts, lane_rows, parts_of
-
-NAMES: Final[dict[Literal["servo", "lane"], LanePart]] = {"servo": "actuator", "lane": "computer"}
 
 
 class Table:

@@ -35,7 +35,7 @@ def outcomes(
     rate_hz: float,
     begun: NDArray[Any] | None = None,
 ) -> NDArray[Any]:
-    """Return (R,) assess.outcome.SIGNAL of pieces that all begin healthy.
+    """Return (R,) signal_kernels.SIGNAL of pieces that all begin healthy.
 
     samples : (R, n, C), NaN where a sample is not comparable; faulty : (R,) the channel that is, from ``onset`` on
     begun : (R,) the manager's states at first; as at the start of a flight when not given

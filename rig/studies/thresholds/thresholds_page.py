@@ -13,7 +13,7 @@ from rig.show.pages.page import lay_out, write_page
 
 
 def write(path: Path, summary: dict[str, Any]) -> None:
-    """Write threshold, smallest offset and share isolated over the persistence; ``summary`` as of report.summary."""
+    """Write threshold, smallest offset and share isolated over the persistence; ``summary`` of design_report.py."""
     title = f"{summary['budget_per_h']:g} false isolations an hour and signal, {summary['hours']:.3g} h of data"
     figures = dict(_pictures(summary["signals"]))
     facts = {"title": title, "rule": summary["rule"], "notes": summary["notes"], "pictures": list(figures)}

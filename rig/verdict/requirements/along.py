@@ -120,7 +120,3 @@ def plain(verdict: Verdict) -> dict[str, Any]:
         "instant_s": verdict.instant_s if applies else None,
         "values": numbers,
     }
-
-
-def _number(value: float, unit: str) -> dict[str, Any]:
-    return {"value": value if isfinite(value) else None, "unit": unit}
