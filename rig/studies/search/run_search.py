@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -76,12 +77,10 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
                 return Ended({}, "", 0, perf_counter() - began, interrupted=True, signal=stop.signal)
             with flown(plan, out, pool, stop, batch) as flights:
                 found, figures = None, {}
-                try:
+                with suppress(Interrupted):  # what was flown is in the folder; the same command goes on
                     found = _searched(plan, flights)
                     with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop) as others:  # open loop or not
                         figures = _finished(plan, found, others, out)
-                except Interrupted:
-                    pass
                 kill = stop.insisted
                 tables = flights.folder.tables
                 end = stop.requested and not figures, stop.signal
