@@ -13,7 +13,7 @@ class Smoothed:
     limit = 1.0  # thresholds
 
     def __init__(self, params):
-        # params: one record a signal (rig.computer.redundancy.manager_config.PARAMS): threshold, low, high, fitted, wraps ...
+        # params: one record a signal (rig.computer.redundancy.manager_config.PARAMS): threshold, low, high, wraps ...
         self.low, self.high, self.wraps = (params[name].copy() for name in ("low", "high", "wraps"))
         self.threshold = params["threshold"][:, None]
         self.fitted = np.arange(4) < params["fitted"][:, None]
