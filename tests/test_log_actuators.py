@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from test_assess_actuators import HARDOVER, given
+from test_verdict_actuators import HARDOVER, given
 from typer.testing import CliRunner
 
 from rig.bench.replay.before_after import diff, side

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_assess_actuators import HARDOVER, ONSET, given
+from test_verdict_actuators import HARDOVER, ONSET, given
 from typer.testing import CliRunner
 
 from rig.bench.replay.verify import verify

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_assess_parts import flight, offset
+from test_verdict_parts import flight, offset
 
 from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, State, new_block
 from rig.flight.suspects import Suspect, SuspectCount, doubted

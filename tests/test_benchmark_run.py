@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from league_flights import HEALTHY, SMALL, small
+from benchmark_flights import HEALTHY, SMALL, small
 from typer.testing import CliRunner
 
 from rig.cli.main import app
@@ -70,7 +70,7 @@ def test_an_interrupted_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any]
 @pytest.mark.long
 def test_a_killed_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
     """With two workers, killed once levels are written and units have begun to be."""
-    begin = "import sys; from pathlib import Path; from test_league_run import killed; killed(*map(Path, sys.argv[1:]))"
+    begin = "import sys; from pathlib import Path; import test_benchmark_run as t; t.killed(*map(Path, sys.argv[1:]))"
     path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
     command = [sys.executable, "-c", begin, str(healthy), str(tmp_path / "cut")]
     process = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, start_new_session=True)
@@ -206,7 +206,7 @@ def faulty(folder: Path, text: str) -> Path:
     [
         ({"--budget": "1e-5"}, "", "is too little for a budget of 1e-05 an hour: 1e+03 h are needed"),
         ({"--budget": "nan"}, "", "--budget: false isolations an hour and signal, above 0, got nan"),
-        ({"--managers": "league_flights:Nameless"}, "", "calibrate = 'gain': must name a number above 0"),
+        ({"--managers": "benchmark_flights:Nameless"}, "", "calibrate = 'gain': must name a number above 0"),
         ({"--managers": "cross-channel"}, "", "--managers: name one or more besides cross-channel"),
         ({}, "[set]\nfaults = []\n", "no fault to detect"),
         ({}, '[set]\n"redundancy.signals.pitch_rate.bias_bound" = 9.0\n', "bias_bound: at most the threshold"),

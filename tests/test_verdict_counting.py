@@ -3,8 +3,8 @@
 from typing import Any
 
 import pytest
-from test_assess_conclusion import said
-from test_assess_parts import flight, offset
+from test_verdict_conclusion import said
+from test_verdict_parts import flight, offset
 
 from rig.verdict import score
 from rig.verdict.context import Context

@@ -53,7 +53,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Data:
 
 @pytest.fixture(scope="module")
 def result(data: Data) -> dict[str, Any]:
-    return league(data, CONFIG, entrants("cross-voter,median,league_flights:Limited"))
+    return league(data, CONFIG, entrants("cross-voter,median,benchmark_flights:Limited"))
 
 
 def of_three_in_a_row(blocks: Sequence[DataBlock]) -> float:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_assess_parts import flight, offset, outcomes, scored
+from test_verdict_parts import flight, offset, outcomes, scored
 
 from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, State
 from rig.studies.campaign.tables import channel_hours, magnitude

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_assess_actuators import HARDOVER, ONSET, given
+from test_verdict_actuators import HARDOVER, ONSET, given
 
 from rig.core.palette import RED
 from rig.flight.flight_result import Flight

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 import pytest
-from league_flights import plan
+from benchmark_flights import plan
 
 from rig.bench.one_signal_trials import RESULT
 from rig.core.errors import BadInput

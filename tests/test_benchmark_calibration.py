@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from league_flights import RATE_HZ, white, white_signal
+from benchmark_flights import RATE_HZ, white, white_signal
 from scipy.stats import chi2
 
 import rig

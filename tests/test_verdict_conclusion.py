@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_assess_parts import Q, flight, offset
+from test_verdict_parts import Q, flight, offset
 
 from rig.core.frame import INDEX, Ilm, State, Table, UnitStatus
 from rig.verdict import score

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from league_flights import plan
+from benchmark_flights import plan
 from numpy.random import SFC64, Generator
 
 import rig

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_assess_parts import Q, flight, offset, scored
+from test_verdict_parts import Q, flight, offset, scored
 
 from rig.core.frame import State
 from rig.studies.campaign.tables import rows as campaign_rows

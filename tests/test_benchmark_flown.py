@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from league_flights import white, white_signal
+from benchmark_flights import white, white_signal
 
 from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.studies.benchmark.entrants import Entrant, OfSignal

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_assess_parts import flight, offset
+from test_verdict_parts import flight, offset
 
 from rig.core.frame import CHANNELS, State, Table
 from rig.flight.fly import fly

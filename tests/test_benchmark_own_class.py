@@ -1,10 +1,10 @@
 """Managers of the user's own open loop: what they are given, and what a calibration makes of them."""
 
-import league_flights
+import benchmark_flights
 import numpy as np
 import polars as pl
 import pytest
-from league_flights import RATE_HZ, plan, white, white_signal
+from benchmark_flights import RATE_HZ, plan, white, white_signal
 from scipy.stats import norm
 
 from rig.core.errors import BadInput
@@ -13,13 +13,13 @@ from rig.studies.benchmark.calibration import Calibrated, calibrate
 from rig.studies.benchmark.entrants import Entrant, entrants, fails_nobody
 from rig.studies.benchmark.own_class import calibrated_number, voted, with_values
 
-NAME = "league_flights:Limited"
+NAME = "benchmark_flights:Limited"
 
 
 @pytest.mark.parametrize(("own", "manager"), [("Wrapped", "cross-voter"), ("WrappedInnovation", "innovation")])
 def test_a_manager_of_the_rig_decides_the_same_as_a_class_of_the_users(own: str, manager: str):
     """With every state of the reference, which "innovation" reads."""
-    both = [Entrant(f"league_flights:{own}", f"league_flights:{own}"), Entrant(manager, manager)]
+    both = [Entrant(f"benchmark_flights:{own}", f"benchmark_flights:{own}"), Entrant(manager, manager)]
     calibrated = {(e.name, "pitch_rate"): Calibrated(e.name, "pitch_rate") for e in both}
     rows = Runner(plan(), Told(both, calibrated, 0.01, {"pitch_rate": 0.05}))(shared_out(plan(), 18, 5)[0])
     first, second = (rows.filter(pl.col("entrant") == e.name).drop("entrant") for e in both)
@@ -32,7 +32,7 @@ def test_the_calibrated_number_of_a_class_is_that_of_the_normal_law():
     found = calibrate(Entrant(NAME, NAME), white_signal(), white(sigma, 48, 3000), budget)
     expected = sigma * norm.isf(budget / 3600.0 / RATE_HZ / 4 / 2)  # four channels, two sides
     assert 0.95 * expected < found.values["limit"] < 1.35 * expected
-    assert league_flights.Limited.limit == 2.0
+    assert benchmark_flights.Limited.limit == 2.0
 
 
 def test_each_flight_of_a_batch_is_voted_alone_and_numbers_return_to_what_they_were():
@@ -49,15 +49,15 @@ def test_each_flight_of_a_batch_is_voted_alone_and_numbers_return_to_what_they_w
 
 
 def test_without_a_number_it_is_compared_by_its_vote_alone():
-    (own,) = entrants("league_flights:Wrapped")[4:]
+    (own,) = entrants("benchmark_flights:Wrapped")[4:]
     assert fails_nobody(own, white_signal()) and not fails_nobody(Entrant(NAME, NAME), white_signal())
 
 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("league_flights:Nameless", "calibrate = 'gain': must name a number above 0 of a class"),
-        ("league_flights:Absent", "cannot be imported"),
+        ("benchmark_flights:Nameless", "calibrate = 'gain': must name a number above 0 of a class"),
+        ("benchmark_flights:Absent", "cannot be imported"),
         ("no_such_module:Voter", "cannot be imported"),
     ],
 )
@@ -68,4 +68,4 @@ def test_a_class_that_cannot_take_part_is_one_line(name: str, said: str):
 
 def test_a_class_that_raises_is_one_line():
     with pytest.raises(BadInput, match="raised in frame 2: ValueError: no third frame"):
-        voted("league_flights:Raising", {}, white_signal().params, {"channels": np.zeros((1, 9, 4))})
+        voted("benchmark_flights:Raising", {}, white_signal().params, {"channels": np.zeros((1, 9, 4))})

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from test_assess_parts import Q, flight, offset
+from test_verdict_parts import Q, flight, offset
 
 from rig.core.frame import INDEX, Block, Resolver, State
 from rig.scenario.scenario import Scenario
