@@ -31,8 +31,8 @@ from rig.core.frame import (
 from rig.core.frame.fields import FIELD, places
 from rig.core.units.constants import TWO_PI
 from rig.flight.events import Event
-from rig.log import LogWriter
 from rig.log.schema import TOPICS_OF_ROWS, Topic
+from rig.log.writer import LogWriter
 from rig.show.viewer import derived, matrix
 from rig.show.viewer import state_strips as lanes
 from rig.show.viewer.facts import Facts, FaultFact

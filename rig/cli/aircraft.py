@@ -115,8 +115,13 @@ def aircraft_new(options: NewOptions) -> None:
         show.proposed(made, folder)
     written: dict[str, object] = {"folder": str(folder), "kind": made.kind}
     if options.design:
+        from rig.design.first_design import designed
+
         with _removed_unless_done(folder):
-            made, gains, measured = _designed(made, folder, quiet=quiet)
+            with working("gains, margins and references", not quiet, steps=True):
+                made, gains, measured = designed(made, folder)
+            if made.left_out and not quiet:
+                show.changed(made)
             written |= _written(gains, measured, folder / GAINS, quiet=quiet)
     written["airframe"] = made.airframe.model_dump(exclude_none=True)
     emit(quiet, written, lambda: show.next_steps(made, folder, designed=options.design))
@@ -133,18 +138,6 @@ def _proposed(options: NewOptions) -> NewAircraft:
     if sys.stdin.isatty() and not options.as_json:
         made = propose(options.name, options.base, _ask(answers, made.kind), points, options.points)
     return made
-
-
-def _designed(made: NewAircraft, folder: Path, *, quiet: bool) -> tuple[NewAircraft, Gains, Designed]:
-    """Design and fly a proposal; say which flight points gave way to others."""
-    from rig.cli import show_aircraft as show
-    from rig.design.first_design import designed
-
-    with working("gains, margins and references", not quiet, steps=True):
-        done, gains, measured = designed(made, folder)
-    if done.left_out and not quiet:
-        show.changed(done)
-    return done, gains, measured
 
 
 @contextmanager
@@ -236,11 +229,16 @@ def aircraft_design(
 
     Writes gains.toml with the margins, and beside it references.toml with the measured errors.
     """
+    from rig.design.design_gains import design
+    from rig.scenario.aircraft import folder
+    from rig.world.plant import airframe
+
     if out is not None and not is_folder(out.parent):
         raise BadInput(f"--out {out}: no such folder")
     _require_apart(name, out)
-    summary = _measured(name, _gains(name, accept=False, quiet=as_json), out, quiet=as_json)
-    emit(as_json, summary, lambda: None)
+    with working("gains and margins", not as_json, steps=True):
+        gains = design(airframe.read(folder(name) / "aircraft.toml"), accept=False)
+    emit(as_json, _measured(name, gains, out, quiet=as_json), lambda: None)
 
 
 def _require_apart(name: str, out: Path | None) -> None:
@@ -252,17 +250,6 @@ def _require_apart(name: str, out: Path | None) -> None:
     made_from = (path for path in home.rglob("*") if path.name not in (GAINS, REFERENCES))
     require_apart({"--out": target, "the references": target.with_name(REFERENCES)}, made_from)
     require_ending("--out", out, "a file of gains", ".toml")
-
-
-def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:
-    """Design the gains of an aircraft; RigError with numbers when they keep less than is required."""
-    from rig.design.design_gains import design
-    from rig.scenario.aircraft import folder
-    from rig.world.plant import airframe
-
-    home = folder(name)
-    with working("gains and margins", not quiet, steps=True):
-        return design(airframe.read(home / "aircraft.toml"), accept=accept)
 
 
 def _measured(name: str, gains: Gains, out: Path | None = None, *, quiet: bool) -> dict[str, object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -87,9 +88,7 @@ def _show(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]], 
         rest(len(lines), MOST_LINES, "  and {} more")
     if update:
         field("kept", f"{suite.decisions_file}: {len(moved)} of {len(results)} cases moved")
-    counts = {
-        result: sum(test.result == result for test in tests) for result in dict.fromkeys(test.result for test in tests)
-    }
+    counts = Counter(test.result for test in tests)
     seconds = sum(each.seconds for each in results)
     field("cases", f"{len(results)} in {seconds:.1f} s: {', '.join(f'{n} {result}' for result, n in counts.items())}")
     field("result", ("not met", "red") if wrong else ("met", "green"), f": {len(wrong)} of {len(tests)} tests failed")

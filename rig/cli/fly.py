@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from rig.scenario.scenario import Scenario
     from rig.show.terminal.live import Watch
     from rig.show.viewer.stream import Stream
-    from rig.verdict.requirements import MeasuredConclusion, Verdict
+    from rig.verdict.requirements.along import MeasuredConclusion
+    from rig.verdict.requirements.requirement_recorder import Verdict
 
 FEW: Final = 3
 _OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (failed by \w+|readmitted)")
@@ -84,8 +85,9 @@ class FlyOptions:
 def fly(options: FlyOptions) -> None:
     """Fly one scenario, log every frame, print what happened."""
     from rig.show.terminal.live import watching
+    from rig.unit.running_unit import running
     from rig.verdict.conclusion import next_commands
-    from rig.verdict.requirements import MeasuredConclusion, plain, violated
+    from rig.verdict.requirements.along import MeasuredConclusion, plain, violated
 
     if options.watch and options.as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
@@ -102,16 +104,13 @@ def fly(options: FlyOptions) -> None:
     quiet = options.as_json or options.watch
     with watching(options.watch, options.realtime_factor) as page, working("starting", not quiet):
         flight = _fly(options, page, outcome)
-        verdicts = _verdicts(outcome, flight, options)
+        with running(options.unit if outcome.needs_twin else None) as tested:  # which flies its twin too
+            verdicts = outcome.verdicts(flight.log, tested, options.allow_code or bool(options.sets))
 
     def data() -> dict[str, object]:
         requirements = {"requirements": [plain(verdict) for verdict in verdicts]} if outcome.requirements else {}
-        return {
-            **flight.summary(),
-            "conclusion": flight.conclusion,
-            **requirements,
-            "next": next_commands(flight),
-        }
+        told = {"conclusion": flight.conclusion, **requirements, "next": next_commands(flight)}
+        return {**flight.summary(), **told}
 
     def show() -> None:
         show_flight(flight, verdicts=verdicts)
@@ -160,14 +159,6 @@ def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -
         live=keyboard(options.watch and paced),
         outcome=outcome,
     )
-
-
-def _verdicts(outcome: MeasuredConclusion, flight: Flight, options: FlyOptions) -> tuple[Verdict, ...]:
-    """Return the verdicts of a flight; the unit that flew it flies its twin where that is named."""
-    from rig.unit.running_unit import running
-
-    with running(options.unit if outcome.needs_twin else None) as tested:
-        return outcome.verdicts(flight.log, tested, options.allow_code or bool(options.sets))
 
 
 class Watching:

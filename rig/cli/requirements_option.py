@@ -14,7 +14,8 @@ from rig.core.units.quantities import quantity
 
 if TYPE_CHECKING:
     from rig.scenario.scenario import Scenario
-    from rig.verdict.requirements import Requirement, Verdict
+    from rig.verdict.requirements.requirement import Requirement
+    from rig.verdict.requirements.requirement_recorder import Verdict
 
 FEW: Final = 4  # quantities of a line
 Requirements = Annotated[
@@ -53,19 +54,11 @@ def show_notes(requirements: Sequence[Requirement], scenario: Scenario) -> None:
 
 
 def _row(verdict: Verdict) -> tuple[Any, ...]:
-    from rig.verdict.requirements import margin_text
+    from rig.verdict.requirements.shown import margin_text
 
     if not isfinite(verdict.margin):
         return (verdict.status, verdict.requirement, verdict.signal, "", "", "")
     there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items()]
     more = ["..."] if len(there) > FEW else []
-    return (
-        *(
-            verdict.status,
-            verdict.requirement,
-            verdict.signal,
-            margin_text(verdict.margin),
-            f"{verdict.instant_s:.2f} s",
-        ),
-        ", ".join([*there[:FEW], *more]),
-    )
+    at = margin_text(verdict.margin), f"{verdict.instant_s:.2f} s", ", ".join([*there[:FEW], *more])
+    return verdict.status, verdict.requirement, verdict.signal, *at

@@ -76,7 +76,7 @@ def _bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(rows).reshape(-1).view(np.uint8).reshape(len(rows), size)
 
 
-_SMALL: Final = sorted({f.source for m in MESSAGES.values() for f in m.fields if f.kind not in WIRE})  # in one byte
+_SMALL: Final = sorted({f.source for fields in MESSAGES.values() for f in fields if f.kind not in WIRE})  # in one byte
 
 
 def _sign_bits() -> NDArray[np.uint64]:

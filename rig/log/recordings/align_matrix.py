@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from rig.core.errors import BadInput
+from rig.log.recordings.offset_moves import median_of
 from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.stamps import Floats
 from rig.log.recordings.vote_config import RecordedSignal
@@ -57,7 +58,7 @@ def take_off_matrices(
         if len(set(counts)) > 1:
             raise BadInput(f"--align-matrix: triad {triad}: its signals have {counts} channels, which must be alike")
         x = np.array([_valid(recording.signals[axis], settings[axis]) for axis in axes])  # (3, C, n)
-        center = np.nan_to_num(_median(x))
+        center = np.nan_to_num([median_of(columns) for columns in x])  # (3, n) over the recorders
         for c in range(counts[0]):
             fit = _fit(triad, c + 1, x[:, c, start:end], center[:, start:end])
             shown = settings[axes[0]].shown
@@ -73,17 +74,6 @@ def take_off_matrices(
 def _valid(samples: Samples, settings: RecordedSignal) -> list[Floats]:
     low, high = settings.limits
     return [np.where((column >= low) & (column <= high), column, np.nan) for column in samples.channels]
-
-
-def _median(x: Floats) -> Floats:
-    """(3, n) over the recorders; NaN where none has a sample."""
-    if np.isfinite(x).all():
-        return np.median(x, axis=1)
-    median = np.full((len(x), x.shape[2]), np.nan)
-    for axis, columns in enumerate(x):
-        some = np.isfinite(columns).any(axis=0)
-        median[axis, some] = np.nanmedian(columns[:, some], axis=0)
-    return median
 
 
 def _fit(triad: str, channel: int, v: Floats, m: Floats) -> Matrix:

@@ -12,15 +12,15 @@ from plotly.subplots import make_subplots
 from rig.core.event import Event
 from rig.core.frame import COMPUTERS, SURFACES, Table
 from rig.core.palette import CHANNELS, DASHES, VOTE
-from rig.core.runs import runs_where
 from rig.core.units.quantities import scale_shown, seconds, unit_of_name, unit_shown
 from rig.flight import lane_events as lanes
 from rig.flight.failures import decisive_s
 from rig.show.pages.course import Course
-from rig.show.pages.flight_figures import ACTING, DOTTED, draw_line
+from rig.show.pages.flight_figures import DOTTED, draw_line, mark_panels
 from rig.show.pages.page import lay_out
 from rig.show.pages.timeline import Span, eventful, spans_of
 from rig.show.viewer import lanes_view as computers
+from rig.show.viewer.state_strips import acting
 from rig.verdict.of_log import Scored
 from rig.world.faults.places import OF_LANES, site
 
@@ -94,7 +94,7 @@ def commands(kept: Table, scored: Scored, one: Happened) -> go.Figure:
             figure.add_scatter(x=time_s, y=limit, mode="lines", line=DOTTED, row=s + 1, col=1, showlegend=False)
         unit = unit_shown(unit_of_name(name))
         figure.update_yaxes(title=f"{name.removesuffix('_rad')}{unit and f', {unit}'}", row=s + 1, col=1)
-    _mark(figure, kept, scored, time_s)
+    _mark(figure, kept, scored)
     lay_out(figure, "commands of the lanes", _HEIGHT)
     figure.update_xaxes(title="time, s", row=len(SURFACES), col=1)
     return figure
@@ -108,15 +108,12 @@ def _voted(table: Table) -> Any:
     return np.where((leading == computers.BACKUP)[:, None], np.nan, output)
 
 
-def _mark(figure: go.Figure, kept: Table, scored: Scored, time_s: Any) -> None:
+def _mark(figure: go.Figure, kept: Table, scored: Scored) -> None:
     """Shade the time in which a fault on computers or links acts, and mark each lane's failure."""
-    every: dict[str, Any] = {"row": "all", "col": 1}
-    of = [i for i, fault in enumerate(scored.scenario.faults) if site(fault.signal) in OF_LANES]
-    acting = np.asarray(np.unpackbits(kept["acting"], axis=1, bitorder="little")[:, of].any(axis=1))
-    for a, b in runs_where(acting):
-        figure.add_vrect(float(time_s[a]), float(time_s[b - 1]), fillcolor=ACTING, line_width=0, layer="below", **every)
-    finder = lanes.ComputerFinder(scored.scenario.rate_hz)
+    faults, rate_hz = scored.scenario.faults, scored.scenario.rate_hz
+    of = [i for i, fault in enumerate(faults) if site(fault.signal) in OF_LANES]
+    acts = np.asarray(acting(kept.rows, len(faults))[:, of].any(axis=1))
+    finder = lanes.ComputerFinder(rate_hz)
     finder.find(kept)
-    for failure in finder.failures:
-        if failure.frame > kept["frame"][0]:
-            figure.add_vline(x=failure.frame / scored.scenario.rate_hz, line=DOTTED, **every)
+    failed = [failure.frame for failure in finder.failures if failure.frame > kept["frame"][0]]
+    mark_panels(figure, kept["frame"] / rate_hz, acts, [frame / rate_hz for frame in failed])

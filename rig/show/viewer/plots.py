@@ -17,7 +17,7 @@ from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMa
 from rig.show.viewer import matrix
 from rig.show.viewer.charts import Chart, label
 from rig.show.viewer.derived import DEGREE_NAMES, DEGREES
-from rig.show.viewer.facts import Shown
+from rig.show.viewer.facts import Shown, Span, drawn_range
 from rig.show.viewer.rerun_columns import Bars
 from rig.show.viewer.scene import ABOUT, HORIZON, MARGIN, NUMBERS, TIMELINE, WORLD
 from rig.show.viewer.state_strips import ENDS, Lane, fault_path
@@ -44,8 +44,8 @@ class Line(NamedTuple):
 class Axes(NamedTuple):
     """What a plot shows: seconds of its flight, None: those of all; lowest and highest, None: what there is."""
 
-    time_s: tuple[float, float] | None = None
-    values: tuple[float, float] | None = None
+    time_s: Span = None
+    values: Span = None
 
 
 FITTED: Final = Axes()
@@ -115,7 +115,7 @@ def over_time(name: str, series: _Series, shown: Sequence[Shown], axes: Axes = F
     )
 
 
-def time_axis(shown: Sequence[Shown], span_s: tuple[float, float] | None = None) -> rrb.TimeAxis:
+def time_axis(shown: Sequence[Shown], span_s: Span = None) -> rrb.TimeAxis:
     """Return the axis of the part ``span_s``; None: the whole of the longest flight, or the latest of one under way.
 
     The axis that Rerun's views share by themselves would show a minute around the cursor, no more.
@@ -139,13 +139,7 @@ def chart(content: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     for path, drawn in line_series([line for line in lines if line.archetype != DEGREES], shown).items():
         series[path] = [*series.get(path, []), *drawn]
     colours = ", ".join(f"{line.label} {COLOR_NAMES[i % len(PALETTE)]}" for i, line in enumerate(lines))
-    ranges = [seen.ranges[content.name] for flight in shown if (seen := flight.facts.seen) is not None]
-    return over_time(f"{content.title}: {colours}", series, shown, Axes(values=_around(ranges)))
-
-
-def _around(ranges: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """Return the range that holds all of these; None when there are none."""
-    return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
+    return over_time(f"{content.title}: {colours}", series, shown, Axes(values=drawn_range(shown, content.name)))
 
 
 def _place(name: str) -> tuple[str, str, str]:
@@ -174,7 +168,7 @@ def state_lanes(
     lanes: Sequence[Lane],
     shown: Sequence[Shown],
     faults: str | None = None,
-    span_s: tuple[float, float] | None = None,
+    span_s: Span = None,
 ) -> Any:
     """Build lanes of states, a view for each flight, side by side.
 

@@ -12,7 +12,7 @@ A flight that ends before the picture does says so in its lanes: why it was lost
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import product
 from typing import Any, Final, NamedTuple
@@ -27,18 +27,21 @@ from rig.core.frame import (
     Block,
     Discrete,
     End,
+    LanePart,
     Law,
     Pattern,
     Resolver,
     Signal,
     Source,
     State,
+    Table,
 )
 from rig.core.frame.fields import FIELD
-from rig.show.viewer.style import ACTING, ALL_FAILED, ENDED, OVER, STATE_LOOKS, Looks, attention, plain
+from rig.log.schema import Topic
+from rig.show.viewer.style import ACTING, ALL_FAILED, ENDED, OVER, STATE_LOOKS, SUSPECT, Color, Looks, attention, plain
 
 # A suspect is one for some frames, where there is room for one letter.
-_SHORT_LOOKS: Final[Looks] = {**STATE_LOOKS, "SUSPECT": ("?", STATE_LOOKS["SUSPECT"][1])}
+_SHORT_LOOKS: Final[Looks] = {**STATE_LOOKS, "SUSPECT": ("?", SUSPECT)}
 
 
 class Lane(NamedTuple):
@@ -187,3 +190,29 @@ def _where(values: NDArray[Any], last: NDArray[Any] | None) -> NDArray[np.intp]:
     moved[0] = last is None or values[0] != last[0]
     np.not_equal(values[1:], values[:-1], out=moved[1:])
     return np.flatnonzero(moved)
+
+
+class Entity(NamedTuple):
+    """What an entity has in every row: one list of numbers, and the message of the log where it is sent too."""
+
+    path: str
+    archetype: str  # of the list
+    values: NDArray[np.float64]  # (n, m)
+    topic: Topic | None = None
+
+
+class Beside(NamedTuple):
+    """A part of the second row, and how it is drawn; functions of rows (n,) that have the part."""
+
+    part: LanePart
+    legend: str  # entity
+    legend_lines: Sequence[tuple[str, Color]]
+    lanes: Sequence[Lane]
+    codes: Callable[[Table, Lane], NDArray[Any]]  # the state of a lane in each row
+    entities: Callable[[Table], Iterator[Entity]]
+
+    def changes(self, rows: Table, before: Table | None) -> Iterator[Changes]:
+        """Yield the changes in ``rows`` of any lane, after the row ``before`` (1,); None: all lanes begin here."""
+        for lane in self.lanes:
+            last = None if before is None else self.codes(before, lane)
+            yield from changed(lane.path, lane.states, self.codes(rows, lane), last)
