@@ -36,9 +36,9 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from rig.core.event import Event
-from rig.core.frame import TIMING, Block, End, Table
+from rig.core.frame import Block, End, Table
 from rig.flight.time_histogram import BINS, EDGES_US, binned
-from rig.log.schema import BOOL, LANE_MESSAGES, MESSAGES, TOPICS_OF_ROWS, Field, Topic
+from rig.log.schema import BOOL, FRAME_TOPICS, LANE_MESSAGES, MESSAGES, TOPICS_OF_ROWS, Field, Topic
 from rig.show.viewer import derived, matrix
 from rig.show.viewer import lanes_view as computers
 from rig.show.viewer import servo_series as servos
@@ -47,8 +47,8 @@ from rig.show.viewer.facts import UNKNOWN, Facts
 from rig.show.viewer.scene import Scene, time_column
 from rig.show.viewer.style import OVER, PALETTE, VOTED, Color
 
-CLOCK: Final = "/timing"
-CLOCK_TYPE: Final = "rig.Timing"
+_TIMED: Final = next(topic for topic in FRAME_TOPICS if topic not in TOPICS_OF_ROWS)
+CLOCK, CLOCK_TYPE = _TIMED.name, _TIMED.message
 BESIDE: Final = (servos.SHOWN, computers.SHOWN)
 _BARE: Final = ("fault", "lane", "leading lane", "link", "back-up")  # names of events whose texts need them
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
@@ -80,11 +80,7 @@ class Times:
 
     def send(self, timing: NDArray[Any], nanoseconds: NDArray[np.float64]) -> None:
         """Send ``timing`` (n,) of TIMING at these times of the flight, and histograms so far at the last of them."""
-        arrays = {name: pa.array(np.ascontiguousarray(timing[name])) for name in TIMING.names or ()}
-        fields = [pa.field(name, pa.float64(), nullable=False) for name in arrays]
-        structs = pa.StructArray.from_arrays(list(arrays.values()), fields=fields)
-        columns = rr.DynamicArchetype.columns(archetype=CLOCK_TYPE, components={"message": structs})
-        self._send(CLOCK, [time_column(nanoseconds)], columns)
+        self._send(CLOCK, [time_column(nanoseconds)], _message(CLOCK_TYPE, struct(timing, _TIMED)))
         for bars, counts in self._counts.items():
             counts += binned(timing[bars.field])
             if timing[bars.field].any():
@@ -165,7 +161,7 @@ class Columns:
     def _matrix(self, rows: Block, nanoseconds: NDArray[np.float64]) -> None:
         if self._before is None:
             rr.log(self._root + matrix.NAMES, matrix.names(), static=True, recording=self._recording)
-        changed = matrix.changed(rows, self._before)
+        changed = lanes.moved(rows["state"], None if self._before is None else self._before["state"])
         if len(changed):
             self._columns(matrix.PATH, [time_column(nanoseconds[changed])], matrix.columns(rows, changed))
 
