@@ -173,11 +173,9 @@ def _decisions(moves: Decisions, rate_hz: float) -> None:
         Column("for", lambda d: duration(d.last_frame - d.first_frame + 1, rate_hz), worth=7),
         *(Column("old", "old"), Column("new", "new")),
     )
-    first = Column("first", lambda v: moment(v.first_frame, rate_hz))
     votes = (
-        Column("vote", "signal"),
-        Column("frames", "frames", worth=7),
-        first,
+        *(Column("vote", "signal"), Column("frames", "frames", worth=7)),
+        Column("first", lambda v: moment(v.first_frame, rate_hz)),
         *_difference(lambda v: f"{v.signal}.voted"),
     )
     moved, references = _by_worth(moves.moved)
@@ -247,14 +245,8 @@ def export(
             raise BadInput("--signals, --for-vote: are for --to")
         _export_layout(log, layout, out, as_json)
     else:
-        _export_table(
-            log,
-            _format(to, out),
-            out,
-            [part.strip() for part in (signals or "").split(",") if part.strip()],
-            for_vote,
-            as_json,
-        )
+        owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
+        _export_table(log, _format(to, out), out, owners, for_vote, as_json)
 
 
 def _format(to: str | None, out: Path | None) -> str:

@@ -140,6 +140,11 @@ def moment(scored: Scored, course: Course, name: str) -> Moment | None:
     first = min(known) if known else course.suspected(name, min(failures))  # no fault on it: its computer is out
     ends = [*failures, *(fault.failed_frame for fault in faults if fault.failed_frame is not None)]
     isolated = min((frame for frame in ends if first <= frame <= first + LATEST_S * rate_hz), default=None)
-    isolated_s = None if isolated is None else isolated / rate_hz
-    begin_s, end_s = decisive_s(first / rate_hz, isolated_s, (course.frames - 1) / rate_hz)
-    return Moment(name, first, isolated, round(begin_s * rate_hz), round(end_s * rate_hz) + 1)
+    return Moment(name, first, isolated, *decisive_frames(first, isolated, course.frames, rate_hz))
+
+
+def decisive_frames(first: int, decided: int | None, frames: int, rate_hz: float) -> tuple[int, int]:
+    """Return the decisive frames about ``first`` and what was ``decided``, of a flight of so many; end excluded."""
+    decided_s = None if decided is None else decided / rate_hz
+    begin_s, end_s = decisive_s(first / rate_hz, decided_s, (frames - 1) / rate_hz)
+    return round(begin_s * rate_hz), round(end_s * rate_hz) + 1

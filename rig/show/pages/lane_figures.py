@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,8 +14,7 @@ from rig.core.frame import COMPUTERS, SURFACES, Table
 from rig.core.palette import CHANNELS, DASHES, VOTE
 from rig.core.units.quantities import scale_shown, seconds, unit_of_name, unit_shown
 from rig.flight import lane_events as lanes
-from rig.flight.failures import decisive_s
-from rig.show.pages.course import Course
+from rig.show.pages.course import Course, decisive_frames
 from rig.show.pages.flight_figures import DOTTED, draw_line, mark_panels
 from rig.show.pages.page import lay_out
 from rig.show.pages.timeline import Span, eventful, spans_of
@@ -42,7 +41,7 @@ class Happened(NamedTuple):
 
 def happened(scored: Scored, events: Sequence[Event]) -> Happened | None:
     """Return what became of the computers; None where nothing failed and no fault sat on them."""
-    rate_hz, last = scored.scenario.rate_hz, scored.score.flight.frames - 1
+    rate_hz, frames = scored.scenario.rate_hz, scored.score.flight.frames
     onsets = [
         fault.onset_frame
         for fault in scored.score.faults
@@ -53,16 +52,8 @@ def happened(scored: Scored, events: Sequence[Event]) -> Happened | None:
         return None
     decided = min(failed, default=None)
     first = max((onset for onset in onsets if decided is None or onset <= decided), default=decided or 0)
-    begin_s, end_s = decisive_s(first / rate_hz, None if decided is None else decided / rate_hz, last / rate_hz)
-    return Happened(list(_said(events, rate_hz)), round(begin_s * rate_hz), round(end_s * rate_hz) + 1)
-
-
-def _said(events: Sequence[Event], rate_hz: float) -> Iterator[str]:
-    told = [event for event in events if event.name in _TOLD]
-    for event in told:
-        yield f"{seconds(event.frame, rate_hz)}: {event.name}, {event.text}"
-    if not told:
-        yield "no lane and no link failed"
+    told = [f"{seconds(e.frame, rate_hz)}: {e.name}, {e.text}" for e in events if e.name in _TOLD]
+    return Happened(told or ["no lane and no link failed"], *decisive_frames(first, decided, frames, rate_hz))
 
 
 def states(course: Course, rate_hz: float, count: int) -> list[Span]:

@@ -13,9 +13,8 @@ from plotly.subplots import make_subplots
 from rig.core.frame import MOVED, Table
 from rig.core.palette import CHANNELS, DASHES, INK, TRUTH
 from rig.core.units.quantities import scale_shown, seconds
-from rig.flight.failures import decisive_s
 from rig.flight.stages import actuator_monitors
-from rig.show.pages.course import Course
+from rig.show.pages.course import Course, decisive_frames
 from rig.show.pages.flight_figures import DOTTED, draw_line, mark_panels
 from rig.show.pages.page import lay_out
 from rig.show.pages.timeline import Span, eventful, spans_of
@@ -43,7 +42,7 @@ class Happened(NamedTuple):
 
 def happened(scored: Scored) -> list[Happened]:
     """Return the surfaces of which a channel was shut off, or on whose actuator a fault acted."""
-    found = []
+    found, rate_hz, frames = [], scored.scenario.rate_hz, scored.score.flight.frames
     for name, one in scored.score.actuators.items():
         onsets = [
             fault.onset_frame
@@ -52,16 +51,11 @@ def happened(scored: Scored) -> list[Happened]:
         ]
         first = min([*onsets, *(failure.frame for failure in one.failures)], default=one.bypassed_frame)
         if first is not None:
-            found.append(_happened(name, one, first, scored))
+            decided = [failure.frame for failure in one.failures] + [one.bypassed_frame or first]
+            last = max(frame for frame in decided if frame - first <= _LATEST_S * rate_hz)
+            begin, end = decisive_frames(first, last if last > first else None, frames, rate_hz)
+            found.append(Happened(name, begin, end, list(_said(one, frames, rate_hz))))
     return found
-
-
-def _happened(name: str, one: ActuatorScore, first: int, scored: Scored) -> Happened:
-    rate_hz, frames = scored.scenario.rate_hz, scored.score.flight.frames
-    decided = [failure.frame for failure in one.failures] + [one.bypassed_frame or first]
-    last = max(frame for frame in decided if frame - first <= _LATEST_S * rate_hz)
-    begin_s, end_s = decisive_s(first / rate_hz, last / rate_hz if last > first else None, (frames - 1) / rate_hz)
-    return Happened(name, round(begin_s * rate_hz), round(end_s * rate_hz) + 1, list(_said(one, frames, rate_hz)))
 
 
 def _said(one: ActuatorScore, frames: int, rate_hz: float) -> Iterator[str]:

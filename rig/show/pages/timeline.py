@@ -15,7 +15,7 @@ from rig.show.pages.page import lay_out
 from rig.show.viewer.lanes_view import HEALTH
 from rig.show.viewer.servo_series import LANES as SERVOS
 from rig.show.viewer.state_strips import LANES, LAW, Changes, Lane, fault_path
-from rig.show.viewer.style import STATE_LOOKS
+from rig.show.viewer.style import STATE_LOOKS, plain
 
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
 MOST_GROUPS: Final = 8  # of signals that are alike
@@ -116,9 +116,8 @@ def used(span: Span, level: Sequence[Span]) -> Iterator[Span]:
 def _named(path: str) -> str:
     """Return a lane as people read it: ``pitch_rate channel 3``."""
     _, of, *lane = path.split("/")
-    return (
-        " ".join([of, *(_NAMES.get(part, part.replace("_", " ")) for part in lane)]) if lane else of.replace("_", " ")
-    )
+    words = [_NAMES.get(part, plain(part)) for part in lane]
+    return " ".join([of, *words]) if words else plain(of)
 
 
 def spans_of(change: Changes, lane: Lane, frames: int, rate_hz: float) -> list[Span]:

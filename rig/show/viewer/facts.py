@@ -173,11 +173,7 @@ def _fault(fault: Mapping[str, Any], several: bool) -> FaultFact:
 
 
 def _lanes(place: str) -> tuple[int, ...]:
-    from rig.world.faults.places import (  # the kernels of faults take half a second to be imported
-        OF_LANES,
-        senders,
-        site,
-    )
+    from rig.world.faults.places import OF_LANES, senders, site  # whose kernels take half a second to be imported
 
     return tuple(senders(place)) if site(place) in OF_LANES else ()
 

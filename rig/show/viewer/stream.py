@@ -66,9 +66,6 @@ class Streams:
         return open_stream(where, scenario.title or log.stem, scenario.rate_hz, log, facts)
 
 
-_Item = tuple[Table, "Sequence[Event]"]
-
-
 class Stream:
     """Takes blocks from the frame loop and sends them to a sink from a thread of its own."""
 
@@ -79,7 +76,7 @@ class Stream:
         self._rate_hz = rate_hz
         self._queue_bytes = queue_bytes
         self._changed = threading.Condition()  # guards all below
-        self._queue: deque[_Item] = deque()
+        self._queue: deque[tuple[Table, Sequence[Event]]] = deque()
         self._closing = False
         self._frames = 0  # given to put
         self._pending = 0  # of these, queued or being sent
@@ -139,7 +136,7 @@ class Stream:
         self._try(lambda: self._sink.flush(FLUSH_S))
         self._try(self._sink.close)
 
-    def _next(self) -> _Item | None:
+    def _next(self) -> tuple[Table, Sequence[Event]] | None:
         """Wait for the next block; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)
