@@ -154,17 +154,11 @@ def _discrete(panels: panel.Panels, discrete: Discrete) -> panel.Node:
 def _chart(panels: panel.Panels, facts: Facts, chart: charts.Chart) -> str:
     lines = []
     for i, name in enumerate(chart.names):
-        path = _chart_path(name)
+        path = ".".join(charts.place(name))
         unit = unit_of(path.removeprefix("/"))
         lines.append(panel.line(path, unit, charts.label(name, chart), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0))
     values = None if "command_heading_rad" in chart.names else _range(facts, chart.name)
     return panels.plot(chart.name, unit_shown(chart.unit), lines, values)
-
-
-def _chart_path(name: str) -> str:
-    where, _, field = name.partition("_")
-    topics = {"flight": "/flight", "position": "/flight", "demand": "/demand"}
-    return f"{topics[where]}.{field}" if where in topics else f"/control.{name}"
 
 
 def _control(panels: panel.Panels, facts: Facts) -> panel.Node:

@@ -15,7 +15,7 @@ from rerun.blueprint.components import LinkAxis
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
 from rig.show.viewer import matrix
-from rig.show.viewer.charts import Chart, label
+from rig.show.viewer.charts import Chart, label, place
 from rig.show.viewer.derived import DEGREE_NAMES, DEGREES
 from rig.show.viewer.facts import Shown, Span, drawn_range
 from rig.show.viewer.rerun_columns import Bars
@@ -131,7 +131,7 @@ def time_axis(shown: Sequence[Shown], span_s: Span = None) -> rrb.TimeAxis:
 def chart(content: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     """Draw numbers of one unit; the colours are named in the title."""
     lines = [
-        Line(*_place(name), label(name, content), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
+        Line(*_drawn(name), label(name, content), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
         for i, name in enumerate(content.names)
     ]
     listed = [line for line in lines if line.archetype == DEGREES]
@@ -142,13 +142,12 @@ def chart(content: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     return over_time(f"{content.title}: {colours}", series, shown, Axes(values=drawn_range(shown, content.name)))
 
 
-def _place(name: str) -> tuple[str, str, str]:
+def _drawn(name: str) -> tuple[str, str, str]:
     """Return entity, archetype and field of a name of a chart."""
     if name in DEGREE_NAMES:
         return "/control", DEGREES, name
-    where, _, field = name.partition("_")
-    topics = {"flight": ("/flight", "rig.Flight", field), "demand": ("/demand", "rig.Demand", field)}
-    return topics.get(where, ("/control", "rig.Control", name))
+    topic, field = place(name)
+    return topic, f"rig.{topic[1:].title()}", field
 
 
 def status_lanes(lanes: Sequence[Lane], shown: Sequence[Shown]) -> rrb.StateTimelineView:
