@@ -10,7 +10,7 @@ from rig.studies.campaign.flying import CampaignFlight, fly
 from rig.studies.campaign.groups import by_kind
 from rig.studies.campaign.tables import Row, shut_off
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import score
+from rig.verdict.scoring import score
 
 BASE = "f16_elevator_coil_hardover"
 COIL = "{kind='coil_hardover', signal='actuator.elevator', channels=[2], start_s=1.0}"

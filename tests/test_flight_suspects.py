@@ -12,9 +12,9 @@ from test_verdict_parts import flight, offset
 from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, State, new_block
 from rig.flight.suspects import Suspect, SuspectCount, doubted
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import score
 from rig.verdict.conclusion import conclusion
 from rig.verdict.score_tables import suspect_rows
+from rig.verdict.scoring import score
 
 Q = INDEX["pitch_rate"]
 # Off in seven frames of eight from frame 10 on: never as long as the persistence of eight.

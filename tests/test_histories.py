@@ -7,7 +7,8 @@ import pytest
 
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
-from rig.verdict import Score, score
+from rig.verdict.score_records import Score
+from rig.verdict.scoring import score
 
 PAGE = Path(__file__).parent.parent / "docs" / "measured" / "references.md"
 SIGNALS = {

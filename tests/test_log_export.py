@@ -23,6 +23,7 @@ from rig.log.export import export
 from rig.log.info import info
 from rig.log.log_file import iter_blocks
 from rig.log.scan import About
+from rig.log.writer import LogWriter
 
 Q = INDEX["pitch_rate"]
 # A channel flagged invalid for a while, then a hardover: what rig vote has to see in the table too.
@@ -175,7 +176,7 @@ def test_a_group_that_is_written_is_not_held(flown, tmp_path, monkeypatch, to):
 
 def test_a_log_without_frames_is_a_table_without_rows(flown, tmp_path):
     log = rig.read_log(flown)
-    with rig.log.LogWriter(tmp_path / "a.mcap", log.rate_hz, log.metadata, log.attachments.items()) as writer:
+    with LogWriter(tmp_path / "a.mcap", log.rate_hz, log.metadata, log.attachments.items()) as writer:
         writer.close({})
     assert export(tmp_path / "a.mcap", "csv", tmp_path / "a.csv", ["pitch_rate"]).rows == 0
     assert pl.read_csv(tmp_path / "a.csv").height == 0

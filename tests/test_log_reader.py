@@ -18,9 +18,10 @@ from rig.cli import main as cli
 from rig.core.errors import BadInput, BadLog
 from rig.core.frame import FLAT, INDEX, TIMING, Table
 from rig.flight.events import Event
-from rig.log import LogFile, LogWriter, iter_chunks, log_file, read_log, schema
+from rig.log import LogFile, iter_chunks, log_file, read_log, schema
 from rig.log.decode import Damaged
 from rig.log.scan import About, iter_parts
+from rig.log.writer import LogWriter
 
 EVENTS = (
     Event(3, "info", "fault on", "stuck: channel 2"),
@@ -45,7 +46,7 @@ def test_every_element_of_a_frame_has_exactly_one_place_in_the_log():
     elements = {name: int(np.prod(FLAT[name].shape)) for name in FLAT.fields or () if name != "frame"}
     found = dict.fromkeys(elements, 0)
     for topic in schema.FRAME_TOPICS:
-        for field in schema.MESSAGES[topic.message].fields if topic.message in schema.MESSAGES else ():
+        for field in schema.MESSAGES.get(topic.message, ()):
             if field.source in found:
                 found[field.source] += 1
     assert found == elements

@@ -21,7 +21,8 @@ from rig.scenario import scenario
 from rig.show.pages.flight_page import report
 from rig.studies.campaign.tables import rows as campaign_rows
 from rig.studies.reliability.tally import TESTED
-from rig.verdict import Yardstick, score_log
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 from rig.verdict.signal_kernels import NEVER
 from rig.verdict.words import PRIOR, PUBLIC, FaultWord, IsolationKind, VoteWord
 from rig.world.faults import KINDS

@@ -18,8 +18,7 @@ from rig.flight.fly import Flight, fly
 from rig.show.pages.course import Course
 from rig.show.pages.flight_figures import of_flight, spanned, surfaces, vote_errors
 from rig.show.pages.flight_page import report
-from rig.show.pages.gathered import errors, of_signal, of_surface
-from rig.show.pages.lines import MOST_POINTS, line, thinned
+from rig.show.pages.lines import MOST_POINTS, errors, line, of_signal, of_surface, thinned
 from rig.show.pages.timeline import spans
 
 OLD = Path(__file__).parent / "logs"

@@ -17,10 +17,11 @@ from rig.core.files import bundled
 from rig.core.frame import FLAT, INDEX, TIMING, State, Table, new_block
 from rig.flight.fly import fly
 from rig.flight.summary import Verdict
-from rig.log import LogWriter, read_log
+from rig.log import read_log
 from rig.log.columns import COLUMNS
 from rig.log.of_flight import metadata
 from rig.log.recordings.flown_log import recorded
+from rig.log.writer import LogWriter
 from rig.scenario import scenario
 
 Q = INDEX["pitch_rate"]

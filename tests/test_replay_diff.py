@@ -16,9 +16,10 @@ from rig.bench.replay.compare_flights import Tolerances, compare, of_column, tol
 from rig.cli import main as cli
 from rig.core.errors import BadInput
 from rig.core.frame import FLAT, INDEX, TIMING, Table, new_block
-from rig.log import LogWriter, read_log
+from rig.log import read_log
 from rig.log.columns import COLUMNS, unit_of
 from rig.log.schema import OLDEST, SCHEMA_VERSION
+from rig.log.writer import LogWriter
 
 Q = INDEX["pitch_rate"]
 

@@ -11,7 +11,9 @@ from rig.core.errors import BadInput
 from rig.flight.loop import fly_rows
 from rig.scenario.scenario import load
 from rig.show.pages.requirement_figures import Margins
-from rig.verdict.requirements import check_log, check_rows, events, fly_requirements, load_requirements, measure_scored
+from rig.verdict.requirements.along import events, measure_scored
+from rig.verdict.requirements.measure import check_log, check_rows, fly_requirements
+from rig.verdict.requirements.requirement import load_requirements
 from rig.verdict.requirements.requirement_recorder import RequirementsRecorder
 from rig.verdict.requirements.subject import of_flight
 
@@ -41,7 +43,7 @@ def tight(tmp_path_factory):
 def flown(tmp_path_factory, tight):
     """A log, and what ``rig fly --json`` printed of its requirements."""
     from rig.flight.fly import fly
-    from rig.verdict.requirements import MeasuredConclusion
+    from rig.verdict.requirements.along import MeasuredConclusion
 
     out, outcome = tmp_path_factory.mktemp("logs"), MeasuredConclusion([tight])
     flight = fly(load("f16_pitch_rate_hardover", SHORT), out=out, outcome=outcome)
@@ -98,7 +100,7 @@ def test_an_onset_is_the_first_frame_of_each_fault_and_acting_every_frame_of_one
 
 
 def _required(formula, **keys):
-    from rig.verdict.requirements import Requirement
+    from rig.verdict.requirements.requirement import Requirement
 
     return Requirement(id="one", formula=formula, **keys)
 

@@ -8,8 +8,11 @@ import pytest
 from rig.computer.analytic.reference_sources import FROM_UNIT
 from rig.core.errors import BadInput
 from rig.core.frame import SIGNALS
+from rig.flight.loop import fly_rows
 from rig.scenario import scenario
-from rig.verdict import FaultScore, Score, fly_rows, fly_twin, score
+from rig.verdict.score_records import FaultScore, Score
+from rig.verdict.scoring import score
+from rig.verdict.transients import fly_twin
 
 PERSISTENCE, SINGULAR = 8, 10  # frames, aircraft/defaults.toml
 

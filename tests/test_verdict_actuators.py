@@ -14,12 +14,11 @@ from rig.flight.fly import fly
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
 from rig.scenario.scenario import Scenario
-from rig.verdict import score
 from rig.verdict.conclusion import conclusion
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.of_log import FlightConclusion, score_log
 from rig.verdict.score_records import Score, Yardstick
-from rig.verdict.scoring import score_of
+from rig.verdict.scoring import score, score_of
 from rig.verdict.unfaulted import MeasuredAgain
 
 ONSET_S, RATE_HZ = 1.0, 100.0

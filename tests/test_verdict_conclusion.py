@@ -11,13 +11,12 @@ import pytest
 from test_verdict_parts import Q, flight, offset
 
 from rig.core.frame import INDEX, Ilm, State, Table, UnitStatus
-from rig.verdict import score
 from rig.verdict.conclusion import conclusion, next_commands
 from rig.verdict.context import agreement, channels, longest_run
 from rig.verdict.kept_columns import columns
 from rig.verdict.of_log import FlightConclusion
 from rig.verdict.score_records import Yardstick
-from rig.verdict.scoring import monitor
+from rig.verdict.scoring import monitor, score
 from rig.verdict.tally_records import EPISODE
 from rig.world.faults import CLEAN
 

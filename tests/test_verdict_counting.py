@@ -6,9 +6,9 @@ import pytest
 from test_verdict_conclusion import said
 from test_verdict_parts import flight, offset
 
-from rig.verdict import score
 from rig.verdict.context import Context
 from rig.verdict.counting import another, climb
+from rig.verdict.scoring import score
 
 COUNTED = ("redundancy.signals.pitch_rate.persistence=8", "redundancy.signals.pitch_rate.count_down=1.0")
 NOBODY = 'redundancy.signals.pitch_rate.resolvers=["ilm"]'

@@ -8,7 +8,7 @@ from test_verdict_parts import flight, offset, outcomes, scored
 
 from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, State
 from rig.studies.campaign.tables import channel_hours, magnitude
-from rig.verdict import score
+from rig.verdict.scoring import score
 
 GEAR, WHEELS = DISCRETE_INDEX["gear_down"], DISCRETE_INDEX["weight_on_wheels"]
 

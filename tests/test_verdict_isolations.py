@@ -9,10 +9,10 @@ from rig.core.frame import INDEX, Block, Resolver, State
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.tables import RUNS
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import Score, score
 from rig.verdict.conclusion import conclusion
-from rig.verdict.score_records import ISOLATIONS
+from rig.verdict.score_records import ISOLATIONS, Score
 from rig.verdict.score_tables import isolation_rows
+from rig.verdict.scoring import score
 
 SICK = (
     *("pitch_rate", "roll_rate", "yaw_rate"),

@@ -16,11 +16,16 @@ from rig.core.errors import BadInput, BadLog
 from rig.core.files import bundled
 from rig.core.frame import DISCRETE_INDEX, INDEX, Table
 from rig.flight.fly import Flight, fly
-from rig.log import LogWriter, recover
+from rig.flight.loop import fly_rows
+from rig.log import recover
 from rig.log.of_flight import metadata
+from rig.log.writer import LogWriter
 from rig.scenario import scenario
 from rig.studies.campaign.flying import fly as fly_in_memory
-from rig.verdict import Yardstick, fly_rows, fly_twin, score, score_log
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
+from rig.verdict.scoring import score
+from rig.verdict.transients import fly_twin
 from rig.verdict.unfaulted import MeasuredAgain
 from rig.world.faults import Execution
 

@@ -9,15 +9,15 @@ from test_verdict_parts import flight, offset
 
 from rig.core.frame import CHANNELS, State, Table
 from rig.flight.fly import fly
+from rig.flight.loop import fly_rows
 from rig.scenario import scenario
 from rig.studies.campaign.flying import fly as fly_in_memory
 from rig.studies.campaign.tables import OUTCOMES
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import fly_rows, score
 from rig.verdict.conclusion import conclusion
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.of_log import FlightConclusion
-from rig.verdict.scoring import score_of
+from rig.verdict.scoring import score, score_of
 from rig.verdict.signal_kernels import LEVELS, NEVER, SIGNAL, all_out, count_healthy, mark_failed, mark_wrong
 from rig.verdict.unfaulted import MeasuredAgain
 from rig.verdict.words import PUBLIC, Cause, fault_word, fault_words, vote_flags

@@ -27,9 +27,10 @@ from rig.core.frame import (
 from rig.flight.loop import Rig
 from rig.scenario import scenario
 from rig.scenario.scenario import Scenario
-from rig.verdict import Score, score
 from rig.verdict.patterns import POSSIBLE
+from rig.verdict.score_records import Score
 from rig.verdict.score_tables import vote_rows
+from rig.verdict.scoring import score
 from rig.verdict.unfaulted import middle
 
 Q = INDEX["pitch_rate"]

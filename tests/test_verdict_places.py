@@ -12,9 +12,10 @@ from rig.flight.loop import fly_rows
 from rig.scenario import scenario
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.flying import CampaignFlight, fly
-from rig.verdict import Score, score
 from rig.verdict.conclusion import conclusion
+from rig.verdict.score_records import Score
 from rig.verdict.score_tables import FAULTS, fault_row
+from rig.verdict.scoring import score
 
 # What people read of each quantity, and how many of it are one of SI.
 SHOWN = {

@@ -14,17 +14,12 @@ from rig.core.errors import BadInput
 from rig.core.frame import INDEX, End, State, new_block
 from rig.flight.loop import fly_rows
 from rig.scenario import scenario
-from rig.verdict.requirements import (
-    Requirement,
-    RequirementsRecorder,
-    check_rows,
-    load_requirements,
-    margin_text,
-    plain,
-)
+from rig.verdict.requirements.along import plain
 from rig.verdict.requirements.margins import LEAST, MOST
-from rig.verdict.requirements.requirement import names
-from rig.verdict.requirements.requirement_recorder import AT_ONCE
+from rig.verdict.requirements.measure import check_rows
+from rig.verdict.requirements.requirement import Requirement, load_requirements, names
+from rig.verdict.requirements.requirement_recorder import AT_ONCE, RequirementsRecorder
+from rig.verdict.requirements.shown import margin_text
 
 Q, P = INDEX["pitch_rate"], INDEX["roll_rate"]
 

@@ -8,9 +8,8 @@ from test_verdict_parts import Q, flight, offset, scored
 
 from rig.core.frame import State
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import score
 from rig.verdict.score_records import Window
-from rig.verdict.scoring import _above_before_loss
+from rig.verdict.scoring import _above_before_loss, score
 from rig.verdict.tally_records import SPAN
 
 MEAN = "redundancy.manager=mean"

@@ -31,8 +31,8 @@ from rig.core.frame import (
 from rig.core.frame.fields import FIELD, places
 from rig.core.units.constants import TWO_PI
 from rig.flight.events import Event
-from rig.log import LogWriter
 from rig.log.schema import TOPICS_OF_ROWS, Topic
+from rig.log.writer import LogWriter
 from rig.show.viewer import derived, matrix
 from rig.show.viewer import state_strips as lanes
 from rig.show.viewer.facts import Facts, FaultFact
@@ -246,8 +246,8 @@ def test_the_lane_of_a_signal_says_which_channels_are_not_ok(states: list[int], 
 def test_the_matrix_has_a_cell_for_each_channel_and_changes_with_any_state() -> None:
     rows = new_block(4)
     rows["state"][2:, 15, 3] = State.FAILED
-    assert matrix.changed(rows, None).tolist() == [0, 2]
-    assert matrix.changed(rows[1:], rows[:1]).tolist() == [1]
+    assert lanes.moved(rows["state"], None).tolist() == [0, 2]
+    assert lanes.moved(rows["state"][1:], rows["state"][:1]).tolist() == [1]
     shades = matrix.colors(rows["state"])
     assert shades.shape == (4, len(matrix.cells()), 3) == (4, 64, 3)
     assert [tuple(c) for c in shades[:, 63]] == [STATE_LOOKS["OK"][1]] * 2 + [STATE_LOOKS["FAILED"][1]] * 2

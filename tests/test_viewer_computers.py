@@ -24,7 +24,7 @@ from rig.core.frame import (
     lane_rows,
     new_block,
 )
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 from rig.show.terminal.redundancy_page import Page
 from rig.show.viewer import lanes_view as computers
 from rig.show.viewer import servo_series as servos

@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 
 from rig.core.frame import DEMANDS, INDEX, SURFACES, TIMING, Block, End, Resolver, State, Table, new_block
 from rig.flight.failures import decisive_s
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 from rig.show.viewer import charts
 from rig.show.viewer.facts import Facts, FaultFact
 from rig.show.viewer.opened import read, save

@@ -22,7 +22,8 @@ from rig.cli.main import app
 from rig.core.errors import BadInput, BadLog
 from rig.core.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, Table, new_block
 from rig.flight.events import Event
-from rig.log import LogWriter, read_log
+from rig.log import read_log
+from rig.log.writer import LogWriter
 from rig.show.terminal.draw import InPipe, InProcess, OnTerminal
 from rig.show.terminal.live import Watch, play, watching
 from rig.show.terminal.redundancy_page import EVENTS, Page

@@ -9,8 +9,9 @@ from rig.bench.rows_of_recording import blocks, put
 from rig.bench.vote_rows import Result, discrete_params, params_of
 from rig.core.frame import CHANNELS, State, rows
 from rig.log.recordings.recording import Recording
-from rig.verdict.requirements import Requirement, RequirementsRecorder, Verdict, of_recording
-from rig.verdict.requirements.subject import Subject, Watched
+from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.requirement_recorder import RequirementsRecorder, Verdict
+from rig.verdict.requirements.subject import Subject, Watched, of_recording
 
 _ABSENT: Final = State.ABSENT
 

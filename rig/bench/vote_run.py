@@ -27,7 +27,8 @@ from rig.log.recordings.own_logs import is_flight, of_log
 from rig.log.recordings.read import load
 from rig.log.recordings.recording import Recording
 from rig.log.recordings.vote_config import RecordedDiscrete, RecordedSignal, VoteConfig, config_of, read_config
-from rig.verdict.requirements import load_requirements, plain
+from rig.verdict.requirements.along import plain
+from rig.verdict.requirements.requirement import load_requirements
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,8 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     """Check a scenario without flying it."""
     from rig.scenario.scenario import find, load
     from rig.scenario.scenario_notes import notes
-    from rig.verdict.requirements import load_requirements, recorder_of
+    from rig.verdict.requirements.measure import recorder_of
+    from rig.verdict.requirements.requirement import load_requirements
     from rig.verdict.requirements.settled_comparisons import notes as requirement_notes
 
     loaded = load(scenario, sets or ())

@@ -6,27 +6,27 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from typer import Option
-
 from rig.cli import complete
+from rig.cli.common import flag, opt
 from rig.cli.printing import MOST_LINES, Column, field, line, table
 from rig.core.units.quantities import quantity
 
 if TYPE_CHECKING:
     from rig.scenario.scenario import Scenario
-    from rig.verdict.requirements import Requirement, Verdict
+    from rig.verdict.requirements.requirement import Requirement
+    from rig.verdict.requirements.requirement_recorder import Verdict
 
 FEW: Final = 4  # quantities of a line
 Requirements = Annotated[
     list[str] | None,
-    Option(
+    opt(
+        "NAME|FILE",
+        "Requirements to measure: a bundled set or a file; repeatable.",
         "--requirements",
-        metavar="NAME|FILE",
-        help="Requirements to measure: a bundled set or a file; repeatable.",
         autocompletion=complete.requirements,
     ),
 ]
-Strict = Annotated[bool, Option("--strict", help="Exit code 1 where a requirement is violated.")]
+Strict = Annotated[bool, flag("--strict", "Exit code 1 where a requirement is violated.")]
 _STYLES: Final = {"met": "green", "violated": "red", "not applicable": ""}
 _COLUMNS: Final = (
     *(Column("requirement", 1), Column("on", 2, worth=3), Column("verdict", 0)),
@@ -53,19 +53,11 @@ def show_notes(requirements: Sequence[Requirement], scenario: Scenario) -> None:
 
 
 def _row(verdict: Verdict) -> tuple[Any, ...]:
-    from rig.verdict.requirements import margin_text
+    from rig.verdict.requirements.shown import margin_text
 
     if not isfinite(verdict.margin):
         return (verdict.status, verdict.requirement, verdict.signal, "", "", "")
     there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items()]
     more = ["..."] if len(there) > FEW else []
-    return (
-        *(
-            verdict.status,
-            verdict.requirement,
-            verdict.signal,
-            margin_text(verdict.margin),
-            f"{verdict.instant_s:.2f} s",
-        ),
-        ", ".join([*there[:FEW], *more]),
-    )
+    at = margin_text(verdict.margin), f"{verdict.instant_s:.2f} s", ", ".join([*there[:FEW], *more])
+    return verdict.status, verdict.requirement, verdict.signal, *at

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from typer import Option, echo
 
-from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit
+from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit, opt
 from rig.cli.fly import conclusion
 from rig.cli.printing import MOST_LINES, Column, columns, counts, field, line, rest, table
 from rig.cli.requirements_option import Requirements, show_verdicts
@@ -46,12 +46,7 @@ def score(
     ] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
         float,
-        Option(
-            metavar="RAD_S",
-            help="Largest change of body rates that a fault may cause.",
-            min=1e-9,
-            show_default="10 deg/s",
-        ),
+        opt("RAD_S", "Largest change of body rates that a fault may cause.", min=1e-9, show_default="10 deg/s"),
     ] = radians(10.0),
     transient_window_s: Annotated[
         float, Option(metavar="S", help="Time after each onset that is scored.", min=1e-9)
@@ -65,7 +60,8 @@ def score(
     from rig.core.settings import build
     from rig.unit.running_unit import running
     from rig.verdict.of_log import score_log
-    from rig.verdict.requirements import load_requirements, measure_scored, plain
+    from rig.verdict.requirements.along import measure_scored, plain
+    from rig.verdict.requirements.requirement import load_requirements
     from rig.verdict.score_records import Yardstick
 
     limits = {

@@ -27,7 +27,7 @@ from rig.flight.pace import JitterCounter, Pace, off_the_core
 from rig.flight.servo_events import ActuatorFinder
 from rig.flight.summary import Verdict
 from rig.flight.time_histogram import Histogram
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
 from rig.world.faults import Execution

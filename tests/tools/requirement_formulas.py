@@ -17,8 +17,9 @@ from unittest.mock import patch
 import numpy as np
 
 from rig.core.frame import DISCRETES, INDEX, SIGNALS, End, State, new_block
-from rig.verdict.requirements import Requirement, RequirementsRecorder
 from rig.verdict.requirements import requirement_recorder as recorder_module
+from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.requirement_recorder import RequirementsRecorder
 from rig.verdict.requirements.subject import EVERYTHING, Subject, Watched
 
 RATE_HZ, MOST, LEAST = 100.0, 1000.0, 1e-9

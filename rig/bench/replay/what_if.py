@@ -25,8 +25,8 @@ from rig.core.settings import read_toml
 from rig.core.text import quoted
 from rig.core.versions import versions
 from rig.flight.recorder import Findings
-from rig.log import LogWriter
 from rig.log.recordings.flown_log import Recorded
+from rig.log.writer import LogWriter
 from rig.scenario.aircraft import merge, without_designed
 from rig.scenario.overrides import named_manager, override, parse_set
 from rig.scenario.scenario import Scenario, from_resolved

@@ -21,7 +21,7 @@ from rig.log.schema import MESSAGES
 
 _READ: Final = ("channels", "valid", "ilm", "state", "reference")
 _FIELDS: Final = {
-    message: {field.name for field in MESSAGES[message].fields if field.source.removeprefix("discrete_") in _READ}
+    message: {field.name for field in MESSAGES[message] if field.source.removeprefix("discrete_") in _READ}
     for message in ("rig.Signal", "rig.Discrete")
 }
 
@@ -30,7 +30,7 @@ def read_ours(path: Path, repair: bool = False) -> Recording:
     """Return a log of a flight, or the output of an earlier vote; BadInput in one line when it is neither."""
     topics = _topics(path)
     if "/flight" in topics:
-        return _flown(path, repair)
+        return of_log(read_log(path), path, repair)
     ours = {topic: schema for topic, schema in topics.items() if schema in _FIELDS}
     if not ours:
         raise BadInput(f"{path}: not a log of this rig: CONFIG needs a [mapping] of its topics: {', '.join(topics)}")
@@ -48,10 +48,6 @@ def _topics(path: Path) -> dict[str, str]:
     except BadLog:
         read_log(path)  # says more, if it is a log of a flight that was cut
         raise
-
-
-def _flown(path: Path, repair: bool) -> Recording:
-    return of_log(read_log(path), path, repair)
 
 
 def of_log(log: Log, path: Path, repair: bool = False) -> Recording:

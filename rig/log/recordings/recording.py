@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS, Ilm
 from rig.core.text import shorten
-from rig.log.recordings.rate import rows_a_second
-from rig.log.recordings.stamps import TIME, Clock, Floats, Repair, clock, gaps
+from rig.log.recordings.stamps import TIME, Clock, Floats, Repair, clock, gaps, rows_a_second
 
 Bytes = NDArray[np.uint8]
 WAY_OUT: Final = "name other columns by time_column and [mapping] in CONFIG: docs/vote.md"

@@ -22,10 +22,8 @@ from rig.log.schema import SCHEMA_VERSION
 from rig.show.pages import flight_figures as draw
 from rig.show.pages import lane_figures as computers
 from rig.show.pages import servo_figures as actuators
-from rig.show.pages.course import FIELDS, Course
-from rig.show.pages.gathered import errors, of_signal, of_surface
-from rig.show.pages.lines import line
-from rig.show.pages.moments import Moment, affected, limit, moment, signals_of
+from rig.show.pages.course import FIELDS, Course, Moment, affected, limit, moment, signals_of
+from rig.show.pages.lines import errors, line, of_signal, of_surface
 from rig.show.pages.page import DASH, write_page
 from rig.show.pages.requirement_figures import Margins
 from rig.show.pages.timeline import MOST_GROUPS, groups, spans, timeline
@@ -34,7 +32,7 @@ from rig.verdict import score_tables as cells
 from rig.verdict.context import Context
 from rig.verdict.counting import another
 from rig.verdict.of_log import Scored, score_log
-from rig.verdict.requirements import plain
+from rig.verdict.requirements.along import plain
 from rig.verdict.score_records import Yardstick
 
 MOST_SIGNALS: Final = 8  # that are drawn

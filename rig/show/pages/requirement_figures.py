@@ -18,7 +18,10 @@ from rig.scenario.scenario import Scenario
 from rig.show.pages.flight_figures import DOTTED
 from rig.show.pages.lines import Line, line
 from rig.show.pages.page import DASH, lay_out
-from rig.verdict.requirements import Verdict, load_requirements, margin_text, recorder_of
+from rig.verdict.requirements.measure import recorder_of
+from rig.verdict.requirements.requirement import load_requirements
+from rig.verdict.requirements.requirement_recorder import Verdict
+from rig.verdict.requirements.shown import margin_text
 
 CUT: Final = 3.0  # a margin beyond is drawn here
 MOST: Final = 12  # lines

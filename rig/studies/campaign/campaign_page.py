@@ -14,7 +14,7 @@ import polars as pl
 
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS
-from rig.core.palette import INK, LINE, SERIES, SHARE_SCALE, series_colour
+from rig.core.palette import INK, LINE, SERIES, SHARE_SCALE, WHITE, series_colour
 from rig.core.units.quantities import number, unit_shown
 from rig.show.pages.page import DASH, lay_out, write_page
 from rig.studies.campaign.campaign_summary import summary
@@ -96,7 +96,7 @@ def _counts(rows: Rows, signal: str, kind: str) -> dict[str, Any]:
         "y": [row["place"] or "" for row in rows],
         "text": [_counted(row) for row in rows],
         "mode": "text",
-        "textfont": {"color": ["#ffffff" if each else INK for each in dark]},
+        "textfont": {"color": [WHITE if each else INK for each in dark]},
         "hoverinfo": "skip",
         "showlegend": False,
     }

@@ -31,7 +31,7 @@ from rig.core.kernel_locks import give_back, take
 from rig.core.kernels import cache_root, compile_inner
 from rig.core.threads import cores
 from rig.flight import loop
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 from rig.scenario.scenario import load
 from rig.verdict.of_log import FlightConclusion
 from rig.verdict.row_kernel import add_rows

@@ -12,7 +12,8 @@ import polars as pl
 
 from rig.flight.time_histogram import names
 from rig.studies.campaign.statistics import proportion
-from rig.verdict.requirements import Requirement, number_of
+from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.shown import number_of
 
 
 def by_kind(faults: pl.DataFrame) -> list[dict[str, Any]]:

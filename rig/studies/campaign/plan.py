@@ -20,7 +20,8 @@ from rig.scenario.scenario import Scenario
 from rig.studies.campaign.campaign_file import Campaign, Levels
 from rig.studies.campaign.manager_source import sources, try_import
 from rig.studies.campaign.sampling import Choice, choices, seed_of
-from rig.verdict.requirements import Requirement, recorder_of
+from rig.verdict.requirements.measure import recorder_of
+from rig.verdict.requirements.requirement import Requirement
 
 SOURCES: Final = "sources"  # of an identity: the user's own managers, file by file
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination

@@ -25,9 +25,10 @@ from rig.flight.time_histogram import binned
 from rig.log import unit_of
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.plan import Plan
-from rig.verdict import Score
-from rig.verdict.requirements import Verdict, number_of, plain, violated
-from rig.verdict.score_records import Outcome
+from rig.verdict.requirements.along import plain, violated
+from rig.verdict.requirements.requirement_recorder import Verdict
+from rig.verdict.requirements.shown import number_of
+from rig.verdict.score_records import Outcome, Score
 from rig.verdict.words import PUBLIC
 from rig.world.faults import Fault
 from rig.world.faults.places import site

@@ -24,8 +24,10 @@ from rig.studies.campaign.worker import Orders, check_rig
 from rig.studies.reliability.drawn import KEYS, Cell, Drawn, records
 from rig.studies.reliability.held_flight import Recording, recording
 from rig.studies.reliability.one_signal import faults_of, one_signal
-from rig.verdict.requirements import Requirement, RequirementsRecorder, Subject, check_rows, of_flight
-from rig.verdict.requirements.subject import WITH_TRUTH
+from rig.verdict.requirements.measure import check_rows
+from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.requirement_recorder import RequirementsRecorder
+from rig.verdict.requirements.subject import WITH_TRUTH, Subject, of_flight
 from rig.world.faults import FaultData
 from rig.world.faults.effects import RANDOM
 from rig.world.faults.fault_records import FOREVER, KEPT, Trigger

@@ -38,7 +38,7 @@ from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.studies.search.shrink import shrink, simplest
 from rig.studies.search.without_faults import refuse_violated
-from rig.verdict.requirements import margin_text
+from rig.verdict.requirements.shown import margin_text
 
 CONFIRMED: Final = "confirmed"
 

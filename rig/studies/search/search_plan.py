@@ -16,7 +16,7 @@ from rig.studies.campaign.searched import types_of
 from rig.studies.search.objective import VOTE
 from rig.studies.search.rounds import Draw, Method, random_count, random_draws
 from rig.studies.search.space import arms
-from rig.verdict.requirements import Requirement
+from rig.verdict.requirements.requirement import Requirement
 
 MOST_CONFIRMING: Final = 100_000
 SEARCH: Final = "search"  # of campaign.json

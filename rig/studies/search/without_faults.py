@@ -24,7 +24,7 @@ from rig.studies.search.confirm_worst import SEEDS, new_seeds
 from rig.studies.search.fly_missing import flown
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
-from rig.verdict.requirements import margin_text
+from rig.verdict.requirements.shown import margin_text
 
 _LATER: Final = 2 * SEEDS + SHRINK_SEEDS  # seeds that confirming and shrinking take
 
