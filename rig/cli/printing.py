@@ -173,11 +173,8 @@ def field(label: str, *parts: str | tuple[str, str], style: str = "", width: int
 def counts(numbers: Mapping[str, Any], names: Iterable[str] | None = None) -> list[str]:
     """Return ``3 late``, ``1 replies lost`` for the counts that are above zero, those of ``names`` alone if given."""
     shown = numbers if names is None else list(names)
-    return [f"{numbers[name]} {name.replace('_', ' ')}" for name in shown if _is_count(numbers[name])]
-
-
-def _is_count(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value > 0
+    above = [name for name in shown if type(numbers[name]) is int and numbers[name] > 0]  # neither a text nor a flag
+    return [f"{numbers[name]} {name.replace('_', ' ')}" for name in above]
 
 
 def rough_duration(seconds: float) -> str:

@@ -54,16 +54,11 @@ def table(rows: pl.DataFrame) -> list[dict[str, Any]]:
     outcomes are counts; delays of the isolated, s; ``peak``: largest vote error, thresholds, median over the trials;
     ``lost``: aircraft lost, of flights; ``sizes``: with the reference as flown, see the function
     """
-    found = _counts(rows)
-    for row in found:
-        row["sizes"] = None
+    key, by_key = (*GROUP, "entrant"), dict[tuple[Any, ...], Any]()
     if "lost" not in rows.columns:
         sized = rows.filter(pl.col("size").is_not_null() & (pl.col("reference") == STATES[0]))
-        groups = sized.group_by([*GROUP, "entrant"], maintain_order=True)
-        by_key = {key: sizes(part) for key, part in groups}
-        for row in found:
-            row["sizes"] = by_key.get(tuple(row[name] for name in (*GROUP, "entrant")))
-    return found
+        by_key = {of: sizes(part) for of, part in sized.group_by(key, maintain_order=True)}
+    return [{**row, "sizes": by_key.get(tuple(row[name] for name in key))} for row in _counts(rows)]
 
 
 def sizes(rows: pl.DataFrame) -> list[dict[str, Any]] | None:
