@@ -7,7 +7,7 @@ import pytest
 
 from rig.scenario.scenario import load
 from rig.studies.campaign.flying import CampaignFlight, fly
-from rig.studies.campaign.groups import by_kind
+from rig.studies.campaign.group_rates import by_kind
 from rig.studies.campaign.tables import Row, shut_off
 from rig.studies.campaign.tables import rows as campaign_rows
 from rig.verdict.scoring import score

@@ -13,7 +13,8 @@ from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, State, ne
 from rig.flight.suspects import Suspect, SuspectCount, doubted
 from rig.studies.campaign.tables import rows as campaign_rows
 from rig.verdict.conclusion import conclusion
-from rig.verdict.score_tables import suspect_rows
+from rig.verdict.score_records import Score
+from rig.verdict.score_tables import SUSPECTS, tables
 from rig.verdict.scoring import score
 
 Q = INDEX["pitch_rate"]
@@ -32,6 +33,12 @@ def counted(rows: Block, size: int = 1000) -> dict[tuple[str, int], Suspect]:
     for k in range(0, len(rows), size):
         count.add(rows[k : k + size])
     return {(each.signal, each.channel): each for each in count.channels()}
+
+
+def told(found: Score) -> list[object]:
+    """The only row of the table of suspects."""
+    (row,) = tables(found, 100.0)["suspects"].rows
+    return [column.of(row) for column in SUSPECTS]
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40))
@@ -94,7 +101,7 @@ def test_a_fault_shorter_than_the_persistence_for_ever_is_told_in_the_score_and_
     assert suspect.pop(("pitch_rate", 2)) == off and not any(suspect.values())
     assert found.faults[0].outcome == "missed" and found.faults[0].tolerated
     assert f"pitch_rate channel 2 was suspect in {off} of 200 frames (83.5 %), never failed" in conclusion(which, found)
-    assert suspect_rows(found) == [("pitch_rate channel 2", str(off), "83.5 %", "never")]
+    assert told(found) == ["pitch_rate channel 2", off, "83.5 %", "never"]
     plain = next(each for each in found.as_dict()["suspects"] if each["rows"])
     assert plain == {
         **{"signal": "pitch_rate", "channel": 2, "rows": off, "of": 200, "failed": False},
@@ -105,7 +112,7 @@ def test_a_fault_shorter_than_the_persistence_for_ever_is_told_in_the_score_and_
 def test_a_channel_that_is_failed_is_in_the_table_and_in_no_sentence():
     which, rows = flight([offset([2], 0.1, 0.3)], 100, exact=True)
     found = score(which, rows)
-    assert suspect_rows(found) == [("pitch_rate channel 2", "7", "7 %", "yes")]
+    assert told(found) == ["pitch_rate channel 2", 7, "7 %", "yes"]
     assert not any("suspect" in line for line in conclusion(which, found))
 
 

@@ -62,9 +62,10 @@ DRIVERS = {
 PLAIN = {"right", "wrong", "missed", "none", "kept"}
 # Where a word of an outcome stands in a file that makes none: a heading, or another thing of that name.
 NAMED = {
-    *(("cli/league.py", word) for word in ("isolated", "wrong channel")),  # headings
-    *(("studies/campaign/campaign_page.py", "detected"), ("cli/score.py", "failed by rule")),
-    ("cli/show_campaign.py", "wrong isolation"),
+    *(("studies/benchmark/outcome_table.py", word) for word in ("isolated", "wrong channel")),  # headings
+    *((f"studies/campaign/campaign_{name}.py", "detected") for name in ("page", "summary")),
+    ("cli/score.py", "failed by rule"),
+    *(("cli/show_campaign.py", word) for word in ("wrong isolation", "detected")),
     ("studies/thresholds/thresholds_page.py", "isolated"),  # a heading
     ("world/faults/trigger.py", "isolated"),  # a pattern
     ("world/faults/systems.py", "false alarm"),  # of an in-line monitor

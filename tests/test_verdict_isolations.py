@@ -11,7 +11,7 @@ from rig.studies.campaign.tables import RUNS
 from rig.studies.campaign.tables import rows as campaign_rows
 from rig.verdict.conclusion import conclusion
 from rig.verdict.score_records import ISOLATIONS, Score
-from rig.verdict.score_tables import isolation_rows
+from rig.verdict.score_tables import tables
 from rig.verdict.scoring import score
 
 SICK = (
@@ -54,7 +54,7 @@ def test_healthy_signals_of_a_dead_box_are_failed_with_it_and_are_no_false_alarm
     }
     assert [fault.outcome for fault in found.faults] == ["detected"] * 6
     assert all(signal.false_isolations == (0, 0, 0, 0) for signal in found.signals.values())
-    assert {kind for kind, *_ in isolation_rows(found, 100.0)} == {"failed with its box"}
+    assert {row.name for row in tables(found, 100.0)["isolations"].rows} == {"failed with its box"}
 
 
 def test_the_conclusion_tells_the_box_in_one_sentence_and_calls_nothing_wrong():

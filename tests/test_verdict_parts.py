@@ -29,7 +29,7 @@ from rig.scenario import scenario
 from rig.scenario.scenario import Scenario
 from rig.verdict.patterns import POSSIBLE
 from rig.verdict.score_records import Score
-from rig.verdict.score_tables import vote_rows
+from rig.verdict.score_tables import VOTES, tables
 from rig.verdict.scoring import score
 from rig.verdict.unfaulted import middle
 
@@ -254,7 +254,8 @@ def test_a_signal_without_a_vote_has_no_peak():
     rows["voted"][:, Q] = np.nan
     found = score(which, rows)
     assert found.vote_error["pitch_rate"].peak_frame is None
-    assert vote_rows(found, which.rate_hz) == [("pitch_rate", "deg/s", "no vote", "", "", "0.5 s", "0 s", "")]
+    (row,) = tables(found, which.rate_hz)["votes"].rows
+    assert [column.of(row) for column in VOTES] == ["pitch_rate", "deg/s", "no vote", "", "", "0.5 s", "0 s", ""]
 
 
 def test_an_angle_is_off_the_short_way_round():

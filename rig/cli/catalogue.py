@@ -11,7 +11,8 @@ from typer import Argument, Option, Typer, echo
 
 from rig.cli import complete
 from rig.cli.common import GROUP, Json, ScenarioName, Sets, emit
-from rig.cli.printing import Column, columns, line, table
+from rig.cli.printing import line, table
+from rig.core.column import Column, columns
 from rig.core.text import plain
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def list_kinds(as_json: Json = False) -> None:
 
 def _kinds(entries: list[Entry]) -> None:
     shown = (
-        Column("kind", "kind"),
+        Column("kind"),
         Column("what and why", lambda entry: entry.what.splitlines()[0]),
         Column("on", lambda entry: ", ".join(entry.sites), worth=7),
         Column(
@@ -123,10 +124,10 @@ def _kind(entry: Entry, shared: list[Parameter]) -> None:
 def _parameters(title: str, parameters: Sequence[Parameter]) -> None:
     line()
     own = (
-        Column("unit", "unit"),
+        Column("unit"),
         Column("default", _default, worth=7),
-        Column("allowed", "allowed", worth=8),
-        Column("meaning", "meaning"),
+        Column("allowed", worth=8),
+        Column("meaning"),
     )
     table(parameters, (Column(title, "name"), *own))
 
@@ -166,7 +167,7 @@ def signal_rows() -> list[tuple[str, ...]]:
 
 
 def _markdown() -> None:
-    for row in ([column.title for column in SIGNAL_COLUMNS], ["---"] * len(SIGNAL_COLUMNS), *signal_rows()):
+    for row in ([column.name for column in SIGNAL_COLUMNS], ["---"] * len(SIGNAL_COLUMNS), *signal_rows()):
         echo(f"| {' | '.join(row)} |")
 
 

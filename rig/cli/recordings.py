@@ -203,25 +203,11 @@ def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
     rows = []
     for design in signal["designs"]:
         mark = "*" if design["extrapolation"] > _MARKED else ""
-        for i, (level, threshold) in enumerate(design["levels"].items()):
-            once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
-            rows.append(
-                {
-                    **threshold,
-                    "level": level,
-                    "threshold": f"{threshold['upper']:.4g}{mark}",
-                    "design": {} if i else once,
-                }
-            )
-        for level, threshold in design["outlier_levels"].items():
-            rows.append(
-                {
-                    **threshold,
-                    "level": f"{level}, outlier",
-                    "threshold": f"{threshold['upper']:.4g}{mark}",
-                    "design": {},
-                }
-            )
+        once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
+        levels = {**design["levels"], **{f"{level}, outlier": of for level, of in design["outlier_levels"].items()}}
+        for i, (level, of) in enumerate(levels.items()):
+            threshold = f"{of['upper']:.4g}{mark}"
+            rows.append({**of, "level": level, "threshold": threshold, "design": {} if i else once})
     return rows
 
 
@@ -233,8 +219,8 @@ def _of_design(title: str, key: str, format: str = "", unit: str = "", worth: in
 _LEVELS: Final = (
     *(_of_design("", "chosen"), _of_design("filter", "filter_s", "g", "s"), _of_design("frames", "persistence")),
     *(_of_design("bias", "bias_bound", ".3g", worth=8), _of_design("sum", "slow_limit", ".3g", worth=8)),
-    *(Column("in use", "level"), Column("threshold", "threshold"), Column("point", "point", ".4g")),
-    *(Column("clusters", "clusters", worth=6), Column("shape", "shape", ".2f", worth=5)),
+    *(Column("in use", "level"), Column("threshold"), Column("point", format=".4g")),
+    *(Column("clusters", worth=6), Column("shape", format=".2f", worth=5)),
     _of_design("extrapolation", "beyond", worth=7),
 )
 _HOLD_OUT: Final = (
@@ -243,7 +229,7 @@ _HOLD_OUT: Final = (
     Column("", lambda row: "over" if row[2]["significantly_over"] else ""),
 )
 _MOTION: Final = (
-    *(Column("signal", "signal"), Column("from its median", "value", ".4g"), Column("a second", "rate_per_s", ".4g")),
+    *(Column("signal"), Column("from its median", "value", ".4g"), Column("a second", "rate_per_s", ".4g")),
     *(Column("between channels", "noise", ".4g", worth=7), Column("", lambda row: "at rest" if row["still"] else "")),
 )
 
@@ -260,9 +246,9 @@ def _tradeoffs(signals: dict[str, Any]) -> None:
         return
     faults = (Column(kind, lambda row, kind=kind: _right(row["faults"][kind]), worth=5) for kind in rows[-1]["faults"])
     shown = (
-        *(Column("", "chosen"), Column("signal", "signal"), Column("filter", "filter_s", "g", "s")),
+        *(Column("", "chosen"), Column("signal"), Column("filter", "filter_s", "g", "s")),
         *(Column("frames", "persistence"), Column("bias", "bias_bound", ".3g"), Column("sum", "slow_limit", ".3g")),
-        *(Column("stale", "stale_frames", worth=8), Column("smallest offset", "smallest_offset", ".3g", empty="none")),
+        *(Column("stale", "stale_frames", worth=8), Column("smallest offset", format=".3g", empty="none")),
         Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none", worth=7),
         *(*faults, Column("share", "found_rightly", ".3f")),
     )

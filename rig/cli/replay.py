@@ -130,7 +130,7 @@ def _comparison(result: Comparison, rate_hz: float | None) -> None:
         line(f"  {owner}: {count} fields {verdict}", style="yellow")
     unequal = [field for field in result.fields if field.verdict in ("within", "different")]
     first = Column("first", lambda f: moment(f.first_frame, rate_hz) if rate_hz else _frame(f.first_frame))
-    shown = (Column("field", "name"), Column("result", "verdict"), Column("frames", "frames", worth=7), first)
+    shown = (Column("field", "name"), Column("result", "verdict"), Column("frames", worth=7), first)
     order = sorted(unequal, key=lambda f: (f.verdict != "different", f.first_frame or 0))
     table(order, (*shown, *_difference(lambda f: f.name)), MOST_LINES)
     counted = ", ".join(f"{count} {name}" for name, count in result.counts().items() if count)
@@ -171,10 +171,10 @@ def _decisions(moves: Decisions, rate_hz: float) -> None:
         Column("decision", lambda d: f"{d.signal}{'' if d.channel is None else f'.{d.channel}'} {d.decision}"),
         Column("from", lambda d: moment(d.first_frame, rate_hz)),
         Column("for", lambda d: duration(d.last_frame - d.first_frame + 1, rate_hz), worth=7),
-        *(Column("old", "old"), Column("new", "new")),
+        *(Column("old"), Column("new")),
     )
     votes = (
-        *(Column("vote", "signal"), Column("frames", "frames", worth=7)),
+        *(Column("vote", "signal"), Column("frames", worth=7)),
         Column("first", lambda v: moment(v.first_frame, rate_hz)),
         *_difference(lambda v: f"{v.signal}.voted"),
     )

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from typer import Option, Typer
 
 from rig.cli.common import GROUP, Json, Workers, emit
-from rig.cli.printing import Column, columns, line, table
+from rig.cli.printing import line, table
 from rig.cli.working import working
+from rig.core.column import Column, columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,13 +58,13 @@ def exchange(as_json: Json = False) -> None:
 
 def _exchange(rows: Sequence[Row]) -> None:
     shown = (
-        Column("rounds", "rounds"),
+        Column("rounds"),
         Column("faulty lanes", lambda row: row.faults or "none"),
-        Column("placings", "placings"),
-        Column("hold", "hold"),
-        Column("behaviours", "behaviours"),
-        Column("agreement broken", "agreement_broken"),
-        Column("validity broken", "validity_broken"),
+        Column("placings"),
+        Column("hold"),
+        Column("behaviours"),
+        Column("agreement broken"),
+        Column("validity broken"),
     )
     table(rows, shown)
     line("a asymmetric, s symmetric, b benign, o omissive; two rounds hold while 4 > 2 a + 2 s + b + 1, omissive apart")
@@ -147,7 +148,7 @@ def _servo(compared: Sequence[Compared], answer: Response, frequencies_hz: Seque
 
 def _laws(cases: Sequence[Summary], flights: int) -> None:
     shown = (
-        *(Column("hold", "hold"), Column("fault", "fault"), Column("law", "law")),
+        *(Column("hold"), Column("fault"), Column("law")),
         Column("peak", lambda case: 1e3 * case.pitch_peak_rad, ".1f", "mrad", worth=6),
         Column("steady", lambda case: 1e3 * case.pitch_steady_rad, ".1f", "mrad", worth=5),
         Column("altitude lost", "altitude_loss_m", ".1f", "m", worth=7),
@@ -162,12 +163,12 @@ def _laws(cases: Sequence[Summary], flights: int) -> None:
 _GROUPS: Final = (
     *(
         Column("fault", "kind"),
-        Column("aircraft", "aircraft"),
+        Column("aircraft"),
         Column("within bounds", lambda row: _share(row["within"])),
     ),
     Column("sensor blamed", lambda row: _share(row["blamed"]), worth=7),
     Column("rate biased, early", lambda row: f"{row['answered']}, {row['early']}", worth=4),
-    Column("identical", "identical", worth=3),
+    Column("identical", worth=3),
     Column("lost: plain, tolerant", lambda row: f"{row['lost_plain']}, {row['lost_tolerant']}", worth=8),
     Column("above plain", "most_above_plain_m", ".1f", "m", worth=6),
 )

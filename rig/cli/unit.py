@@ -65,7 +65,7 @@ def check(
 def _checked(result: Checked) -> None:
     """Print one line a requirement, and the grade."""
     verdict = Column("", lambda requirement: "passed" if requirement.passed else "FAILED")
-    table(result.requirements, (Column("part", "part"), verdict, Column("requirement", "name"), Column("", "detail")))
+    table(result.requirements, (Column("part"), verdict, Column("requirement", "name"), Column("", "detail")))
     missed = sum(not requirement.passed for requirement in result.requirements)
     style = "red" if result.grade == "failed" else "green"
     line(f"{result.unit}: ", (result.grade, style), f", {len(result.requirements)} requirements, {missed} not met")

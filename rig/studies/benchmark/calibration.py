@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.manager_config import SignalConfig
+from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.runs import cluster_starts
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
@@ -61,6 +62,14 @@ class Calibrated:
     three_flights: int | None = None  # which can be more
     others: list[tuple[float, dict[str, Any]]] = field(default_factory=list)  # other budgets, and values for them
     notes: list[str] = field(default_factory=list)
+
+
+LEVELS: Final = (
+    *(Column("signal"), Column("manager", "entrant")),
+    Column("told", lambda row: ", ".join(f"{name} {value:.4g}" for name, value in row["shown"].items())),
+    *(Column("events", "clusters", worth=7), Column("extrapolated", "extrapolation", ".3g", "times", worth=8)),
+    Column("seen", worth=6),
+)
 
 
 def require_time(budget_per_h: float, hours: float) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
-from rig.studies.benchmark.benchmark_trials import SCHEMA
+from rig.studies.benchmark.benchmark_trials import typed
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
 from rig.studies.benchmark.entrants import (
     BIASED,
@@ -248,8 +248,7 @@ def _trials(
                 **{"signal": signal.name, "kind": name, "faults": 1, "size": None, "reference": "absent"},
                 **{"budget_per_h": 0.0, "entrant": entrant.name, "outcome": outcome, "delay_s": delay_s, "peak": None},
             }
-            made = pl.DataFrame(columns).cast(pl.Schema(SCHEMA)).select(list(SCHEMA))
-            yield made.with_columns(pl.col("delay_s").fill_nan(None))
+            yield typed(columns)
 
 
 def _faults(motion: float) -> Faults:

@@ -9,6 +9,6 @@ run_campaign.py  the parent: hands out what is missing, writes each batch as a p
 folder.py      the output folder: what belongs to it, its lock, what is done
 table_parts.py  the parts read and checked: every run once, in all tables
 tables.py      every column once: its type, its value, whether it is hashed; the hash of the tables
-statistics.py, group_rates.py, groups.py, campaign_summary.py  figures from the tables
+statistics.py, group_rates.py, campaign_summary.py  figures from the tables
 estimate.py    what a campaign will take
 """

@@ -32,6 +32,7 @@ from rig.studies.reliability.tally import (
     TESTED,
     Cells,
     counted,
+    declared_lost,
     of_kinds,
 )
 
@@ -74,7 +75,7 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
         faults.filter(pl.col("id") == name)
         .sort("run", "channel")
         .group_by("run", maintain_order=True)
-        .agg(*first, lost=_declared_lost().first(), settle=_settled())
+        .agg(*first, lost=declared_lost().first(), settle=_settled())
         for name in (TESTED, SECOND)
     )
     second = second.select("run", kept2="vote_kept", lost2="lost", settle2="settle")
@@ -89,11 +90,6 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
         .when(pl.col("settle").is_not_null() & pl.col("settle2").is_not_null())
         .then(pl.max_horizontal("settle", "settle2")),
     ).filter(pl.col("good_before").is_between(1, CHANNELS))
-
-
-def _declared_lost() -> pl.Expr:
-    """Return whether the signal was declared lost with its vote kept until then: what came first counts."""
-    return (pl.col("lost_s") > 0) & ~pl.col("wrong_vote_first").fill_null(value=False)
 
 
 def _settled() -> pl.Expr:

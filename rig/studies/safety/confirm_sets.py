@@ -16,6 +16,7 @@ from typing import Any, Final
 from scipy.stats import fisher_exact
 
 from rig.core import sealed
+from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.files import is_file
 from rig.core.outputs import CONFIRMED, SETS
@@ -56,9 +57,24 @@ class Row:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        names = ("aircraft", "point", "condition", "p_value", "agrees", "shows")
-        lists = {name: list(getattr(self, name)) for name in ("modes", "of_set", "before", "again")}
-        return {**{name: getattr(self, name) for name in names}, **lists}
+        given = {name: getattr(self, name) for name in _KEYS}
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
+
+
+_KEYS: Final = (
+    *("aircraft", "point", "condition", "p_value", "agrees", "shows"),
+    *("modes", "of_set", "before", "again"),
+)
+CONFIRMED_ROWS: Final = (  # of ``as_dict``
+    Column("", lambda row: "" if row["agrees"] else "disagrees", type=str),
+    Column("aircraft", lambda row: f"{row['aircraft']} {row['point']}".strip(), page=None),
+    Column("aircraft", lambda row: f"{row['aircraft']} {row['point']}", worth=0, type=str),
+    *(Column("condition", worth=7, type=str), Column("modes by onset", lambda row: ", ".join(row["modes"]), type=str)),
+    Column("enumerated", lambda row: "{} of {}".format(*row["before"])),
+    Column("again", lambda row: "{} of {}".format(*row["again"])),
+    Column("shows", worth=8, type=str, page="the new flights show"),
+    Column("Fisher", "p_value", ".2g", worth=8, page="p-value"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +108,7 @@ def read_rows(out: Path) -> list[dict[str, Any]]:
     """Read how the sets were flown again; none where they were not.  BadInput: the file is damaged."""
     path = out / CONFIRMED
     rows = read_json(path).get("rows") if is_file(path) else []
-    keys = ("aircraft", "point", "condition", "p_value", "agrees", "shows", "modes", "of_set", "before", "again")
-    if not isinstance(rows, list) or not all(isinstance(row, dict) and set(keys) <= set(row) for row in rows):
+    if not isinstance(rows, list) or not all(isinstance(row, dict) and set(_KEYS) <= set(row) for row in rows):
         raise BadInput(f"{path}: is damaged: its rows are not those of rig reliability confirm")
     return rows
 

@@ -14,7 +14,7 @@ from rig.studies.reliability.model import Given
 from rig.studies.reliability.next_fault import KEPT, Outcomes, outcomes
 from rig.studies.reliability.rates_file import Rates
 from rig.studies.reliability.tally import Cells, together
-from rig.studies.safety.open_psa import require_name
+from rig.studies.safety.fault_tree import require_name
 from rig.studies.safety.signal_tree import SignalModel
 
 
