@@ -30,30 +30,15 @@ Dir = Annotated[Path, Argument(metavar="DIR", help="A campaign's output folder."
 Runs = Annotated[int | None, Option(metavar="N", help="The first N runs only.", show_default="all")]
 
 
-def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
-    from rig.core.trust import Trust
-    from rig.scenario.overrides import named_manager, parse_set
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
-
-    given, source = dict(map(parse_set, sets or ())), str(find(file))
-    return Plan(read(file, given), source, Trust(source, allow_code, named_manager(given.items())))
-
-
-def _unit(path: Path | None) -> Any:
-    from rig.unit.unit_file import read_unit
-
-    return None if path is None else read_unit(path)
-
-
 @app.command()
 def plan(
     file: File, sets: Sets = None, runs: Runs = None, allow_code: AllowCodeOrSet = False, as_json: Json = False
 ) -> None:
     """List the runs before flying them, with an estimate of time and disk."""
     from rig.studies.campaign.estimate import estimate
+    from rig.studies.campaign.plan import read_plan
 
-    planned = _plan(file, sets, allow_code)
+    planned = read_plan(file, sets, allow_code)
     planned.check()
     expected = estimate(planned, runs)
     listed = lambda: {**asdict(expected), "list": show.plan_rows(planned, runs)}  # noqa: E731 # read once
@@ -86,10 +71,12 @@ def run(
 
     if scheduler is None:
         get_ready()  # beside what follows, which takes a second to be imported and read
+    from rig.studies.campaign.plan import read_plan
     from rig.studies.campaign.run_campaign import run as fly
+    from rig.unit.unit_file import read_unit
 
-    planned, tested = _plan(file, sets, allow_code), _unit(unit)
-    how: dict[str, Any] = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs, "unit": tested}
+    how: dict[str, Any] = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs}
+    planned, how["unit"] = read_plan(file, sets, allow_code), unit and read_unit(unit)
     with show.progress(enabled=not as_json) as report:
         result = fly(planned, out, report=report, **how)
     emit(as_json, result.as_dict, lambda: show.result(result))
@@ -99,12 +86,10 @@ def run(
 @app.command()
 def status(folder: Dir, as_json: Json = False) -> None:
     """Print how far a campaign is, who votes, and the results of its runs."""
-    from rig.studies.campaign.folder import open_folder
-    from rig.studies.campaign.unflown import not_flown
-    from rig.studies.campaign.voters import named, voters
+    from rig.studies.campaign.folder import not_flown, open_folder
 
     held = open_folder(folder)
-    state = {**held.status(), "by": named(voters(held)), **not_flown(held.tables["runs"])}
+    state = {**held.status(), "by": held.by, **not_flown(held.tables["runs"])}
     emit(as_json, state, lambda: show.status(state))
 
 
@@ -120,8 +105,9 @@ def fly(
     """Fly one run of a campaign again, with its full log, and compare its digest with the table's."""
     from rig.studies.campaign.folder import open_folder
     from rig.studies.campaign.run_campaign import again
+    from rig.unit.unit_file import read_unit
 
-    flight, digest = again(open_folder(folder, allow_code), run, out, _unit(unit))
+    flight, digest = again(open_folder(folder, allow_code), run, out, unit and read_unit(unit))
     same = None if digest is None else digest == flight.digest
     data = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": flight.conclusion}
     notes = {None: "not in the table yet", True: "the same digest as in the table", False: "NOT the table's digest"}

@@ -15,7 +15,7 @@ from typer import Argument, Exit, Option, echo
 
 from rig.cli import complete
 from rig.core.errors import BadInput
-from rig.core.interrupt import CODE
+from rig.core.interrupt import CODE, FLIES_AGAIN, GOES_ON
 
 if TYPE_CHECKING:
     from rig.log.recordings.alignment import AlignOptions
@@ -177,10 +177,10 @@ def unflown(count: int, first_reason: str | None) -> str:
     return f"{count} {'run' if count == 1 else 'runs'} could not be flown; {first_reason}"
 
 
-def require_ended(ended: Ending, done: str, again: str = "the same command flies them again") -> None:
+def require_ended(ended: Ending, done: str, again: str = FLIES_AGAIN) -> None:
     """Exit with a line unless all runs are flown.  done : how far a call that was stopped came"""
     if ended.interrupted:
-        echo(f"stopped: {done}; the same command goes on", err=True)
+        echo(f"stopped: {done}; {GOES_ON}", err=True)
         raise Exit(CODE + ended.signal)
     if ended.not_flown:
         echo(f"failed: {unflown(ended.not_flown, ended.first_reason)}; {again}", err=True)

@@ -100,12 +100,11 @@ def _flights(campaign: str, healthy: Path, out: Path, options: LeagueOptions) ->
     from rig.studies.benchmark.entrants import entrants
     from rig.studies.benchmark.prepared import Asked
     from rig.studies.benchmark.run_benchmark import run
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.plan import read_plan
 
     asked = named(Asked, options, entrants=entrants(options.managers), budget_per_h=options.budget, healthy=healthy)
-    plan = Plan(read(campaign, {}), str(find(campaign)))
-    require_apart({"--out": out, "--plot": options.plot}, [find(campaign), healthy, options.second])
+    plan = read_plan(campaign)
+    require_apart({"--out": out, "--plot": options.plot}, [plan.source, healthy, options.second])
     require_page("--plot", options.plot)
     with working("the league", not options.as_json, steps=True):
         result = run(plan, asked, out, options.workers)

@@ -118,12 +118,10 @@ def trials(
 ) -> None:
     """Count what the next fault does where it leaves two good channels, in open-loop trials on a recorded truth."""
     from rig.core.frame import CHANNELS
-    from rig.scenario.overrides import parse_set
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.plan import read_plan
     from rig.studies.reliability.trials_folder import fly_trials
 
-    plan = Plan(read(campaign, dict(map(parse_set, sets or []))), str(find(campaign)))
+    plan = read_plan(campaign, sets)
     good = whole_numbers("--good-before", good_before, 1, CHANNELS, "numbers of channels")[::-1]
     with working("recording the healthy flights", not as_json):
         counts = fly_trials(

@@ -290,13 +290,10 @@ def _fly_missing(options: ReportOptions, signal: str) -> None:
 
 def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) -> None:
     """Fly what is missing of a bundled campaign."""
-    from rig.scenario.overrides import named_manager, parse_set
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.plan import read_plan
     from rig.studies.campaign.run_campaign import run
 
-    given, source = dict(map(parse_set, sets or ())), str(find(name))
-    plan = Plan(read(name, given), source, Trust(source, named=named_manager(given.items())))
+    plan = read_plan(name, sets)
     with working(f"flying {name}", enabled=True, steps=True):
         _require_flown([run(plan, out, workers=workers, report=lambda p: tell(f"flights of {name}", p.done, p.runs))])
 

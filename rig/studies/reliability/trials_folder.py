@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,11 @@ from rig.core import sealed
 from rig.core.errors import BadInput
 from rig.core.files import LOCK, is_file, is_unused, new_folder, reported, sweep
 from rig.core.outputs import TRIALS
-from rig.studies.campaign.campaign_file import from_what
-from rig.studies.campaign.folder import locked, write_whole
 from rig.studies.campaign.plan import Plan, rig_identity
-from rig.studies.campaign.pool import each
-from rig.studies.reliability.campaign_cells import FORMAT, TABLES, place
-from rig.studies.reliability.cell_trials import Batch, Tally, TrialRunner, added_up, shared_out
+from rig.studies.campaign.pool import by_workers
+from rig.studies.campaign.study_folder import FORMAT, locked, write_whole
+from rig.studies.reliability.campaign_cells import TABLES, place
+from rig.studies.reliability.cell_trials import TrialRunner, added_up, shared_out
 from rig.studies.reliability.tally import Cells
 
 Report = Callable[[int, int], None]  # trials done, of how many
@@ -36,7 +35,7 @@ def fly_trials(
     manager = plan[units[0].number].scenario().redundancy.manager
     count, done, tallies = sum(unit.trials for unit in units), 0, []
     with _held(out):
-        for unit, tally in zip(units, _tallies(plan, units, workers), strict=True):
+        for unit, tally in zip(units, by_workers(TrialRunner, (plan,), units, workers, 4), strict=True):
             tallies.append(tally)
             done += unit.trials
             if report is not None:
@@ -44,27 +43,6 @@ def fly_trials(
         about = {"format": FORMAT, **_identity(plan, seed), "manager": manager, "trials": count, "good_before": good}
         _write(out, added_up(tallies, manager), about)
     return about
-
-
-def _tallies(plan: Plan, units: Sequence[Batch], workers: int) -> Iterator[Tally]:
-    """Return the units' tallies in their order, by ``workers`` processes or, for one, by this; Ctrl-C ends it."""
-    if workers == 1:
-        return map(TrialRunner(plan), units)
-    return each(_fly, units, workers, 4, initializer=_begin, initargs=(plan.campaign.what(), plan.source))
-
-
-def _begin(what: dict[str, Any], source: str) -> None:
-    """Begin a worker."""
-    global _flight
-    _flight = TrialRunner(Plan(from_what(what, source), source))
-
-
-_flight: Callable[[Batch], Tally] | None = None  # of a worker
-
-
-def _fly(unit: Batch) -> Tally:
-    assert _flight is not None
-    return _flight(unit)
 
 
 def _identity(plan: Plan, seed: int) -> dict[str, Any]:

@@ -23,21 +23,20 @@ from rig.core.outputs import BESIDE_RUNS
 from rig.core.progress import tell
 from rig.scenario.overrides import parse_set, set_key
 from rig.studies.campaign import tables as table
-from rig.studies.campaign.folder import write_whole
+from rig.studies.campaign.folder import not_flown
 from rig.studies.campaign.run_campaign import pool_of
-from rig.studies.campaign.unflown import not_flown
+from rig.studies.campaign.study_folder import write_whole
 from rig.studies.campaign.worker import fly_batch
 from rig.studies.search import open_loop as bench
 from rig.studies.search import picture
 from rig.studies.search import search_result as result
 from rig.studies.search.confirm_worst import SEEDS, Confirmed, Table, confirm, least_apart, new_seeds, worst
-from rig.studies.search.fly_missing import Flown, Interrupted, flown, require_known
+from rig.studies.search.fly_missing import Flown, Interrupted, flown, refuse_violated, require_known
 from rig.studies.search.objective import Measured, deciding, measured
 from rig.studies.search.rounds import schedule
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.studies.search.shrink import shrink, simplest
-from rig.studies.search.without_faults import refuse_violated
 from rig.verdict.requirements import margin_text
 
 CONFIRMED: Final = "confirmed"
