@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from typer import Argument, Exit, Option, Typer, echo
+from typer import Exit, Option, Typer, echo
 
 from rig.cli import complete
-from rig.cli.common import GROUP, Json, emit, takes_options
+from rig.cli.common import GROUP, Json, arg, emit, flag, opt, takes_options
 from rig.cli.working import working
 from rig.core.errors import BadInput
 from rig.core.files import is_folder
@@ -33,15 +33,13 @@ aircraft_app = Typer(help="Look at aircraft, make your own, design their control
 
 Home = Annotated[
     str,
-    Argument(help="A bundled aircraft or the path of a folder.", metavar="NAME|DIR", autocompletion=complete.aircraft),
+    arg("NAME|DIR", "A bundled aircraft or the path of a folder.", autocompletion=complete.aircraft, show_default=True),
 ]
 
 
 @aircraft_app.command("list")
 def aircraft_list(
-    folders: Annotated[
-        list[Path] | None, Argument(metavar="DIR...", help="Folders of your own to list too.", show_default=False)
-    ] = None,
+    folders: Annotated[list[Path] | None, arg("DIR...", "Folders of your own to list too.")] = None,
     as_json: Json = False,
 ) -> None:
     """List the bundled aircraft, those in the present folder, and their flight points."""
@@ -71,28 +69,19 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
 class NewOptions:
     """The options of ``rig aircraft new``."""
 
-    name: Annotated[str, Argument(metavar="NAME", help="Its name, and that of its folder.")]
-    base: Annotated[
-        str, Option(metavar="MODEL", help="An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)
-    ]
-    out: Annotated[Path, Option(metavar="DIR", help="Where its folder is made.")] = Path()
+    name: Annotated[str, arg("NAME", "Its name, and that of its folder.", show_default=True)]
+    base: Annotated[str, opt("MODEL", "An aircraft of the installed JSBSim, e.g. c172x.")]
+    out: Annotated[Path, opt("DIR", "Where its folder is made.")] = Path()
     point: Annotated[
-        list[str] | None,
-        Option(metavar="ALTITUDE_M:MACH", help="A flight point; repeatable. Else two that trim are proposed."),
+        list[str] | None, opt("ALTITUDE_M:MACH", "A flight point; repeatable. Else two that trim are proposed.")
     ] = None
-    points: Annotated[int, Option(metavar="N", help="How many flight points to propose.", min=1, max=3)] = 2
-    lag_s: Annotated[
-        float | None, Option(metavar="S", help="Lag of the actuators.", min=1e-4, max=1.0, show_default=False)
-    ] = None
-    rate_limit_rad_s: Annotated[
-        float | None,
-        Option(metavar="RAD_S", help="Their rate limit.", min=0.01, max=20.0, show_default=False),
-    ] = None
-    sensor_class: Annotated[
-        str | None,
-        Option(metavar="CLASS", help="Sensor class, e.g. 'tactical-grade MEMS': docs/sensors.md.", show_default=False),
-    ] = None
-    channels: Annotated[int, Option(metavar="N", help="Channels of every signal.", min=2, max=4)] = 4
+    points: Annotated[int, opt("N", "How many flight points to propose.", min=1, max=3)] = 2
+    lag_s: Annotated[float | None, opt("S", "Lag of the actuators.", min=1e-4, max=1.0)] = None
+    rate_limit_rad_s: Annotated[float | None, opt("RAD_S", "Their rate limit.", min=0.01, max=20.0)] = None
+    sensor_class: Annotated[str | None, opt("CLASS", "Sensor class, e.g. 'tactical-grade MEMS': docs/sensors.md.")] = (
+        None
+    )
+    channels: Annotated[int, opt("N", "Channels of every signal.", min=2, max=4)] = 4
     design: Annotated[bool, Option(help="Design it too, some minutes; else: rig aircraft check.")] = True
     as_json: Json = False
 
@@ -196,7 +185,7 @@ def _prompt(text: str, assumed: float) -> float | None:
 def aircraft_check(
     name: Home,
     accept: Annotated[
-        bool, Option("--accept", help="Write the best gains found, even below the requirement, and references.")
+        bool, flag("--accept", "Write the best gains found, even below the requirement, and references.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -227,9 +216,7 @@ def aircraft_check(
 @aircraft_app.command("design")
 def aircraft_design(
     name: Home,
-    out: Annotated[
-        Path | None, Option(metavar="FILE", help="Where to write the gains.", show_default="<aircraft>/gains.toml")
-    ] = None,
+    out: Annotated[Path | None, opt("FILE", "Where to write the gains.", show_default="<aircraft>/gains.toml")] = None,
     as_json: Json = False,
 ) -> None:
     """Design the control law at every flight point, then fly it to measure the references.

@@ -6,28 +6,36 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Argument, Exit, Option, Typer, echo
+from typer import Exit, Typer, echo
 
 from rig.cli import complete
 from rig.cli import show_campaign as show
 from rig.cli.catalogue import of_file
-from rig.cli.common import GROUP, AllowCode, AllowCodeOrSet, Json, Logs, Sets, UnitFile, emit, require_ended
+from rig.cli.common import (
+    GROUP,
+    AllowCode,
+    AllowCodeOrSet,
+    Json,
+    Logs,
+    Scheduler,
+    Sets,
+    UnitFile,
+    arg,
+    begun,
+    emit,
+    opt,
+    require_ended,
+)
 from rig.cli.fly import show_flight
 from rig.core.outputs import require_apart, require_page
 
 app = Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
 
 File = Annotated[
-    str,
-    Argument(
-        metavar="FILE|NAME",
-        help="A campaign file or the name of a bundled one.",
-        show_default=False,
-        autocompletion=complete.campaigns,
-    ),
+    str, arg("FILE|NAME", "A campaign file or the name of a bundled one.", autocompletion=complete.campaigns)
 ]
-Dir = Annotated[Path, Argument(metavar="DIR", help="A campaign's output folder.", show_default=False)]
-Runs = Annotated[int | None, Option(metavar="N", help="The first N runs only.", show_default="all")]
+Dir = Annotated[Path, arg("DIR", "A campaign's output folder.")]
+Runs = Annotated[int | None, opt("N", "The first N runs only.", show_default="all")]
 
 
 @app.command()
@@ -48,18 +56,12 @@ def plan(
 @app.command()
 def run(
     file: File,
-    out: Annotated[Path, Option(metavar="DIR", help="Output folder; a begun one is continued.", show_default=False)],
-    workers: Annotated[
-        int | None, Option(metavar="N", help="Processes.", min=1, max=1024, show_default="the file's")
-    ] = None,
+    out: Annotated[Path, begun("Output folder")],
+    workers: Annotated[int | None, opt("N", "Processes.", min=1, max=1024, show_default="the file's")] = None,
     runs: Runs = None,
-    scheduler: Annotated[
-        str | None,
-        Option(metavar="URL", help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False),
-    ] = None,
+    scheduler: Scheduler = None,
     logs: Annotated[
-        str | None,
-        Option(metavar="WHICH", help="Logs to keep: all, failures, none, sample:N.", show_default="the file's"),
+        str | None, opt("WHICH", "Logs to keep: all, failures, none, sample:N.", show_default="the file's")
     ] = None,
     sets: Sets = None,
     unit: UnitFile = None,
@@ -96,7 +98,7 @@ def status(folder: Dir, as_json: Json = False) -> None:
 @app.command()
 def fly(
     folder: Dir,
-    run: Annotated[int, Option(metavar="N", help="The run's number in the table, from 0.", min=0, show_default=False)],
+    run: Annotated[int, opt("N", "The run's number in the table, from 0.", min=0)],
     out: Logs = Path("logs"),
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -119,9 +121,7 @@ def fly(
 @app.command()
 def report(
     folder: Dir,
-    out: Annotated[
-        Path | None, Option(metavar="FILE", help="The file to write.", show_default="DIR/report.html")
-    ] = None,
+    out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="DIR/report.html")] = None,
     as_json: Json = False,
 ) -> None:
     """Write the report: one HTML file that opens offline; with --json its figures."""

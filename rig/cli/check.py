@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Exit, Option
+from typer import Exit
 
-from rig.cli.common import Json, UnitFile, emit
+from rig.cli.common import Json, UnitFile, arg, emit, flag, opt
 from rig.cli.printing import MOST_LINES, Column, field, line, rest, table
 from rig.cli.working import working
 from rig.core.outputs import require_apart, require_ending
@@ -24,12 +24,10 @@ _FAILED = (
 
 
 def check(
-    suite: Annotated[Path, Argument(metavar="SUITE", help="A suite file or a bundled name.", show_default=False)],
+    suite: Annotated[Path, arg("SUITE", "A suite file or a bundled name.")],
     unit: UnitFile = None,
-    junit: Annotated[
-        Path | None, Option(metavar="FILE.xml", help="Write the results as JUnit XML.", show_default=False)
-    ] = None,
-    update: Annotated[bool, Option("--update", help="Keep the decisions as the reference; print what moved.")] = False,
+    junit: Annotated[Path | None, opt("FILE.xml", "Write the results as JUnit XML.")] = None,
+    update: Annotated[bool, flag("--update", "Keep the decisions as the reference; print what moved.")] = False,
     as_json: Json = False,
 ) -> None:
     """Check a suite: exit code 0 when every requirement is met and every decision as before, 1 when not."""

@@ -83,6 +83,12 @@ Sets = Annotated[
 ]
 Seed = Annotated[int, opt("N", "Seed of all random draws.", min=0, max=2**63 - 1)]
 Workers = Annotated[int, opt("N", "Processes.", min=1, max=1024)]
+Scheduler = Annotated[str | None, opt("URL", "A Dask scheduler, tcp://HOST:PORT, in place of processes.")]
+
+
+def begun(what: str) -> Any:
+    """Declare ``--out`` of a study: a folder that is gone on with."""
+    return opt("DIR", f"{what}; a begun one is continued.")
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Exit, Option, echo
+from typer import Exit, echo
 
-from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit, takes_options
+from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit, flag, opt, takes_options
 from rig.cli.printing import MOST_LINES, Column, counts, field, line, rest, table
 from rig.cli.requirements_option import Requirements, Strict, show_notes, show_verdicts
 from rig.cli.working import working
@@ -47,33 +47,24 @@ class FlyOptions:
 
     scenario: ScenarioName = None
     sets: Sets = None
-    seed: Annotated[int | None, Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)] = None
+    seed: Annotated[int | None, opt("N", "Seed of all random draws.", min=0)] = None
     out: Logs = Path("logs")
     rerun: Annotated[
-        str,
-        Option(
-            metavar="WHERE", help="Show it in Rerun: off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy."
-        ),
+        str, opt("WHERE", "Show it in Rerun: off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
     ] = "off"
     wait: Annotated[
         bool,
-        Option(
-            "--wait/--no-wait", help="With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."
-        ),
+        flag("--wait/--no-wait", "With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."),
     ] = True
-    realtime_factor: Annotated[
-        float | None,
-        Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
-    ] = None
+    realtime_factor: Annotated[float | None, opt("X", "Pace frames by the wall clock: 1 is real time.", min=0.001)] = (
+        None
+    )
     realtime: Annotated[
-        bool, Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
+        bool, flag("--realtime", "Real time, and ask the system for a scheduling class, memory, a core.")
     ] = False
-    watch: Annotated[bool, Option("--watch", help="Show the redundancy page while it flies.")] = False
+    watch: Annotated[bool, flag("--watch", "Show the redundancy page while it flies.")] = False
     unit: UnitFile = None
-    lane: Annotated[
-        str | None,
-        Option(metavar="A|B|C|D", help="Of several computers, the one that --unit is.", show_default=False),
-    ] = None
+    lane: Annotated[str | None, opt("A|B|C|D", "Of several computers, the one that --unit is.")] = None
     requirements: Requirements = None
     strict: Strict = False
     allow_code: AllowCodeOrSet = False
@@ -326,7 +317,7 @@ def _peaks(flight: Flight) -> str:
 def bench(
     scenario: ScenarioName = None,
     sets: Sets = None,
-    repeats: Annotated[int, Option(metavar="N", help="Flights; the medians count.", min=1)] = 7,
+    repeats: Annotated[int, opt("N", "Flights; the medians count.", min=1)] = 7,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from rig.cli.common import Json, Seed, Workers, arg, emit, flag, named, opt, takes_options
+from rig.cli.common import Json, Seed, Workers, arg, begun, emit, flag, named, opt, takes_options
 from rig.cli.printing import Column, columns, line, table
 from rig.cli.working import working
 from rig.core.errors import BadInput
@@ -61,7 +61,7 @@ class LeagueOptions:
 
     campaign: Annotated[str | None, arg("FILE|NAME", "A campaign of faults: file or bundled name.")] = None
     healthy: Annotated[Path | None, opt("HEALTHY", "Healthy flights: a flown campaign with its logs.")] = None
-    out: Annotated[Path | None, opt("DIR", "Folder of the league; a begun one is continued.")] = None
+    out: Annotated[Path | None, begun("Folder of the league")] = None
     managers: Annotated[str, opt("NAME,NAME...", "Who takes part; ours always does.")] = _MANAGERS
     budget: Annotated[float, opt("RATE", "False isolations an hour and signal.")] = 0.01
     second: Annotated[Path | None, opt("HEALTHY", "Other healthy flights, to test the budget on.")] = None

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from typer import Argument, Exit, Option, echo
+from typer import Exit, echo
 
-from rig.cli.common import AllowCodeOrSet, Json, LogFile, Sets, UnitFile, emit
+from rig.cli.common import AllowCodeOrSet, Json, LogFile, Sets, UnitFile, arg, emit, flag, opt
 from rig.cli.printing import MOST_LINES, Column, field, line, table
 from rig.cli.working import working
 from rig.core.errors import BadInput, BadLog
@@ -31,15 +31,10 @@ LAYOUTS: Final = ("foxglove",)
 
 def replay(
     log: LogFile,
-    fly: Annotated[bool, Option("--fly", help="Fly the whole recorded scenario again.")] = False,
-    redundancy: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="What if: a TOML file with another redundancy table.", show_default=False),
-    ] = None,
+    fly: Annotated[bool, flag("--fly", "Fly the whole recorded scenario again.")] = False,
+    redundancy: Annotated[Path | None, opt("FILE", "What if: a TOML file with another redundancy table.")] = None,
     sets: Sets = None,
-    out: Annotated[
-        Path | None, Option(metavar="FILE", help="Log of the what if.", show_default="<log>.what-if.mcap")
-    ] = None,
+    out: Annotated[Path | None, opt("FILE", "Log of the what if.", show_default="<log>.what-if.mcap")] = None,
     unit: UnitFile = None,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
@@ -102,11 +97,10 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
 
 
 def diff(
-    a: Annotated[Path, Argument(metavar="LOG_A", help="A log.", show_default=False)],
-    b: Annotated[Path, Argument(metavar="LOG_B", help="Another.", show_default=False)],
+    a: Annotated[Path, arg("LOG_A", "A log.")],
+    b: Annotated[Path, arg("LOG_B", "Another.")],
     tolerance: Annotated[
-        list[str] | None,
-        Option(metavar="X", help="1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable."),
+        list[str] | None, opt("X", "1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -233,22 +227,14 @@ def _info(facts: dict[str, Any]) -> None:
 
 def export(
     log: LogFile,
-    to: Annotated[
-        str | None, Option(metavar="FORMAT", help="csv, parquet or npz.", show_default="the ending of --out")
-    ] = None,
-    layout: Annotated[
-        str | None, Option(metavar="VIEWER", help="Not a table, a layout to open the log with: foxglove.")
-    ] = None,
+    to: Annotated[str | None, opt("FORMAT", "csv, parquet or npz.", show_default="the ending of --out")] = None,
+    layout: Annotated[str | None, opt("VIEWER", "Not a table, a layout to open the log with: foxglove.")] = None,
     signals: Annotated[
         str | None,
-        Option(
-            metavar="A,B",
-            help="Signals, discretes, control, flight, inertial, demand, actuator.elevator.",
-            show_default="all",
-        ),
+        opt("A,B", "Signals, discretes, control, flight, inertial, demand, actuator.elevator.", show_default="all"),
     ] = None,
-    out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.<to>")] = None,
-    for_vote: Annotated[bool, Option("--for-vote", help="Only what rig vote reads.")] = False,
+    out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="<log>.<to>")] = None,
+    for_vote: Annotated[bool, flag("--for-vote", "Only what rig vote reads.")] = False,
     as_json: Json = False,
 ) -> None:
     """Write a log as a table, its columns named as rig vote names them; or a viewer's layout for it."""
@@ -316,8 +302,7 @@ def _export_layout(log: Path, viewer: str, out: Path | None, as_json: bool) -> N
 def recover(
     log: LogFile,
     out: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="Where to write the mended log.", show_default="<log>.recovered.mcap"),
+        Path | None, opt("FILE", "Where to write the mended log.", show_default="<log>.recovered.mcap")
     ] = None,
     as_json: Json = False,
 ) -> None:

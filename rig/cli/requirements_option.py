@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from typer import Option
-
 from rig.cli import complete
+from rig.cli.common import flag, opt
 from rig.cli.printing import MOST_LINES, Column, field, line, table
 from rig.core.units.quantities import quantity
 
@@ -19,14 +18,14 @@ if TYPE_CHECKING:
 FEW: Final = 4  # quantities of a line
 Requirements = Annotated[
     list[str] | None,
-    Option(
+    opt(
+        "NAME|FILE",
+        "Requirements to measure: a bundled set or a file; repeatable.",
         "--requirements",
-        metavar="NAME|FILE",
-        help="Requirements to measure: a bundled set or a file; repeatable.",
         autocompletion=complete.requirements,
     ),
 ]
-Strict = Annotated[bool, Option("--strict", help="Exit code 1 where a requirement is violated.")]
+Strict = Annotated[bool, flag("--strict", "Exit code 1 where a requirement is violated.")]
 _STYLES: Final = {"met": "green", "violated": "red", "not applicable": ""}
 _COLUMNS: Final = (
     *(Column("requirement", 1), Column("on", 2, worth=3), Column("verdict", 0)),

@@ -17,6 +17,7 @@ from rig.cli.common import (
     Sets,
     Workers,
     arg,
+    begun,
     comma_list,
     emit,
     flag,
@@ -114,7 +115,7 @@ def _show(result: TreeResult) -> None:
 class CutsetOptions:
     """The options of ``rig reliability cutsets``."""
 
-    out: Annotated[Path, opt("DIR", "Folder of the flights; a begun one is continued.")]
+    out: Annotated[Path, begun("Folder of the flights")]
     signal: Annotated[str, opt("SIGNAL", "As in rig signals.")] = "pitch_rate"
     aircraft: Annotated[str, opt("NAME", "As in rig aircraft list.")] = "f16"
     order: Annotated[int, opt("N", "Faults of a sequence, 1 to 3.")] = 3

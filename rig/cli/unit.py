@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from typer import Argument, Exit, Option, Typer, echo
+from typer import Exit, Typer, echo
 
 from rig.cli.catalogue import of_file
-from rig.cli.common import GROUP, Json, emit
+from rig.cli.common import GROUP, Json, arg, emit, flag, opt
 from rig.cli.printing import Column, line, table
 from rig.cli.working import working
 from rig.core.errors import BadInput
@@ -21,11 +21,10 @@ unit_app = Typer(help="Flight software under test: its records, its conformance.
 
 @unit_app.command()
 def header(
-    ada: Annotated[bool, Option("--ada", help="Ada record clauses.")] = False,
-    markdown: Annotated[bool, Option("--markdown", help="The tables of docs/unit-records.md.")] = False,
+    ada: Annotated[bool, flag("--ada", "Ada record clauses.")] = False,
+    markdown: Annotated[bool, flag("--markdown", "The tables of docs/unit-records.md.")] = False,
     fmu: Annotated[
-        Literal["2", "3"] | None,
-        Option(metavar="VERSION", help="modelDescription.xml of an FMU: 2 for FMI 2.0, 3 for FMI 3.0."),
+        Literal["2", "3"] | None, opt("VERSION", "modelDescription.xml of an FMU: 2 for FMI 2.0, 3 for FMI 3.0.")
     ] = None,
 ) -> None:
     """Print the records as a C header, or in another form."""
@@ -48,9 +47,9 @@ def schema() -> None:
 
 @unit_app.command()
 def check(
-    file: Annotated[Path, Argument(metavar="UNIT", help="A unit file.", show_default=False)],
-    seam: Annotated[bool, Option("--seam", help="Test only the interface, not the voting decisions.")] = False,
-    longest: Annotated[bool, Option("--long", help="Long sessions of 70,000 frames, not of 5,000.")] = False,
+    file: Annotated[Path, arg("UNIT", "A unit file.")],
+    seam: Annotated[bool, flag("--seam", "Test only the interface, not the voting decisions.")] = False,
+    longest: Annotated[bool, flag("--long", "Long sessions of 70,000 frames, not of 5,000.")] = False,
     as_json: Json = False,
 ) -> None:
     """Test a unit against the interface and, without --seam, the voting rules.  Exit code 1: a test failed."""

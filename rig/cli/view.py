@@ -12,10 +12,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option, echo
+from typer import echo
 
 from rig.cli import complete
-from rig.cli.common import Json, LogFile, emit, takes_options
+from rig.cli.common import Json, LogFile, arg, emit, flag, opt, takes_options
 from rig.cli.requirements_option import Requirements
 from rig.core.errors import BadInput, BadLog
 from rig.core.outputs import require_apart
@@ -29,21 +29,16 @@ if TYPE_CHECKING:
 class ViewOptions:
     """The options of ``rig view``."""
 
-    logs: Annotated[
-        list[Path], Argument(metavar="LOG...", help="Logs; several lie over each other.", show_default=False)
-    ]
-    save: Annotated[Path | None, Option(metavar="FILE.rrd", help="Write a recording with the layout in it.")] = None
-    serve: Annotated[bool, Option("--serve", help="Serve to a browser on this machine, until Ctrl-C.")] = False
-    screenshot: Annotated[Path | None, Option(metavar="FILE.png", help="A picture, 1920 x 1080; needs no display.")] = (
-        None
-    )
+    logs: Annotated[list[Path], arg("LOG...", "Logs; several lie over each other.")]
+    save: Annotated[Path | None, opt("FILE.rrd", "Write a recording with the layout in it.")] = None
+    serve: Annotated[bool, flag("--serve", "Serve to a browser on this machine, until Ctrl-C.")] = False
+    screenshot: Annotated[Path | None, opt("FILE.png", "A picture, 1920 x 1080; needs no display.")] = None
     time_s: Annotated[
-        float | None,
-        Option("--time", metavar="S", help="Where the cursor of the picture is.", show_default="last event"),
+        float | None, opt("S", "Where the cursor of the picture is.", "--time", show_default="last event")
     ] = None
-    tab: Annotated[str, Option(metavar="NAME", help="The tab to open with.", autocompletion=complete.tabs)] = "overview"
+    tab: Annotated[str, opt("NAME", "The tab to open with.", autocompletion=complete.tabs)] = "overview"
     requirements: Requirements = None
-    map_tiles: Annotated[bool, Option("--map", help="A map; the viewer fetches its tiles from OpenStreetMap.")] = False
+    map_tiles: Annotated[bool, flag("--map", "A map; the viewer fetches its tiles from OpenStreetMap.")] = False
     as_json: Json = False
 
 
@@ -160,8 +155,8 @@ def _emit(data: dict[str, Any], as_json: bool, text: str) -> None:
 
 def watch(
     log: LogFile,
-    speed: Annotated[float, Option(metavar="X", help="Times real time.", min=0.01, max=1000.0)] = 1.0,
-    from_s: Annotated[float, Option("--from", metavar="S", help="Where to begin.", min=0.0)] = 0.0,
+    speed: Annotated[float, opt("X", "Times real time.", min=0.01, max=1000.0)] = 1.0,
+    from_s: Annotated[float, opt("S", "Where to begin.", "--from", min=0.0)] = 0.0,
 ) -> None:
     """Play the redundancy page of a log on the terminal; Ctrl-C ends."""
     from rig.core.console import console
