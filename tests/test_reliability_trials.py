@@ -37,8 +37,7 @@ from rig.studies.reliability.cell_trials import (
 )
 from rig.studies.reliability.cell_trials import fly_trials as run_trials
 from rig.studies.reliability.drawn import Drawn, cell, draw, records, refill
-from rig.studies.reliability.held_flight import recording
-from rig.studies.reliability.one_signal import faults_of, one_signal, setting_key
+from rig.studies.reliability.one_signal import faults_of, one_signal, recording, setting_key
 from rig.studies.reliability.trials_folder import fly_trials
 from rig.world.faults.effects import Act
 

@@ -9,7 +9,7 @@ from functools import wraps
 from inspect import Parameter, Signature
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, get_type_hints
 
 from typer import Argument, Exit, Option, echo
 
@@ -19,6 +19,7 @@ from rig.core.interrupt import CODE, FLIES_AGAIN, GOES_ON
 
 if TYPE_CHECKING:
     from rig.log.recordings.alignment import AlignOptions
+    from rig.studies.campaign.run_campaign import Ending
 
 Number = TypeVar("Number", int, float, str)
 Made = TypeVar("Made")
@@ -152,30 +153,6 @@ def emit(as_json: bool, data: Any, text: Callable[[], object]) -> None:
         echo(json.dumps(data() if callable(data) else data, allow_nan=False))
     else:
         text()
-
-
-class Ending(Protocol):
-    """How a call that flies many runs ended."""
-
-    @property
-    def interrupted(self) -> bool:
-        """Return whether it was asked to stop."""
-        ...
-
-    @property
-    def signal(self) -> int:
-        """Return by which signal."""
-        ...
-
-    @property
-    def not_flown(self) -> int:
-        """Return how many runs could not be flown."""
-        ...
-
-    @property
-    def first_reason(self) -> str | None:
-        """Return why the first of them could not."""
-        ...
 
 
 def unflown(count: int, first_reason: str | None) -> str:

@@ -15,7 +15,6 @@ from rig.cli.printing import Column, line, table
 from rig.cli.working import working
 from rig.core.errors import BadInput
 from rig.core.outputs import require_apart, require_page
-from rig.core.progress import tell
 
 if TYPE_CHECKING:
     from rig.studies.reliability.chain import ChainResult
@@ -124,9 +123,7 @@ def trials(
     plan = read_plan(campaign, sets)
     good = whole_numbers("--good-before", good_before, 1, CHANNELS, "numbers of channels")[::-1]
     with working("recording the healthy flights", not as_json):
-        counts = fly_trials(
-            plan, out, runs, seed, workers, good, report=lambda done, count: tell("trials", done, count)
-        )
+        counts = fly_trials(plan, out, runs, seed, workers, good)
     emit(as_json, {"out": str(out), **counts}, lambda: echo(f"{counts['trials']} trials: {out}"))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -137,7 +136,7 @@ def cutsets(options: CutsetOptions) -> None:
     asked = _asked(options)
     trust = Trust("cutsets", named=named_manager(asked.set.items()))
     with working("flying the sequences", not options.as_json, steps=True):
-        results = fly(asked, options.out, options.workers, partial(tell, "flights"), trust)
+        results = fly(asked, options.out, options.workers, trust)
     _require_flown(results)
     _, counted = of_folder(options.out)
     cut_sets = minimal(asked, counted)
@@ -192,7 +191,7 @@ def confirm(
         Trust(str(folder / CUTSETS), allow_code),
     )
     with working("flying the sets again", not as_json, steps=True):
-        results = again.fly(folder, made, workers, partial(tell, "flights"))
+        results = again.fly(folder, made, workers)
     _require_flown(results)
     compared = again.rows(folder, asked.signal, cut_sets, made)
     again.write_rows(folder, compared)
@@ -262,9 +261,9 @@ class ReportOptions:
 def report(options: ReportOptions) -> None:
     """Write sets, tree, chain, FMEA and confirmation as one page."""
     from rig.studies.reliability.rates_file import read_rates
-    from rig.studies.safety.assumptions import assumptions
     from rig.studies.safety.case_page import read_flown, write_case
     from rig.studies.safety.fmea import lines
+    from rig.studies.safety.tree_input import assumptions
 
     file, out = str(options.rates), options.out
     require_apart({"--out": out}, [options.folder, *options.cells, *options.faults, file])

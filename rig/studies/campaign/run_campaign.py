@@ -69,8 +69,18 @@ class Progress:
 Report = Callable[[Progress], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ending:
+    """How a call that flies many runs ended."""
+
+    interrupted: bool = False
+    signal: int = 0  # that interrupted it
+    not_flown: int = 0  # of all runs in the tables, and why the first was not
+    first_reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result(Ending):
     """The outcome of a call of ``run``."""
 
     out: Path
@@ -78,13 +88,9 @@ class Result:
     done: int  # of these runs: those that were flown, now or before
     flown: int
     outcomes: dict[str, int]  # of all runs in the tables
-    not_flown: int  # of all runs in the tables, and why the first was not
-    first_reason: str | None
     table_sha256: str
     flights_per_s: float
     wall_s: float
-    interrupted: bool
-    signal: int = 0  # that interrupted it
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data, as ``rig campaign run --json`` prints it."""

@@ -24,7 +24,7 @@ from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.run_campaign import Result
 from rig.studies.campaign.statistics import jeffreys
 from rig.studies.campaign.study_folder import FORMAT, locked, write_whole
-from rig.studies.safety.cutset_plan import NO_CODE, STUDY, Asked, Report, fly_all, plan
+from rig.studies.safety.cutset_plan import NO_CODE, STUDY, Asked, fly_all, plan
 from rig.studies.safety.cutsets import Counted, of_campaign
 from rig.studies.safety.sequences import CONDITIONS, Modes
 
@@ -150,10 +150,10 @@ def _folder(aircraft: str, point: str, condition: str) -> str:
     return "-".join(filter(None, (_NO_NAME.sub("_", aircraft), point, condition)))
 
 
-def fly(out: Path, made: dict[str, Plan], workers: int, report: Report | None = None) -> list[Result]:
+def fly(out: Path, made: dict[str, Plan], workers: int) -> list[Result]:
     """Fly what is missing of the campaigns, in folders below ``out``/confirm."""
     with locked(out, STUDY.busy):
-        return fly_all(made, out / "confirm", workers, report)
+        return fly_all(made, out / "confirm", workers)
 
 
 def rows(out: Path, signal: str, found: Sequence[Claim], made: dict[str, Plan]) -> list[Row]:

@@ -6,7 +6,7 @@ DIR/<condition>-<gap>/        that campaign (campaign/folder.py)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,12 +15,13 @@ from rig.core.errors import BadInput, RigError
 from rig.core.frame import INDEX
 from rig.core.notes import note
 from rig.core.outputs import CUTSETS
+from rig.core.progress import tell
 from rig.core.text import choices, quoted
 from rig.core.trust import Trust
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.campaign_file import Campaign, from_what
 from rig.studies.campaign.plan import Plan, rig_identity
-from rig.studies.campaign.run_campaign import Result, run
+from rig.studies.campaign.run_campaign import Progress, Result, run
 from rig.studies.campaign.study_folder import FORMAT, UNSEALED, Study
 from rig.studies.campaign.tables import Rows
 from rig.studies.campaign.worker import Orders, fly_alone
@@ -38,7 +39,6 @@ _TYPES: Final = {
     "set": dict,
 }
 NO_CODE: Final = Trust("cutsets")
-Report = Callable[[int, int], None]  # flights done, of how many
 
 
 class _Cutsets(Study):
@@ -153,7 +153,7 @@ def _campaign(
     return from_what({**what, "seed": asked.seed, "cases": {"sequence": cases}, "run": {"batch": BATCH}}, source)
 
 
-def fly(asked: Asked, out: Path, workers: int, report: Report | None = None, trust: Trust = NO_CODE) -> list[Result]:
+def fly(asked: Asked, out: Path, workers: int, trust: Trust = NO_CODE) -> list[Result]:
     """Fly what is missing of every condition; a call that is interrupted ends the list.
 
     trust : which manager classes may be run
@@ -162,15 +162,17 @@ def fly(asked: Asked, out: Path, workers: int, report: Report | None = None, tru
     plans = {condition: plan(asked, condition, trust) for condition in asked.conditions}
     refuse_lost(asked, out, trust)
     with STUDY.held(out, asked.as_dict()):
-        return fly_all(plans, out, workers, report)
+        return fly_all(plans, out, workers)
 
 
-def fly_all(plans: Mapping[str, Plan], out: Path, workers: int, report: Report | None) -> list[Result]:
+def fly_all(plans: Mapping[str, Plan], out: Path, workers: int) -> list[Result]:
     """Fly several campaigns in folders below ``out``, one after the other."""
     count, before, results = sum(map(len, plans.values())), 0, []
     for name, each in plans.items():
-        past = before
-        told = None if report is None else (lambda progress, past=past: report(past + progress.done, count))
+
+        def told(progress: Progress, before: int = before) -> None:
+            tell("flights", before + progress.done, count)
+
         results.append(run(each, out / name, workers=workers, report=told))
         before += len(each)
         if results[-1].interrupted:

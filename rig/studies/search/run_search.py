@@ -24,7 +24,7 @@ from rig.core.progress import tell
 from rig.scenario.overrides import parse_set, set_key
 from rig.studies.campaign import tables as table
 from rig.studies.campaign.folder import not_flown
-from rig.studies.campaign.run_campaign import pool_of
+from rig.studies.campaign.run_campaign import Ending, pool_of
 from rig.studies.campaign.study_folder import write_whole
 from rig.studies.campaign.worker import fly_batch
 from rig.studies.search import open_loop as bench
@@ -43,17 +43,13 @@ CONFIRMED: Final = "confirmed"
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class Ended(Ending):
     """How a call of ``run`` ended."""
 
     figures: dict[str, Any]  # as ``--json`` prints them; empty when interrupted
     table_sha256: str
     flights: int  # in the folder
     wall_s: float
-    interrupted: bool = False
-    signal: int = 0
-    not_flown: int = 0  # of the flights, and why the first was not
-    first_reason: str | None = None
 
 
 def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: str | None = None) -> Ended:
@@ -82,9 +78,9 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
                         figures = _finished(plan, found, others, out)
                 kill = stop.insisted
                 tables = flights.folder.tables
-                end = stop.requested and not figures, stop.signal
             runs, took_s = tables["runs"], perf_counter() - began
-            return Ended(figures, table.sha256(tables), len(runs), took_s, *end, **not_flown(runs))
+            end: dict[str, Any] = {"interrupted": stop.requested and not figures, "signal": stop.signal}
+            return Ended(figures, table.sha256(tables), len(runs), took_s, **end, **not_flown(runs))
     finally:
         pool.close(kill)
 
