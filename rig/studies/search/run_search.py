@@ -30,7 +30,7 @@ from rig.studies.campaign.worker import fly_batch
 from rig.studies.search import open_loop as bench
 from rig.studies.search import picture
 from rig.studies.search import search_result as result
-from rig.studies.search.confirm_worst import SEEDS, Confirmed, Table, confirm, least_apart, new_seeds, worst
+from rig.studies.search.confirm_worst import SEEDS, Confirmed, Fly, Table, confirm, least_apart, new_seeds, worst
 from rig.studies.search.fly_missing import Flown, Interrupted, flown, refuse_violated, require_known
 from rig.studies.search.objective import Measured, deciding, measured
 from rig.studies.search.rounds import schedule
@@ -71,7 +71,7 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
                 kill = stop.insisted
                 return Ended({}, "", 0, perf_counter() - began, interrupted=True, signal=stop.signal)
             with flown(plan, out, pool, stop, batch) as flights:
-                found, figures = None, {}
+                figures: dict[str, Any] = {}
                 with suppress(Interrupted):  # what was flown is in the folder; the same command goes on
                     found = _searched(plan, flights)
                     with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop) as others:  # open loop or not
@@ -127,7 +127,7 @@ def _searched(plan: SearchPlan, flights: Flown) -> _Found:
 def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> dict[str, Any]:
     """Confirm, shrink, write scenario and picture; return the figures."""
     tell("confirming on new seeds")
-    fly, found = _Fly(plan, others, searched.ids), searched.results
+    fly, found = _flying(plan, others, searched.ids), searched.results
     places = least_apart(plan.draws, [each.value for each in found])
     first = len(plan)
     seeds = new_seeds(plan.campaign, first, SEEDS)
@@ -149,21 +149,17 @@ def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> d
     return figures
 
 
-class _Fly:
-    """Flies scenario tables that are none of the search's own, each in both settings where it is against another."""
+def _flying(plan: SearchPlan, others: Flown, ids: tuple[str, ...]) -> Fly:
+    """Return what flies tables that are none of the search's own, each in both settings where it is against another."""
+    confirming, against = others.plan, plan.asked.against
+    assert isinstance(confirming, ConfirmPlan)
 
-    def __init__(self, plan: SearchPlan, flights: Flown, ids: tuple[str, ...]) -> None:
-        self._plan, self._flights, self._confirming, self._ids = plan, flights, flights.plan, ids
-        assert isinstance(self._confirming, ConfirmPlan)
-
-    def __call__(self, tables: Sequence[Table]) -> list[Measured]:
-        """Return what each is worth."""
-        asked, plan = self._plan.asked, self._confirming
-        assert isinstance(plan, ConfirmPlan)
+    def fly(tables: Sequence[Table]) -> list[Measured]:
         pairs = [[each] for each in tables]
-        if asked.against is not None:
-            key, value = parse_set(asked.against)
+        if against is not None:
+            key, value = parse_set(against)
             pairs = [[each, set_key(each, key, value, "--against")] for each in tables]
-        rows = self._flights.rows(plan.add([each for pair in pairs for each in pair]))
-        count = self._plan.of_one_draw
-        return [measured(rows[i : i + count], self._ids) for i in range(0, len(rows), count)]
+        rows = others.rows(confirming.add([each for pair in pairs for each in pair]))
+        return [measured(rows[i : i + plan.of_one_draw], ids) for i in range(0, len(rows), plan.of_one_draw)]
+
+    return fly
