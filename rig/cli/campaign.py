@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Exit, Typer, echo
 
@@ -77,10 +77,10 @@ def run(
     from rig.studies.campaign.run_campaign import run as fly
     from rig.unit.unit_file import read_unit
 
-    how: dict[str, Any] = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs}
-    planned, how["unit"] = read_plan(file, sets, allow_code), unit and read_unit(unit)
+    planned, tested = read_plan(file, sets, allow_code), unit and read_unit(unit)
+    asked = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs, "unit": tested}
     with show.progress(enabled=not as_json) as report:
-        result = fly(planned, out, report=report, **how)
+        result = fly(planned, out, report=report, **asked)
     emit(as_json, result.as_dict, lambda: show.result(result))
     require_ended(result, f"{result.done} of {result.runs} runs done")
 

@@ -80,7 +80,7 @@ class Folder:
         folder = cls(path, plan, unit)
         if folder.is_begun and folder.kept["format"] == UNSEALED:
             raise BadInput(f"--out {path}: was flown by an earlier version of the rig; fly into another folder")
-        STUDY.require(path, folder.about())
+        STUDY.require(path, folder.about)
         return folder
 
     @property
@@ -88,8 +88,9 @@ class Folder:
         """Return whether there is a campaign in the folder."""
         return STUDY.is_begun(self.path)
 
+    @cached_property
     def about(self) -> dict[str, Any]:
-        """Return the content of ``campaign.json``."""
+        """Return the content of ``campaign.json`` of what is to be flown."""
         unit = {} if self.unit is None else {"unit": self.unit.identity()}
         return {"format": FORMAT, "rig": rig_identity(), **self.plan.identity(), **unit}
 
@@ -110,7 +111,7 @@ class Folder:
     @contextmanager
     def held(self) -> Iterator[None]:
         """Make the folder when there is none, and hold it alone; before and after, what was half written is removed."""
-        with STUDY.held(self.path, self.about()):
+        with STUDY.held(self.path, self.about):
             self._sweep()
             yield
             self._sweep()  # a worker that died leaves its draft
