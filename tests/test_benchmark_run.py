@@ -20,7 +20,7 @@ from rig.core.progress import listening
 from rig.studies.benchmark.benchmark_trials import STATES
 from rig.studies.benchmark.entrants import entrants
 from rig.studies.benchmark.prepared import Asked
-from rig.studies.benchmark.run_benchmark import _require_ours, run
+from rig.studies.benchmark.run_benchmark import STUDY, run
 from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.run_campaign import run as fly
@@ -157,7 +157,7 @@ def test_a_damaged_league_or_its_edited_levels_are_refused_in_one_line(
 @pytest.mark.parametrize("left", ["lock", ".league.json.0123abcd.part", ".levels.json.0123abcd.part"])
 def test_a_folder_of_a_first_moment_is_a_leagues(tmp_path: Path, left: str):
     (tmp_path / left).touch()
-    _require_ours(tmp_path)
+    STUDY.require(tmp_path)
 
 
 def test_what_is_not_a_league_or_too_short_is_refused_before_anything_is_written(healthy: Path, tmp_path: Path):

@@ -22,8 +22,7 @@ from rig.core.trust import Trust
 from rig.log import read_log
 from rig.log.chunk_layout import ROW
 from rig.log.writer import CHUNK_BYTES
-from rig.studies.campaign import folder as folder_module
-from rig.studies.campaign import pool
+from rig.studies.campaign import pool, study_folder
 from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.folder import open_folder
 from rig.studies.campaign.plan import Plan
@@ -329,7 +328,7 @@ def test_a_part_that_cannot_be_written_leaves_nothing_half(tmp_path: Path, monke
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(folder_module.os, "fsync", full)
+    monkeypatch.setattr(study_folder.os, "fsync", full)
     with pytest.raises(RigError, match="No space left on device; 2 of 4 runs done"):
         run(planned(path), out)
     monkeypatch.undo()

@@ -18,7 +18,7 @@ from rig.scenario.scenario import load
 from rig.studies.reliability.rates_file import Rates, read_rates
 from rig.studies.safety import fmea
 from rig.studies.safety.confirm_sets import write_sets
-from rig.studies.safety.cutset_plan import Asked, begun
+from rig.studies.safety.cutset_plan import STUDY, Asked
 from rig.studies.safety.fmea import COLUMNS, NOT_FLOWN, Row, groups, lines
 
 RATES = """
@@ -271,7 +271,7 @@ def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates:
     counts = table(bad=1, kinds=("stuck", "offset"))
     monkeypatch.setattr(run_module, "cells", lambda path: Cells("cross-channel", counts, NO_ALARMS))
     sets, page = tmp_path / "sets", tmp_path / "case.html"
-    with begun(sets, Asked("f16", "pitch_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict()):
+    with STUDY.held(sets, Asked("f16", "pitch_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict()):
         pass
     arguments = (
         "reliability",
@@ -305,7 +305,7 @@ def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates:
     code, _, _ = rig_command(*arguments, "--fly", "--flights", "2")
     assert code == 0 and called == [("reliability", "a"), ("fmea", "C"), ("pitch_rate", 2), sets]
     other = tmp_path / "other"
-    with begun(other, Asked("f16", "roll_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict()):
+    with STUDY.held(other, Asked("f16", "roll_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict()):
         pass
     code, _, err = rig_command(*arguments[:2], str(other), *arguments[3:])
     assert code == 2 and "cut sets of roll_rate, the tree is of pitch_rate" in err

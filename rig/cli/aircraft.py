@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from typer import Argument, Exit, Option, Typer, echo
+from typer import Exit, Option, Typer, echo
 
 from rig.cli import complete
 from rig.cli.common import GROUP, Json, arg, emit, flag, opt, takes_options
@@ -33,7 +33,7 @@ aircraft_app = Typer(help="Look at aircraft, make your own, design their control
 
 Home = Annotated[
     str,
-    Argument(help="A bundled aircraft or the path of a folder.", metavar="NAME|DIR", autocompletion=complete.aircraft),
+    arg("NAME|DIR", "A bundled aircraft or the path of a folder.", autocompletion=complete.aircraft, show_default=True),
 ]
 
 
@@ -69,7 +69,7 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
 class NewOptions:
     """The options of ``rig aircraft new``."""
 
-    name: Annotated[str, Argument(metavar="NAME", help="Its name, and that of its folder.")]
+    name: Annotated[str, arg("NAME", "Its name, and that of its folder.", show_default=True)]
     base: Annotated[str, opt("MODEL", "An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)]
     out: Annotated[Path, opt("DIR", "Where its folder is made.")] = Path()
     point: Annotated[

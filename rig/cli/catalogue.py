@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from typer import Argument, Option, Typer, echo
+from typer import Argument, Typer, echo
 
 from rig.cli import complete
-from rig.cli.common import GROUP, Json, ScenarioName, Sets, emit
+from rig.cli.common import GROUP, Json, ScenarioName, Sets, emit, flag
 from rig.cli.printing import line, table
 from rig.core.column import Column, columns
 from rig.core.text import plain
@@ -137,7 +137,7 @@ def _default(parameter: Parameter) -> str:
 
 
 def signals(
-    markdown: Annotated[bool, Option("--markdown", help="As the table in docs/signals.md.")] = False,
+    markdown: Annotated[bool, flag("--markdown", "As the table in docs/signals.md.")] = False,
     as_json: Json = False,
 ) -> None:
     """List every signal and discrete with symbol, unit, range and redundancy."""

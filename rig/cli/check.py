@@ -32,9 +32,9 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Check a suite: exit code 0 when every requirement is met and every decision as before, 1 when not."""
-    from rig.studies.campaign.junit import write_junit
     from rig.studies.campaign.suite import read_suite
     from rig.studies.campaign.suite_check import check as check_suite
+    from rig.studies.campaign.suite_check import write_junit
     from rig.unit.unit_file import read_unit
 
     read = read_suite(suite)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from rig.cli.common import Json, Seed, Workers, arg, emit, flag, named, opt, takes_options
+from rig.cli.common import Json, Seed, Workers, arg, begun, emit, flag, named, opt, takes_options
 from rig.cli.printing import line, table
 from rig.cli.working import working
 from rig.core.column import Column, columns
@@ -25,7 +25,7 @@ class LeagueOptions:
 
     campaign: Annotated[str | None, arg("FILE|NAME", "A campaign of faults: file or bundled name.")] = None
     healthy: Annotated[Path | None, opt("HEALTHY", "Healthy flights: a flown campaign with its logs.")] = None
-    out: Annotated[Path | None, opt("DIR", "Folder of the league; a begun one is continued.")] = None
+    out: Annotated[Path | None, begun("Folder of the league")] = None
     managers: Annotated[str, opt("NAME,NAME...", "Who takes part; ours always does.")] = _MANAGERS
     budget: Annotated[float, opt("RATE", "False isolations an hour and signal.")] = 0.01
     second: Annotated[Path | None, opt("HEALTHY", "Other healthy flights, to test the budget on.")] = None
@@ -64,12 +64,11 @@ def _flights(campaign: str, healthy: Path, out: Path, options: LeagueOptions) ->
     from rig.studies.benchmark.entrants import entrants
     from rig.studies.benchmark.prepared import Asked
     from rig.studies.benchmark.run_benchmark import run
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.plan import read_plan
 
     asked = named(Asked, options, entrants=entrants(options.managers), budget_per_h=options.budget, healthy=healthy)
-    plan = Plan(read(campaign, {}), str(find(campaign)))
-    require_apart({"--out": out, "--plot": options.plot}, [find(campaign), healthy, options.second])
+    plan = read_plan(campaign)
+    require_apart({"--out": out, "--plot": options.plot}, [plan.source, healthy, options.second])
     require_page("--plot", options.plot)
     with working("the league", not options.as_json, steps=True):
         result = run(plan, asked, out, options.workers)

@@ -15,7 +15,6 @@ from rig.cli.printing import Column, line, table
 from rig.cli.working import working
 from rig.core.errors import BadInput
 from rig.core.outputs import require_apart, require_page
-from rig.core.progress import tell
 
 if TYPE_CHECKING:
     from rig.studies.reliability.chain import ChainResult
@@ -118,17 +117,13 @@ def trials(
 ) -> None:
     """Count what the next fault does where it leaves two good channels, in open-loop trials on a recorded truth."""
     from rig.core.frame import CHANNELS
-    from rig.scenario.overrides import parse_set
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.plan import read_plan
     from rig.studies.reliability.trials_folder import fly_trials
 
-    plan = Plan(read(campaign, dict(map(parse_set, sets or []))), str(find(campaign)))
+    plan = read_plan(campaign, sets)
     good = whole_numbers("--good-before", good_before, 1, CHANNELS, "numbers of channels")[::-1]
     with working("recording the healthy flights", not as_json):
-        counts = fly_trials(
-            plan, out, runs, seed, workers, good, report=lambda done, count: tell("trials", done, count)
-        )
+        counts = fly_trials(plan, out, runs, seed, workers, good)
     emit(as_json, {"out": str(out), **counts}, lambda: echo(f"{counts['trials']} trials: {out}"))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -17,6 +16,7 @@ from rig.cli.common import (
     Sets,
     Workers,
     arg,
+    begun,
     comma_list,
     emit,
     flag,
@@ -108,7 +108,7 @@ def _show(result: TreeResult) -> None:
 class CutsetOptions:
     """The options of ``rig reliability cutsets``."""
 
-    out: Annotated[Path, opt("DIR", "Folder of the flights; a begun one is continued.")]
+    out: Annotated[Path, begun("Folder of the flights")]
     signal: Annotated[str, opt("SIGNAL", "As in rig signals.")] = "pitch_rate"
     aircraft: Annotated[str, opt("NAME", "As in rig aircraft list.")] = "f16"
     order: Annotated[int, opt("N", "Faults of a sequence, 1 to 3.")] = 3
@@ -130,7 +130,7 @@ def cutsets(options: CutsetOptions) -> None:
     asked = _asked(options)
     trust = Trust("cutsets", named=named_manager(asked.set.items()))
     with working("flying the sequences", not options.as_json, steps=True):
-        results = fly(asked, options.out, options.workers, partial(tell, "flights"), trust)
+        results = fly(asked, options.out, options.workers, trust)
     _require_flown(results)
     _, counted = of_folder(options.out)
     cut_sets = minimal(asked, counted)
@@ -185,7 +185,7 @@ def confirm(
         Trust(str(folder / CUTSETS), allow_code),
     )
     with working("flying the sets again", not as_json, steps=True):
-        results = again.fly(folder, made, workers, partial(tell, "flights"))
+        results = again.fly(folder, made, workers)
     _require_flown(results)
     compared = again.rows(folder, asked.signal, cut_sets, made)
     again.write_rows(folder, compared)
@@ -246,9 +246,9 @@ class ReportOptions:
 def report(options: ReportOptions) -> None:
     """Write sets, tree, chain, FMEA and confirmation as one page."""
     from rig.studies.reliability.rates_file import read_rates
-    from rig.studies.safety.assumptions import assumptions
     from rig.studies.safety.case_page import read_flown, write_case
     from rig.studies.safety.fmea import lines
+    from rig.studies.safety.tree_input import assumptions
 
     file, out = str(options.rates), options.out
     require_apart({"--out": out}, [options.folder, *options.cells, *options.faults, file])
@@ -275,13 +275,10 @@ def _fly_missing(options: ReportOptions, signal: str) -> None:
 
 def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) -> None:
     """Fly what is missing of a bundled campaign."""
-    from rig.scenario.overrides import named_manager, parse_set
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.plan import read_plan
     from rig.studies.campaign.run_campaign import run
 
-    given, source = dict(map(parse_set, sets or ())), str(find(name))
-    plan = Plan(read(name, given), source, Trust(source, named=named_manager(given.items())))
+    plan = read_plan(name, sets)
     with working(f"flying {name}", enabled=True, steps=True):
         _require_flown([run(plan, out, workers=workers, report=lambda p: tell(f"flights of {name}", p.done, p.runs))])
 

@@ -7,9 +7,9 @@ from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Option, echo
+from typer import echo
 
-from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit, opt
+from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit, flag, opt
 from rig.cli.fly import conclusion
 from rig.cli.printing import MOST_LINES, Column, counts, field, line, rest, table
 from rig.cli.requirements_option import Requirements, show_verdicts
@@ -31,19 +31,14 @@ _STYLES: Final = {"detected": "green", "missed": "red", "undetectable": "", "not
 
 def score(
     log: LogFile,
-    no_twin: Annotated[
-        bool, Option("--no-twin", help="Do not fly the fault-free reference run: no transients.")
-    ] = False,
+    no_twin: Annotated[bool, flag("--no-twin", "Do not fly the fault-free reference run: no transients.")] = False,
     transient_load_factor: Annotated[
-        float, Option(metavar="G", help="Largest change of load factor that a fault may cause.", min=1e-9)
+        float, opt("G", "Largest change of load factor that a fault may cause.", min=1e-9)
     ] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
-        float,
-        opt("RAD_S", "Largest change of body rates that a fault may cause.", min=1e-9, show_default="10 deg/s"),
+        float, opt("RAD_S", "Largest change of body rates that a fault may cause.", min=1e-9, show_default="10 deg/s")
     ] = radians(10.0),
-    transient_window_s: Annotated[
-        float, Option(metavar="S", help="Time after each onset that is scored.", min=1e-9)
-    ] = 2.0,
+    transient_window_s: Annotated[float, opt("S", "Time after each onset that is scored.", min=1e-9)] = 2.0,
     requirements: Requirements = None,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -79,7 +74,7 @@ def score(
 
 def report(
     log: LogFile,
-    out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.html")] = None,
+    out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="<log>.html")] = None,
     requirements: Requirements = None,
     as_json: Json = False,
 ) -> None:

@@ -6,9 +6,9 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from typer import Option, Typer
+from typer import Typer
 
-from rig.cli.common import GROUP, Json, Workers, emit
+from rig.cli.common import GROUP, Json, Workers, emit, opt
 from rig.cli.printing import line, table
 from rig.cli.working import working
 from rig.core.column import Column, columns
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 HALF = 0.5
 study = Typer(help="Published results, computed again.", **GROUP)
-Seeds = Annotated[int, Option(metavar="N", help="Seeds of every case.", min=1, max=1000)]
+Seeds = Annotated[int, opt("N", "Seeds of every case.", min=1, max=1000)]
 
 
 @study.command()
 def ding2015(
-    out: Annotated[Path, Option(metavar="DIR", help="Folder of the figures, made when missing.")] = Path("logs"),
+    out: Annotated[Path, opt("DIR", "Folder of the figures, made when missing.")] = Path("logs"),
     as_json: Json = False,
 ) -> None:
     """Compute the B707 with a wrong pitch-angle sensor: the paper's numbers against ours, and the whole loop flown."""
@@ -86,7 +86,7 @@ def fault_tolerant(seeds: Seeds = 1, workers: Workers = 2, as_json: Json = False
 @study.command("rate-bias")
 def rate_bias(
     seeds: Seeds = 1,
-    drawn: Annotated[int, Option(metavar="N", help="Draw so many faults instead of the grid.", min=0, max=10**6)] = 0,
+    drawn: Annotated[int, opt("N", "Draw so many faults instead of the grid.", min=0, max=10**6)] = 0,
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
@@ -107,10 +107,10 @@ def rate_bias(
 
 @study.command()
 def servo(
-    aircraft: Annotated[str, Option(metavar="NAME", help="Aircraft, by name or folder.")] = "f16",
-    surface: Annotated[str, Option(metavar="NAME", help="elevator, aileron or rudder.")] = "elevator",
-    rate: Annotated[float, Option(metavar="HZ", help="Frames a second of the step.", min=1, max=1000)] = 100.0,
-    step: Annotated[float, Option(metavar="RAD", help="Size of the step, rad.", min=1e-6, max=1.0)] = 0.01,
+    aircraft: Annotated[str, opt("NAME", "Aircraft, by name or folder.")] = "f16",
+    surface: Annotated[str, opt("NAME", "elevator, aileron or rudder.")] = "elevator",
+    rate: Annotated[float, opt("HZ", "Frames a second of the step.", min=1, max=1000)] = 100.0,
+    step: Annotated[float, opt("RAD", "Size of the step, rad.", min=1e-6, max=1.0)] = 0.01,
     as_json: Json = False,
 ) -> None:
     """Move one surface's servo alone: its answer to a step (--json), and at six rates beside a lag."""

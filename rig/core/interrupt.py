@@ -15,6 +15,8 @@ from typing import Final, NoReturn
 TERMINATIONS: Final = tuple(
     number for number in (signal.SIGTERM, getattr(signal, "SIGHUP", None)) if number is not None
 )
+GOES_ON: Final = "the same command goes on"  # with what was interrupted, and what was not flown
+FLIES_AGAIN: Final = "the same command flies them again"
 CODE: Final = 128  # and a signal's number: the exit code of what it ended, as shells have it
 
 

@@ -11,7 +11,7 @@ import polars as pl
 from rig.core.column import COUNT, INSTANT, LEVEL, RATE, SECONDS, SHARE, Column
 from rig.core.errors import BadInput
 from rig.core.files import is_file
-from rig.studies.campaign.folder import Folder, difference
+from rig.studies.campaign.folder import Folder, not_flown
 from rig.studies.campaign.group_rates import (
     DELAYS,
     Tables,
@@ -30,10 +30,9 @@ from rig.studies.campaign.group_rates import (
     smallest,
 )
 from rig.studies.campaign.statistics import mcnemar, median_interval, paired_difference
+from rig.studies.campaign.study_folder import difference
 from rig.studies.campaign.tables import COUNTED, RUNS, SUSPECTS
-from rig.studies.campaign.unflown import not_flown
 from rig.studies.campaign.varied import by_name, by_varied, varied
-from rig.studies.campaign.voters import named, voters
 from rig.unit.unit_file import voted_by
 
 WORST: Final = 10
@@ -119,8 +118,8 @@ def summary(folder: Folder) -> dict[str, Any]:
         "title": plan.campaign.title or str(folder.path),
         "folder": str(folder.path),
         "runs": len(plan),
-        "managers": voters(folder),
-        "by": named(voters(folder)),
+        "managers": folder.voters(),
+        "by": folder.by,
         "set": [f"{key}={value}" for key, value in plan.campaign.set.items()],
         "varied": varied(plan),
         "by_name": names,
@@ -218,7 +217,7 @@ def compare(first: Folder, second: Folder) -> dict[str, Any]:
         raise BadInput(f"{first.path} and {second.path} were not flown on the same seeds; nothing can be paired")
     faults = faults.join(other_faults, on=["run", "fault", "channel"], suffix="_second")
     faults = faults.filter((pl.col("outcome") != "not executed") & (pl.col("outcome_second") != "not executed"))
-    by = {"first": named(voters(first)), "second": named(voters(second))}
+    by = {"first": first.by, "second": second.by}
     whole = faults.group_by("run").agg(pl.col("fault detected", "fault detected_second").all())
     whole = whole.rename({"fault detected": _ALL, "fault detected_second": f"{_ALL}_second"})
     found = faults.filter(pl.col("fault detected") & pl.col("fault detected_second"))

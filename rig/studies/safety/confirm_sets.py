@@ -21,11 +21,11 @@ from rig.core.errors import BadInput
 from rig.core.files import is_file
 from rig.core.outputs import CONFIRMED, SETS
 from rig.core.trust import Trust
-from rig.studies.campaign.folder import locked, write_whole
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.run_campaign import Result
 from rig.studies.campaign.statistics import jeffreys
-from rig.studies.safety.cutset_plan import FORMAT, NO_CODE, Asked, Report, fly_all, plan, read_json
+from rig.studies.campaign.study_folder import FORMAT, locked, write_whole
+from rig.studies.safety.cutset_plan import NO_CODE, STUDY, Asked, fly_all, plan
 from rig.studies.safety.cutsets import Counted, of_campaign
 from rig.studies.safety.sequences import CONDITIONS, Modes
 
@@ -96,7 +96,7 @@ def read_sets(out: Path) -> dict[str, Any]:
     path = out / SETS
     if not is_file(path):
         raise BadInput(f"{out}: {SETS} is missing: rig reliability cutsets --out {out} was not flown to its end")
-    data = read_json(path)
+    data = STUDY.read(out, SETS)
     lacking = [key for key, kind in (("flown", dict), ("sets", list)) if not isinstance(data.get(key), kind)]
     lacking += [key for each in data.get("sets", []) for key in SHOWN if not isinstance(each, dict) or key not in each]
     if lacking:
@@ -107,7 +107,7 @@ def read_sets(out: Path) -> dict[str, Any]:
 def read_rows(out: Path) -> list[dict[str, Any]]:
     """Read how the sets were flown again; none where they were not.  BadInput: the file is damaged."""
     path = out / CONFIRMED
-    rows = read_json(path).get("rows") if is_file(path) else []
+    rows = STUDY.read(out, CONFIRMED).get("rows") if is_file(path) else []
     if not isinstance(rows, list) or not all(isinstance(row, dict) and set(_KEYS) <= set(row) for row in rows):
         raise BadInput(f"{path}: is damaged: its rows are not those of rig reliability confirm")
     return rows
@@ -165,10 +165,10 @@ def _folder(aircraft: str, point: str, condition: str) -> str:
     return "-".join(filter(None, (_NO_NAME.sub("_", aircraft), point, condition)))
 
 
-def fly(out: Path, made: dict[str, Plan], workers: int, report: Report | None = None) -> list[Result]:
+def fly(out: Path, made: dict[str, Plan], workers: int) -> list[Result]:
     """Fly what is missing of the campaigns, in folders below ``out``/confirm."""
-    with locked(out, "rig reliability command is flying"):
-        return fly_all(made, out / "confirm", workers, report)
+    with locked(out, STUDY.busy):
+        return fly_all(made, out / "confirm", workers)
 
 
 def rows(out: Path, signal: str, found: Sequence[Claim], made: dict[str, Plan]) -> list[Row]:

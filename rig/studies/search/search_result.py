@@ -9,8 +9,8 @@ from typing import Any
 import tomli_w
 
 from rig.core.outputs import BESIDE_RUNS
-from rig.studies.campaign.folder import write_whole
 from rig.studies.campaign.statistics import at_most
+from rig.studies.campaign.study_folder import write_whole
 from rig.studies.search.confirm_worst import SEEDS, Confirmed
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_plan import SearchPlan
