@@ -7,7 +7,7 @@ from typing import Final
 
 from rig.bench.rows_of_recording import blocks, put
 from rig.bench.vote_rows import Result, discrete_params, params_of
-from rig.core.frame import CHANNELS, State, rows
+from rig.core.frame import CHANNELS, State, Table, rows
 from rig.log.recordings.recording import Recording
 from rig.verdict.requirements import Requirement, RequirementsRecorder, Verdict, of_recording
 from rig.verdict.requirements.subject import Subject, Watched
@@ -33,7 +33,7 @@ def measure_votes(recording: Recording, voted: Result, requirements: Sequence[Re
             block["discrete_voted"][:, d], block["discrete_level"][:, d] = discrete.voted[part], discrete.level[part]
             for c, state in enumerate(discrete.state):
                 block["discrete_state"][:, d, c] = state[part]
-        recorder.record(block)
+        recorder.record(Table(block))
     return recorder.finish()
 
 

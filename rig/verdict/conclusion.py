@@ -22,7 +22,7 @@ from rig.verdict.context import Context, channel, channels, comparable, place
 from rig.verdict.counting import another
 from rig.verdict.fault_sentence import fault_sentences
 from rig.verdict.lane_sentence import computers_lost, of_unit
-from rig.verdict.law_sentence import false_findings
+from rig.verdict.law_tally import false_findings
 from rig.verdict.score_records import Episode, Isolation, Score
 from rig.verdict.servo_sentence import bypassed, listed
 from rig.verdict.words import BY_DESIGN

@@ -12,7 +12,7 @@ from rig.core.units.quantities import duration, quantity, seconds
 from rig.verdict.context import Agreement, Context, agreement_of, channels, longest_run, place
 from rig.verdict.counting import COMPARISON, Climb, another, climb
 from rig.verdict.lane_sentence import lane_result, on_lanes
-from rig.verdict.law_sentence import law_result
+from rig.verdict.law_tally import law_result
 from rig.verdict.monitored_places import references_of
 from rig.verdict.score_records import FaultScore
 from rig.verdict.servo_sentence import actuator_result, on_servos

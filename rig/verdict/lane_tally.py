@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
-from rig.core.frame import COMPUTERS, Table
+from rig.core.frame import COMPUTERS
 from rig.flight.lane_events import ComputerFinder, LaneFailure, test_name
 from rig.scenario.scenario import Scenario
 from rig.verdict.score_records import ComputersScore, FaultScore, Isolation, LaneFailed
@@ -27,35 +25,22 @@ def columns_of(fault: Fault) -> int:
 
 
 class LaneOutcome:
-    """What became of the faults of computers, links and buses, added up block by block.
+    """What became of the faults of computers, links and buses, by the events of their rows: ``finder``.
 
     unit_lane : the lane whose software is a unit under test, A to D: it is not healthy when it is failed
     """
 
     def __init__(self, scenario: Scenario, unit_lane: str | None = None) -> None:
-        self._finder, self._unit_lane, self._of = ComputerFinder(scenario.rate_hz), unit_lane, scenario.faults
-        self._outvoted: dict[tuple[int, int], list[int]] = {}  # frames, by receiver and sender
-        self._seen = False
-
-    def add(self, table: Table) -> None:
-        """Add the next frames."""
-        if table.lane is None or not len(table):
-            return
-        self._seen = True
-        self._finder.find(table)
-        outvoted = table.lane["outvoted"] != 0
-        for i, j in zip(*np.nonzero(outvoted.any(axis=0)), strict=True):
-            first = int(table["frame"][outvoted[:, i, j].argmax()])
-            self._outvoted.setdefault((int(i), int(j)), []).append(first)
+        self.finder, self._unit_lane, self._of = ComputerFinder(scenario.rate_hz), unit_lane, scenario.faults
 
     def score(self, faults: list[FaultScore]) -> ComputersScore | None:
         """Return what became of computers and links; None: their rows were not seen.
 
         faults : of the score, whose onsets are known
         """
-        if not self._seen:
+        finder, links = self.finder, dict[str, int]()
+        if not finder.seen:
             return None
-        finder, links = self._finder, dict[str, int]()
         for link in finder.links:
             links.setdefault(f"{COMPUTERS[link.sender]}-{COMPUTERS[link.receiver]}", link.frame)
         failures = [self._failed(failure, faults) for failure in finder.failures]
@@ -85,7 +70,7 @@ class LaneOutcome:
     def completed(self, fault: FaultScore) -> FaultScore:
         """Return what became of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
         onset = fault.onset_frame
-        if fault.channel is not None or site(fault.signal) not in OF_LANES or onset is None or not self._seen:
+        if fault.channel is not None or site(fault.signal) not in OF_LANES or onset is None or not self.finder.seen:
             return fault
         of_servo = [(fault.failed_frame, fault.resolver or "")] if fault.failed_frame is not None else []
         detection = min([*self._found(fault.signal, onset), *of_servo], default=None)
@@ -105,15 +90,15 @@ class LaneOutcome:
         """Yield (frame, by whom) of all that speaks against a place from ``onset`` on."""
         suspects = senders(place)
         receivers = lanes_of(place)[1:] or [*range(len(COMPUTERS))]
-        for failure in self._finder.failures:
+        for failure in self.finder.failures:
             if failure.lane in suspects and failure.frame >= onset:
                 yield failure.frame, test_name(failure.test)
         if site(place) != "ccdl":
             return
-        for link in self._finder.links:
+        for link in self.finder.links:
             if link.sender in suspects and link.receiver in receivers and link.frame >= onset:
                 yield link.frame, LINK
-        for (receiver, sender), frames in self._outvoted.items():
+        for (receiver, sender), frames in self.finder.outvoted.items():
             if sender in suspects and receiver in receivers:
                 yield from ((frame, RELAYS) for frame in frames if frame >= onset)
 

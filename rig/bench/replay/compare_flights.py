@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
-from rig.core.frame import Block, Table
+from rig.core.frame import Table
 from rig.core.units.angles import short_way
 from rig.log.columns import COLUMNS, Column
 
-Rows = Block | Table  # whose the columns are
 Verdict = Literal["equal", "within", "different", "missing in A", "missing in B"]
 
 
@@ -97,7 +96,7 @@ def tolerances(texts: Sequence[str], names: Iterable[str]) -> Tolerances:
     return Tolerances(tuple(patterns))
 
 
-def compare(a: Rows, b: Rows, columns: Sequence[Column] = COLUMNS, allowed: Tolerances | None = None) -> list[Field]:
+def compare(a: Table, b: Table, columns: Sequence[Column] = COLUMNS, allowed: Tolerances | None = None) -> list[Field]:
     """Compare the ``columns`` of the rows, or of the rows of servo actuators, that both flights have."""
     n = min(len(a), len(b))
     a, b, allowed = a[:n], b[:n], allowed or Tolerances()

@@ -55,7 +55,7 @@ class MeasuredConclusion(FlightConclusion):
         return [each for each in self.requirements if not each.names_twin]
 
     def add(self, table: Table) -> None:
-        """Take the next frames, as the conclusion does."""
+        """Take the next frames, block by block as the conclusion does."""
         super().add(table)
         if self._recorder is not None:
             self._recorder.record(table)
