@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rig.bench.drive import ROWS
+from rig.core.blocks import room
 from rig.core.frame import Block, Ilm, Rows, S
 from rig.log.recordings.recording import Bytes, Samples
 from rig.log.recordings.stamps import Floats
@@ -41,9 +42,10 @@ class Columns(NamedTuple):
     @classmethod
     def of(cls, n: int, fitted: int, flown: bool) -> Columns:
         """Return room for n rows; ``flown`` : with FLIGHT_FIELDS."""
-        names = (*FIELDS, *(FLIGHT_FIELDS if flown else ()))
-        fields: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in names}
-        return cls(fields, [np.empty(n, np.uint8) for _ in range(fitted)], np.empty(n))
+        names = (*FIELDS[1:], *(FLIGHT_FIELDS if flown else ()))
+        (voted, spread), answers = room((2, n)), np.empty((fitted + len(names), n), np.uint8)
+        fields = {FIELDS[0]: voted, **dict(zip(names, answers[fitted:], strict=True))}
+        return cls(fields, [*answers[:fitted]], spread)
 
     def take(self, block: Block, i: int, part: slice) -> None:
         """Keep the answers of ``part`` for signal i of the block."""

@@ -191,7 +191,7 @@ def settings_of(scenario: Scenario) -> tuple[dict[str, RecordedSignal], dict[str
 
 def _at_rows(scenario: Scenario, recording: Recording) -> list[Reset]:
     """Return the scenario's commands at the times of the rows in which the flight gave them."""
-    frames = np.array([recording.row(k) - 1 for k in range(len(recording.time_s))])
+    frames = recording.rows - 1
     given: list[Reset] = []
     for reset in scenario.redundancy.resets:
         row = int(np.searchsorted(frames, to_frame(reset.at_s, scenario.rate_hz)))

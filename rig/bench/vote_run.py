@@ -19,7 +19,6 @@ from rig.bench.write_votes import output, table, write, write_units_beside
 from rig.core.errors import BadInput
 from rig.core.progress import tell
 from rig.core.trust import Trust
-from rig.log import read_log
 from rig.log.recordings.alignment import AlignOptions, run_alignment
 from rig.log.recordings.flown_log import Recorded, recorded, refuse_link
 from rig.log.recordings.injection_file import read_injection
@@ -158,7 +157,7 @@ def _by_scenario(path: Path, options: Options) -> _Asked:
     flown = recorded(path, options.allow_code)
     refuse_link(flown.scenario)
     signals, discretes = settings_of(flown.scenario)
-    return _Asked(of_log(read_log(path), path, options.repair), signals, discretes, VoteConfig(), flown)
+    return _Asked(of_log(flown.log, path, options.repair), signals, discretes, VoteConfig(), flown)
 
 
 def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | None, options: Options) -> Result:
