@@ -128,7 +128,9 @@ def of_column(
     unequal = np.flatnonzero(~_equal(a, b))
     if not len(unequal):
         return Field(name, "equal")
-    off = _distance(a[unequal], b[unequal], wraps)
+    with np.errstate(invalid="ignore", over="ignore"):  # infinities
+        off = np.abs(a[unequal].astype(float) - b[unequal].astype(float))
+        off = np.abs(short_way(off)) if wraps else off
     beyond = ~(off <= tolerance)  # NaN is beyond
     sizes = off[np.isfinite(off)]
     largest = float(sizes.max()) if len(sizes) else None
@@ -143,9 +145,3 @@ def _equal(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
     a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
     bits = f"u{a.itemsize}"
     return (a.view(bits) == b.view(bits)) | (np.isnan(a) & np.isnan(b))
-
-
-def _distance(a: NDArray[Any], b: NDArray[Any], wraps: bool) -> NDArray[np.float64]:
-    with np.errstate(invalid="ignore", over="ignore"):  # infinities
-        off = np.abs(a.astype(float) - b.astype(float))
-        return np.abs(short_way(off)) if wraps else off

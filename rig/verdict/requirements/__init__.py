@@ -3,10 +3,9 @@
 requirement.py  what a file says of one; bundled sets: faults/requirements/
 formula.py      its tree, within bounds, by the grammar of triggers (rig/world/faults/grammar.py)
 subject.py      what there is to measure: signals, thresholds, faults, limits; quantity_columns.py: taken out of rows
-margins.py      verdict and margin of a tree over frames, by sliding minima
+margins.py      verdict and margin of a tree over frames, by sliding minima; as they are shown
 along.py        beside the conclusion of a flight while it is flown; verdicts as plain data
 settled_comparisons.py  comparisons that are decided before the flight
-shown.py        margins as they are shown
 requirement_recorder.py  blocks of rows in, verdicts out; measure.py: of flights, logs and rows
 
 docs/margins.md defines every quantity.
@@ -18,17 +17,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rig.verdict.requirements.along import MeasuredConclusion, events, measure_scored, plain, violated
+    from rig.verdict.requirements.margins import margin_text, number_of
     from rig.verdict.requirements.measure import check_log, check_rows, fly_requirements, names_twin, recorder_of
     from rig.verdict.requirements.requirement import Requirement, find_requirements, load_requirements
     from rig.verdict.requirements.requirement_recorder import RequirementsRecorder, Verdict
-    from rig.verdict.requirements.shown import margin_text, number_of
     from rig.verdict.requirements.subject import Subject, of_flight, of_recording
 
 _HOME = {
     **dict.fromkeys(("MeasuredConclusion", "events", "measure_scored", "plain", "violated"), "along"),
     **dict.fromkeys(("check_log", "check_rows", "fly_requirements", "names_twin", "recorder_of"), "measure"),
     **dict.fromkeys(("RequirementsRecorder", "Verdict"), "requirement_recorder"),
-    **dict.fromkeys(("margin_text", "number_of"), "shown"),
+    **dict.fromkeys(("margin_text", "number_of"), "margins"),
     **dict.fromkeys(("Requirement", "find_requirements", "load_requirements"), "requirement"),
     **dict.fromkeys(("Subject", "of_flight", "of_recording"), "subject"),
 }

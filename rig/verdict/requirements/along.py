@@ -14,10 +14,10 @@ from rig.core.units.quantities import quantity
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
 from rig.verdict.of_log import FlightConclusion, Scored
+from rig.verdict.requirements.margins import margin_text, number_of
 from rig.verdict.requirements.measure import check_log, recorder_of
 from rig.verdict.requirements.requirement import Requirement, load_requirements
 from rig.verdict.requirements.requirement_recorder import RequirementsRecorder, Verdict
-from rig.verdict.requirements.shown import margin_text, number_of
 
 VIOLATED: Final = "requirement violated"  # name of an event
 
