@@ -263,7 +263,7 @@ def test_a_what_if_is_a_log_of_its_own_that_replays(flown, tmp_path):
     assert [e.frame for e in log.events if e.name == "channel failed"] == [103]
     assert [e.frame for e in recording.log.events if e.name == "channel failed"] == [107]
     verdict = Verdict()
-    verdict.add(log.rows, ())
+    verdict.add(Table(log.rows), ())
     assert log.result and log.result["digest"] == verdict.digest != (recording.log.result or {})["digest"]
     assert log.attachments == recording.log.attachments
     again = recorded(answer.path)
@@ -359,7 +359,7 @@ def test_decisions_that_move_are_joined_over_frames_in_a_row():
     new["state"][3:6, Q, 1] = State.SUSPECT
     new["state"][6, Q, 1] = State.FAILED
     new["state"][8, Q, 1] = State.FAILED
-    assert decisions(old, new).moved == [
+    assert decisions(Table(old), Table(new)).moved == [
         Moved("state", "pitch_rate", 2, 3, 5, "ok", "suspect"),
         Moved("state", "pitch_rate", 2, 6, 6, "ok", "failed"),
         Moved("state", "pitch_rate", 2, 8, 8, "ok", "failed"),
@@ -373,6 +373,6 @@ def test_every_decision_can_move():
     for name in decided:
         old, new = new_block(2), new_block(2)
         new[name][1].flat[-1] = 1
-        (entry,) = decisions(old, new).moved
+        (entry,) = decisions(Table(old), Table(new)).moved
         assert entry.decision == name.removeprefix("discrete_") and entry.first_frame == 1
     assert FLAT.names and decided <= set(FLAT.names)

@@ -52,7 +52,7 @@ def test_the_columns_are_all_numbers_of_a_frame_each_once():
 
 def test_random_rows_are_equal_to_themselves_nan_and_infinity_included():
     rows = random_block(50)
-    assert {field.verdict for field in compare(rows, rows.copy())} == {"equal"}
+    assert {field.verdict for field in compare(Table(rows), Table(rows.copy()))} == {"equal"}
 
 
 def test_each_number_of_a_frame_is_seen_to_differ():
@@ -60,7 +60,7 @@ def test_each_number_of_a_frame_is_seen_to_differ():
     for which in COLUMNS:
         a, b = new_block(3), new_block(3)
         b[which.field][(1, *which.index)] = 1
-        different = [field for field in compare(a, b) if field.verdict != "equal"]
+        different = [field for field in compare(Table(a), Table(b)) if field.verdict != "equal"]
         assert [(f.name, f.first_frame, f.frames, f.largest) for f in different] == [(which.path, 1, 1, 1.0)]
 
 

@@ -162,7 +162,7 @@ def test_blocks_of_rows_give_what_the_whole_flight_gives():
 
 def test_rows_without_those_of_the_servos_are_not_scored():
     which, rows, _ = flown(HARDOVER)
-    scored = score(which, rows)
+    scored = score(which, Table(rows))
     assert scored.actuators == {} and "was not looked at" in conclusion(which, scored)[0]
 
 

@@ -43,7 +43,7 @@ def run(*arguments: str) -> Any:
 
 def test_the_score_of_a_log_is_that_of_its_rows(flight: Flight):
     found = score_log(flight.log, Yardstick())
-    assert found.score == score(flight.scenario, flight.rows, fly_twin(flight.scenario))
+    assert found.score == score(flight.scenario, Table(flight.rows), fly_twin(flight.scenario))
     assert found.digest == flight.digest
 
 
@@ -112,7 +112,7 @@ def test_a_flight_with_a_manager_of_the_users_own_is_scored(tmp_path: Path, monk
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     which = scenario.load(None, [*SHORT, "redundancy.manager=own_scored:Smoothed"])
-    found = score(which, fly_rows(which), fly_twin(which))
+    found = score(which, Table(fly_rows(which)), fly_twin(which))
     assert [fault.outcome for fault in found.faults] == ["detected"] and found.episodes == []
 
 
@@ -158,7 +158,7 @@ def test_what_is_no_log_is_one_line_and_exit_code_2(tmp_path: Path):
 
 def test_rows_of_another_seed_are_refused(flight: Flight):
     with pytest.raises(BadInput, match="do not give the recorded channels again"):
-        score(flight.scenario.model_copy(update={"seed": 77}), flight.rows)
+        score(flight.scenario.model_copy(update={"seed": 77}), Table(flight.rows))
 
 
 @pytest.mark.parametrize("path", sorted(bundled("faults").glob("*.toml")), ids=lambda path: path.stem)
@@ -190,6 +190,6 @@ def test_a_flight_of_twenty_seconds_is_scored_in_milliseconds():
     took = []
     for _ in range(5):
         began = time.process_time()
-        score(which, rows)
+        score(which, Table(rows))
         took.append(time.process_time() - began)
     assert min(took) < 0.05  # 6 to 11 ms on the busy machine that it was written on

@@ -59,7 +59,7 @@ def flown(*faults: dict[str, Any], sets: tuple[str, ...] = ()) -> CampaignFlight
 
 
 def scored(flight: CampaignFlight) -> Score:
-    return score(flight.scenario, flight.rows)
+    return score(flight.scenario, Table(flight.rows))
 
 
 def shown(value: float) -> str:

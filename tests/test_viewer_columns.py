@@ -67,7 +67,7 @@ def files(rows: Block, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
         writer.write(Table(rows, timing=np.zeros(len(rows), TIMING)), events)
     recording = rr.RecordingStream("test")
     recording.save(streamed)
-    Columns(recording, RATE_HZ).send(rows, events)
+    Columns(recording, RATE_HZ).send(Table(rows), events)
     recording.disconnect()
     return log, streamed
 

@@ -74,7 +74,7 @@ def stream_to(sink: FakeSink) -> Stream:
 def put_blocks(stream: Stream, count: int) -> float:
     began = time.perf_counter()
     for i in range(count):
-        stream.put(new_block(BLOCK, i * BLOCK))
+        stream.put(Table(new_block(BLOCK, i * BLOCK)))
     return time.perf_counter() - began
 
 
@@ -105,7 +105,7 @@ def test_a_full_queue_drops_and_counts_and_what_waits_is_sent_later(shut: FakeSi
     report = stream.drain(5.0)
     assert (report.sent_frames, report.dropped_frames, report.error) == (ROOM * BLOCK, 4 * BLOCK, "")
     assert shut.taken == [0, 10, 20]
-    stream.put(new_block(BLOCK, 1000))
+    stream.put(Table(new_block(BLOCK, 1000)))
     assert stream.close(5.0).sent_frames == (ROOM + 1) * BLOCK
 
 

@@ -51,14 +51,10 @@ class Findings:
 
     def record(self, table: Table) -> None:
         """Take the next frames in and keep all of their events."""
-        self.events += self.add(table)
-
-    def add(self, table: Table) -> list[Event]:
-        """Take the next frames in; return their events."""
         events = self.found(table)
         self.verdict.add(table, events)
         self.execution.add(table.rows)
-        return events
+        self.events += events
 
     def found(self, table: Table) -> list[Event]:
         """Return the events of the next frames, in order of time."""

@@ -11,8 +11,8 @@ from rig.core.column import Column
 from rig.core.frame import INDEX, SIGNALS
 from rig.core.units.quantities import duration, moment, number, quantity, unit_shown
 from rig.verdict.context import channel, error_unit
+from rig.verdict.requirements.margins import margin_text
 from rig.verdict.requirements.requirement_recorder import Verdict
-from rig.verdict.requirements.shown import margin_text
 from rig.verdict.score_records import FlightScore, Score
 
 ROUNDING: Final = 1e-12  # of angles, which are voted near another angle

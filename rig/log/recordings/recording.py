@@ -67,6 +67,12 @@ class Recording:
         return (k if self.kept is None else int(self.kept[k])) + 1
 
     @property
+    def rows(self) -> NDArray[np.int64]:
+        """(n,) rows of the input, as of ``row``."""
+        there = slice(self.first_row, self.first_row + len(self.time_s))
+        return (np.arange(there.start, there.stop) if self.kept is None else self.kept[there]) + 1
+
+    @property
     def rate_hz(self) -> float:
         """Rows a second; 1 when there is but one row."""
         return rows_a_second(self.time_s)

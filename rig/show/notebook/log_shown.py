@@ -11,7 +11,7 @@ from rig.core import fault_names
 from rig.core.errors import BadLog
 from rig.core.palette import CHANNELS, DASHES, LINE, ORANGE, TRUTH, VOTE
 from rig.flight.failures import failed_channels, failed_text
-from rig.flight.suspects import SuspectCount, lasting_text
+from rig.flight.suspects import count_suspects, lasting_text, new_counts, suspects
 from rig.log import Log, scenario_of, unit_of
 from rig.show.viewer.series import Series, limits, series, threshold
 from rig.show.viewer.state_strips import acting
@@ -70,10 +70,10 @@ def _verdict(log: Log) -> str:
 
 def _failed(log: Log) -> str:
     """Return the channels that are failed in the last frame, and those that were suspect for long."""
-    counted = SuspectCount()
-    counted.add(log.rows)
+    counts = new_counts()
+    count_suspects(log.rows, counts)
     failed = failed_text(failed_channels(log.rows[-1]) if len(log.rows) else {})
-    return failed + lasting_text(counted.channels())
+    return failed + lasting_text(suspects(counts, len(log.rows)))
 
 
 def plot(log: Log, name: str) -> Figure:

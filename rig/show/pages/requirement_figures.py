@@ -52,7 +52,7 @@ class Margins:
             return cls(remark=remark)
         recorder = recorder_of(scenario, alone, twin=False, lines=True)
         for block in log.blocks():
-            recorder.record(block.rows)
+            recorder.record(block)
         verdicts = recorder.finish()
         time_s = np.arange(log.frames) / log.rate_hz
         drawn = [

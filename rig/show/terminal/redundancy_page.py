@@ -71,7 +71,6 @@ class Page:
 
     def draw(self, frame: FlightTable, rate_hz: float) -> RenderableType:
         """Draw the page of one frame (1,)."""
-        frame = FlightTable.of(frame)
         row, servo, lane = frame.rows[0], frame.servo, frame.lane
         table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
         table.add_column("signal")  # the one that a narrow terminal cuts

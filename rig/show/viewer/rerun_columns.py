@@ -114,9 +114,8 @@ class Columns:
         self._scene = Scene(recording, root, color)
         self._times = Times(self._columns) if facts.unit else None
 
-    def send(self, table: Table | Block, events: Sequence[Event] = ()) -> None:
+    def send(self, table: Table, events: Sequence[Event] = ()) -> None:
         """Send every frame and the events among them, one batch an entity; timing if a unit is tested."""
-        table = Table.of(table)
         rows, timing = table.rows, table.timing
         if not len(rows):
             return

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from urllib.parse import urlsplit
 
 from rig.core.event import Event, StreamReport
-from rig.core.frame import Block, Table
+from rig.core.frame import Table
 from rig.show.viewer import viewer
 from rig.show.viewer.facts import UNKNOWN, Facts, Layout, Shown, of_resolved
 from rig.show.viewer.sink import About, check_where, open_sink
@@ -85,9 +85,8 @@ class Stream:
         self._worker = threading.Thread(target=self._run, name="rerun stream", daemon=True)
         self._worker.start()
 
-    def put(self, table: Table | Block, events: Sequence[Event] = ()) -> None:
+    def put(self, table: Table, events: Sequence[Event] = ()) -> None:
         """Queue frames, which the caller no longer touches, and their events.  Never waits for the sink."""
-        table = Table.of(table)
         with self._changed:
             self._frames += len(table)
             if not self._closing and (self._pending + len(table)) * table.rows.itemsize <= self._queue_bytes:

@@ -13,8 +13,8 @@ import polars as pl
 
 from rig.flight.time_histogram import names as bin_names
 from rig.studies.campaign.statistics import detectable, poisson, proportion
+from rig.verdict.requirements.margins import number_of
 from rig.verdict.requirements.requirement import Requirement
-from rig.verdict.requirements.shown import number_of
 from rig.verdict.words import BY_DESIGN
 
 Tables = dict[str, pl.DataFrame]

@@ -56,14 +56,14 @@ class Progress:
         """Return the rate of this call, of runs that could not be flown too."""
         return (self.flown + self.not_flown) / max(time.perf_counter() - self.began, 1e-9)
 
-    def add(self, rows: Rows) -> None:
+    def count(self, runs: list[dict[str, Any]]) -> None:
         """Count the runs of a batch."""
-        flown = sum(row["outcome"] == "flown" for row in rows["runs"])
+        flown = sum(run["outcome"] == "flown" for run in runs)
         self.done += flown
         self.flown += flown
-        self.not_flown += len(rows["runs"]) - flown
-        self.outcomes.update(row["outcome"] for row in rows["runs"])
-        self.outcomes["lost"] += sum(row.get("survived") is False for row in rows["runs"])
+        self.not_flown += len(runs) - flown
+        self.outcomes.update(run["outcome"] for run in runs)
+        self.outcomes["lost"] += sum(run.get("survived") is False for run in runs)
 
 
 Report = Callable[[Progress], None]
@@ -255,7 +255,7 @@ class Flying:
                 raise RigError(f"a worker failed: {type(error).__name__}: {text}") from error
             else:
                 self.folder.write(rows)
-                self.progress.add(rows)
+                self.progress.count(rows["runs"])
                 self.deaths = 0
         return lost
 

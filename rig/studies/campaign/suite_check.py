@@ -31,10 +31,10 @@ from rig.studies.campaign.plan import Plan, rig_identity
 from rig.studies.campaign.suite import Case, Suite
 from rig.studies.campaign.worker import Orders, flown_with, fly_run
 from rig.unit.unit_file import Unit
+from rig.verdict.requirements.margins import margin_text, number_of
 from rig.verdict.requirements.measure import check_log, check_rows
 from rig.verdict.requirements.requirement import Requirement
 from rig.verdict.requirements.requirement_recorder import Verdict
-from rig.verdict.requirements.shown import margin_text, number_of
 
 Result = Literal["met", "violated", "not applicable", "equal", "differs", "no reference", "failed", "did not act"]
 GOOD: Final = ("met", "not applicable", "equal", "no reference")

@@ -27,8 +27,8 @@ from rig.log import unit_of
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.plan import Plan
 from rig.verdict.requirements.along import plain, violated
+from rig.verdict.requirements.margins import number_of
 from rig.verdict.requirements.requirement_recorder import Verdict
-from rig.verdict.requirements.shown import number_of
 from rig.verdict.score_records import Outcome, Score
 from rig.verdict.words import PUBLIC
 from rig.world.faults import Fault

@@ -26,7 +26,7 @@ from rig.studies.campaign.worker import fly_batch
 from rig.studies.search.confirm_worst import SEEDS, new_seeds
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
-from rig.verdict.requirements.shown import margin_text
+from rig.verdict.requirements.margins import margin_text
 
 _LATER: Final = 2 * SEEDS + SHRINK_SEEDS  # seeds that confirming and shrinking take
 

@@ -37,7 +37,7 @@ from rig.studies.search.rounds import schedule
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.studies.search.shrink import shrink, simplest
-from rig.verdict.requirements.shown import margin_text
+from rig.verdict.requirements.margins import margin_text
 
 CONFIRMED: Final = "confirmed"
 

@@ -14,8 +14,8 @@ from rig.studies.campaign.study_folder import write_whole
 from rig.studies.search.confirm_worst import SEEDS, Confirmed
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_plan import SearchPlan
+from rig.verdict.requirements.margins import number_of
 from rig.verdict.requirements.requirement import load_requirements, names
-from rig.verdict.requirements.shown import number_of
 
 FIGURES, SCENARIO, PICTURE = BESIDE_RUNS
 
