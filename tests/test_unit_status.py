@@ -18,7 +18,7 @@ import rig
 from rig.core.errors import RigError
 from rig.core.frame import SIGNALS, Law, State, UnitStatus
 from rig.core.kernels import cache_root
-from rig.unit.crc import crc32
+from rig.unit.compiled_exchange import crc32
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.transport import SocketLink
 from rig.unit.unit_file import Unit
