@@ -116,9 +116,9 @@ def _draw(
     for servo, part in zip(built, parts, strict=True):
         stroke = servo["high"] - servo["low"]
         bias, scale, coil, (rate, frequency, damping, _) = rng.uniform(-1.0, 1.0, (4, CHANNELS))
-        spool = np.array([config.spool_rad_s, config.spool_damping])
-        spool *= 1 + config.spool_tolerance * np.array([frequency, damping])
-        servo["transition"] = transition(*spool, substep_s).ravel()
+        spool_rad_s = config.spool_rad_s * (1 + config.spool_tolerance * frequency)
+        spool_damping = config.spool_damping * (1 + config.spool_tolerance * damping)
+        servo["transition"] = transition(spool_rad_s, spool_damping, substep_s).ravel()
         servo["rate_limit"] *= 1 + config.rate_tolerance * rate
         part["lvdt_bias"] = config.lvdt_bias_tolerance * stroke * bias
         part["lvdt_scale"] = config.lvdt_scale_tolerance * scale
