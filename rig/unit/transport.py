@@ -221,11 +221,7 @@ class LibraryLink:
             raise BadInput(f"{unit.source}: {reason}") from None
         self.environment = Environment()
         self.seam = next(seam for seam in SEAMS.values() if seam.layout == self._library.layout)
-
-    @property
-    def step(self) -> Any:
-        """The library's rig_unit_step."""
-        return self._library.step
+        self.step: Any = self._library.step
 
     def open(self, config: np.ndarray[Any, Any]) -> None:
         """Begin a session; Refused, UnitStopped."""
