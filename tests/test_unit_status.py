@@ -18,7 +18,7 @@ import rig
 from rig.core.errors import RigError
 from rig.core.frame import SIGNALS, Law, State, UnitStatus
 from rig.core.kernels import cache_root
-from rig.unit.crc import crc32
+from rig.unit.compiled_exchange import crc32
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.transport import SocketLink
 from rig.unit.unit_file import Unit
@@ -91,7 +91,7 @@ def test_a_box_that_is_rebooted_in_flight_starts_again_and_trim_is_flown(tmp_pat
 
     def rebooted(self: UnitUnderTest, frame: int) -> int:
         if frame == REBOOT and not self.replies.counts.restarts:
-            process = cast("SocketLink", self._link).process
+            process = cast("SocketLink", self.link).process
             assert process is not None
             os.kill(int(process.last_line()), signal.SIGHUP)
         return step(self, frame)

@@ -19,7 +19,6 @@ from rig.bench.drive import Decide, Stages, run, write_sources
 from rig.bench.rows_of_recording import FIELDS, FLIGHT_FIELDS, Columns, blocks, put, put_discrete
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
-from rig.computer.redundancy.durations import in_frames
 from rig.computer.redundancy.manager_config import PARAMS, box_of_signals, fill
 from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
@@ -27,6 +26,7 @@ from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.core.blocks import room
 from rig.core.frame import DISCRETES, SIGNALS, Block, D, Rows, S, State, rows, to_frame
 from rig.core.kernels import kernel
+from rig.core.settings import in_frames
 from rig.core.trust import Trust
 from rig.core.units.angles import difference
 from rig.flight import loop

@@ -297,19 +297,15 @@ def markdown() -> str:
     for name, dtype in RECORDS.items():
         lines += [f"`struct rig_{name}`, {dtype.itemsize} bytes: {_COMMENTS[name]}.", ""]
         lines += ["| at | field | type | what |", "|---|---|---|---|", *map(_table_row, walk(dtype)), ""]
-    for name, names in _indices().items():
-        lines += [f"| {name} | index, unit |", "|---|---|", *(f"| {text} | {i}{unit} |" for i, text, unit in names), ""]
+    # The names behind the indices of the records, with the unit where the name has none.
+    indices = {"signal": [f"{one.name} | {i}, {one.unit}" for i, one in enumerate(SIGNALS)]}
+    named = {"discrete": _names(DISCRETES), "demand": DEMANDS, "surface": SURFACES, "inertial": INERTIAL}
+    indices |= {key: [f"{text} | {i}" for i, text in enumerate(names)] for key, names in named.items()}
+    for name, texts in indices.items():
+        lines += [f"| {name} | index, unit |", "|---|---|", *(f"| {text} |" for text in texts), ""]
     lines += ["| enum | values |", "|---|---|"]
     lines += [f"| {enum.__name__} | {', '.join(f'{m.name} {m.value}' for m in members(enum))} |" for enum in ENUMS]
     return "\n".join(lines) + "\n"
-
-
-def _indices() -> dict[str, list[tuple[int, str, str]]]:
-    """Return the names behind the indices of the records: index, name, unit where the name has none."""
-    named = {"demand": DEMANDS, "surface": SURFACES, "inertial": INERTIAL}
-    indices = {"signal": [(i, one.name, f", {one.unit}") for i, one in enumerate(SIGNALS)]}
-    indices["discrete"] = [(i, one.name, "") for i, one in enumerate(DISCRETES)]
-    return indices | {key: [(i, text, "") for i, text in enumerate(names)] for key, names in named.items()}
 
 
 def _table_row(field: Entry) -> str:

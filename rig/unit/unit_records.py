@@ -123,7 +123,8 @@ def _packed(entries: list[_Entry]) -> np.dtype[Any]:
     end, pads = 0, 0
     for name, kind, shape in [*entries, ("", "<u8", ())]:  # the last one only closes the record
         dtype = np.dtype(kind)
-        if gap := -end % (8 if name == "length" else _alignment(dtype)):
+        alignment = 8 if name == "length" or dtype.names is not None else 1 if dtype.kind == "S" else dtype.itemsize
+        if gap := -end % alignment:
             pads += 1
             packed.append((f"pad_{pads}", "u1", (gap,)))
             end += gap
@@ -131,12 +132,6 @@ def _packed(entries: list[_Entry]) -> np.dtype[Any]:
             packed.append((name, dtype, shape))
             end += dtype.itemsize * int(np.prod(shape, dtype=int))
     return np.dtype(packed)
-
-
-def _alignment(dtype: np.dtype[Any]) -> int:
-    if dtype.names is not None:
-        return 8
-    return 1 if dtype.kind == "S" else dtype.itemsize
 
 
 def _little(dtype: np.dtype[Any], names: Iterable[str]) -> np.dtype[Any]:

@@ -13,13 +13,12 @@ from pydantic import Field, create_model, field_validator, model_validator
 from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy.box import MOST_BOXES
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
-from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.computer.redundancy.lowpass import gain
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS
 from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.core import settings
 from rig.core.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Resolver, S, to_frame
-from rig.core.settings import Settings
+from rig.core.settings import Settings, in_frames, refuse_both
 from rig.core.text import choices, quoted, shorten
 
 ResolverName = Literal["ilm", "lane", "reference", "trend", "extremes", "middle"]
@@ -31,16 +30,14 @@ class SignalConfig(Settings):
     """Monitor and vote of one signal: a ``[redundancy.signals.<name>]`` table."""
 
     threshold: float = Field(gt=0)  # two samples agree within this, unit of the signal
-    threshold_triplex: float | None = Field(
-        default=None, gt=0
-    )  # while three samples are compared; threshold if not given
+    # While three samples are compared; threshold if not given.
+    threshold_triplex: float | None = Field(default=None, gt=0)
     threshold_duplex: float | None = Field(default=None, gt=0)  # while two are
     # Where four (three) samples agree within the above: how far one may be from the majority; none when not given.
     outlier_threshold: float | None = Field(default=None, gt=0)
     outlier_threshold_triplex: float | None = Field(default=None, gt=0)
-    filter_s: float = Field(
-        default=0.0, ge=0
-    )  # time constant of a low-pass that comparisons see, and the vote does not
+    # Time constant of a low-pass that comparisons see, and the vote does not.
+    filter_s: float = Field(default=0.0, ge=0)
     persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
     persistence_s: float | None = Field(default=None, gt=0)  # the same as a time, in place of the frames
     singular_persistence: int = Field(default=10, ge=1)  # frames until a singular pattern is settled
@@ -54,14 +51,12 @@ class SignalConfig(Settings):
     trend_beside_reference: bool = False  # ask the trend of a signal with a reference that cannot be used, too
     reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
     # What lasts (slow_faults.py); each 0 or not given: off.
-    bias_bound: float = Field(
-        default=0.0, ge=0
-    )  # largest difference of a healthy channel that is learned, and compared without
+    # Largest difference of a healthy channel that is learned, and compared without.
+    bias_bound: float = Field(default=0.0, ge=0)
     bias_s: float = Field(default=10.0, gt=0)  # time constant of the learning
     slow_allowance: float | None = Field(default=None, gt=0)  # what a deviation may be for ever
-    slow_limit: float | None = Field(
-        default=None, gt=0
-    )  # sum of what exceeds it that fails a channel, unit times seconds
+    # Sum of what exceeds it that fails a channel, unit times seconds.
+    slow_limit: float | None = Field(default=None, gt=0)
     stale_frames: int = Field(default=0, ge=0)  # a sample repeated so often miscompares
     common_mode: CommonMode | None = None  # that of [redundancy] when not given
     mean: Literal["plain", "trend-weighted"] = "plain"
