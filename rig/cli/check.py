@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Exit
 
 from rig.cli.common import Json, UnitFile, arg, emit, flag, opt
-from rig.cli.printing import MOST_LINES, Column, field, line, rest, table
+from rig.cli.printing import MOST_LINES, field, line, rest, table
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.outputs import require_apart, require_ending
 from rig.core.progress import tell
 

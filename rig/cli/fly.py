@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Final
 from typer import Exit, echo
 
 from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit, flag, opt, takes_options
-from rig.cli.printing import MOST_LINES, Column, counts, field, line, rest, table
+from rig.cli.printing import MOST_LINES, counts, field, line, rest, table
 from rig.cli.requirements_option import Requirements, Strict, show_notes, show_verdicts
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput, RigError
 from rig.core.progress import tell
 from rig.core.units.quantities import moment

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from rig.cli.common import Align, AllowCode, Json, arg, comma_list, emit, flag, named, opt, takes_options, whole_numbers
-from rig.cli.printing import KEPT, Column, line, table
+from rig.cli.printing import line, table
 from rig.cli.requirements_option import Requirements
 from rig.cli.working import working
+from rig.core.column import KEPT, Column
 from rig.core.errors import BadInput
 from rig.core.text import quoted
 

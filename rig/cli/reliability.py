@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 from typer import Option, Typer, echo
 
 from rig.cli.common import GROUP, Json, Seed, Sets, Workers, arg, comma_list, emit, opt, whole_numbers
-from rig.cli.printing import Column, line, table
+from rig.cli.printing import line, table
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.outputs import require_apart, require_page
 

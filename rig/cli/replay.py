@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from typer import Exit, echo
 
 from rig.cli.common import AllowCodeOrSet, Json, LogFile, Sets, UnitFile, arg, emit, flag, opt
-from rig.cli.printing import MOST_LINES, Column, field, line, table
+from rig.cli.printing import MOST_LINES, field, line, table
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput, BadLog
 from rig.core.outputs import require_apart, require_ending
 from rig.core.text import plain

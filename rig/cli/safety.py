@@ -26,9 +26,10 @@ from rig.cli.common import (
     require_ended,
     takes_options,
 )
-from rig.cli.printing import Column, line, table
+from rig.cli.printing import line, table
 from rig.cli.reliability import RatesFile, SignalName, reliability_app
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.outputs import CUTSETS, SETS, require_apart, require_page
 from rig.core.progress import tell

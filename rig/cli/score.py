@@ -11,9 +11,10 @@ from typer import echo
 
 from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit, flag, opt
 from rig.cli.fly import conclusion
-from rig.cli.printing import MOST_LINES, Column, counts, field, line, rest, table
+from rig.cli.printing import MOST_LINES, counts, field, line, rest, table
 from rig.cli.requirements_option import Requirements, show_verdicts
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.console import styled
 from rig.core.outputs import require_apart, require_page
 from rig.core.text import plain

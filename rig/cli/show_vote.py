@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from rig.cli.printing import Column, line, table
+from rig.cli.printing import line, table
+from rig.core.column import Column
 from rig.log.recordings.stamps import LONG_AGO_S, digits, of_rows
 
 _SIGNALS = (

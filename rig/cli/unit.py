@@ -9,8 +9,9 @@ from typer import Exit, Typer, echo
 
 from rig.cli.catalogue import of_file
 from rig.cli.common import GROUP, Json, arg, emit, flag, opt
-from rig.cli.printing import Column, line, table
+from rig.cli.printing import line, table
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput
 
 if TYPE_CHECKING:
