@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from rig.bench.channels import ChannelFailure, channel_records
 from rig.bench.drive import Decide, Stages, run, write_sources
 from rig.bench.rows_of_recording import FIELDS, FLIGHT_FIELDS, Columns, blocks, put, put_discrete
+from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
-from rig.computer.redundancy.manager_config import PARAMS, box_of_signals, fill
+from rig.computer.redundancy.manager_config import PARAMS, fill
 from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.computer.redundancy.rivals.rival_settings import Rivals

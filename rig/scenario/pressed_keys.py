@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rig.computer.redundancy.manager_config import Reset
+from rig.computer.redundancy.resets import Reset
 from rig.core.errors import BadInput
 from rig.core.frame import DISCRETES, SIGNALS
 from rig.scenario.scenario import Scenario

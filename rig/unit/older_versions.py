@@ -14,7 +14,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.manager_config import Config, box_of_signals
+from rig.computer.redundancy.box import box_of_signals
+from rig.computer.redundancy.manager_config import Config
 from rig.core.frame import SIGNALS, S
 from rig.core.settings import in_frames
 from rig.scenario.aircraft import default_boxes, default_stale_frames

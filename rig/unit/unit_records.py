@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.computer.redundancy.manager_config import LASTING, PARAMS, SINCE_3
+from rig.computer.redundancy.manager_config import PARAMS, told
 from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
 from rig.core.frame.fields import BASES, FIELD, FIELDS
 
@@ -148,9 +148,7 @@ def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
 
 # Fields of CONFIG that hold our own settings, and which of them.
 SETTINGS: Final[dict[str, tuple[str, ...]]] = {
-    "signal": tuple(name for name in PARAMS.names or () if name not in LASTING + SINCE_3),
-    "lasting": LASTING,
-    "rules": SINCE_3,
+    **{part: told(part) for part in ("signal", "lasting", "rules")},
     "discrete": DISCRETE_PARAMS.names or (),
 }
 RESOLVERS: Final = 5  # that a unit may ask: it knows of no other computers
