@@ -181,17 +181,6 @@ def test_a_thinned_line_keeps_its_extremes():
     assert np.array_equal(thinned(values[:MOST_POINTS]), np.arange(MOST_POINTS))
 
 
-def test_a_report_in_small_blocks_is_that_of_the_whole_log(
-    split: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-):
-    (log,) = split.parent.glob("*.mcap")
-    monkeypatch.setattr("rig.core.blocks.ROWS", 13)
-    for held in (2**40, 0):  # the log is held, or what the pictures show is mapped from a scratch file
-        monkeypatch.setattr("rig.log.log_file.HELD_BYTES", held)
-        report(log, tmp_path / "split.html")
-        assert (tmp_path / "split.html").read_bytes() == split.read_bytes()
-
-
 def test_an_angle_goes_on_through_north_from_block_to_block():
     rows, s = new_block(400), INDEX["heading"]
     rows["frame"] = np.arange(400)
