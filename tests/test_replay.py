@@ -1,7 +1,6 @@
 """A recorded flight says the same again; what does not, is named: decision, channel, frame, old and new."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from rig.bench.replay.decisions import Moved, decisions
 from rig.bench.replay.verify import verify
 from rig.bench.replay.vote_again import vote_again
 from rig.bench.replay.what_if import changed, what_if
-from rig.cli import main as cli
 from rig.core.errors import BadInput, BadLog
 from rig.core.files import bundled
 from rig.core.frame import FLAT, INDEX, TIMING, State, Table, new_block
@@ -32,14 +30,6 @@ SCENARIOS = sorted(path.stem for path in bundled("faults").glob("*.toml"))
 def flown(tmp_path_factory) -> Path:
     """Three seconds of the default scenario, its hardover after one."""
     return fly(overrides=SHORT, out=tmp_path_factory.mktemp("logs")).log
-
-
-def run(capsys, monkeypatch, *arguments: object) -> tuple[int, str, str]:
-    """The ``rig`` command in this process: exit code, stdout, stderr."""
-    monkeypatch.setattr(sys, "argv", ["rig", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return int(ended.value.code or 0), *capsys.readouterr()
 
 
 def rewrite(source: Path, target: Path, rows=None, changes=None) -> Path:
@@ -94,20 +84,6 @@ def test_every_bundled_scenario_tells_its_failures_replays_and_flies_again_ident
         assert found.comparison.identical, found.decisions.moved[:5]
 
 
-def test_a_replay_in_small_blocks_says_the_same(flown, tmp_path, monkeypatch):
-    """In what is equal and in what moves: a decision that goes on in the next block is one."""
-    recording = recorded(flown)
-    patient = changed(recording, None, ["redundancy.signals.pitch_rate.persistence=40"])
-    other = what_if(recording, patient, tmp_path / "whole.mcap")
-    claimed = rewrite(flown, tmp_path / "claimed.mcap", read_log(tmp_path / "whole.mcap").rows)
-    said = [verify(recorded(claimed)).as_dict(), verify(recorded(claimed), fly=True).as_dict()]
-    assert not said[0]["identical"] and said[0]["decisions"]["moved"] and other.moved.votes
-    monkeypatch.setattr("rig.core.blocks.ROWS", 7)
-    assert [verify(recorded(claimed)).as_dict(), verify(recorded(claimed), fly=True).as_dict()] == said
-    assert what_if(recording, patient, tmp_path / "parts.mcap").moved == other.moved
-    assert (tmp_path / "parts.mcap").read_bytes() == (tmp_path / "whole.mcap").read_bytes()
-
-
 def test_a_replay_reads_no_truth(flown):
     rows = read_log(flown).rows
     blind = rows.copy()
@@ -155,11 +131,11 @@ def _blank(rows):
     return blank
 
 
-def test_a_vote_that_is_not_what_the_code_says_is_named_with_its_frame(flown, tmp_path, capsys, monkeypatch):
+def test_a_vote_that_is_not_what_the_code_says_is_named_with_its_frame(flown, tmp_path, rig_command):
     rows = read_log(flown).rows
     rows["voted"][150, Q] = np.nextafter(rows["voted"][150, Q], 1.0)
     log = rewrite(flown, tmp_path / "a.mcap", rows)
-    code, out, _ = run(capsys, monkeypatch, "replay", log, "--json")
+    code, out, _ = rig_command("replay", log, "--json")
     found = json.loads(out)
     assert code == 1 and found["identical"] is False
     (field,) = found["fields"]
@@ -181,8 +157,8 @@ def test_a_manager_of_the_users_own_is_replayed(tmp_path, monkeypatch):
     assert verify(recorded(fly(overrides=sets, out=tmp_path).log, allow_code=True)).comparison.identical
 
 
-def test_identical_is_exit_code_0(flown, capsys, monkeypatch):
-    code, out, _ = run(capsys, monkeypatch, "replay", flown)
+def test_identical_is_exit_code_0(flown, rig_command):
+    code, out, _ = rig_command("replay", flown)
     assert code == 0 and "identical" in out
 
 
@@ -329,19 +305,18 @@ def test_a_what_if_that_cannot_be_is_refused_by_name(flown, tmp_path, text, sets
         ("--redundancy", "no.toml"),
     ],
 )
-def test_bad_combinations_are_one_line_exit_code_2(flown, tmp_path, monkeypatch, capsys, arguments):
-    monkeypatch.chdir(tmp_path)
-    code, out, err = run(capsys, monkeypatch, "replay", flown, *arguments)
+def test_bad_combinations_are_one_line_exit_code_2(flown, tmp_path, arguments, rig_command):
+    code, out, err = rig_command("replay", flown, *arguments)
     assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("error: ")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_command_says_what_moved(flown, tmp_path, monkeypatch, capsys):
+def test_the_command_says_what_moved(flown, tmp_path, rig_command):
     out = tmp_path / "b.mcap"
     sets = ["--set", "redundancy.signals.pitch_rate.persistence=4"]
-    code, text, _ = run(capsys, monkeypatch, "replay", flown, *sets, "--out", out)
+    code, text, _ = rig_command("replay", flown, *sets, "--out", out)
     assert code == 0 and "open loop" in text and "1.07 s (frame 107)" in text and "1.03 s (frame 103)" in text
-    code, text, _ = run(capsys, monkeypatch, "replay", flown, *sets, "--out", out, "--json")
+    code, text, _ = rig_command("replay", flown, *sets, "--out", out, "--json")
     found = json.loads(text)
     assert found["open_loop"] and found["what_if"] == str(out)
     assert {key: found["moved"][1][key] for key in ("decision", "signal", "channel", "first_frame", "last_frame")} == {
