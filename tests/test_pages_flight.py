@@ -132,20 +132,17 @@ def test_channels_differ_by_colour_and_dash_and_no_line_is_red(split: Path):
 
 
 @outside.needs("chromium")
-@pytest.mark.parametrize("width", [1280, 390])
-def test_in_a_browser_every_lane_has_its_name_and_nothing_lies_on_it(split: Path, tmp_path: Path, width: int):
-    seen = visit(split, tmp_path, width)
-    assert seen.console == [] and seen.right <= width
-    assert seen.drawn >= len(figures(split.read_text()))
-    lanes = {text.text for text in seen.of("timeline", "ytick")}
-    assert {
-        f"pitch_rate {of}" for of in ("channel 1", "channel 2", "channel 3", "channel 4", "pattern", "level")
-    } < lanes
-    for figure in ("timeline", "votes", "moment-pitch_rate"):
-        texts = [text for text in seen.texts if text.figure == figure]
-        covered = [(a.text, b.text) for a, b in combinations(texts, 2) if a.covers(b)]
-        assert [pair for pair in covered if "time, s" in pair] == []
-        assert seen.of(figure, "legendtext") == []  # the legend is below the figure, not on it
+def test_in_a_browser_every_lane_has_its_name_and_nothing_lies_on_it(split: Path, tmp_path: Path):
+    named = {f"pitch_rate {of}" for of in ("channel 1", "channel 2", "channel 3", "channel 4", "pattern", "level")}
+    for width, seen in zip((1280, 390), visit(split, tmp_path, 1280, 390), strict=True):
+        assert seen.console == [] and seen.right <= width
+        assert seen.drawn >= len(figures(split.read_text()))
+        assert named < {text.text for text in seen.of("timeline", "ytick")}
+        for figure in ("timeline", "votes", "moment-pitch_rate"):
+            texts = [text for text in seen.texts if text.figure == figure]
+            covered = [(a.text, b.text) for a, b in combinations(texts, 2) if a.covers(b)]
+            assert [pair for pair in covered if "time, s" in pair] == []
+            assert seen.of(figure, "legendtext") == []  # the legend is below the figure, not on it
 
 
 def test_a_quiet_flight_has_no_decision_and_its_title_cannot_end_the_page(tmp_path: Path):

@@ -20,6 +20,11 @@ from rig.log.columns import COLUMNS
 from rig.log.of_flight import metadata
 from rig.log.recordings.flown_log import recorded
 from rig.scenario import scenario
+from rig.studies.campaign.flying import fly as fly_in_memory
+from rig.studies.campaign.flying import write_log
+from rig.verdict import score
+from rig.verdict.unfaulted import MeasuredAgain
+from rig.world.faults import Execution
 
 Q = INDEX["pitch_rate"]
 SHORT = ["duration_s=3", "faults.0.start_s=1"]
@@ -54,10 +59,11 @@ def test_a_log_flown_again_is_the_same_flight_in_every_field(flown):
 
 
 def long_enough_s(which: scenario.Scenario) -> float:
-    """A second after the last fault began; the whole flight where one waits for something to happen."""
+    """Five seconds after the first fault began, one after the last; all where one waits for something to happen."""
     starts = [fault.start_s for fault in which.faults] or [1.0]
     known = [start for start in starts if start is not None]
-    return min(which.duration_s, max(known) + 1.0) if len(known) == len(starts) else which.duration_s
+    seconds = max(11.0, min(known, default=0.0) + 5.0, max(known, default=0.0) + 1.0)
+    return min(which.duration_s, seconds) if len(known) == len(starts) else which.duration_s
 
 
 def left_by(events) -> set[str]:
@@ -72,16 +78,36 @@ def left_by(events) -> set[str]:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_bundled_scenario_tells_its_failures_replays_and_flies_again_identically(name, tmp_path):
+def test_every_bundled_scenario_tells_its_failures_replays_flies_again_identically_and_is_scored(name, tmp_path):
     """``make replay`` flies all of them to their ends."""
     which = scenario.load(name)
-    flight = fly(name, overrides=[f"duration_s={long_enough_s(which)}"], out=tmp_path)
-    recording = recorded(flight.log)
-    assert recording.log.events or not which.faults
-    assert left_by(flight.events) == {f"{signal}.{c}" for signal, channels in flight.failed.items() for c in channels}
+    flown = fly_in_memory(which.model_copy(update={"duration_s": long_enough_s(which)}))
+    write_log(flown, tmp_path / "flight.mcap")
+    recording = recorded(tmp_path / "flight.mcap")
+    events, failed = recording.log.events, flown.verdict.failed
+    assert events or not which.faults
+    assert left_by(events) == {f"{signal}.{c}" for signal, channels in failed.items() for c in channels}
     for again in (False, True):
         found = verify(recording, again)
         assert found.comparison.identical, found.decisions.moved[:5]
+    scored_by_the_clean_channels_that_the_flight_kept(flown.scenario, flown.table)
+
+
+def scored_by_the_clean_channels_that_the_flight_kept(which: scenario.Scenario, table: Table) -> None:
+    """Two ways to the same: a campaign keeps what the sensors said, a log's score runs the sensors again."""
+    again = np.concatenate([part.clean.copy() for part in MeasuredAgain(which).of(Table(table.rows, table.beside))])
+    for field in ("channels", "valid"):
+        np.testing.assert_array_equal(table.clean[field], again[field])
+    corrupted = any((table[field] != again[field]).any() for field in ("channels", "valid"))
+    assert corrupted or not any(f.signal in INDEX and f.start_s is not None for f in which.faults)
+    found = score(which, Table(table.rows, table.beside))
+    assert found == score(which, Table(table.rows, table.beside, clean=table.clean))
+    acted = [any(f.outcome != "not executed" for f in found.faults if f.index == i) for i in range(len(which.faults))]
+    execution = Execution(which.faults)
+    execution.add(table.rows)
+    assert acted == execution.executed
+    assert {fault.index for fault in found.faults} == set(range(len(which.faults)))
+    json.dumps(found.as_dict(), allow_nan=False)
 
 
 def test_a_replay_reads_no_truth(flown):

@@ -11,16 +11,12 @@ from typer.testing import CliRunner
 
 from rig.cli.main import app
 from rig.core.errors import BadInput, BadLog
-from rig.core.files import bundled
-from rig.core.frame import DISCRETE_INDEX, INDEX, Table
+from rig.core.frame import DISCRETE_INDEX, Table
 from rig.flight.fly import Flight, fly
 from rig.log import LogWriter, recover
 from rig.log.of_flight import metadata
 from rig.scenario import scenario
-from rig.studies.campaign.flying import fly as fly_in_memory
 from rig.verdict import Yardstick, fly_rows, fly_twin, score, score_log
-from rig.verdict.unfaulted import MeasuredAgain
-from rig.world.faults import Execution
 
 SHORT = ["duration_s=6", "faults.0.start_s=3"]
 
@@ -143,29 +139,6 @@ def test_what_is_no_log_is_one_line_and_exit_code_2(rig_command: Any, tmp_path: 
 def test_rows_of_another_seed_are_refused(flight: Flight):
     with pytest.raises(BadInput, match="do not give the recorded channels again"):
         score(flight.scenario.model_copy(update={"seed": 77}), flight.rows)
-
-
-@pytest.mark.parametrize("path", sorted(bundled("faults").glob("*.toml")), ids=lambda path: path.stem)
-def test_every_bundled_scenario_is_scored_by_the_clean_channels_that_its_flight_kept(path: Path):
-    """Two ways to the same: a campaign keeps what the sensors said, a log's score runs the sensors again."""
-    which = scenario.load(path)
-    onset_s = min([fault.start_s for fault in which.faults if fault.start_s is not None], default=0.0)
-    which = which.model_copy(update={"duration_s": min(which.duration_s, max(11.0, onset_s + 5.0))})
-    flown = fly_in_memory(which)
-    rows, lanes = flown.rows, flown.table.beside
-    again = np.concatenate([part.clean.copy() for part in MeasuredAgain(which).of(Table(rows, lanes))])
-    for field in ("channels", "valid"):
-        np.testing.assert_array_equal(flown.table.clean[field], again[field])
-    corrupted = any((rows[field] != again[field]).any() for field in ("channels", "valid"))
-    assert corrupted or not any(f.signal in INDEX and f.start_s is not None for f in which.faults)
-    found = score(which, Table(rows, lanes))
-    assert found == score(which, Table(rows, lanes, clean=flown.table.clean))
-    acted = [any(f.outcome != "not executed" for f in found.faults if f.index == i) for i in range(len(which.faults))]
-    execution = Execution(which.faults)
-    execution.add(rows)
-    assert acted == execution.executed
-    assert {fault.index for fault in found.faults} == set(range(len(which.faults)))
-    json.dumps(found.as_dict(), allow_nan=False)
 
 
 def test_a_flight_of_twenty_seconds_is_scored_in_milliseconds():
