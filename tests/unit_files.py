@@ -66,7 +66,8 @@ def kept(name: str, reads: Iterable[str | bytes], make: Callable[[Path], Path]) 
         if time.time() - other.stat().st_mtime > MONTH_S:
             shutil.rmtree(other, ignore_errors=True)
     with TemporaryDirectory() as scratch:
-        made = shutil.move(make(Path(scratch)), folder / f"{os.getpid()}")
+        made = folder / f"{os.getpid()}"
+        shutil.move(make(Path(scratch)), made)
     return made.replace(folder / name)
 
 
