@@ -216,7 +216,7 @@ def flights(draw):
     return chosen, samples, by_flag, resets
 
 
-@settings(max_examples=200 // FEWER, deadline=None, derandomize=True)
+@settings(max_examples=round(200 / FEWER), deadline=None, derandomize=True)
 @given(flights())
 def test_every_frame_of_a_discrete_is_that_of_the_requirement(flight):
     chosen, samples, by_flag, resets = flight

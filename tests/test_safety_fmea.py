@@ -236,8 +236,8 @@ def test_in_a_browser_no_column_of_the_page_is_cut(rig_command, gathered, rates:
     gathered({}, {"kind": "offset", "magnitude": 1.0})
     page = tmp_path / "fmea.html"
     rig_command("reliability", "fmea", "C", "--rates", str(rates), "--out", str(page))
-    for width in (1400, 1030):  # a screen; A4 across
-        seen = visit(page, tmp_path, width)
+    widths = (1400, 1030)  # a screen; A4 across
+    for width, seen in zip(widths, visit(page, tmp_path, *widths), strict=True):
         assert (seen.console, seen.hidden) == ([], 0) and seen.right <= width
 
 

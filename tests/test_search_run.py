@@ -54,9 +54,8 @@ def _few_confirming() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ended]:
-    out = tmp_path_factory.mktemp("search") / "whole"
-    return out, run(plan(), out, workers=1)
+def whole(once: Any) -> tuple[Path, Ended]:
+    return once("search", lambda place: (place / "whole", run(plan(), place / "whole", workers=1)))
 
 
 def margin(told: str) -> float:

@@ -302,7 +302,7 @@ def test_possible_patterns_are_those_that_the_classification_can_give():
         assert given_ == set(possible)
 
 
-@settings(max_examples=max(2, 12 // FEWER), deadline=None)
+@settings(max_examples=max(2, round(12 / FEWER)), deadline=None)
 @given(
     sizes=st.lists(st.sampled_from([0.0, 0.03, 0.15, 0.15, -0.15, 0.3, 0.6]), min_size=4, max_size=4),
     starts=st.lists(st.sampled_from([20, 20, 25, 40]), min_size=4, max_size=4),
@@ -328,7 +328,7 @@ def test_rows_joined_by_numpy_score_the_same():
     assert score(which, Table(joined)).as_dict() == score(which, Table(unaligned)).as_dict() == whole
 
 
-@settings(max_examples=max(10, 200 // FEWER), deadline=None)
+@settings(max_examples=max(10, round(200 / FEWER)), deadline=None)
 @given(st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=4))
 def test_the_clean_vote_is_the_median_of_the_channels_that_are_fitted(samples: list[float]):
     record = np.zeros(1, PARAMS)

@@ -246,22 +246,6 @@ def test_counts_are_shares_of_the_persistence_below_one_until_failed():
         assert margin(formula, rows) == pytest.approx(-expected, abs=1e-12), end
 
 
-def test_blocks_of_any_size_give_the_same(monkeypatch):
-    """The memory that is kept is that of the longest window."""
-    random = Random(5)
-    rows = formulas.random_rows(random)
-    while len(rows) < 60:
-        rows = formulas.random_rows(random)
-    requirement = Requirement(id="one", formula="always[0, 0.2] count.pitch_rate.2 < 1", at="each onset")
-    results = set()
-    for size in (1, 7, 64, len(rows)):
-        recorder = RequirementsRecorder([requirement], formulas.SUBJECT)
-        for first in range(0, len(rows), size):
-            recorder.record(Table(rows[first : first + size]))
-        results.add(recorder.finish()[0][:5])
-    assert len(results) == 1
-
-
 def test_a_formula_of_two_hundred_nodes_is_measured():
     assert measured(" or ".join(["lost"] * 100), flown())[2:4] == ("violated", -1.0)
     assert measured("not " * 199 + "lost", flown())[2:4] == ("met", 1.0)

@@ -200,19 +200,6 @@ def test_flights_that_lie_over_each_other_keep_their_columns_under_their_letter(
             assert one_part.equals(both_part)
 
 
-def test_blocks_of_any_size_give_the_same_changes_of_state(rows: Block) -> None:
-    def found(size: int) -> list[tuple[str, int, str | None]]:
-        before, changes = None, []
-        for first in range(0, len(rows), size):
-            block = rows[first : first + size]
-            for change in lanes.changes(block, before, ["one fault"]):
-                changes += [(change.path, first + int(k), s) for k, s in zip(change.rows, change.states, strict=True)]
-            before = block[-1:]
-        return sorted(changes, key=lambda change: change[:2])
-
-    assert found(1) == found(7) == found(len(rows))
-
-
 def test_a_lane_has_one_entry_for_each_change_and_a_fault_ends() -> None:
     rows = new_block(6)
     rows["state"][2:4, 0, 1] = State.SUSPECT

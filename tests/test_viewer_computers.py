@@ -90,14 +90,6 @@ def test_every_state_of_a_lane_has_a_look_and_red_is_for_failures_alone() -> Non
         assert all(label.startswith("failed") for label in red)
 
 
-def test_blocks_show_the_changes_of_the_whole(moved: Table) -> None:
-    of, whole = computers.SHOWN, list(computers.SHOWN.changes(moved, None))
-    parts = [(of.changes(moved[k : k + 50], moved[k - 1 : k] if k else None), k) for k in range(0, FRAMES, 50)]
-    found = [Changes(each.path, each.rows + k, each.states) for part, k in parts for each in part]
-    for lane in computers.LANES:
-        assert changed(found, lane.path) == changed(whole, lane.path)
-
-
 def test_computers_that_are_not_fitted_are_left_out() -> None:
     assert [lane.path for lane in computers.fitted(computers.HEALTH, 2)] == ["/lane_A", "/lane_B"]
     assert [lane.path for lane in computers.fitted(computers.OF_LINKS, 2)] == ["/A_to_B", "/B_to_A"]

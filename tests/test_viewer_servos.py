@@ -65,15 +65,6 @@ def test_a_lane_says_when_a_channel_was_shut_off_and_by_whom(moved: Table) -> No
     assert changed(found, "/rudder/moved_by") == [(0, "HELD_4"), (200, "BYPASSED")]
 
 
-def test_blocks_show_the_changes_of_the_whole(moved: Table) -> None:
-    parts = [
-        (servos.SHOWN.changes(moved[k : k + 50], moved[k - 1 : k] if k else None), k) for k in range(0, FRAMES, 50)
-    ]
-    found = [Changes(each.path, each.rows + k, each.states) for part, k in parts for each in part]
-    for lane in servos.LANES:
-        assert changed(found, lane.path) == changed(list(servos.SHOWN.changes(moved, None)), lane.path)
-
-
 def test_the_list_of_a_surface_has_angles_in_degrees_and_shares_as_they_are(moved: Table) -> None:
     shown, rows = servos.values(moved, RUDDER), moved.servo[:, RUDDER]
     for name, expected in (
