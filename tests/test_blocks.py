@@ -16,7 +16,6 @@ from test_replay import rewrite
 from rig.bench.replay.before_after import diff, side
 from rig.bench.replay.verify import verify
 from rig.bench.replay.what_if import changed, what_if
-from rig.core.event import Event
 from rig.core.frame import Table
 from rig.flight.failures import failures
 from rig.flight.fly import fly
@@ -105,11 +104,11 @@ def flown(name: str) -> tuple[Scenario, Table]:
 
 
 def events(which: Scenario, parts: list[Table]) -> Any:
-    findings, told = Findings(which), list[Event]()
+    findings = Findings(which)
     for part in parts:
-        told += findings.add(part)
+        findings.record(part)
     verdict = findings.verdict
-    return told, findings.end(), verdict.digest, verdict.peaks, verdict.failed, findings.execution.executed
+    return findings.events, findings.end(), verdict.digest, verdict.peaks, verdict.failed, findings.execution.executed
 
 
 def failed(which: Scenario, parts: list[Table]) -> Any:
