@@ -79,7 +79,7 @@ def left_by(events) -> set[str]:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_bundled_scenario_tells_its_failures_replays_flies_again_identically_and_is_scored(name, tmp_path):
+def test_every_bundled_scenario_replays_flies_again_and_is_scored(name, tmp_path):
     """``make replay`` flies all of them to their ends."""
     which = scenario.load(name)
     flown = fly_in_memory(which.model_copy(update={"duration_s": long_enough_s(which)}))
