@@ -40,7 +40,7 @@ imports: setup
 FLIGHTS := keeps_every_reference_usable or run_away_together or reads_its_partners or settled_rightly or as_a_reference
 
 coverage: setup  ## statements and branches of the monitor, its kernels interpreted: all of them, or it fails
-	NUMBA_DISABLE_JIT=1 RIG_FEWER_EXAMPLES=2 $(BIN)/pytest -q -n auto tests/test_redundancy_*.py tests/test_bench_rival_statistics.py tests/test_analytic_*.py -k "not ($(FLIGHTS))" \
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n auto tests/test_redundancy_*.py tests/test_bench_rival_statistics.py tests/test_analytic_*.py -k "not ($(FLIGHTS))" \
 		--cov=rig.computer.redundancy --cov=rig.computer.analytic --cov-branch --cov-report=term-missing --cov-fail-under=100
 
 bench: setup  ## what a frame costs, against bare JSBSim in the same process

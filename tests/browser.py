@@ -27,8 +27,12 @@ _MEASURE = """<script>setTimeout(() => {
   const hidden = Math.max(0, ...[...document.querySelectorAll(".wide")].map(each => each.scrollWidth - each.clientWidth));
   parent.postMessage(JSON.stringify({texts, right, hidden, drawn: document.querySelectorAll(".figure .main-svg").length}), "*");
 }, 2000)</script>"""  # noqa: E501
-_FRAME = """<pre id="measured"></pre><iframe src="{page}" style="border: 0; width: {width}px; height: 800px"></iframe>
-<script>onmessage = told => document.getElementById("measured").textContent = told.data</script>"""
+_FRAME = """<pre id="w{width}"></pre>
+<iframe name="w{width}" src="{page}" style="border: 0; width: {width}px; height: 800px"></iframe>"""
+_TOLD = """<script>onmessage = told => {
+  const from = [...document.querySelectorAll("iframe")].find(each => each.contentWindow === told.source);
+  document.getElementById(from.name).textContent = told.data;
+}</script>"""
 
 
 class Text(NamedTuple):
@@ -70,18 +74,20 @@ class Visit(NamedTuple):
         return [text for text in self.texts if text.figure == figure and what in text.what]
 
 
-def visit(page: Path, tmp_path: Path, width: int = 1280) -> Visit:
-    """Open a page on a screen ``width`` px wide."""
+def visit(page: Path, tmp_path: Path, *widths: int) -> list[Visit]:
+    """Open a page on screens so many px wide; what the console says is of all of them."""
     copy, frame = tmp_path / "copy.html", tmp_path / "frame.html"
     copy.write_text(page.read_text().replace("</body>\n</html>", f"{_MEASURE}</body>\n</html>"))
-    frame.write_text(_FRAME.format(page=copy.name, width=width))
+    frame.write_text(_TOLD + "".join(_FRAME.format(page=copy.name, width=width) for width in widths))
     command = [str(outside.chromium()), *_FLAGS, f"--user-data-dir={tmp_path / 'profile'}", frame.as_uri()]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    found: Any = re.search(r'<pre id="measured">(.+?)</pre>', ran.stdout, re.DOTALL)
-    assert found is not None, ran.stderr
-    told = json.loads(unescape(found.group(1)))
-    texts = [Text(each["figure"], each["what"], each["text"], *each["box"]) for each in told["texts"]]
     console = [line for line in ran.stderr.splitlines() if ":CONSOLE" in line and "chrome://" not in line]
-    return Visit(
-        [line for line in console if "chrome.t" not in line], texts, told["drawn"], told["right"], told["hidden"]
-    )
+    console = [line for line in console if "chrome.t" not in line]
+    seen = []
+    for width in widths:
+        found: Any = re.search(rf'<pre id="w{width}">(.+?)</pre>', ran.stdout, re.DOTALL)
+        assert found is not None, ran.stderr
+        told = json.loads(unescape(found.group(1)))
+        texts = [Text(each["figure"], each["what"], each["text"], *each["box"]) for each in told["texts"]]
+        seen.append(Visit(console, texts, told["drawn"], told["right"], told["hidden"]))
+    return seen

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import functools
 import os
+import pickle
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -20,11 +23,12 @@ from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager, vote_signals
 from rig.core.frame import CHANNELS, Block, State, nested, new_block
 
-FEWER = int(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
+FEWER = float(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
 os.environ.pop("COLUMNS", None)  # workers of pytest have one: tables are as wide as in a pipe without it
 # The first example may compile, on a busy machine.
-settings.register_profile("rig", deadline=None, max_examples=max(1, 100 // FEWER))
+settings.register_profile("rig", deadline=None, max_examples=max(1, round(100 / FEWER)))
 settings.load_profile("rig")
+typer.main.get_command = functools.cache(typer.main.get_command)  # the tree of commands is made once, not for each
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -51,6 +55,26 @@ class Voted:
         return [int(np.argmax(column)) + 1 if column.any() else None for column in failed.T]
 
 
+@pytest.fixture(scope="session")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], Any]], Any]:
+    """once(name, make) -> what ``make`` returns and leaves in a folder, made by one worker of pytest for all."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base if "PYTEST_XDIST_WORKER" not in os.environ else base.parent) / "once"
+
+    def made(name: str, make: Callable[[Path], Any]) -> Any:
+        folder, value = shared / name, shared / f"{name}.pickle"
+        shared.mkdir(exist_ok=True)
+        with (shared / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not value.exists():
+                shutil.rmtree(folder, ignore_errors=True)  # of one who failed
+                folder.mkdir()
+                value.write_bytes(pickle.dumps(make(folder)))
+            return pickle.loads(value.read_bytes())
+
+    return made
+
+
 @pytest.fixture
 def rig_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -58,12 +82,10 @@ def rig_command(
     """rig_command(arguments of ``rig``) -> exit code, stdout, stderr; in a folder of its own."""
     from rig.cli import main as cli  # not for the tests that need no command
 
-    if not hasattr(typer.main.get_command, "cache_info"):  # the tree of commands is made once, not for each of them
-        typer.main.get_command = functools.cache(typer.main.get_command)
     monkeypatch.chdir(tmp_path)
 
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["rig", *arguments])
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["rig", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
             cli.main()
         said = capsys.readouterr()

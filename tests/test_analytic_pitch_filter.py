@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.computer.analytic.flight_path import VERTICAL, climb, path_pitch_angle, pitch_on_path, pitching
+from rig.computer.analytic.flight_path import VERTICAL, climb, path_angle, path_pitch_angle, pitch_on_path, pitching
 from rig.computer.analytic.pitch_filter import PARAM, STATE, Noise, begin, correct, follow_path, parameters, predict
-from rig.computer.control.airdata import flight_path_angle
 from rig.core.frame import INDEX, Resolver, S, State
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
@@ -23,7 +22,7 @@ SMALL = st.floats(-0.35, 0.35)
 @settings(deadline=None)  # the first call compiles
 @given(SMALL, SMALL, st.floats(-0.2, 0.2), st.floats(-1.2, 1.2))
 def test_the_pitch_angle_on_a_path_is_the_inverse_of_the_path_s_angle(theta, alpha, beta, phi):
-    gamma = flight_path_angle(theta, phi, alpha, beta)
+    gamma = path_angle(theta, phi, alpha, beta)
     assert pitch_on_path(math.sin(gamma), alpha, beta, phi) == pytest.approx(theta, abs=1e-9)
 
 

@@ -18,12 +18,12 @@ from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DiscreteConfigs, discrete_parameters
 from rig.core.errors import BadInput
 from rig.core.frame import DISCRETES, TIMING, Ilm, State, Table, new_block
-from rig.log import LogWriter
 from rig.log.recordings.align import align
 from rig.log.recordings.read import read
 from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.stamps import Floats
 from rig.log.recordings.vote_config import RecordedDiscrete, Reset, VoteConfig, read_config
+from rig.log.writer import LogWriter
 
 OK, SUSPECT, FAILED = int(State.OK), int(State.SUSPECT), int(State.FAILED)
 DOOR = {"door": {"fail_safe": 1, "persistence": 3}}

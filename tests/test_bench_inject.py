@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from faulted import RATE, faulted, healthy
 from faulted import x as lively
 
 from rig.bench.inject import Injection, inject
-from rig.cli import main as cli
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX
 from rig.log.recordings.recording import Recording, Samples
@@ -213,21 +211,15 @@ def test_what_a_recording_has_not_is_refused_in_one_line(changes: dict[str, Any]
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+def run(rig: Any) -> Any:
     """run(faults as TOML, options) -> exit code, what was printed, the error."""
-    monkeypatch.chdir(tmp_path)
     table = {"time_s": np.arange(N) / 100, **{f"x.{c}": np.zeros(N) for c in range(1, 5)}}
     pl.DataFrame(table).write_csv("in.csv")
     Path("c.toml").write_text("[default]\nthreshold = 1.0\n")
 
     def vote_it(faults: str, *options: str) -> tuple[Any, str, str]:
         Path("f.toml").write_text(faults)
-        command = ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", "--inject", "f.toml", *options]
-        monkeypatch.setattr(sys, "argv", command)
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, error = capsys.readouterr()
-        return end.value.code, out, error
+        return rig("in.csv", "--config", "c.toml", "--out", "o.csv", "--inject", "f.toml", *options)
 
     return vote_it
 

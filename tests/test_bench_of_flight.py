@@ -61,6 +61,20 @@ def test_the_log_of_a_flight_is_voted_as_it_was_in_flight(name: str, tmp_path: P
         assert Resolver.COMMON in resolvers
 
 
+def test_a_long_flight_is_voted_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its rows are read again from the disk, its columns lie in files, and a table is written in parts."""
+    flight = rig.fly("f16_pitch_rate_hardover", overrides=["duration_s=2", FLIGHTS["discretes"][0]], out=tmp_path)
+    for name, held in (("short", None), ("long", 70)):
+        if held is not None:
+            monkeypatch.setattr("rig.log.log_file.HELD_BYTES", held)
+            monkeypatch.setattr("rig.core.blocks.HELD", held)
+            monkeypatch.setattr("rig.bench.write_votes.HELD", held)
+        for ending in ("csv", "parquet", "mcap"):
+            rig.vote(flight.log, out=tmp_path / f"{name}.{ending}")
+    for ending in ("csv", "parquet", "mcap"):
+        assert (tmp_path / f"short.{ending}").read_bytes() == (tmp_path / f"long.{ending}").read_bytes()
+
+
 def test_a_vote_of_a_flight_tells_from_another_flight(tmp_path: Path):
     first, second = (
         rig.fly("f16_pitch_rate_hardover", seed=seed, overrides=["duration_s=2"], out=tmp_path) for seed in (1, 2)

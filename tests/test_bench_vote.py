@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ from conftest import constant, vote_samples
 
 from rig.bench.rows_of_recording import FIELDS
 from rig.bench.vote_rows import vote
-from rig.cli import main as cli
 from rig.computer.redundancy.manager_config import MANAGERS
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS, Pattern, Resolver, State
@@ -29,19 +27,15 @@ SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10}
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+def run(tmp_path: Path, rig: Any) -> Any:
     """run(columns, settings) -> the table written, the JSON printed."""
 
     def voted(columns: dict[str, Any], settings: dict[str, Any], *options: str) -> tuple[pl.DataFrame, dict[str, Any]]:
         pl.DataFrame(columns).write_csv(tmp_path / "in.csv")
         (tmp_path / "c.toml").write_text(tomli_w.dumps({"default": settings}))
-        monkeypatch.chdir(tmp_path)
-        command = ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", "--json", *options]
-        monkeypatch.setattr(sys, "argv", command)
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        assert end.value.code == 0
-        return pl.read_csv(tmp_path / "o.csv"), json.loads(capsys.readouterr().out)
+        code, out, _ = rig("in.csv", "--config", "c.toml", "--out", "o.csv", "--json", *options)
+        assert code == 0
+        return pl.read_csv(tmp_path / "o.csv"), json.loads(out)
 
     return voted
 
@@ -134,7 +128,7 @@ def test_a_sample_out_of_range_is_invalid(run: Any):
 
 @pytest.mark.parametrize("written", [9.0, np.nan])
 def test_a_channel_that_is_off_or_invalid_in_seven_rows_of_eight_is_told_though_it_is_never_failed(
-    written: float, run: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    written: float, run: Any, rig: Any
 ):
     samples = constant(0, 0.1, 0.2, frames=80)
     samples[np.arange(80) % 8 != 7, 1] = written
@@ -142,10 +136,7 @@ def test_a_channel_that_is_off_or_invalid_in_seven_rows_of_eight_is_told_though_
     counts = [(c["suspect_rows"], c["suspect_share"]) for c in found["signals"]["x"]["channels"]]
     assert failed(found) == {} and counts == [(0, 0.0), (70, 0.875), (0, 0.0)]
     assert found["suspects"] == ["x.2: suspect in 70 of 80 rows (87.5 %), never failed"]
-    monkeypatch.setattr(sys, "argv", [option for option in sys.argv if option != "--json"])
-    with pytest.raises(SystemExit):
-        cli.main()
-    told = capsys.readouterr().out
+    told = rig("in.csv", "--config", "c.toml", "--out", "o.csv")[1]
     assert "x.2: suspect in 70 of 80 rows (87.5 %), never failed\n" in told
     rows = [line.split() for line in told.splitlines() if line.strip().startswith("x.")]
     assert [row[:4] for row in rows[:3]] == [

@@ -20,18 +20,16 @@ from rig.core.progress import listening
 from rig.studies.benchmark.benchmark_trials import STATES
 from rig.studies.benchmark.entrants import entrants
 from rig.studies.benchmark.prepared import Asked
-from rig.studies.benchmark.run_benchmark import _require_ours, run
+from rig.studies.benchmark.run_benchmark import STUDY, run
 from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.run_campaign import run as fly
 
 
 @pytest.fixture(scope="module")
-def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("league") / "healthy"
+def healthy(once: Any) -> Path:
     campaign = read(HEALTHY, {"duration_s": 20.0}).model_copy(update={"runs": 12})
-    fly(Plan(campaign, str(HEALTHY)), folder, workers=1)
-    return folder
+    return once("league-healthy", lambda place: fly(Plan(campaign, str(HEALTHY)), place / "out", workers=1).out)
 
 
 def asked(healthy: Path, **more: Any) -> Asked:
@@ -39,9 +37,11 @@ def asked(healthy: Path, **more: Any) -> Asked:
 
 
 @pytest.fixture(scope="module")
-def whole(healthy: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    out = tmp_path_factory.mktemp("league") / "whole"
-    return out, run(small(), asked(healthy, second=healthy), out)
+def whole(healthy: Path, once: Any) -> tuple[Path, dict[str, Any]]:
+    def make(place: Path) -> tuple[Path, dict[str, Any]]:
+        return place / "out", run(small(), asked(healthy, second=healthy), place / "out")
+
+    return once("league", make)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -140,24 +140,24 @@ def test_a_damaged_unit_is_named_with_its_remedy(whole: tuple[Path, Any], health
 
 
 @pytest.mark.parametrize("name", ["league.json", "levels.json"])
-@pytest.mark.parametrize("text", ["[1]", "{}", "1", "[" * 100_000, '{"a": 1e999}', None])
 def test_a_damaged_league_or_its_edited_levels_are_refused_in_one_line(
-    whole: tuple[Path, Any], healthy: Path, tmp_path: Path, name: str, text: str | None
+    whole: tuple[Path, Any], healthy: Path, tmp_path: Path, name: str
 ):
-    """None: one digit of a number is edited."""
     path = shutil.copytree(whole[0], tmp_path / "copy") / name
     data = path.read_text()
     at = data.index(": 0.") + 4 if name == "levels.json" else data.index('"trials": ') + 10
-    path.write_text(text if text is not None else data[:at] + str((int(data[at]) + 1) % 10) + data[at + 1 :])
-    with pytest.raises(BadInput, match=rf"{name}|holds another league") as error:
-        run(small(), asked(healthy, second=healthy), path.parent)
-    assert "\n" not in str(error.value)
+    edited = data[:at] + str((int(data[at]) + 1) % 10) + data[at + 1 :]  # one digit of a number
+    for text in ("[1]", "{}", "1", "[" * 100_000, '{"a": 1e999}', edited):
+        path.write_text(text)
+        with pytest.raises(BadInput, match=rf"{name}|holds another league") as error:
+            run(small(), asked(healthy, second=healthy), path.parent)
+        assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("left", ["lock", ".league.json.0123abcd.part", ".levels.json.0123abcd.part"])
 def test_a_folder_of_a_first_moment_is_a_leagues(tmp_path: Path, left: str):
     (tmp_path / left).touch()
-    _require_ours(tmp_path)
+    STUDY.require(tmp_path)
 
 
 def test_what_is_not_a_league_or_too_short_is_refused_before_anything_is_written(healthy: Path, tmp_path: Path):

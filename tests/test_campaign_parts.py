@@ -3,8 +3,6 @@
 import json
 import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +12,6 @@ import pytest
 from rig.core import sealed
 from rig.core.errors import BadInput
 from rig.core.frame import SIGNALS
-from rig.studies.campaign import plan as plan_module
 from rig.studies.campaign import table_parts as parts
 from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.campaign_page import report
@@ -315,13 +312,3 @@ def test_only_drafts_and_orphans_are_swept_and_nothing_behind_a_link(out: Path, 
 
 def test_the_name_of_a_part_is_that_of_its_first_and_last_run():
     assert parts.name_of([7, 3, 12]) == "000003-000012"
-
-
-def test_what_decides_nothing_in_a_flight_is_named_as_it_is_and_not_imported_by_one():
-    """A renamed room would count as flying, and every change of it as another rig."""
-    home = Path(plan_module.__file__).parents[2]
-    assert [name for name in (*plan_module.BESIDE, *plan_module.FLIES) if not (home / name).exists()] == []
-    program = "import sys, rig.flight.loop; print(*(n for n in sys.modules if n.startswith('rig.')))"
-    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
-    beside = {f"rig.{name.removesuffix('.py').replace('/', '.')}" for name in plan_module.BESIDE}
-    assert not {n for n in loaded if any(n == b or n.startswith(f"{b}.") for b in beside)}

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from rig.studies.campaign.pool import each
+from rig.studies.campaign.pool import by_workers, each
 
 SLOW = """
 import sys, time
@@ -34,6 +34,23 @@ def double(case: int) -> int:
 
 def test_results_come_in_the_order_of_the_cases():
     assert list(each(double, range(20), 2)) == [2 * case for case in range(20)]
+
+
+class Adds:
+    made = 0
+
+    def __init__(self, more: int) -> None:
+        self.more = more
+        Adds.made += 1
+
+    def __call__(self, case: int) -> tuple[int, int, int]:
+        return case + self.more, Adds.made, os.getpid()
+
+
+def test_a_worker_is_made_once_in_each_process_and_a_single_one_in_this():
+    sums, made, processes = zip(*by_workers(Adds, (100,), range(20), 2, 3), strict=True)
+    assert sums == tuple(range(100, 120)) and set(made) == {1} and os.getpid() not in processes
+    assert list(by_workers(Adds, (1,), [1, 2], 1)) == [(2, 1, os.getpid()), (3, 1, os.getpid())]
 
 
 def test_a_termination_does_not_wait_for_the_cases_that_have_not_begun(tmp_path):

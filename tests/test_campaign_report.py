@@ -269,8 +269,7 @@ def test_nothing_flown_is_nothing_to_report(tmp_path: Path):
 
 
 @outside.needs("chromium")
-@pytest.mark.parametrize("width", [1280, 390])
-def test_in_a_browser_each_count_of_a_map_stands_on_its_cell(tmp_path: Path, width: int):
+def test_in_a_browser_each_count_of_a_map_stands_on_its_cell(tmp_path: Path):
     detected = {0.01: None, 0.02: None, 0.1: 1, 0.2: 4, 0.4: 7, 0.8: 10}  # of ten; none could be of the first two
     faults = [
         fault(n, size, "undetectable" if count is None else "detected" if n < count else "missed")
@@ -280,19 +279,16 @@ def test_in_a_browser_each_count_of_a_map_stands_on_its_cell(tmp_path: Path, wid
     rows: Rows = {"runs": [flown(n) for n in range(10)], "faults": faults, "alarms": [], "episodes": []}
     out = tmp_path / "report.html"
     report(made(tmp_path / "campaign", rows), out)
-    seen = visit(out, tmp_path, width)
-    assert seen.console == [] and seen.right <= width
-    ticks = seen.of("map-0", "xtick")
-    counts = {
-        min(ticks, key=lambda tick: abs(tick.middle[0] - text.middle[0])).text: text.text
-        for text in seen.of("map-0", "textpoint")
-    }
     shown = [magnitude_shown(size, "pitch_rate", "offset") for size in detected]
-    assert counts == dict(zip(shown, ["(10)", "(10)", "1/10", "4/10", "7/10", "10/10"], strict=True))
-    middles = {text.text: text.middle[0] for text in ticks}
-    apart = min(b - a for a, b in pairwise(sorted(middles.values())))
-    for text in seen.of("map-0", "textpoint"):
-        assert min(abs(text.middle[0] - x) for x in middles.values()) < 0.25 * apart
+    for width, seen in zip((1280, 390), visit(out, tmp_path, 1280, 390), strict=True):
+        assert seen.console == [] and seen.right <= width
+        ticks, points = seen.of("map-0", "xtick"), seen.of("map-0", "textpoint")
+        nearest = [min(ticks, key=lambda tick, at=text: abs(tick.middle[0] - at.middle[0])) for text in points]
+        counts = {tick.text: text.text for tick, text in zip(nearest, points, strict=True)}
+        assert counts == dict(zip(shown, ["(10)", "(10)", "1/10", "4/10", "7/10", "10/10"], strict=True))
+        apart = min(b - a for a, b in pairwise(sorted(tick.middle[0] for tick in ticks)))
+        for tick, text in zip(nearest, points, strict=True):
+            assert abs(text.middle[0] - tick.middle[0]) < 0.25 * apart
 
 
 def test_reply_times_of_a_unit_are_added_up_over_the_runs(tmp_path: Path):

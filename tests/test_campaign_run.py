@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import psutil
@@ -22,8 +23,7 @@ from rig.core.trust import Trust
 from rig.log import read_log
 from rig.log.chunk_layout import ROW
 from rig.log.writer import CHUNK_BYTES
-from rig.studies.campaign import folder as folder_module
-from rig.studies.campaign import pool
+from rig.studies.campaign import pool, study_folder
 from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.folder import open_folder
 from rig.studies.campaign.plan import Plan
@@ -92,10 +92,9 @@ def planned(path: Path, allow_code: bool = False) -> Plan:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Result:
+def whole(once: Any) -> Result:
     """The campaign flown without any interruption, by one worker."""
-    here = tmp_path_factory.mktemp("whole")
-    return run(planned(write(here)), here / "out", workers=1)
+    return once("campaign", lambda place: run(planned(write(place)), place / "out", workers=1))
 
 
 def command(path: Path, out: Path, *more: str) -> list[str]:
@@ -329,7 +328,7 @@ def test_a_part_that_cannot_be_written_leaves_nothing_half(tmp_path: Path, monke
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(folder_module.os, "fsync", full)
+    monkeypatch.setattr(study_folder.os, "fsync", full)
     with pytest.raises(RigError, match="No space left on device; 2 of 4 runs done"):
         run(planned(path), out)
     monkeypatch.undo()
@@ -445,19 +444,10 @@ def test_a_cluster_of_which_one_worker_is_killed_gives_the_same_table(whole: Res
     assert ran.stdout.split("\n")[-2] == f"48 {{'flown': 48}} {whole.table_sha256}"
 
 
-def test_the_commands_say_one_json_object_and_refuse_in_one_line(whole: Result, tmp_path: Path):
-    rig = [sys.executable, "-m", "rig", "campaign"]
-    status = subprocess.run([*rig, "status", str(whole.out), "--json"], capture_output=True, text=True, check=True)
-    assert json.loads(status.stdout)["table_sha256"] == whole.table_sha256
-    flown = subprocess.run(
-        [*rig, "fly", str(whole.out), "--run", "3", "--out", str(tmp_path), "--json"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert json.loads(flown.stdout)["same"] is True
-    bad = subprocess.run(
-        [*rig, "run", "nowhere", "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False
-    )
-    assert bad.returncode == 2 and bad.stderr.count("\n") == 1
-    assert "nowhere: no such file; bundled: " in bad.stderr
+def test_the_commands_say_one_json_object_and_refuse_in_one_line(whole: Result, rig_command: Any):
+    code, said, _ = rig_command("campaign", "status", str(whole.out), "--json")
+    assert code == 0 and json.loads(said)["table_sha256"] == whole.table_sha256
+    code, said, _ = rig_command("campaign", "fly", str(whole.out), "--run", "3", "--out", ".", "--json")
+    assert code == 0 and json.loads(said)["same"] is True
+    code, _, error = rig_command("campaign", "run", "nowhere", "--out", "out")
+    assert code == 2 and error.count("\n") == 1 and "nowhere: no such file; bundled: " in error

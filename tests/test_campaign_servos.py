@@ -5,12 +5,13 @@ from __future__ import annotations
 import polars as pl
 import pytest
 
+from rig.core.frame import Table
 from rig.scenario.scenario import load
 from rig.studies.campaign.flying import CampaignFlight, fly
-from rig.studies.campaign.groups import by_kind
+from rig.studies.campaign.group_rates import by_kind
 from rig.studies.campaign.tables import Row, shut_off
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import score
+from rig.verdict.scoring import score
 
 BASE = "f16_elevator_coil_hardover"
 COIL = "{kind='coil_hardover', signal='actuator.elevator', channels=[2], start_s=1.0}"
@@ -45,7 +46,7 @@ def test_a_stuck_valve_is_found_by_its_own_monitor_once_the_channel_is_shut_off(
 
 
 def test_a_run_counts_channels_that_were_shut_off_and_those_without_a_fault(flight: CampaignFlight) -> None:
-    row = campaign_rows("runs", 0, flight.scenario, score(flight.scenario, flight.table.rows), flight)[0]
+    row = campaign_rows("runs", 0, flight.scenario, score(flight.scenario, Table(flight.table.rows)), flight)[0]
     assert (row["coils_failed"], row["healthy_coils_failed"]) == (2, 0)
     others = {"elevator": {1: (1.5, "spool"), 2: (1.04, "current")}}
     assert shut_off(flight.scenario, others) == (2, 1)

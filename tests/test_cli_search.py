@@ -69,6 +69,7 @@ def test_from_nothing_to_a_scenario_that_violates(
     rig_command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("rig.studies.search.shrink.TRIES", 2)
+    monkeypatch.setattr("rig.studies.search.run_search.SEEDS", 3)
     arguments = ("search", space(tmp_path), "--requirement", "vote", "--flights", "36", "--bench", "--workers", "1")
     code, out, err = rig_command(*arguments, "--out", "s")
     assert code == 0 and out.splitlines()[0].startswith("flights ") and "least margin" in err

@@ -10,10 +10,12 @@ from typer.testing import CliRunner
 
 from rig.cli import printing as module
 from rig.cli.common import Align, comma_list, takes_options, whole_numbers
-from rig.cli.printing import Column, columns, counts, field, line, rest, rough_duration, share, table
+from rig.cli.printing import counts, field, line, rest, rough_duration, share, table
 from rig.cli.studies import _servo  # pyright: ignore[reportPrivateUsage]
+from rig.core.column import SECONDS, SHARE, Column, columns
 from rig.core.console import Screen
 from rig.core.errors import BadInput
+from rig.show.pages.page import DASH, cell
 from rig.studies.papers.servo_study import FREQUENCIES_HZ, Compared, Response
 
 
@@ -37,6 +39,19 @@ def printed(capsys: pytest.CaptureFixture[str]) -> list[str]:
 def test_a_column_looks_up_formats_and_names_its_unit(capsys: pytest.CaptureFixture[str]):
     table(POINTS, SHOWN)
     assert printed(capsys) == ["point speed, Mach letters", "low 0.65 3", "[bold]high none 10"]
+
+
+def test_terminal_and_page_read_one_declaration_each_with_its_own_look(capsys: pytest.CaptureFixture[str]):
+    rate = {"count": 1, "of": 2, "value": 0.5, "low": 0.1, "high": 0.9}
+    shown = (
+        *(Column("right share", format=SHARE), Column("delay s", format=SECONDS, page="delay, s")),
+        *(Column("here", lambda _: "yes", page=None), Column("there", lambda _: "yes", worth=0)),
+    )
+    table([{"right_share": rate, "delay_s": None}], shown)
+    assert printed(capsys) == ["right share delay s here", "1 of 2: 0.5000 (0.1000 to 0.9000) yes"]
+    row = {"right_share": rate, "delay_s": None}
+    assert [cell(row, column) for column in shown[:2]] == ["50 % (10 % to 90 %)", DASH]
+    assert [column.key for column in shown] == ["right_share", "delay_s", "here", "there"]
 
 
 def test_rows_beyond_the_most_are_counted_and_no_rows_print_nothing(capsys: pytest.CaptureFixture[str]):

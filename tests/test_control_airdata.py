@@ -6,8 +6,9 @@ import math
 
 import pytest
 
-from rig.computer.control import airdata
+from rig.computer.analytic.flight_path import path_angle
 from rig.core.units import atmosphere
+from rig.core.units import atmosphere as airdata
 
 # ISO 2533: geopotential altitude [m], pressure [Pa], temperature [K]
 ATMOSPHERE = [
@@ -64,4 +65,4 @@ def test_impossible_pressures_give_numbers() -> None:
 def test_flight_path_angle_in_attitudes_that_can_be_drawn(
     theta: float, phi: float, alpha: float, beta: float, gamma: float
 ) -> None:
-    assert airdata.flight_path_angle(theta, phi, alpha, beta) == pytest.approx(gamma, abs=2e-9)
+    assert path_angle(theta, phi, alpha, beta) == pytest.approx(gamma, abs=2e-9)

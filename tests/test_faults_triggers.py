@@ -158,15 +158,6 @@ def test_a_random_fault_with_a_duration_comes_again():
     assert onsets == pytest.approx(20_000 / (2 + 1 / (1 - np.exp(-0.1))), rel=0.15)
 
 
-@pytest.mark.parametrize("keys", [{"rate_per_hour": 7200.0, "duration_s": 0.05}, {"start_s": 0.1, "kind": "noise"}])
-def test_the_length_of_a_block_does_not_show(keys):
-    fault = offset(**keys)
-    if keys.get("kind") == "noise":
-        fault = {"std": 0.1, **{key: value for key, value in fault.items() if key != "offset"}}
-    whole, parts = (faulted(fault, block=healthy(3000), size=size) for size in (3000, 7))
-    assert whole["channels"].tobytes() == parts["channels"].tobytes() and len(acts(whole)) > 0
-
-
 BAD = [
     ({}, "a trigger is missing"),
     ({"start_s": 1.0, "after": "x"}, "does not go with after"),

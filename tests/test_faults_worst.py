@@ -9,7 +9,8 @@ from atlas_page import LEGEND, MET_NOW, MIXED, look
 
 from rig.core.palette import BLUE, LIGHT_BLUE, PALE_BLUE, PALE_RED
 from rig.scenario.scenario import load
-from rig.verdict.requirements import fly_requirements, load_requirements
+from rig.verdict.requirements.measure import fly_requirements
+from rig.verdict.requirements.requirement import load_requirements
 
 ROOT = Path(__file__).parents[1]
 WORST = sorted((ROOT / "faults" / "worst").glob("*.toml"))

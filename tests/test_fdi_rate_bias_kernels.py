@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rig.computer.analytic.unit_bank import bank_by
 from rig.computer.fdi import rate_bias
 from rig.computer.fdi.pitch_test_state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE, Config, parameters
 from rig.core.frame import INDEX, INERTIAL, S, Trust
@@ -67,7 +68,7 @@ def test_the_unit_s_yaw_drift_is_learned_while_heading_and_rates_are_in_order(ra
 def test_the_second_mean_goes_by_the_voted_bank_angle_where_the_unit_s_agrees(rates: int, voted: float, asked: bool):
     """And the filter by the gyros, but where the unit alone is in order."""
     w, x = turned(rates, voted)
-    unit, bank = w["unit"], rate_bias.bank_by(w["unit"])
+    unit, bank = w["unit"], bank_by(w["unit"])
     phi = voted if asked else bank
     other, by_bank = (unit["pitch_rate"] * math.cos(a) - unit["yaw_rate"] * math.sin(a) for a in (phi, bank))
     assert w["second"]["rate"] == pytest.approx(other, rel=1e-9)

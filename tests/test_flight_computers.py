@@ -4,7 +4,6 @@ from functools import cache
 
 import pytest
 
-from rig.core.event import Event
 from rig.core.frame import Table
 from rig.flight import lane_events as computers
 from rig.flight.loop import Rig, frames
@@ -98,13 +97,3 @@ def test_a_link_that_comes_back_is_told():
 
 def test_nothing_is_told_of_healthy_lanes_nor_of_one_computer():
     assert events(found()) == [] == events(found(more=("computers.count=1",)))
-
-
-def test_blocks_of_any_length_tell_the_same():
-    which = scenario.load(None, [*FOUR, "duration_s=1", f"faults=[{{{WRONG}, start_s=0.3}}]"])
-    rig = Rig(which)
-    ((rows, lanes),) = [(rows.copy(), *rig.lanes(len(rows))) for rows, _ in frames(rig, which)]
-    whole, parts, told = Findings(which), Findings(which), list[Event]()
-    for k in range(0, len(rows), 7):
-        told += parts.computers.find(Table(rows, lanes)[k : k + 7])
-    assert told == whole.computers.find(Table(rows, lanes)) != []

@@ -37,14 +37,6 @@ def test_a_failed_channel_is_told_with_its_level_and_who_decided():
     assert found[1].text == "pitch_rate: 4 to 3 channels"
 
 
-def test_a_change_between_two_blocks_is_seen_once():
-    block = blank()
-    block["state"][10:, Q, 2] = State.FAILED
-    finder = EventFinder([])
-    found = [*finder.find(block[:10]), *finder.find(block[10:20]), *finder.find(block[20:])]
-    assert names(found) == [(10, "channel failed")]
-
-
 def test_faults_begin_and_end_in_their_frames():
     finder, block = EventFinder([*"abcdefghi", "offset pitch_rate.2"]), blank()
     block["acting"][5:20, 1] = 0b10

@@ -29,18 +29,6 @@ def test_a_channel_that_is_readmitted_can_fail_again():
     assert [failure.frame for failure in failures(rows)] == [3, 9]
 
 
-@pytest.mark.parametrize("size", [1, 7, 30])
-def test_blocks_of_any_size_have_the_same_failures(size: int):
-    rows = blank()
-    rows["state"][0:, Q, 0] = State.FAILED
-    rows["state"][14:, Q, 3] = State.FAILED
-    listed, before = [], None
-    for k in range(0, len(rows), size):
-        listed += failures(rows[k : k + size], before)
-        before = rows[k : k + size][-1:]
-    assert listed == failures(rows) and [failure.frame for failure in listed] == [0, 14]
-
-
 @pytest.mark.parametrize(("resolver", "by"), [(Resolver.NONE, "comparison"), (Resolver.UNRESOLVED, "comparison")])
 def test_a_resolver_that_did_not_decide_is_not_named(resolver: Resolver, by: str):
     rows = blank(1)

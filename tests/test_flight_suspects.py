@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_verdict_parts import flight, offset
 
-from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, State, new_block
-from rig.flight.suspects import Suspect, SuspectCount, doubted
+from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, State, Table, new_block
+from rig.flight.suspects import Suspect, count_suspects, doubted, new_counts, suspects
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import score
 from rig.verdict.conclusion import conclusion
-from rig.verdict.score_tables import suspect_rows
+from rig.verdict.score_records import Score
+from rig.verdict.score_tables import SUSPECTS, tables
+from rig.verdict.scoring import score
 
 Q = INDEX["pitch_rate"]
 # Off in seven frames of eight from frame 10 on: never as long as the persistence of eight.
@@ -28,10 +29,16 @@ def healthy(frames: int) -> Block:
 
 
 def counted(rows: Block, size: int = 1000) -> dict[tuple[str, int], Suspect]:
-    count = SuspectCount()
+    counts = new_counts()
     for k in range(0, len(rows), size):
-        count.add(rows[k : k + size])
-    return {(each.signal, each.channel): each for each in count.channels()}
+        count_suspects(rows[k : k + size], counts)
+    return {(each.signal, each.channel): each for each in suspects(counts, len(rows))}
+
+
+def told(found: Score) -> list[object]:
+    """The only row of the table of suspects."""
+    (row,) = tables(found, 100.0)["suspects"].rows
+    return [column.of(row) for column in SUSPECTS]
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40))
@@ -88,13 +95,13 @@ def test_it_is_told_with_count_and_share():
 
 def test_a_fault_shorter_than_the_persistence_for_ever_is_told_in_the_score_and_in_the_conclusion():
     which, rows = flight([SEVEN_OF_EIGHT], 200, exact=True)
-    found = score(which, rows)
+    found = score(which, Table(rows))
     off = sum((k - 10) % 8 < 7 for k in range(10, 200))  # frames in which the fault acts: 167
     suspect = {(s.signal, s.channel): s.rows for s in found.suspects}
     assert suspect.pop(("pitch_rate", 2)) == off and not any(suspect.values())
     assert found.faults[0].outcome == "missed" and found.faults[0].tolerated
     assert f"pitch_rate channel 2 was suspect in {off} of 200 frames (83.5 %), never failed" in conclusion(which, found)
-    assert suspect_rows(found) == [("pitch_rate channel 2", str(off), "83.5 %", "never")]
+    assert told(found) == ["pitch_rate channel 2", off, "83.5 %", "never"]
     plain = next(each for each in found.as_dict()["suspects"] if each["rows"])
     assert plain == {
         **{"signal": "pitch_rate", "channel": 2, "rows": off, "of": 200, "failed": False},
@@ -104,8 +111,8 @@ def test_a_fault_shorter_than_the_persistence_for_ever_is_told_in_the_score_and_
 
 def test_a_channel_that_is_failed_is_in_the_table_and_in_no_sentence():
     which, rows = flight([offset([2], 0.1, 0.3)], 100, exact=True)
-    found = score(which, rows)
-    assert suspect_rows(found) == [("pitch_rate channel 2", "7", "7 %", "yes")]
+    found = score(which, Table(rows))
+    assert told(found) == ["pitch_rate channel 2", 7, "7 %", "yes"]
     assert not any("suspect" in line for line in conclusion(which, found))
 
 
@@ -113,7 +120,7 @@ def test_a_channel_that_is_failed_is_in_the_table_and_in_no_sentence():
 def test_samples_that_are_flagged_in_every_second_frame_are_counted_whoever_votes(manager: str):
     gaps = {"kind": "intermittent", "signal": "pitch_rate", "channels": [4], "start_s": 0.2, "in_gaps": "invalid"}
     which, rows = flight([{**gaps, "gap_s": 0.01, "contact_s": 0.01}], 200, f"redundancy.manager={manager}")
-    [suspect] = [each for each in score(which, rows).suspects if each.rows]
+    [suspect] = [each for each in score(which, Table(rows)).suspects if each.rows]
     assert (suspect.signal, suspect.channel, suspect.rows, suspect.failed) == ("pitch_rate", 4, 90, False)
 
 
@@ -121,7 +128,7 @@ def test_an_intermittent_discrete_is_told_too():
     gaps = {"kind": "intermittent", "signal": "gear_down", "channels": [3], "start_s": 0.2, "in_gaps": "invalid"}
     which, rows = flight([{**gaps, "gap_s": 0.01, "contact_s": 0.01}], 200)
     assert "gear_down channel 3 was suspect in 90 of 200 frames (45 %), never failed" in conclusion(
-        which, score(which, rows)
+        which, score(which, Table(rows))
     )
 
 

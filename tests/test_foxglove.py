@@ -17,7 +17,7 @@ from rig.log.schema import BOOL, FRAME_TOPICS, MESSAGES, POSE_TOPICS, TOPICS
 
 SCRIPTS = Path(__file__).parent / "foxglove"
 FRAMES = (0, 99, 107, 108, 299)
-FLAGS = {field.name for field in MESSAGES["rig.Signal"].fields if field.kind == BOOL}
+FLAGS = {field.name for field in MESSAGES["rig.Signal"] if field.kind == BOOL}
 
 
 @pytest.fixture(scope="module")

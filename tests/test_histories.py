@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rig.core.frame import Table
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
-from rig.verdict import Score, score
+from rig.verdict.score_records import Score
+from rig.verdict.scoring import score
 
 PAGE = Path(__file__).parent.parent / "docs" / "measured" / "references.md"
 SIGNALS = {
@@ -32,7 +34,7 @@ def settings(manager: str, signal: str) -> str:
 
 def fly(name: str, manager: str, *sets: str) -> Score:
     which = scenario.load(name, [settings(manager, SIGNALS[name]), *sets])
-    return score(which, np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)]))
+    return score(which, Table(np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])))
 
 
 def row(name: str, manager: str, found: Score) -> str:

@@ -28,10 +28,11 @@ from rig.core.files import open_regular
 from rig.core.frame import FLAT, TIMING
 from rig.core.frame.fields import FIELDS
 from rig.core.settings import read_toml
-from rig.log import LogWriter, foreign, read_log
+from rig.log import foreign, read_log
 from rig.log.recordings.columns_file import Table
 from rig.log.recordings.csv_file import TableFormat
 from rig.log.scan import contents
+from rig.log.writer import LogWriter
 from rig.studies.campaign import compile_ahead, pool
 from rig.unit.unit_file import Unit
 from rig.world.sensors import noise_file as recorded

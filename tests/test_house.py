@@ -4,6 +4,7 @@ import ast
 import re
 import tomllib
 from collections import Counter
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
@@ -25,13 +26,18 @@ WORDS = (
 )
 
 
+@cache
+def nodes() -> list[tuple[Path, ast.AST]]:
+    """All nodes of all sources."""
+    return [(path, node) for path in SOURCES for node in ast.walk(ast.parse(path.read_text()))]
+
+
 def test_no_file_and_no_function_is_too_long():
     files = {str(path): len(path.read_text().splitlines()) for path in SOURCES}
     assert {name: lines for name, lines in files.items() if lines > LONGEST_FILE} == {}
     functions = {
         f"{path}:{node.name}": (node.end_lineno or 0) - node.lineno + 1
-        for path in SOURCES
-        for node in ast.walk(ast.parse(path.read_text()))
+        for path, node in nodes()
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     }
     assert len(functions) > 1000
@@ -120,7 +126,7 @@ def test_no_room_has_a_circle_inside():
 def test_every_package_that_is_needed_at_run_time_is_imported():
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     imported: set[str] = set()
-    for node in (node for path in SOURCES for node in ast.walk(ast.parse(path.read_text()))):
+    for _, node in nodes():
         if isinstance(node, ast.Import):
             imported |= {alias.name.partition(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:

@@ -120,5 +120,8 @@ def test_a_flight_that_is_asked_to_end_leaves_a_finished_log(number: signal.Sign
     begun.send_signal(number)
     said, errors = begun.communicate(timeout=60)
     assert (begun.returncode, errors) == (0, b"")
-    log = read_log(tmp_path / json.loads(said)["log"])
-    assert log.result is not None and log.result["end_reason"] == "interrupted" and 0 < len(log.rows) < 6000
+    flown = json.loads(said)
+    assert flown["end_reason"] == "interrupted" and flown["survived"]
+    log = read_log(tmp_path / flown["log"])
+    assert log.result is not None and log.result["end_reason"] == "interrupted"
+    assert 0 < len(log.rows) == flown["frames"] < 6000

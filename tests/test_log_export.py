@@ -21,8 +21,7 @@ from rig.log import export as module
 from rig.log.columns import COLUMNS
 from rig.log.export import export
 from rig.log.info import info
-from rig.log.log_file import iter_blocks
-from rig.log.scan import About
+from rig.log.writer import LogWriter
 
 Q = INDEX["pitch_rate"]
 # A channel flagged invalid for a while, then a hardover: what rig vote has to see in the table too.
@@ -36,14 +35,6 @@ FAULTS = (
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory) -> Path:
     return fly(overrides=["duration_s=3", FAULTS], out=tmp_path_factory.mktemp("logs")).log
-
-
-def run(capsys, monkeypatch, *arguments: object) -> tuple[int, str, str]:
-    """The ``rig`` command in this process: exit code, stdout, stderr."""
-    monkeypatch.setattr(sys, "argv", ["rig", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return int(ended.value.code or 0), *capsys.readouterr()
 
 
 def test_the_command_does_without_the_compiler(flown: Path, tmp_path: Path):
@@ -86,13 +77,13 @@ def test_enums_are_words_in_a_table_and_numbers_in_npz(flown, tmp_path):
 
 
 @pytest.mark.parametrize("to", ["csv", "parquet"])
-def test_an_export_for_vote_is_voted_as_it_was_in_flight(flown, tmp_path, to, capsys, monkeypatch):
+def test_an_export_for_vote_is_voted_as_it_was_in_flight(flown, tmp_path, to, rig_command):
     """Every vote, state, level, pattern and resolver of the flight, from the table alone."""
     recording, table, out = rig.read_log(flown), tmp_path / f"a.{to}", tmp_path / "voted.parquet"
-    code, _, err = run(capsys, monkeypatch, "export", flown, "--to", to, "--for-vote", "--out", table)
+    code, _, err = rig_command("export", flown, "--to", to, "--for-vote", "--out", table)
     assert (code, err) == (0, "")
     (tmp_path / "vote.toml").write_text(config(recording))
-    assert run(capsys, monkeypatch, "vote", table, "--config", tmp_path / "vote.toml", "--out", out)[0] == 0
+    assert rig_command("vote", table, "--config", tmp_path / "vote.toml", "--out", out)[0] == 0
     voted = pl.read_parquet(out)
     for name in INDEX:
         signal = recording.signal(name)
@@ -133,17 +124,6 @@ def test_an_export_for_vote_leaves_flagged_samples_empty(flown, tmp_path):
     assert pl.read_csv(tmp_path / "a.csv")["pitch_rate.valid.2"].to_numpy().tolist().count(0) == 2
 
 
-@pytest.mark.parametrize("to", ["csv", "parquet", "npz"])
-@pytest.mark.parametrize("for_vote", [True, False])
-def test_a_file_read_block_by_block_gives_the_same_bytes(flown, tmp_path, monkeypatch, to, for_vote):
-    log = rig.read_log(flown)
-    of_log = export(log, to, tmp_path / f"log.{to}", for_vote=for_vote)
-    monkeypatch.setattr("rig.core.blocks.ROWS", 70)
-    assert [len(block.rows) for block in iter_blocks(flown, About())] == [70, 70, 70, 70, 20]
-    assert export(flown, to, tmp_path / f"file.{to}", for_vote=for_vote) == of_log and of_log.rows == 300
-    assert (tmp_path / f"file.{to}").read_bytes() == (tmp_path / f"log.{to}").read_bytes()
-
-
 def test_a_table_written_group_by_group_is_the_same_table(flown, tmp_path, monkeypatch):
     whole = {to: export(flown, to, tmp_path / f"whole.{to}") for to in ("csv", "parquet")}
     monkeypatch.setattr(module, "GROUP_BYTES", 100_000)  # some thirty frames
@@ -175,7 +155,7 @@ def test_a_group_that_is_written_is_not_held(flown, tmp_path, monkeypatch, to):
 
 def test_a_log_without_frames_is_a_table_without_rows(flown, tmp_path):
     log = rig.read_log(flown)
-    with rig.log.LogWriter(tmp_path / "a.mcap", log.rate_hz, log.metadata, log.attachments.items()) as writer:
+    with LogWriter(tmp_path / "a.mcap", log.rate_hz, log.metadata, log.attachments.items()) as writer:
         writer.close({})
     assert export(tmp_path / "a.mcap", "csv", tmp_path / "a.csv", ["pitch_rate"]).rows == 0
     assert pl.read_csv(tmp_path / "a.csv").height == 0
@@ -189,10 +169,9 @@ def test_a_damaged_log_is_no_table(flown, tmp_path):
     assert list(tmp_path.iterdir()) == [cut]
 
 
-def test_only_what_is_asked_for_is_written(flown, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    code, out, _ = run(
-        capsys, monkeypatch, "export", flown, "--to", "npz", "--signals", "heading, flight", "--out", "a.npz", "--json"
+def test_only_what_is_asked_for_is_written(flown, tmp_path, rig_command):
+    code, out, _ = rig_command(
+        "export", flown, "--to", "npz", "--signals", "heading, flight", "--out", "a.npz", "--json"
     )
     found = json.loads(out)
     assert code == 0 and found["rows"] == 300
@@ -209,17 +188,14 @@ def test_only_what_is_asked_for_is_written(flown, tmp_path, capsys, monkeypatch)
         (["--to", "csv", "--out", "nowhere/a.csv"], "no such folder"),
     ],
 )
-def test_a_wrong_export_is_one_line_exit_code_2_and_nothing_written(
-    flown, tmp_path, capsys, monkeypatch, arguments, says
-):
-    monkeypatch.chdir(tmp_path)
+def test_a_wrong_export_is_one_line_exit_code_2_and_nothing_written(flown, tmp_path, arguments, says, rig_command):
     before = sorted(flown.parent.iterdir())
-    code, out, err = run(capsys, monkeypatch, "export", flown, *arguments)
+    code, out, err = rig_command("export", flown, *arguments)
     assert (code, out, err.count("\n")) == (2, "", 1) and says in err
     assert list(tmp_path.iterdir()) == [] and sorted(flown.parent.iterdir()) == before
 
 
-def test_a_log_tells_what_was_flown_and_that_it_is_whole(flown, capsys, monkeypatch):
+def test_a_log_tells_what_was_flown_and_that_it_is_whole(flown, rig_command):
     found, log = info(flown), rig.read_log(flown)
     assert (found["title"], found["aircraft"], found["seed"]) == ("F-16 pitch-rate hardover", "f16", 1)
     assert (found["frames"], found["duration_s"], found["rate_hz"], found["faults"]) == (300, 3.0, 100.0, 3)
@@ -228,16 +204,16 @@ def test_a_log_tells_what_was_flown_and_that_it_is_whole(flown, capsys, monkeypa
     assert found["events"]["fault on"] == 3 and found["events"]["channel failed"] == 2
     assert found["health"] == "whole, every checksum matches" and found["damage"] is None
     assert found["versions"]["jsbsim"] == log.metadata["version jsbsim"]
-    code, text, _ = run(capsys, monkeypatch, "info", flown)
+    code, text, _ = rig_command("info", flown)
     assert code == 0 and log.result and log.result["digest"] in text and "survived" in text
-    code, text, _ = run(capsys, monkeypatch, "info", flown, "--json")
+    code, text, _ = rig_command("info", flown, "--json")
     assert code == 0 and json.loads(text) == json.loads(json.dumps(found))
 
 
-def test_a_cut_log_tells_what_is_left_of_it(flown, tmp_path, capsys, monkeypatch):
+def test_a_cut_log_tells_what_is_left_of_it(flown, tmp_path, rig_command):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(flown.read_bytes()[: flown.stat().st_size // 2])
-    code, text, err = run(capsys, monkeypatch, "info", cut, "--json")
+    code, text, err = rig_command("info", cut, "--json")
     found = json.loads(text)
     assert code == 2 and err.count("\n") == 1 and "truncated at byte" in err
     assert found["frames"] == 100 and found["damage"].startswith("truncated at byte") and found["result"] is None

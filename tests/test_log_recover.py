@@ -9,7 +9,8 @@ from test_log_writer import random_block, random_timing, summary_of, write
 from rig.core.errors import BadLog, RigError
 from rig.core.frame import FLAT, Table
 from rig.flight.events import Event
-from rig.log import LogWriter, read_log, recover
+from rig.log import read_log, recover
+from rig.log.writer import LogWriter
 
 FRAMES = 33
 RATE = 10.0  # a chunk has 10 frames

@@ -155,7 +155,7 @@ def test_what_rig_vote_wrote_is_voted_again():
         assert np.array_equal(samples, rows["channels"][:, INDEX["pitch_rate"], c])
 
 
-CONTROL = schema.MESSAGES["rig.Control"].fields
+CONTROL = schema.MESSAGES["rig.Control"]
 
 
 def described(name: str = "rig.Control") -> FileDescriptorSet:
@@ -166,7 +166,7 @@ def test_an_older_message_may_lack_fields_and_members_but_not_differ():
     whole = described()
     del whole.file[0].message_type[0].field[-2:]  # unit, unit_age
     names = [field.name for field in schema.older(whole, CONTROL) or ()]
-    assert names == [field.name for field in schema.MESSAGES["rig.Control"].fields][:-2]
+    assert names == [field.name for field in schema.MESSAGES["rig.Control"]][:-2]
     enums = next(e for e in whole.file[0].message_type[0].nested_type if e.name == "Trust").enum_type[0]
     del enums.value[-1]
     assert schema.older(whole, CONTROL) is not None
@@ -178,7 +178,7 @@ def test_an_older_message_may_lack_fields_and_members_but_not_differ():
 def test_an_older_field_of_another_name_number_or_type_is_not_read(attribute: str, value: Any):
     whole = described("rig.Demand")
     setattr(whole.file[0].message_type[0].field[1], attribute, value)
-    assert schema.older(whole, schema.MESSAGES["rig.Demand"].fields) is None
+    assert schema.older(whole, schema.MESSAGES["rig.Demand"]) is None
 
 
 def test_old_fields_keep_their_numbers():
@@ -189,7 +189,7 @@ def test_old_fields_keep_their_numbers():
     for record in summary.schemas.values():
         if record.name in schema.MESSAGES:
             (message,) = FileDescriptorSet.FromString(record.data).file[0].message_type
-            ours = [field.name for field in schema.MESSAGES[record.name].fields]
+            ours = [field.name for field in schema.MESSAGES[record.name]]
             assert ours[: len(message.field)] == [field.name for field in message.field]
             assert set(ours[len(message.field) :]) <= NEW | FORCES | {"reply_us"} | {
                 f"{stem}_{c}" for stem in ("valid", "ilm") for c in range(1, 5)

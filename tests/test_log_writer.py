@@ -21,11 +21,12 @@ from mcap_protobuf.decoder import DecoderFactory
 from rig.core.errors import BadInput, RigError
 from rig.core.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, TIMING, Ilm, Pattern, Resolver, State, Table, new_block
 from rig.flight.events import Event
-from rig.log import LogWriter, read_log, recover
+from rig.log import read_log, recover
 from rig.log.chunk_layout import ROW, log_times
 from rig.log.container import Container
 from rig.log.of_flight import new_log
 from rig.log.schema import FRAME_TOPICS, MESSAGES, POSE_TOPICS, SCHEMA_VERSION
+from rig.log.writer import LogWriter
 from rig.scenario.scenario import load
 
 RATE = 100.0
@@ -178,7 +179,7 @@ def test_protobuf_decodes_every_other_topic_to_the_rows(tmp_path):
         messages = decoded(tmp_path / "a.mcap", topic.name)
         source = timing if topic.message == "rig.Timing" else block
         for row, message in zip(source, messages, strict=True):
-            for field in MESSAGES[topic.message].fields:
+            for field in MESSAGES[topic.message]:
                 value = row[field.source]
                 value = value if topic.item is None else value[topic.item]
                 np.testing.assert_equal(getattr(message, field.name), value[field.index])
@@ -342,7 +343,7 @@ KILLED = """
 import os, sys
 from test_log_writer import random_block, random_timing
 from rig.core.frame import Table
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 log = LogWriter(sys.argv[1], 100.0, {"seed": "1"})
 for k in range(3):
     log.write(Table(random_block(100, k, 100 * k), timing=random_timing(100)))
@@ -366,7 +367,7 @@ def test_memory_does_not_grow_with_the_flight(tmp_path):
             log.write(Table(rows, timing=timing), events)
         grown, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
-    assert grown < 3000 * 72 * 1.3
+    assert grown < 3000 * 450  # what the summary needs of a chunk
     assert peak < grown + 2**20
 
 

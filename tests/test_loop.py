@@ -32,12 +32,6 @@ def test_the_same_scenario_and_seed_give_the_same_bytes_and_another_seed_does_no
     assert not same(first, flown(load("turbulence=moderate", seed=2)))
 
 
-def test_the_length_of_a_block_does_not_show_in_the_frames(monkeypatch: pytest.MonkeyPatch):
-    whole = flown(load())
-    monkeypatch.setattr(loop, "BLOCK_S", 0.13)
-    assert same(whole, flown(load()))
-
-
 @pytest.mark.requirement("references", "never the truth, never the signal that it checks")
 def test_truth_never_reaches_redundancy_or_control():
     """Once the sensors have spoken, truth and flight condition become garbage; nothing that follows changes."""

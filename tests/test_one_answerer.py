@@ -21,7 +21,8 @@ from rig.scenario import scenario
 from rig.show.pages.flight_page import report
 from rig.studies.campaign.tables import rows as campaign_rows
 from rig.studies.reliability.tally import TESTED
-from rig.verdict import Yardstick, score_log
+from rig.verdict.of_log import score_log
+from rig.verdict.score_records import Yardstick
 from rig.verdict.signal_kernels import NEVER
 from rig.verdict.words import PRIOR, PUBLIC, FaultWord, IsolationKind, VoteWord
 from rig.world.faults import KINDS
@@ -61,9 +62,10 @@ DRIVERS = {
 PLAIN = {"right", "wrong", "missed", "none", "kept"}
 # Where a word of an outcome stands in a file that makes none: a heading, or another thing of that name.
 NAMED = {
-    *(("cli/league.py", word) for word in ("isolated", "wrong channel")),  # headings
-    *(("studies/campaign/campaign_page.py", "detected"), ("cli/score.py", "failed by rule")),
-    ("cli/show_campaign.py", "wrong isolation"),
+    *(("studies/benchmark/outcome_table.py", word) for word in ("isolated", "wrong channel")),  # headings
+    *((f"studies/campaign/campaign_{name}.py", "detected") for name in ("page", "summary")),
+    ("cli/score.py", "failed by rule"),
+    *(("cli/show_campaign.py", word) for word in ("wrong isolation", "detected")),
     ("studies/thresholds/thresholds_page.py", "isolated"),  # a heading
     ("world/faults/trigger.py", "isolated"),  # a pattern
     ("world/faults/systems.py", "false alarm"),  # of an in-line monitor

@@ -1,8 +1,8 @@
 """A file of the rig's own, or of JSBSim's package, that cannot be read is named in one line; exit code 1."""
 
 import shutil
-import sys
 from pathlib import Path
+from typing import Any
 
 import jsbsim
 import pytest
@@ -28,18 +28,9 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "rig" / "bundled"
 
 
-def failure(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *command: str) -> tuple[int, str]:
-    monkeypatch.setattr(sys, "argv", ["rig", *command])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    return int(end.value.code or 0), capsys.readouterr().err
-
-
 @pytest.mark.parametrize("broken", ["gone", "folder", "rubbish"])
 @pytest.mark.parametrize("name", ["aircraft/defaults.toml", "aircraft/sensor_classes.toml"])
-def test_settings_that_all_aircraft_share_are_named(
-    installed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str, broken: str
-):
+def test_settings_that_all_aircraft_share_are_named(installed: Path, name: str, broken: str, rig_command: Any):
     path = installed / name
     path.unlink()
     if broken == "folder":
@@ -47,19 +38,17 @@ def test_settings_that_all_aircraft_share_are_named(
     elif broken == "rubbish":
         path.write_bytes(RUBBISH)
     classed = ["--set", "sensors.pitch_rate.class=tactical"]
-    code, err = failure(monkeypatch, capsys, "scenario", "check", *classed)
+    code, _, err = rig_command("scenario", "check", *classed)
     assert code == 1 and err.startswith(f"failed: {path}: ") and err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
     "name", ["faults/f16_pitch_rate_hardover.toml", "aircraft/f16/aircraft.toml", "faults", "aircraft"]
 )
-def test_a_file_that_is_flown_by_default_is_named_when_it_is_gone(
-    installed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
-):
+def test_a_file_that_is_flown_by_default_is_named_when_it_is_gone(installed: Path, name: str, rig_command: Any):
     path = installed / name
     shutil.rmtree(path) if path.is_dir() else path.unlink()
-    code, err = failure(monkeypatch, capsys, "scenario", "check")
+    code, _, err = rig_command("scenario", "check")
     assert code == 1 and err.startswith(f"failed: {path}: a file of the rig") and err.count("\n") == 1
 
 
@@ -70,13 +59,11 @@ def test_who_names_something_that_is_not_there_still_hears_what_there_is(install
         find("f16_pitch_rate_hardovr")
 
 
-def test_a_scenario_that_is_no_text_is_refused_by_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
+def test_a_scenario_that_is_no_text_is_refused_by_name(tmp_path: Path, rig_command: Any):
     path = tmp_path / "s.toml"
     path.write_bytes(RUBBISH)
     for command in (["fly", str(path), "--out", str(tmp_path / "logs")], ["scenario", "check", str(path)]):
-        code, err = failure(monkeypatch, capsys, *command)
+        code, _, err = rig_command(*command)
         assert code == 2 and err.startswith(f"error: {path}: not valid TOML") and err.count("\n") == 1
     assert not (tmp_path / "logs").exists()
 
@@ -122,11 +109,11 @@ def test_a_model_of_jsbsim_that_is_a_folder_or_is_gone_is_named(tmp_path: Path):
 
 
 def test_a_file_that_the_system_refuses_is_one_line_wherever_it_is_read(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, rig_command: Any
 ):
     def refuse() -> int:
         raise PermissionError(13, "Permission denied", "/somewhere/a file")
 
     monkeypatch.setattr(cli, "_command", refuse)
-    code, err = failure(monkeypatch, capsys)
+    code, _, err = rig_command()
     assert (code, err) == (1, "failed: /somewhere/a file: Permission denied\n")

@@ -14,7 +14,7 @@ import pytest
 
 from rig.cli import main as cli
 from rig.core.errors import BadInput
-from rig.studies.campaign import folder
+from rig.studies.campaign import study_folder as folder
 
 ROOT = Path(__file__).parents[1]
 POSIX_ONLY = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
@@ -59,9 +59,16 @@ def test_no_module_imports_at_load_what_only_posix_has(tmp_path: Path):
     }
 
 
+BUSY = "rig campaign run is flying"
+
+
 def test_a_folder_is_locked_for_one_at_a_time_and_free_afterwards(tmp_path: Path):
     for _ in range(2):
-        with folder.locked(tmp_path), pytest.raises(BadInput, match="is flying into it"), folder.locked(tmp_path):
+        with (
+            folder.locked(tmp_path, BUSY),
+            pytest.raises(BadInput, match="is flying into it"),
+            folder.locked(tmp_path, BUSY),
+        ):
             pass
 
 
@@ -79,8 +86,12 @@ def test_without_flock_the_first_byte_of_the_lock_is_locked_and_released(
 
     monkeypatch.setattr(folder.sys, "platform", "win32")
     monkeypatch.setitem(sys.modules, "msvcrt", types.SimpleNamespace(locking=locking, LK_NBLCK=2, LK_UNLCK=0))
-    locked = folder.locked(tmp_path / "a")
-    with locked, pytest.raises(BadInput, match="is flying into it"), folder.locked(tmp_path / "a"):
+    locked = folder.locked(tmp_path / "a", BUSY)
+    with (
+        locked,
+        pytest.raises(BadInput, match="is flying into it"),
+        folder.locked(tmp_path / "a", BUSY),
+    ):
         pass
     assert calls == [(2, 1, 0), (2, 1, 0), (0, 1, 0)] and held == set()
 
@@ -88,7 +99,7 @@ def test_without_flock_the_first_byte_of_the_lock_is_locked_and_released(
 def test_without_o_nofollow_a_lock_that_is_a_link_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(folder, "_FLAGS", os.O_RDWR | os.O_CREAT)
     (tmp_path / "lock").symlink_to(tmp_path / "precious")
-    with pytest.raises(BadInput, match="lock: is a link"), folder.locked(tmp_path):
+    with pytest.raises(BadInput, match="lock: is a link"), folder.locked(tmp_path, BUSY):
         pass
     assert not (tmp_path / "precious").exists()
 

@@ -18,8 +18,7 @@ from rig.flight.fly import Flight, fly
 from rig.show.pages.course import Course
 from rig.show.pages.flight_figures import of_flight, spanned, surfaces, vote_errors
 from rig.show.pages.flight_page import report
-from rig.show.pages.gathered import errors, of_signal, of_surface
-from rig.show.pages.lines import MOST_POINTS, line, thinned
+from rig.show.pages.lines import MOST_POINTS, errors, line, of_signal, of_surface, thinned
 from rig.show.pages.timeline import spans
 
 OLD = Path(__file__).parent / "logs"
@@ -132,20 +131,17 @@ def test_channels_differ_by_colour_and_dash_and_no_line_is_red(split: Path):
 
 
 @outside.needs("chromium")
-@pytest.mark.parametrize("width", [1280, 390])
-def test_in_a_browser_every_lane_has_its_name_and_nothing_lies_on_it(split: Path, tmp_path: Path, width: int):
-    seen = visit(split, tmp_path, width)
-    assert seen.console == [] and seen.right <= width
-    assert seen.drawn >= len(figures(split.read_text()))
-    lanes = {text.text for text in seen.of("timeline", "ytick")}
-    assert {
-        f"pitch_rate {of}" for of in ("channel 1", "channel 2", "channel 3", "channel 4", "pattern", "level")
-    } < lanes
-    for figure in ("timeline", "votes", "moment-pitch_rate"):
-        texts = [text for text in seen.texts if text.figure == figure]
-        covered = [(a.text, b.text) for a, b in combinations(texts, 2) if a.covers(b)]
-        assert [pair for pair in covered if "time, s" in pair] == []
-        assert seen.of(figure, "legendtext") == []  # the legend is below the figure, not on it
+def test_in_a_browser_every_lane_has_its_name_and_nothing_lies_on_it(split: Path, tmp_path: Path):
+    named = {f"pitch_rate {of}" for of in ("channel 1", "channel 2", "channel 3", "channel 4", "pattern", "level")}
+    for width, seen in zip((1280, 390), visit(split, tmp_path, 1280, 390), strict=True):
+        assert seen.console == [] and seen.right <= width
+        assert seen.drawn >= len(figures(split.read_text()))
+        assert named < {text.text for text in seen.of("timeline", "ytick")}
+        for figure in ("timeline", "votes", "moment-pitch_rate"):
+            texts = [text for text in seen.texts if text.figure == figure]
+            covered = [(a.text, b.text) for a, b in combinations(texts, 2) if a.covers(b)]
+            assert [pair for pair in covered if "time, s" in pair] == []
+            assert seen.of(figure, "legendtext") == []  # the legend is below the figure, not on it
 
 
 def test_a_quiet_flight_has_no_decision_and_its_title_cannot_end_the_page(tmp_path: Path):
@@ -179,17 +175,6 @@ def test_a_thinned_line_keeps_its_extremes():
     chosen = thinned(values)
     assert len(chosen) <= MOST_POINTS and {17, 33_333} <= set(chosen.tolist())
     assert np.array_equal(thinned(values[:MOST_POINTS]), np.arange(MOST_POINTS))
-
-
-def test_a_report_in_small_blocks_is_that_of_the_whole_log(
-    split: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-):
-    (log,) = split.parent.glob("*.mcap")
-    monkeypatch.setattr("rig.core.blocks.ROWS", 13)
-    for held in (2**40, 0):  # the log is held, or what the pictures show is mapped from a scratch file
-        monkeypatch.setattr("rig.log.log_file.HELD_BYTES", held)
-        report(log, tmp_path / "split.html")
-        assert (tmp_path / "split.html").read_bytes() == split.read_bytes()
 
 
 def test_an_angle_goes_on_through_north_from_block_to_block():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ import polars as pl
 import pytest
 
 from rig.bench.vote_rows import vote
-from rig.cli import main as cli
 from rig.core.errors import BadInput
 from rig.log.recordings.align import align
 from rig.log.recordings.read import read
@@ -127,27 +125,18 @@ def test_no_repair_for_what_is_no_clock(time_s: list[float], says: str):
         clock("a", np.array(time_s), repair=True)
 
 
-def test_the_command_says_what_it_dropped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
+def test_the_command_says_what_it_dropped(rig: Any, tmp_path: Path):
     table(tmp_path / "in.csv")
     (tmp_path / "c.toml").write_text("[default]\nthreshold = 1.0\n")
-    monkeypatch.chdir(tmp_path)
-
-    def run(*more: str) -> tuple[Any, str]:
-        monkeypatch.setattr(sys, "argv", ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", *more])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return end.value.code, capsys.readouterr().out
-
-    assert run()[0] == 2 and not Path("o.csv").exists()
-    code, text = run("--repair-time")
+    command = ("in.csv", "--config", "c.toml", "--out", "o.csv")
+    assert rig(*command)[0] == 2 and not Path("o.csv").exists()
+    code, text, _ = rig(*command, "--repair-time")
     assert code == 0 and "dropped 3 of 9 rows of in.csv, where time repeats or steps back: 3, 5, 6" in text
     assert pl.read_csv("o.csv")["time_s"].to_list() == [STEPS[k] for k in KEPT]
-    found = json.loads(run("--repair-time", "--json")[1])
+    found = json.loads(rig(*command, "--repair-time", "--json")[1])
     assert found["repaired"] == [{"source": "in.csv", "rows": 9, "dropped": 3, "first": [3, 5, 6]}]
     table(Path("in.csv"), [0.1 * k for k in range(9)])
-    assert json.loads(run("--repair-time", "--json")[1])["repaired"] == []
+    assert json.loads(rig(*command, "--repair-time", "--json")[1])["repaired"] == []
 
 
 @pytest.mark.skipif(not QUAD.is_dir(), reason="the recordings are not here")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pyarrow as pa
+import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 import tomli_w
@@ -388,3 +389,20 @@ def test_a_heading_counted_from_north_is_told_its_range(vote: Any):
     wrong["signal"]["hdg"]["range"] = [0.0, 360.0]
     code, _, found = vote("in.csv", **wrong)
     assert code == 0 and [c["state"] for c in found["signals"]["hdg"]["channels"]] == ["ok"] * 4
+
+
+@pytest.mark.parametrize(
+    ("kind", "module", "reader"), [("csv", pyarrow.csv, "read_csv"), ("parquet", pq, "ParquetFile")]
+)
+def test_no_file_of_pythons_is_left_to_the_threads_that_read_a_table(
+    kind: str, module: Any, reader: str, rig_command: Any, monkeypatch: pytest.MonkeyPatch
+):
+    """One that is let go of while the process ends aborts it: exit code 134 in place of 2."""
+    table = pl.DataFrame({"time_s": [0.0, 0.01], "q.1": [1.0, 2.0]})
+    (table.write_csv if kind == "csv" else table.write_parquet)(f"in.{kind}")
+    Path("config.toml").write_text("[signal.q]\nthreshold = 0.1\n")
+    given, plain = [], getattr(module, reader)
+    monkeypatch.setattr(module, reader, lambda file, *more: given.append(file) or plain(file, *more))
+    code, _, error = rig_command("vote", f"in.{kind}", "--config", "config.toml", "--out", "out.csv")
+    assert code == 2 and "one channel" in error
+    assert given and all(isinstance(file, pa.OSFile) for file in given)

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.bench.vote_rows import params_of
-from rig.log.recordings.rate import rows_a_second
 from rig.log.recordings.read import read
+from rig.log.recordings.stamps import rows_a_second
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
 
 

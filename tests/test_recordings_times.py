@@ -1,7 +1,6 @@
 """Times of a recording: readable where its clock began long ago, and refused in its settings where it has no row."""
 
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rig.cli import main as cli
 from rig.log.recordings.stamps import digits, gaps, of_rows
 
 EPOCH = 1764166800.0
@@ -17,9 +15,8 @@ N = 400
 
 
 @pytest.fixture
-def vote(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+def vote(rig: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """vote(first time, settings, options) -> exit code, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
 
     def voted(first_s: float, settings: str = "", *options: str) -> tuple[int, str, str]:
@@ -30,11 +27,7 @@ def vote(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
         x["x.3"][200:] += 1.0
         pl.DataFrame({"time_s": time_s, **x}).write_csv("in.csv")
         Path("c.toml").write_text(f"{settings}\n[default]\nthreshold = 0.1\npersistence = 8\n")
-        monkeypatch.setattr(sys, "argv", ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", *options])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        printed = capsys.readouterr()
-        return int(end.value.code or 0), printed.out, printed.err
+        return rig("in.csv", "--config", "c.toml", "--out", "o.csv", *options)
 
     return voted
 

@@ -95,7 +95,7 @@ def test_a_selection_may_come_back_to_the_first_channel():
 # An independent expectation of each, in plain Python over random samples with gaps.
 SAMPLE = st.sampled_from([0.0, 0.5, 1.0, 1.25, 3.0, 8.0, -4.0, np.nan])
 FLIGHTS = hnp.arrays(np.float64, (25, 4), elements=SAMPLE)
-MANY = settings(max_examples=80 // FEWER, deadline=None, derandomize=True)
+MANY = settings(max_examples=round(80 / FEWER), deadline=None, derandomize=True)
 
 
 def held(values: list[float]) -> list[float]:

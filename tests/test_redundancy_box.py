@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from one_stage import step_stage
 
-from rig.computer.redundancy.box import MOST_BOXES
-from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, box_of_signals, fill
+from rig.computer.redundancy.box import MOST_BOXES, box_of_signals
+from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
 from rig.core.frame import SIGNALS, Ilm, Pattern, Resolver, S, State, new_block
 

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DiscreteConfig, DiscreteConfigs, discrete_parameters
-from rig.computer.redundancy.manager_config import Reset, command
+from rig.computer.redundancy.resets import Reset, command
 from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, Block, D, Ilm, State, new_block
 
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
@@ -216,7 +216,7 @@ def flights(draw):
     return chosen, samples, by_flag, resets
 
 
-@settings(max_examples=200 // FEWER, deadline=None, derandomize=True)
+@settings(max_examples=round(200 / FEWER), deadline=None, derandomize=True)
 @given(flights())
 def test_every_frame_of_a_discrete_is_that_of_the_requirement(flight):
     chosen, samples, by_flag, resets = flight

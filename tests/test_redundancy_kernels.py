@@ -15,14 +15,13 @@ from rig.computer.redundancy.manager_config import (
     MANAGERS,
     PARAMS,
     Config,
-    Reset,
     SignalConfig,
     SignalConfigs,
-    command,
     fill,
     parameters,
     refuse_short_wait,
 )
+from rig.computer.redundancy.resets import Reset, command
 from rig.computer.redundancy.state import STATE
 from rig.core.frame import SIGNALS, Ilm, Resolver, State, new_block
 

@@ -123,7 +123,7 @@ def test_in_a_browser_no_column_is_cut_and_no_two_labels_of_a_picture_overlap(
 ):
     counted["a"] = Cells("cross-channel", table(bad=1), NO_ALARMS)
     rig_command("reliability", "run", "a", "--rates", str(rates), "--report", str(tmp_path / "report.html"))
-    seen = visit(tmp_path / "report.html", tmp_path, 1400)
+    [seen] = visit(tmp_path / "report.html", tmp_path, 1400)
     assert seen.console == [] and seen.right <= 1400 and seen.hidden == 0 and seen.drawn >= 3
     for figure in ("picture-0", "picture-1", "picture-2"):
         texts = [text for text in seen.texts if text.figure == figure]

@@ -22,8 +22,8 @@ from rig.core.errors import BadInput
 from rig.scenario.overrides import set_key
 from rig.scenario.scenario import load
 from rig.studies.campaign.campaign_file import read
-from rig.studies.campaign.folder import locked
 from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.study_folder import locked
 from rig.studies.reliability.campaign_cells import cells
 from rig.studies.reliability.cell_trials import (
     SHARES,
@@ -37,8 +37,7 @@ from rig.studies.reliability.cell_trials import (
 )
 from rig.studies.reliability.cell_trials import fly_trials as run_trials
 from rig.studies.reliability.drawn import Drawn, cell, draw, records, refill
-from rig.studies.reliability.held_flight import recording
-from rig.studies.reliability.one_signal import faults_of, one_signal, setting_key
+from rig.studies.reliability.one_signal import faults_of, one_signal, recording, setting_key
 from rig.studies.reliability.trials_folder import fly_trials
 from rig.world.faults.effects import Act
 
@@ -273,7 +272,10 @@ def rewrite(path: Path, change: Callable[[pl.DataFrame], pl.DataFrame]) -> None:
 def test_two_at_once_are_not_both_taken_and_a_killed_one_goes_on(tmp_path: Path):
     (tmp_path / "c.toml").write_text(SMALL)
     out, made = tmp_path / "out", Plan(read(tmp_path / "c.toml"), "c.toml")
-    with locked(out), pytest.raises(BadInput, match="another rig reliability trials is running into it"):
+    with (
+        locked(out, "x"),
+        pytest.raises(BadInput, match="another rig reliability trials is running into it"),
+    ):
         fly_trials(made, out, 4, 1, 1, [4])
     assert [path.name for path in out.iterdir()] == ["lock"]
     (out / ".cells.parquet.0123abcd.part").write_text("half")

@@ -1,7 +1,6 @@
 """A recorded flight says the same again; what does not, is named: decision, channel, frame, old and new."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +10,22 @@ from rig.bench.replay.decisions import Moved, decisions
 from rig.bench.replay.verify import verify
 from rig.bench.replay.vote_again import vote_again
 from rig.bench.replay.what_if import changed, what_if
-from rig.cli import main as cli
 from rig.core.errors import BadInput, BadLog
 from rig.core.files import bundled
 from rig.core.frame import FLAT, INDEX, TIMING, State, Table, new_block
 from rig.flight.fly import fly
 from rig.flight.summary import Verdict
-from rig.log import LogWriter, read_log
+from rig.log import read_log
 from rig.log.columns import COLUMNS
 from rig.log.of_flight import metadata
 from rig.log.recordings.flown_log import recorded
+from rig.log.writer import LogWriter
 from rig.scenario import scenario
+from rig.studies.campaign.flying import fly as fly_in_memory
+from rig.studies.campaign.flying import write_log
+from rig.verdict.scoring import score
+from rig.verdict.unfaulted import MeasuredAgain
+from rig.world.faults import Execution
 
 Q = INDEX["pitch_rate"]
 SHORT = ["duration_s=3", "faults.0.start_s=1"]
@@ -32,14 +36,6 @@ SCENARIOS = sorted(path.stem for path in bundled("faults").glob("*.toml"))
 def flown(tmp_path_factory) -> Path:
     """Three seconds of the default scenario, its hardover after one."""
     return fly(overrides=SHORT, out=tmp_path_factory.mktemp("logs")).log
-
-
-def run(capsys, monkeypatch, *arguments: object) -> tuple[int, str, str]:
-    """The ``rig`` command in this process: exit code, stdout, stderr."""
-    monkeypatch.setattr(sys, "argv", ["rig", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return int(ended.value.code or 0), *capsys.readouterr()
 
 
 def rewrite(source: Path, target: Path, rows=None, changes=None) -> Path:
@@ -64,10 +60,11 @@ def test_a_log_flown_again_is_the_same_flight_in_every_field(flown):
 
 
 def long_enough_s(which: scenario.Scenario) -> float:
-    """A second after the last fault began; the whole flight where one waits for something to happen."""
+    """Five seconds after the first fault began, one after the last; all where one waits for something to happen."""
     starts = [fault.start_s for fault in which.faults] or [1.0]
     known = [start for start in starts if start is not None]
-    return min(which.duration_s, max(known) + 1.0) if len(known) == len(starts) else which.duration_s
+    seconds = max(11.0, min(known, default=0.0) + 5.0, max(known, default=0.0) + 1.0)
+    return min(which.duration_s, seconds) if len(known) == len(starts) else which.duration_s
 
 
 def left_by(events) -> set[str]:
@@ -82,30 +79,36 @@ def left_by(events) -> set[str]:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_bundled_scenario_tells_its_failures_replays_and_flies_again_identically(name, tmp_path):
+def test_every_bundled_scenario_replays_flies_again_and_is_scored(name, tmp_path):
     """``make replay`` flies all of them to their ends."""
     which = scenario.load(name)
-    flight = fly(name, overrides=[f"duration_s={long_enough_s(which)}"], out=tmp_path)
-    recording = recorded(flight.log)
-    assert recording.log.events or not which.faults
-    assert left_by(flight.events) == {f"{signal}.{c}" for signal, channels in flight.failed.items() for c in channels}
+    flown = fly_in_memory(which.model_copy(update={"duration_s": long_enough_s(which)}))
+    write_log(flown, tmp_path / "flight.mcap")
+    recording = recorded(tmp_path / "flight.mcap")
+    events, failed = recording.log.events, flown.verdict.failed
+    assert events or not which.faults
+    assert left_by(events) == {f"{signal}.{c}" for signal, channels in failed.items() for c in channels}
     for again in (False, True):
         found = verify(recording, again)
         assert found.comparison.identical, found.decisions.moved[:5]
+    scored_by_the_clean_channels_that_the_flight_kept(flown.scenario, flown.table)
 
 
-def test_a_replay_in_small_blocks_says_the_same(flown, tmp_path, monkeypatch):
-    """In what is equal and in what moves: a decision that goes on in the next block is one."""
-    recording = recorded(flown)
-    patient = changed(recording, None, ["redundancy.signals.pitch_rate.persistence=40"])
-    other = what_if(recording, patient, tmp_path / "whole.mcap")
-    claimed = rewrite(flown, tmp_path / "claimed.mcap", read_log(tmp_path / "whole.mcap").rows)
-    said = [verify(recorded(claimed)).as_dict(), verify(recorded(claimed), fly=True).as_dict()]
-    assert not said[0]["identical"] and said[0]["decisions"]["moved"] and other.moved.votes
-    monkeypatch.setattr("rig.core.blocks.ROWS", 7)
-    assert [verify(recorded(claimed)).as_dict(), verify(recorded(claimed), fly=True).as_dict()] == said
-    assert what_if(recording, patient, tmp_path / "parts.mcap").moved == other.moved
-    assert (tmp_path / "parts.mcap").read_bytes() == (tmp_path / "whole.mcap").read_bytes()
+def scored_by_the_clean_channels_that_the_flight_kept(which: scenario.Scenario, table: Table) -> None:
+    """Two ways to the same: a campaign keeps what the sensors said, a log's score runs the sensors again."""
+    again = np.concatenate([part.clean.copy() for part in MeasuredAgain(which).of(Table(table.rows, table.beside))])
+    for field in ("channels", "valid"):
+        np.testing.assert_array_equal(table.clean[field], again[field])
+    corrupted = any((table[field] != again[field]).any() for field in ("channels", "valid"))
+    assert corrupted or not any(f.signal in INDEX and f.start_s is not None for f in which.faults)
+    found = score(which, Table(table.rows, table.beside))
+    assert found == score(which, Table(table.rows, table.beside, clean=table.clean))
+    acted = [any(f.outcome != "not executed" for f in found.faults if f.index == i) for i in range(len(which.faults))]
+    execution = Execution(which.faults)
+    execution.add(table.rows)
+    assert acted == execution.executed
+    assert {fault.index for fault in found.faults} == set(range(len(which.faults)))
+    json.dumps(found.as_dict(), allow_nan=False)
 
 
 def test_a_replay_reads_no_truth(flown):
@@ -155,11 +158,11 @@ def _blank(rows):
     return blank
 
 
-def test_a_vote_that_is_not_what_the_code_says_is_named_with_its_frame(flown, tmp_path, capsys, monkeypatch):
+def test_a_vote_that_is_not_what_the_code_says_is_named_with_its_frame(flown, tmp_path, rig_command):
     rows = read_log(flown).rows
     rows["voted"][150, Q] = np.nextafter(rows["voted"][150, Q], 1.0)
     log = rewrite(flown, tmp_path / "a.mcap", rows)
-    code, out, _ = run(capsys, monkeypatch, "replay", log, "--json")
+    code, out, _ = rig_command("replay", log, "--json")
     found = json.loads(out)
     assert code == 1 and found["identical"] is False
     (field,) = found["fields"]
@@ -181,8 +184,8 @@ def test_a_manager_of_the_users_own_is_replayed(tmp_path, monkeypatch):
     assert verify(recorded(fly(overrides=sets, out=tmp_path).log, allow_code=True)).comparison.identical
 
 
-def test_identical_is_exit_code_0(flown, capsys, monkeypatch):
-    code, out, _ = run(capsys, monkeypatch, "replay", flown)
+def test_identical_is_exit_code_0(flown, rig_command):
+    code, out, _ = rig_command("replay", flown)
     assert code == 0 and "identical" in out
 
 
@@ -262,7 +265,7 @@ def test_a_what_if_is_a_log_of_its_own_that_replays(flown, tmp_path):
     assert [e.frame for e in log.events if e.name == "channel failed"] == [103]
     assert [e.frame for e in recording.log.events if e.name == "channel failed"] == [107]
     verdict = Verdict()
-    verdict.add(log.rows, ())
+    verdict.add(Table(log.rows), ())
     assert log.result and log.result["digest"] == verdict.digest != (recording.log.result or {})["digest"]
     assert log.attachments == recording.log.attachments
     again = recorded(answer.path)
@@ -329,19 +332,18 @@ def test_a_what_if_that_cannot_be_is_refused_by_name(flown, tmp_path, text, sets
         ("--redundancy", "no.toml"),
     ],
 )
-def test_bad_combinations_are_one_line_exit_code_2(flown, tmp_path, monkeypatch, capsys, arguments):
-    monkeypatch.chdir(tmp_path)
-    code, out, err = run(capsys, monkeypatch, "replay", flown, *arguments)
+def test_bad_combinations_are_one_line_exit_code_2(flown, tmp_path, arguments, rig_command):
+    code, out, err = rig_command("replay", flown, *arguments)
     assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("error: ")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_command_says_what_moved(flown, tmp_path, monkeypatch, capsys):
+def test_the_command_says_what_moved(flown, tmp_path, rig_command):
     out = tmp_path / "b.mcap"
     sets = ["--set", "redundancy.signals.pitch_rate.persistence=4"]
-    code, text, _ = run(capsys, monkeypatch, "replay", flown, *sets, "--out", out)
+    code, text, _ = rig_command("replay", flown, *sets, "--out", out)
     assert code == 0 and "open loop" in text and "1.07 s (frame 107)" in text and "1.03 s (frame 103)" in text
-    code, text, _ = run(capsys, monkeypatch, "replay", flown, *sets, "--out", out, "--json")
+    code, text, _ = rig_command("replay", flown, *sets, "--out", out, "--json")
     found = json.loads(text)
     assert found["open_loop"] and found["what_if"] == str(out)
     assert {key: found["moved"][1][key] for key in ("decision", "signal", "channel", "first_frame", "last_frame")} == {
@@ -358,7 +360,7 @@ def test_decisions_that_move_are_joined_over_frames_in_a_row():
     new["state"][3:6, Q, 1] = State.SUSPECT
     new["state"][6, Q, 1] = State.FAILED
     new["state"][8, Q, 1] = State.FAILED
-    assert decisions(old, new).moved == [
+    assert decisions(Table(old), Table(new)).moved == [
         Moved("state", "pitch_rate", 2, 3, 5, "ok", "suspect"),
         Moved("state", "pitch_rate", 2, 6, 6, "ok", "failed"),
         Moved("state", "pitch_rate", 2, 8, 8, "ok", "failed"),
@@ -372,6 +374,6 @@ def test_every_decision_can_move():
     for name in decided:
         old, new = new_block(2), new_block(2)
         new[name][1].flat[-1] = 1
-        (entry,) = decisions(old, new).moved
+        (entry,) = decisions(Table(old), Table(new)).moved
         assert entry.decision == name.removeprefix("discrete_") and entry.first_frame == 1
     assert FLAT.names and decided <= set(FLAT.names)

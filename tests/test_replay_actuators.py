@@ -14,8 +14,9 @@ from rig.cli.main import app
 from rig.core.errors import BadInput
 from rig.core.frame import ActuatorMonitor
 from rig.flight.fly import fly
-from rig.log import LogWriter, read_log
+from rig.log import read_log
 from rig.log.recordings.flown_log import Recorded, recorded
+from rig.log.writer import LogWriter
 
 JAM = 'kind="spool_jam", signal="actuator.elevator"'
 LVDT = 'kind="lvdt", signal="actuator.aileron", channels=[3], offset=0.09'

@@ -13,9 +13,10 @@ from rig.bench.replay.what_if import changed, what_if
 from rig.core.errors import BadInput
 from rig.core.frame import COMPUTERS, INDEX, Health, LinkState, State
 from rig.flight.fly import fly
-from rig.log import LogWriter, read_log
+from rig.log import read_log
 from rig.log.export import export
 from rig.log.recordings.flown_log import Recorded, recorded
+from rig.log.writer import LogWriter
 
 # Each with its fault within 8 s; servos in the first, whose lane is shut off.
 SCENARIOS = ("f16_wrong_command", "f16_link_lie", "f16_clock_drift", "f16_adc", "f16_power_loss")

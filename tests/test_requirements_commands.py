@@ -8,10 +8,13 @@ import polars as pl
 import pytest
 
 from rig.core.errors import BadInput
+from rig.core.frame import Table
 from rig.flight.loop import fly_rows
 from rig.scenario.scenario import load
 from rig.show.pages.requirement_figures import Margins
-from rig.verdict.requirements import check_log, check_rows, events, fly_requirements, load_requirements, measure_scored
+from rig.verdict.requirements.along import events, measure_scored
+from rig.verdict.requirements.measure import check_log, check_rows, fly_requirements
+from rig.verdict.requirements.requirement import load_requirements
 from rig.verdict.requirements.requirement_recorder import RequirementsRecorder
 from rig.verdict.requirements.subject import of_flight
 
@@ -41,7 +44,7 @@ def tight(tmp_path_factory):
 def flown(tmp_path_factory, tight):
     """A log, and what ``rig fly --json`` printed of its requirements."""
     from rig.flight.fly import fly
-    from rig.verdict.requirements import MeasuredConclusion
+    from rig.verdict.requirements.along import MeasuredConclusion
 
     out, outcome = tmp_path_factory.mktemp("logs"), MeasuredConclusion([tight])
     flight = fly(load("f16_pitch_rate_hardover", SHORT), out=out, outcome=outcome)
@@ -69,7 +72,7 @@ def test_departure_is_one_in_trim_and_minus_the_share_not_flown_of_a_lost_aircra
     text = "always[0, 60] departure >= 0"
     rows = fly_rows(scenario)
     recorder = RequirementsRecorder([_required(text)], of_flight(scenario), lines=True)
-    recorder.record(rows)
+    recorder.record(Table(rows))
     verdict, line = recorder.finish()[0], recorder.lines()["one", ""]
     assert line[0] == pytest.approx(1.0) and rows["end"][-1] != 0
     assert line[-1] <= -(1.0 - len(rows) / scenario.frames)
@@ -89,7 +92,7 @@ def test_an_onset_is_the_first_frame_of_each_fault_and_acting_every_frame_of_one
     ]
     recorder = RequirementsRecorder(required, of_flight(scenario), lines=True)
     for k in range(0, len(rows), 64):  # blocks
-        recorder.record(rows[k : k + 64])
+        recorder.record(Table(rows[k : k + 64]))
     verdicts, lines = recorder.finish(), recorder.lines()
     assert np.flatnonzero(lines["onset", ""] > 0).tolist() == [100, 300]
     acts = [*range(100, 120), *range(200, 220), *range(300, 350)]
@@ -98,7 +101,7 @@ def test_an_onset_is_the_first_frame_of_each_fault_and_acting_every_frame_of_one
 
 
 def _required(formula, **keys):
-    from rig.verdict.requirements import Requirement
+    from rig.verdict.requirements.requirement import Requirement
 
     return Requirement(id="one", formula=formula, **keys)
 

@@ -19,7 +19,7 @@ from rig.scenario.aircraft import folder
 from rig.studies.campaign.folder import open_folder
 from rig.studies.campaign.tables import sha256
 from rig.studies.safety import confirm_sets as confirm
-from rig.studies.safety.cutset_plan import NO_CODE, Asked, begun, plan, read_asked
+from rig.studies.safety.cutset_plan import NO_CODE, STUDY, Asked, plan, read_asked
 from rig.studies.safety.cutset_plan import fly as fly_sequences
 from rig.studies.safety.cutsets import ANNOUNCED, WRONG, Counted, jeffreys, lost_flights, minimal, subsets
 from rig.studies.safety.sequences import CONDITIONS, KINDS, LARGEST, LEAST, NEAR_S, REFERENCE, flights, sequences
@@ -152,18 +152,18 @@ def test_an_interrupted_enumeration_gives_the_same_tables_with_any_workers(tmp_p
 
 
 def test_a_folder_that_was_asked_otherwise_is_refused(tmp_path: Path):
-    with begun(tmp_path / "out", small().as_dict()):
+    with STUDY.held(tmp_path / "out", small().as_dict()):
         pass
     for other, named in (
         (small(aircraft="b747"), "aircraft was f16, is b747"),
         (small(set={"redundancy.manager": "mean"}), "set was {}, is {'redundancy.manager': 'mean'}"),
     ):
-        of_other = begun(tmp_path / "out", other.as_dict())
+        of_other = STUDY.held(tmp_path / "out", other.as_dict())
         with pytest.raises(BadInput, match=f"holds other flights: {named}"), of_other:
             pass
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "notes.txt").write_text("mine")
-    of_user = begun(tmp_path / "x", small().as_dict())
+    of_user = STUDY.held(tmp_path / "x", small().as_dict())
     with pytest.raises(BadInput, match="not a folder of cut sets, and not empty"), of_user:
         pass
 
@@ -253,7 +253,7 @@ def test_a_damaged_folder_is_one_line(rig_command, tmp_path: Path, text: str):
 def test_a_foreign_folder_and_an_enumeration_that_did_not_end_are_refused(rig_command, tmp_path: Path):
     code, _, err = rig_command("reliability", "confirm", str(tmp_path))
     assert code == 2 and "no folder of cut sets" in err
-    with begun(tmp_path / "out", small().as_dict()):
+    with STUDY.held(tmp_path / "out", small().as_dict()):
         pass
     code, _, err = rig_command("reliability", "confirm", str(tmp_path / "out"))
     assert code == 2 and "sets.json is missing" in err
@@ -290,7 +290,7 @@ def test_a_set_whose_chances_are_swapped_between_two_orders_is_named(monkeypatch
 
 
 def test_sets_are_flown_again_on_one_aircraft_at_least(rig_command, tmp_path: Path):
-    with begun(tmp_path / "out", ASKED.as_dict()):
+    with STUDY.held(tmp_path / "out", ASKED.as_dict()):
         claimed(tmp_path / "out", {"stuck": [20, 20]}, {})
     code, _, err = rig_command("reliability", "confirm", str(tmp_path / "out"), "--aircraft", ",")
     assert (code, err) == (2, "error: --aircraft: names with commas between, got ,\n")
@@ -355,7 +355,7 @@ kinds = { stuck = 0.5, offset = 0.5 }
 def test_the_tree_of_a_folder_of_cut_sets_is_of_its_minimal_sets(rig_command, tmp_path: Path):
     folder, rates = tmp_path / "sets", tmp_path / "rates.toml"
     rates.write_text(RATES)
-    with begun(folder, ASKED.as_dict()):
+    with STUDY.held(folder, ASKED.as_dict()):
         pass
     claimed(folder, {"stuck, offset": [15, 20], "offset, stuck": [5, 20]}, {"stuck": [0, 20], "offset": [0, 20]})
     command = ("reliability", "tree", str(folder), "--rates", str(rates), "--out", str(tmp_path / "tree.xml"))
@@ -370,7 +370,7 @@ def test_the_tree_of_a_folder_of_cut_sets_is_of_its_minimal_sets(rig_command, tm
 def test_a_top_event_that_nothing_reaches_is_refused(rig_command, tmp_path: Path):
     folder, rates = tmp_path / "sets", tmp_path / "rates.toml"
     rates.write_text(RATES)
-    with begun(folder, ASKED.as_dict()):
+    with STUDY.held(folder, ASKED.as_dict()):
         pass
     claimed(folder, {"stuck, offset": [0, 20], "offset, stuck": [0, 20]}, {})
     command = ("reliability", "tree", str(folder), "--rates", str(rates), "--out", str(tmp_path / "tree.xml"))

@@ -18,9 +18,8 @@ from rig.scenario.scenario import load
 from rig.studies.reliability.rates_file import Rates, read_rates
 from rig.studies.safety import fmea
 from rig.studies.safety.confirm_sets import write_sets
-from rig.studies.safety.cutset_plan import Asked, begun
-from rig.studies.safety.fmea import NOT_FLOWN, Line, lines
-from rig.studies.safety.fmea_file import groups, titles
+from rig.studies.safety.cutset_plan import STUDY, Asked
+from rig.studies.safety.fmea import COLUMNS, NOT_FLOWN, Row, groups, lines
 
 RATES = """
 [pitch_rate]
@@ -103,7 +102,7 @@ def rates(tmp_path: Path) -> Path:
 def gathered(monkeypatch: pytest.MonkeyPatch, rates: Path):
     """Return the lines of a campaign with so many flights."""
 
-    def of(*flown: dict[str, Any], given: Rates | None = None) -> list[Line]:
+    def of(*flown: dict[str, Any], given: Rates | None = None) -> list[Row]:
         monkeypatch.setattr(fmea, "open_folder", lambda path: folder(path, *flown))
         return lines([Path("C")], given or read_rates(rates), str(rates))
 
@@ -115,20 +114,21 @@ MISSED = {"isolation": "none", "delay_from_onset_s": None}
 
 def test_a_line_has_the_counts_of_its_flights(gathered):
     first = gathered({}, {"delay_from_onset_s": 0.3}, MISSED, {"vote_kept": False, "out_of_limits_s": 0.2})[0]
-    assert (first.id, first.item, first.mode, first.phase, first.flights) == (
+    assert (first["id"], first["item"], first["mode"], first["phase"], first["flights"]) == (
         "F0001",
         "pitch_rate",
         "stuck",
         "level",
         "4",
     )
-    assert first.rate == "0.001 x 0.25 = 0.00025/h" and first.source == "a test; kinds: assumed"
-    assert first.detection.startswith("3 of 4 (") and first.latent_share.startswith("1 of 4 (")
-    assert first.time_to_detection == "0.1 s, 95 % 0.3 s" and first.not_kept.startswith("1 of 4 (0.631 to 80.6 %)")
-    assert first.exposure == "to the next manoeuvre" and first.cause == "frozen gyro"
-    assert first.local_effect == "pattern 3:1, resolver comparison"
-    assert first.next_effect == "level 3 at the end; beyond transient limits in 1 of 4"
-    assert first.worst_flight == "rig campaign fly C --run 3"
+    assert first["rate"] == "0.001 x 0.25 = 0.00025/h" and first["source"] == "a test; kinds: assumed"
+    assert first["detection"].startswith("3 of 4 (") and first["latent_share"].startswith("1 of 4 (")
+    assert first["time_to_detection"] == "0.1 s, 95 % 0.3 s"
+    assert first["not_kept"].startswith("1 of 4 (0.631 to 80.6 %)")
+    assert first["exposure"] == "to the next manoeuvre" and first["cause"] == "frozen gyro"
+    assert first["local_effect"] == "pattern 3:1, resolver comparison"
+    assert first["next_effect"] == "level 3 at the end; beyond transient limits in 1 of 4"
+    assert first["worst_flight"] == "rig campaign fly C --run 3"
 
 
 def test_a_kind_of_a_campaigns_own_has_its_line_and_its_rate(monkeypatch: pytest.MonkeyPatch, rates: Path):
@@ -136,7 +136,8 @@ def test_a_kind_of_a_campaigns_own_has_its_line_and_its_rate(monkeypatch: pytest
     made = folder(Path("C"), {"kind": "drift"}, {"kind": "drift"}, {"kind": "stuck"})
     made.tables["runs"] = made.tables["runs"].with_columns(kind=pl.Series(["slow drift", "up", "stuck"]))
     monkeypatch.setattr(fmea, "open_folder", lambda path: made)
-    found = {line.mode: line.rate for line in lines([Path("C")], read_rates(rates), str(rates)) if line.flights == "1"}
+    made = lines([Path("C")], read_rates(rates), str(rates))
+    found = {line["mode"]: line["rate"] for line in made if line["flights"] == "1"}
     assert found == {"slow drift": "0.001 x 0.25 = 0.00025/h", "drift": "not given", "stuck": "not given"}
 
 
@@ -151,13 +152,13 @@ def test_a_kind_of_a_campaigns_own_has_its_line_and_its_rate(monkeypatch: pytest
     ],
 )
 def test_severity_is_measured_at_its_ends_and_the_users_between(gathered, given, severity):
-    assert gathered(given)[0].severity == severity
+    assert gathered(given)[0]["severity"] == severity
 
 
 def test_without_the_users_words_severity_is_to_be_assigned(gathered, rates: Path):
     plain = read_rates(rates).model_copy(update={"severity": [], "causes": {}})
     first = gathered({"out_of_limits_s": 0.9}, given=plain)[0]
-    assert (first.severity, first.cause) == ("to be assigned", "to be assigned")
+    assert (first["severity"], first["cause"]) == ("to be assigned", "to be assigned")
 
 
 def test_sizes_make_bands_and_phases_lines_of_their_own(gathered):
@@ -167,7 +168,7 @@ def test_sizes_make_bands_and_phases_lines_of_their_own(gathered):
         {**offset, "magnitude": 4.1 * THRESHOLD},
         {**offset, "magnitude": 4.1 * THRESHOLD, "phase": "manoeuvre"},
     )
-    assert [(line.mode, line.phase) for line in made if line.flights != "0"] == [
+    assert [(line["mode"], line["phase"]) for line in made if line["flights"] != "0"] == [
         ("offset, large", "level"),
         ("offset, large", "manoeuvre"),
         ("offset, small", "level"),
@@ -176,13 +177,13 @@ def test_sizes_make_bands_and_phases_lines_of_their_own(gathered):
 
 def test_flights_of_several_faults_are_no_evidence(gathered):
     made = gathered({}, {"more": [{"fault": 1, "channel": 3}]})
-    assert made[0].flights == "1"
+    assert made[0]["flights"] == "1"
 
 
 def test_what_was_not_flown_says_so_in_every_measured_column(gathered):
     made = gathered({})
-    absent = [line for line in made if line.flights == "0"]
-    heads = {line.item.partition(".")[0] for line in absent}
+    absent = [line for line in made if line["flights"] == "0"]
+    heads = {line["item"].partition(".")[0] for line in absent}
     assert {"computer", "ccdl", "bus", "actuator", "hydraulics", "inertial", "reference", "roll_rate"} <= heads
     measured = (
         "local_effect",
@@ -193,11 +194,11 @@ def test_what_was_not_flown_says_so_in_every_measured_column(gathered):
         "latent_share",
         "not_kept",
     )
-    assert all(getattr(line, name) == NOT_FLOWN for line in absent for name in (*measured, "worst_flight", "phase"))
-    assert not any(line.item == "pitch_rate" and line.mode == "stuck" for line in absent)
-    assert next(line for line in absent if line.item == "computer").rate == "3e-05/h, all kinds"
-    assert next(line for line in absent if line.item == "roll_rate").rate == "not given"
-    assert len({line.id for line in made}) == len(made)
+    assert all(line[name] == NOT_FLOWN for line in absent for name in (*measured, "worst_flight", "phase"))
+    assert not any(line["item"] == "pitch_rate" and line["mode"] == "stuck" for line in absent)
+    assert next(line for line in absent if line["item"] == "computer")["rate"] == "3e-05/h, all kinds"
+    assert next(line for line in absent if line["item"] == "roll_rate")["rate"] == "not given"
+    assert len({line["id"] for line in made}) == len(made)
 
 
 def test_the_lines_do_not_depend_on_the_order_of_the_rows(monkeypatch, rates: Path):
@@ -227,7 +228,7 @@ def test_the_table_and_the_page_have_every_line(rig_command, gathered, rates: Pa
 
 def test_the_columns_of_the_page_have_every_text_of_a_line_once():
     names = [name for of in groups().values() for name in of]
-    assert sorted(names) == sorted(titles())
+    assert sorted(names) == sorted(column.key for column in COLUMNS)
 
 
 @outside.needs("chromium")
@@ -235,8 +236,8 @@ def test_in_a_browser_no_column_of_the_page_is_cut(rig_command, gathered, rates:
     gathered({}, {"kind": "offset", "magnitude": 1.0})
     page = tmp_path / "fmea.html"
     rig_command("reliability", "fmea", "C", "--rates", str(rates), "--out", str(page))
-    for width in (1400, 1030):  # a screen; A4 across
-        seen = visit(page, tmp_path, width)
+    widths = (1400, 1030)  # a screen; A4 across
+    for width, seen in zip(widths, visit(page, tmp_path, *widths), strict=True):
         assert (seen.console, seen.hidden) == ([], 0) and seen.right <= width
 
 
@@ -270,7 +271,7 @@ def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates:
     counts = table(bad=1, kinds=("stuck", "offset"))
     monkeypatch.setattr(run_module, "cells", lambda path: Cells("cross-channel", counts, NO_ALARMS))
     sets, page = tmp_path / "sets", tmp_path / "case.html"
-    with begun(sets, Asked("f16", "pitch_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict()):
+    with STUDY.held(sets, Asked("f16", "pitch_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict()):
         pass
     arguments = (
         "reliability",
@@ -304,7 +305,7 @@ def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates:
     code, _, _ = rig_command(*arguments, "--fly", "--flights", "2")
     assert code == 0 and called == [("reliability", "a"), ("fmea", "C"), ("pitch_rate", 2), sets]
     other = tmp_path / "other"
-    with begun(other, Asked("f16", "roll_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict()):
+    with STUDY.held(other, Asked("f16", "roll_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict()):
         pass
     code, _, err = rig_command(*arguments[:2], str(other), *arguments[3:])
     assert code == 2 and "cut sets of roll_rate, the tree is of pitch_rate" in err

@@ -21,9 +21,8 @@ from rig.studies.reliability import compute_results as run_module
 from rig.studies.reliability.chain import solve_file
 from rig.studies.reliability.rates_file import Layer
 from rig.studies.reliability.tally import Cells
-from rig.studies.safety.fault_tree import FaultTree, cut_sets, direct_sum, probability
+from rig.studies.safety.fault_tree import FaultTree, cut_sets, direct_sum, open_psa, probability
 from rig.studies.safety.mode_tree import ModeModel, mode_chain, mode_tree
-from rig.studies.safety.open_psa import open_psa
 from rig.studies.safety.signal_chain import chain_file, lost, transitions
 from rig.studies.safety.signal_tree import SignalModel, signal_tree
 from rig.studies.safety.tree_picture import picture

@@ -11,7 +11,7 @@ from rig.flight.fly import fly
 from rig.scenario import aircraft
 from rig.scenario.scenario import load, names
 from rig.scenario.scenario_notes import notes
-from rig.verdict.requirements import load_requirements
+from rig.verdict.requirements.requirement import load_requirements
 from rig.verdict.requirements.requirement import names as sets
 from rig.verdict.requirements.settled_comparisons import decided_in
 from rig.verdict.requirements.settled_comparisons import notes as requirement_notes

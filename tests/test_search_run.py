@@ -20,7 +20,7 @@ from rig.studies.search import shrink as shrinking
 from rig.studies.search.objective import chosen
 from rig.studies.search.run_search import Ended, run
 from rig.studies.search.search_plan import Asked, SearchPlan
-from rig.verdict.requirements import Requirement
+from rig.verdict.requirements.requirement import Requirement
 
 BASE = {
     "title": "Two offsets",
@@ -54,9 +54,8 @@ def _few_confirming() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ended]:
-    out = tmp_path_factory.mktemp("search") / "whole"
-    return out, run(plan(), out, workers=1)
+def whole(once: Any) -> tuple[Path, Ended]:
+    return once("search", lambda place: (place / "whole", run(plan(), place / "whole", workers=1)))
 
 
 def margin(told: str) -> float:
@@ -128,7 +127,7 @@ def test_an_interruption_while_it_confirms_costs_no_flight(whole: tuple[Path, En
 
 
 def test_the_find_violates_when_it_is_flown_from_its_file(whole: tuple[Path, Ended]):
-    from rig.verdict.requirements import fly_requirements
+    from rig.verdict.requirements.measure import fly_requirements
 
     scenario = load(whole[0] / "worst.toml")
     verdict = fly_requirements(scenario, chosen(["vote"]))[0]

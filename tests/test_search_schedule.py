@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -141,11 +140,3 @@ def test_of_twenty_needles_with_a_slope_eighteen_are_found_in_600_flights():
         for method in found:
             found[method] += min(searched(cube(2), 600, value, seed, method)[1]) < 0.0
     assert found["cma"] >= 18 and found["random"] < 10
-
-
-def test_the_package_is_imported_by_the_search_alone():
-    import subprocess
-    import sys
-
-    code = "import sys, rig.studies.search.run_search, rig.cli.main; sys.exit('cma' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[1], check=False).returncode == 0

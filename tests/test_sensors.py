@@ -17,19 +17,15 @@ def suite(**per_signal):
     return sensors.Suite.model_validate({s.name: {**IDEAL, **per_signal.get(s.name, {})} for s in SIGNALS})
 
 
-def measured(truth, seed=0, split=None, **per_signal):
-    """Rows of a flight whose every signal has the truth given, (n,), in blocks of ``split`` rows."""
-    truth = np.asarray(truth, float)
+def measured(truth, seed=0, **per_signal):
+    """Rows of a flight whose every signal has the truth given, (n,)."""
     stage = sensors.Sensors(suite(**per_signal), RATE, SeedSequence(seed))
-    parts = []
-    for first in range(0, len(truth), split or len(truth)):
-        block = new_block(len(truth[first : first + (split or len(truth))]), first)
-        block["truth"] = truth[first : first + len(block), None]
-        stage.prepare(block)
-        for k in range(len(block)):
-            step_stage(stage, block, k)
-        parts.append(block)
-    return np.concatenate(parts)
+    block = new_block(len(truth))
+    block["truth"] = np.asarray(truth, float)[:, None]
+    stage.prepare(block)
+    for k in range(len(block)):
+        step_stage(stage, block, k)
+    return block
 
 
 def test_ideal_sensors_say_the_truth_on_four_channels():
@@ -84,13 +80,6 @@ def test_angles_go_round_instead_of_saturating_and_lag_the_short_way():
     x = rows["channels"][:, PSI]
     assert (np.abs(np.sin(x)) < 0.03).all()
     assert ((x >= 0) & (x <= turn)).all()
-
-
-def test_the_draws_do_not_depend_on_the_length_of_a_block():
-    noisy = {"pitch_rate": {"noise_std": 0.01, "bias_tolerance": 0.1, "skew_frames": 0.5, "lag_s": 0.01}}
-    truth = np.sin(np.arange(100) / 10)
-    whole, parts = measured(truth, 3, **noisy), measured(truth, 3, split=7, **noisy)
-    assert np.array_equal(whole["channels"], parts["channels"])
 
 
 def test_a_channel_that_is_not_fitted_is_no_number_and_shifts_nobodys_draws():

@@ -178,9 +178,3 @@ def test_one_more_wandering_part_shifts_no_other():
     assert np.array_equal(plain[:, INDEX["yaw_rate"]], more[:, INDEX["yaw_rate"]])
     alone = sense(truths(500), suite(pitch_rate={**WALK, **MODE, **WIDE}))
     assert np.allclose(more[:, Q] - plain[:, Q], alone[:, Q], atol=1e-15)
-
-
-def test_what_wanders_does_not_depend_on_the_length_of_a_block():
-    everything = suite(pitch_rate={**WHITE, **MARKOV, **WALK, **MODE})
-    whole, parts = sense(truths(300), everything, seed=4), sense(truths(300), everything, seed=4, split=7)
-    assert np.array_equal(whole, parts)

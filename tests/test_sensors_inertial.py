@@ -42,7 +42,6 @@ def sensed(
     force: Any = LEVEL,
     frames=200,
     seed=1,
-    blocks=1,
     **settings: Any,
 ):
     """(frames, 9) of a unit in steady motion; a value may be an array over the frames."""
@@ -52,11 +51,9 @@ def sensed(
         block["truth"][:, s] = rate
     block["flight"][:, NORTH : NORTH + 3] = velocity
     block["flight"][:, FORCE : FORCE + 3] = force
-    for part in np.array_split(np.arange(frames), blocks):
-        rows = block[part[0] : part[-1] + 1]
-        unit.prepare(rows)
-        for k in range(len(rows)):
-            step_stage(unit, rows, k)
+    unit.prepare(block)
+    for k in range(frames):
+        step_stage(unit, block, k)
     return block["inertial"]
 
 
@@ -127,16 +124,6 @@ def test_what_it_says_stays_within_its_range():
     limits = inertial.ranges()
     assert (out[1], out[3], out[7]) == (limits[1, 1], limits[3, 0], limits[7, 1])
     assert limits[[0, 3, 6], 1].tolist() == [7.0, 1000.0, 200.0]
-
-
-def test_the_length_of_a_block_does_not_show():
-    settings: Any = {
-        "rate_noise_std_rad_s": 0.01,
-        "velocity_noise_std_m_s": 0.5,
-        "force_noise_std_m_s2": 0.1,
-        "lag_s": 0.02,
-    }
-    assert (sensed(**settings) == sensed(blocks=7, **settings)).all()
 
 
 def test_its_draws_shift_nobody_elses():

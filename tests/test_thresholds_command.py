@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import re
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ import polars as pl
 import pytest
 import tomli_w
 
-from rig.cli import main as cli
 from rig.core.errors import BadInput
 from rig.core.settings import read_toml
 from rig.log.recordings.alignment import AlignOptions
@@ -24,20 +23,13 @@ from rig.studies.thresholds.design import Design, Threshold
 from rig.studies.thresholds.in_out import recorded_toml, scenario_toml, start
 
 QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu_horizontal"
+Command = Callable[..., tuple[int, str, str]]
 QUICK = ["--persistence", "4", "--levels", "4", "--filter", "0"]
 
 
 @pytest.fixture(autouse=True)
 def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-
-
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: str) -> tuple[int, str, str]:
-    monkeypatch.setattr(sys, "argv", ["rig", "thresholds", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    out, err = capsys.readouterr()
-    return int(ended.value.code or 0), out, err
 
 
 def record(folder: str, flights: int, seconds: float = 30.0, names: tuple[str, ...] = ("gyro",), seed: int = 0) -> None:
@@ -57,13 +49,11 @@ def config(**tables: Any) -> None:
     Path("c.toml").write_text(tomli_w.dumps(tables or {"default": {"fade_s": 0.1}}))
 
 
-def test_out_is_a_whole_configuration_and_the_design_is_told(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
+def test_out_is_a_whole_configuration_and_the_design_is_told(rig_command: Command):
     record("data", 10)
     config()
     wanted = ["data", "--config", "c.toml", "--budget", "20", "--out", "o.toml", *QUICK]
-    code, out, _ = run(capsys, monkeypatch, *wanted, "--json", "--plot", "p.html")
+    code, out, _ = rig_command("thresholds", *wanted, "--json", "--plot", "p.html")
     assert code == 0
     found = json.loads(out)
     signal = found["signals"]["gyro"]
@@ -81,21 +71,19 @@ def test_out_is_a_whole_configuration_and_the_design_is_told(
     assert page.count("plotly.js v") == 1 and page.count('class="figure"') == 2 and found["rule"] in page
     assert not re.findall("<(?:script|link|img)[^>]*https?:", page)
     first = Path("o.toml").read_bytes()
-    code, out, _ = run(capsys, monkeypatch, *wanted)
+    code, out, _ = rig_command("thresholds", *wanted)
     assert code == 0 and Path("o.toml").read_bytes() == first
     assert "faults injected into the same data" in out and "hold-out" in out and "motion of the data" in out
 
 
-def test_a_flight_with_a_fault_is_told_and_left_out(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
+def test_a_flight_with_a_fault_is_told_and_left_out(rig_command: Command):
     record("data", 10)
     table = pl.read_parquet("data/path_3.parquet")
     faulty = table.with_columns(pl.when(pl.col("time_s") > 12).then(pl.col("gyro.2") + 15).otherwise(pl.col("gyro.2")))
     faulty.with_columns(**{"gyro.2": faulty["gyro.2"]}).write_parquet("data/path_3.parquet")
     config()
     wanted = ["data", "--config", "c.toml", "--budget", "20", "--out", "o.toml", *QUICK, "--json"]
-    left_out, kept = (json.loads(run(capsys, monkeypatch, *wanted, *more)[1]) for more in ([], ["--keep"]))
+    left_out, kept = (json.loads(rig_command("thresholds", *wanted, *more)[1]) for more in ([], ["--keep"]))
     (told,) = left_out["signals"]["gyro"]["left_out"]
     assert (told["flight"], told["channel"]) == (2, 2)
     assert any("path_3.parquet: gyro.2 stands out: for 1 s from " in note for note in left_out["notes"])
@@ -112,29 +100,25 @@ REMARKS = {
 
 
 @pytest.mark.parametrize("case", REMARKS)
-def test_what_the_data_do_not_support_is_told(
-    case: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
+def test_what_the_data_do_not_support_is_told(case: str, rig_command: Command):
     flights, seconds, more, wanted = REMARKS[case]
     record("data", flights, seconds)
     config()
-    code, out, err = run(capsys, monkeypatch, "data", "--config", "c.toml", "--out", "o.toml", *QUICK, *more, "--json")
+    code, out, err = rig_command("thresholds", "data", "--config", "c.toml", "--out", "o.toml", *QUICK, *more, "--json")
     assert code == 0, err
     assert any(wanted in note for note in json.loads(out)["notes"]), json.loads(out)["notes"]
 
 
-def test_data_to_be_monitored_that_move_more_are_told(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
+def test_data_to_be_monitored_that_move_more_are_told(rig_command: Command):
     record("data", 9)
     record("other", 1)
     table = pl.read_parquet("other/path_1.parquet")
     table.with_columns(pl.exclude("time_s") * 4.0).write_parquet("other/path_1.parquet")
     config()
     wanted = ["data", "--config", "c.toml", "--budget", "20", "--out", "o.toml", *QUICK, "--json"]
-    notes = json.loads(run(capsys, monkeypatch, *wanted, "--monitored", "other")[1])["notes"]
+    notes = json.loads(rig_command("thresholds", *wanted, "--monitored", "other")[1])["notes"]
     assert any(note.startswith("gyro: 95 % of its motion is") for note in notes)
-    assert json.loads(run(capsys, monkeypatch, *wanted, "--monitored", "data")[1])["notes"] == []
+    assert json.loads(rig_command("thresholds", *wanted, "--monitored", "data")[1])["notes"] == []
 
 
 def _same_channels() -> None:
@@ -179,20 +163,18 @@ BAD: dict[str, tuple[Any, dict[str, Any], list[str], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_line_and_nothing_is_written(
-    case: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
+def test_bad_input_is_one_line_and_nothing_is_written(case: str, rig_command: Command):
     make, tables, more, wanted = BAD[case]
     (make or (lambda: record("data", 2, 5.0)))()
     config(**tables)
     options = ["--config", "c.toml", "--budget", "20", "--out", "o.toml", *QUICK, *more]
-    code, out, err = run(capsys, monkeypatch, "data", *options)
+    code, out, err = rig_command("thresholds", "data", *options)
     assert (code, out) == (2, "")
     assert wanted in err and err.count("\n") == 1
     assert not Path("o.toml").exists()
 
 
-def test_a_full_disk_is_said_of_the_output(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+def test_a_full_disk_is_said_of_the_output(monkeypatch: pytest.MonkeyPatch, rig_command: Command):
     """And not of the file beside it that would have become it; the page is not there either."""
 
     def full(*_: object, **__: object) -> None:
@@ -202,7 +184,7 @@ def test_a_full_disk_is_said_of_the_output(capsys: pytest.CaptureFixture[str], m
     config()
     monkeypatch.setattr(Path, "write_text", full)
     options = ["--config", "c.toml", "--budget", "20", "--out", "o.toml", "--plot", "o.html", *QUICK]
-    code, _, error = run(capsys, monkeypatch, "data", *options)
+    code, _, error = rig_command("thresholds", "data", *options)
     assert (code, error) == (1, "failed: o.toml: cannot be written: No space left on device\n")
     assert sorted(path.name for path in Path.cwd().iterdir()) == ["c.toml", "data"]
 
@@ -332,25 +314,25 @@ def test_alignment_without_an_end_is_found_in_the_stretch_of_rig_vote():
     assert np.array_equal(found.samples, np.array(first)) and not np.array_equal(found.samples, np.array(whole))
 
 
-def test_logs_of_ours_need_no_configuration(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+def test_logs_of_ours_need_no_configuration(rig_command: Command):
     from rig.flight.fly import fly
 
     healthy = fly(None, overrides=["faults=[]", "duration_s=40.0"], out=Path("logs"))
     faulty = fly(None, overrides=["duration_s=1.0"], out=Path("faulty"))
     assert of_scenario([healthy.log]).signal["pitch_rate"]["threshold"] == 0.05
-    options = ["--budget", "2000", "--out", "o.toml", "--persistence", "2", "--filter", "0", "--json"]
-    code, out, err = run(capsys, monkeypatch, "logs", *options)
+    options = ["--budget", "2000", "--out", "o.toml", "--persistence", "2", "--levels", "4", "--filter", "0", "--json"]
+    code, out, err = rig_command("thresholds", "logs", *options)
     assert code == 0, err
     written = read_toml(Path("o.toml"))["redundancy"]["signals"]
     assert written["pitch_rate"]["persistence"] == 2
     assert written["pitch_rate"]["threshold"] == json.loads(out)["signals"]["pitch_rate"]["chosen"]["threshold"]
-    code, _, err = run(capsys, monkeypatch, str(faulty.log), "--budget", "20", "--out", "p.toml")
+    code, _, err = rig_command("thresholds", str(faulty.log), "--budget", "20", "--out", "p.toml")
     assert code == 2 and "its scenario has 1 faults" in err and not Path("p.toml").exists()
 
 
 @pytest.mark.long
 @pytest.mark.skipif(not QUAD.is_dir(), reason="the recordings are not here")
-def test_a_design_on_real_flights_is_met_by_others(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+def test_a_design_on_real_flights_is_met_by_others(rig_command: Command):
     """Nine flights design, five others fly; a setting that docs/vote.md warns of fails channels in the same five."""
     from rig.bench.vote_rows import vote
     from rig.log.recordings.align import align
@@ -376,7 +358,7 @@ def test_a_design_on_real_flights_is_met_by_others(capsys: pytest.CaptureFixture
         "o.toml",
         "--json",
     ]
-    assert run(capsys, monkeypatch, *options)[0] == 0
+    assert rig_command("thresholds", *options)[0] == 0
     designed, failed = read_config(Path("o.toml")), {"designed": 0, "10 deg/s, 8": 0}
     fixed = designed.model_copy(update={"signal": {}, "default": {"threshold": 10.0, "persistence": 8}})
     for path in paths[9:]:
@@ -389,11 +371,9 @@ def test_a_design_on_real_flights_is_met_by_others(capsys: pytest.CaptureFixture
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_signal_without_a_valid_sample_is_one_line_and_no_warning(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
+def test_a_signal_without_a_valid_sample_is_one_line_and_no_warning(rig_command: Command):
     rows = {"time_s": np.arange(3000) / 100.0, **{f"gyro.{c}": np.full(3000, np.nan) for c in range(1, 5)}}
     pl.DataFrame(rows).write_parquet("n.parquet")
     config()
-    code, said, error = run(capsys, monkeypatch, "n.parquet", "--config", "c.toml", "--budget", "3", "--out", "o.toml")
+    code, said, error = rig_command("thresholds", "n.parquet", "--config", "c.toml", "--budget", "3", "--out", "o.toml")
     assert (code, said, error.count("\n")) == (2, "", 1) and "gyro" in error and not Path("o.toml").exists()

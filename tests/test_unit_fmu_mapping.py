@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from functools import cache
+from importlib import metadata
 from math import floor, log10
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 from test_unit_fmu import _nothing_is_left_behind, changed, needs_fmpy  # noqa: F401 # a fixture of this file, too
-from unit_files import HERE
+from unit_files import HERE, kept
 
 import rig
 from rig.core.errors import BadInput, UnitRefused
 from rig.core.frame import SIGNALS, UnitStatus
-from rig.core.kernels import cache_root
 from rig.unit import header
 from rig.unit.fmu_mapping import OF_ITS_SIGNAL
 from rig.unit.unit_file import read_unit
@@ -38,11 +37,14 @@ def made(version: str) -> Path:
     """The median voter of tests/units, packed by the tool of this version of FMI."""
     pytest.importorskip(TOOLS[version])
     pytest.importorskip("fmpy")
-    folder = cache_root() / "test-units" / f"{TOOLS[version]}-{os.getpid()}"
-    folder.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", TOOLS[version], "build", "-f", str(HERE / f"median_fmi{version}.py")]
-    subprocess.run([*command, "-d", str(folder)], check=True, capture_output=True, text=True)
-    return folder / "Median.fmu"
+    source = HERE / f"median_fmi{version}.py"
+
+    def make(folder: Path) -> Path:
+        command = [sys.executable, "-m", TOOLS[version], "build", "-f", str(source), "-d", str(folder)]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        return folder / "Median.fmu"
+
+    return kept("Median.fmu", [TOOLS[version], metadata.version(TOOLS[version]), source.read_bytes()], make)
 
 
 def tables(version: str) -> tuple[dict[str, str], dict[str, str]]:

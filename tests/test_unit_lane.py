@@ -19,9 +19,9 @@ from rig.studies.campaign.flying import fly as fly_in_memory
 from rig.studies.campaign.tables import rows as campaign_rows
 from rig.unit.running_unit import running
 from rig.unit.unit_file import Unit, as_lane
-from rig.verdict import score
 from rig.verdict.of_log import score_log
 from rig.verdict.score_records import Yardstick
+from rig.verdict.scoring import score
 
 pytestmark = needs_a_compiler
 B = COMPUTERS.index("B")

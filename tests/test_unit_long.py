@@ -18,7 +18,7 @@ from unit_files import compiled, needs_a_compiler, written
 
 from rig.bench.unit_check import check, long_cases, our_answers
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
-from rig.computer.redundancy.manager_config import SINCE_3
+from rig.computer.redundancy.manager_config import told
 from rig.core.frame import CHANNELS, Block, D, Ilm, Pattern, Resolver, S, State
 from rig.unit.unit_records import ANSWERS
 from rig.unit.vectors import VOTES_WITHIN, differences
@@ -63,7 +63,7 @@ def settings(row: NDArray[Any], lasting: NDArray[Any], rules: NDArray[Any]) -> S
         slow_allowance=float(lasting["slow_allowance"]),
         slow_limit=float(lasting["slow_limit"]),
         stale_frames=int(lasting["stale_frames"]),
-        **{name: rules[name].item() for name in SINCE_3},
+        **{name: rules[name].item() for name in told("rules")},
     )
 
 

@@ -336,9 +336,9 @@ def test_a_library_that_goes_wrong_in_close_is_told(tmp_path: Path, name: str):
 
 
 @pytest.fixture(scope="module")
-def listening(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, int]]:
+def listening() -> Iterator[tuple[str, int]]:
     """The address of a running monitor, and its process."""
-    program = build(tmp_path_factory.mktemp("unit"), "monitor_udp")
+    program = build("monitor_udp")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{free.getsockname()[1]}"

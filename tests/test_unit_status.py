@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import zlib
-from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,25 +16,21 @@ from unit_files import build, library, listening, needs_a_compiler, written
 import rig
 from rig.core.errors import RigError
 from rig.core.frame import SIGNALS, Law, State, UnitStatus
-from rig.core.kernels import cache_root
-from rig.unit.crc import crc32
+from rig.unit.compiled_exchange import crc32
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.transport import SocketLink
 from rig.unit.unit_file import Unit
-from rig.unit.unit_records import LAYOUT, Kind
+from rig.unit.unit_records import Kind
 
 pytestmark = needs_a_compiler
-FOLDER = cache_root() / "test-units" / f"{LAYOUT:016x}-status"
 SHORT = ("duration_s=2", "faults.0.start_s=1")
 START_FRAMES = 50  # of docs/examples/unit/box.c at 100 Hz: 20 of power-up, 30 of self-test
 REBOOT = 120
 AN_OFF_PITCH_RATE = 1  # its fault word
 
 
-@cache
 def box() -> Path:
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    return build(FOLDER, "box_udp")
+    return build("box_udp")
 
 
 def as_box(folder: Path, **keys: Any) -> Unit:
@@ -91,14 +86,14 @@ def test_a_box_that_is_rebooted_in_flight_starts_again_and_trim_is_flown(tmp_pat
 
     def rebooted(self: UnitUnderTest, frame: int) -> int:
         if frame == REBOOT and not self.replies.counts.restarts:
-            process = cast("SocketLink", self._link).process
+            process = cast("SocketLink", self.link).process
             assert process is not None
             os.kill(int(process.last_line()), signal.SIGHUP)
         return step(self, frame)
 
     monkeypatch.setattr(UnitUnderTest, "_step", rebooted)
     monkeypatch.setattr("rig.flight.unit_loop.FOREVER_NS", 0)  # every frame goes by _step
-    command = ["sh", "-c", f"echo $$; exec {box()} --rig {{address}}"]
+    command = ["sh", "-c", f"echo $$; exec {build('box_udp')} --rig {{address}}"]
     tested = written(tmp_path, {"name": "box", "carrier": "udp", "command": command, "on_dead": "restart"})
     flight = rig.fly(overrides=("duration_s=2", "faults=[]"), out=tmp_path, unit=tested)
     rows = flight.rows

@@ -34,8 +34,8 @@ LIMIT_S = 10.0
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build(tmp_path_factory.mktemp("unit"), "monitor_udp")
+def program() -> Path:
+    return build("monitor_udp")
 
 
 class Peer:

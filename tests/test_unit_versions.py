@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import zipfile
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,15 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_unit_fmu import FOLDERS, needs_fmpy
-from unit_files import HERE, SOURCES, compiled, library, listening, needs_a_compiler, written
+from test_unit_fmu import archived, needs_fmpy
+from unit_files import HERE, KEPT, SOURCES, library, listening, needs_a_compiler, of_sources, written
 
 import rig
 from rig.bench.unit_check import check
 from rig.bench.unit_long import TITLES
 from rig.core.errors import UnitRefused
 from rig.core.frame import SIGNALS, S
-from rig.core.kernels import cache_root
 from rig.flight.stages import redundancy
 from rig.flight.unit_loop import config_of
 from rig.scenario import scenario
@@ -41,7 +39,7 @@ from rig.unit.unit_records import (
 )
 from rig.unit.vectors import load
 
-FOLDER = cache_root() / "test-units" / f"{LAYOUT:016x}-versions"
+FOLDER = KEPT / f"{LAYOUT:016x}-versions"
 SHORT = ("duration_s=2", "faults.0.start_s=1")
 VERSIONS = [1, 2]
 OLD = {seam.version: seam for seam in OLD_SEAMS}
@@ -93,7 +91,7 @@ def monitor(version: int) -> tuple[str, ...]:
 
 def built(version: int, target: str, *names: str, flags: tuple[str, ...] = ()) -> Path:
     files = sources(version, *names, *monitor(version))
-    return compiled(files, FOLDER / str(version) / "made" / target, f"-I{FOLDER / str(version)}", *flags)
+    return of_sources(target, files, f"-I{FOLDER / str(version)}", *flags)
 
 
 @cache
@@ -114,11 +112,7 @@ def old_fmu(version: int, fmi: Any) -> Path:
     later = "|".join(name for name, since in SINCE.items() if since > version)
     lines = description(fmi).replace(TOKEN, token).splitlines()
     text = "\n".join(line for line in lines if not re.search(rf'name="({later})\b', line))
-    path = FOLDER / str(version) / f"old{fmi}.fmu"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", text)
-        archive.write(made, f"binaries/{FOLDERS[fmi]}/rig_unit.so")
-    return path
+    return archived(fmi, text, made)
 
 
 CARRIERS = ["library", "in process", "udp"]

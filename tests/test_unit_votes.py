@@ -18,23 +18,20 @@ from rig.bench.replay.verify import verify
 from rig.bench.unit_check import check
 from rig.core.errors import BadInput
 from rig.core.frame import SIGNALS, Law, Pattern, Source, State, UnitStatus
-from rig.core.kernels import cache_root
 from rig.log.recordings.flown_log import recorded
 from rig.unit.port import RECEIVED, complete, new_port
 from rig.unit.running_unit import running
 from rig.unit.unit_file import Unit, read_unit
-from rig.unit.unit_records import LAYOUT, OUTPUT, Form, Said
+from rig.unit.unit_records import OUTPUT, Form, Said
 from rig.verdict.of_log import score_log
 from rig.verdict.score_records import Yardstick
 
 SHORT = ("duration_s=3", "faults.0.start_s=1")
 OF_UNIT = {"unit"}  # the field that no manager of ours fills
-FOLDER = cache_root() / "test-units" / f"{LAYOUT:016x}-votes"
 Start = Callable[[Path], Unit]
 
 # As managers.average and baselines.plain_median vote, but for what no channel of these flights does.
 MANAGERS = """
-import numba
 import numpy as np
 from rig.core.units.angles import difference, limit
 
@@ -49,7 +46,6 @@ class Median:
         median(bus, fcc, k, self.params, self.state)
 
 
-@numba.njit
 def ranked(bus, k, s, p, st):
     x = np.empty(4)
     n = 0
@@ -63,7 +59,6 @@ def ranked(bus, k, s, p, st):
     return np.sort(x[:n])
 
 
-@numba.njit
 def median(bus, fcc, k, params, state):
     for s in range(len(params)):
         p, st = params[s], state[s]
@@ -75,7 +70,6 @@ def median(bus, fcc, k, params, state):
         fcc[k]["voted"][s] = st["vote"]
 
 
-@numba.njit
 def mean(bus, fcc, k, params, state):
     for s in range(len(params)):
         p, st = params[s], state[s]
@@ -98,8 +92,7 @@ def as_python(name: str) -> Start:
 
 
 def as_udp(folder: Path) -> Unit:
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    command = [str(build(FOLDER, "median_udp")), "--rig", "{address}"]
+    command = [str(build("median_udp")), "--rig", "{address}"]
     return written(folder, {"name": "m", "carrier": "udp", "command": command})
 
 

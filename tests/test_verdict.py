@@ -7,9 +7,12 @@ import pytest
 
 from rig.computer.analytic.reference_sources import FROM_UNIT
 from rig.core.errors import BadInput
-from rig.core.frame import SIGNALS
+from rig.core.frame import SIGNALS, Table
+from rig.flight.loop import fly_rows
 from rig.scenario import scenario
-from rig.verdict import FaultScore, Score, fly_rows, fly_twin, score
+from rig.verdict.score_records import FaultScore, Score
+from rig.verdict.scoring import score
+from rig.verdict.transients import fly_twin
 
 PERSISTENCE, SINGULAR = 8, 10  # frames, aircraft/defaults.toml
 
@@ -17,7 +20,7 @@ PERSISTENCE, SINGULAR = 8, 10  # frames, aircraft/defaults.toml
 @cache
 def scored(name: str, *overrides: str) -> Score:
     which = scenario.load(name, overrides)
-    return score(which, fly_rows(which))
+    return score(which, Table(fly_rows(which)))
 
 
 def frames_of(fault: FaultScore) -> tuple[int | None, int | None, int | None]:
@@ -177,7 +180,7 @@ def twin_of_hardover():
 
 def test_transients_are_the_largest_differences_from_the_twin_within_the_window(twin_of_hardover):
     which, rows, twin = twin_of_hardover
-    transients = score(which, rows, twin).flight.transients
+    transients = score(which, Table(rows), twin).flight.transients
     assert transients is not None
     (window,) = transients.windows
     n = min(len(rows), len(twin))
@@ -196,7 +199,7 @@ def test_without_a_fault_the_twin_is_the_flight(twin_of_hardover):
     rows = fly_rows(healthy)
     for name in rows.dtype.names or ():  # fields: padding does not survive a copy
         assert rows[name].tobytes() == twin[name].tobytes(), name
-    transients = score(healthy, rows, fly_twin(healthy)).flight.transients
+    transients = score(healthy, Table(rows), fly_twin(healthy)).flight.transients
     assert transients is not None
     assert transients.first_difference_frame is None and transients.windows == () and transients.within_limits
     assert transients.overall.load_factor == 0.0 == transients.out_of_limits_s
@@ -207,9 +210,9 @@ def test_the_twin_of_another_flight_is_refused(twin_of_hardover):
     other = twin.copy()
     other["truth"][300, 0] += 1e-12  # no fault can have moved the aircraft in the frame of its onset
     with pytest.raises(BadInput, match="leaves the flight in frame 300"):
-        score(which, rows, other)
+        score(which, Table(rows), other)
 
 
 def test_a_score_is_the_same_every_time(twin_of_hardover):
     which, rows, twin = twin_of_hardover
-    assert score(which, rows, twin).as_dict() == score(which, rows.copy(), twin.copy()).as_dict()
+    assert score(which, Table(rows), twin).as_dict() == score(which, Table(rows.copy()), twin.copy()).as_dict()

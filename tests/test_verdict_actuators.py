@@ -14,13 +14,10 @@ from rig.flight.fly import fly
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
 from rig.scenario.scenario import Scenario
-from rig.verdict import score
 from rig.verdict.conclusion import conclusion
-from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.of_log import FlightConclusion, score_log
 from rig.verdict.score_records import Score, Yardstick
-from rig.verdict.scoring import score_of
-from rig.verdict.unfaulted import MeasuredAgain
+from rig.verdict.scoring import score
 
 ONSET_S, RATE_HZ = 1.0, 100.0
 ONSET = int(ONSET_S * RATE_HZ)
@@ -151,19 +148,9 @@ def test_a_threshold_that_noise_leaves_gives_false_alarms_of_a_flight_without_fa
     assert "no fault was in the scenario, 12 healthy channels failed" in told[-1]
 
 
-def test_blocks_of_rows_give_what_the_whole_flight_gives():
-    which, rows, lanes = flown(JAM, HARDOVER, sets=('turbulence="severe"',), seconds=5.0)
-    outcome = FlightOutcome(which, 2.0)
-    for part in MeasuredAgain(which).of(Table(rows, lanes)):
-        outcome.add(part)
-    whole = score(which, Table(rows, lanes))
-    again = score_of(outcome)
-    assert outcome.frames == len(rows) and again.actuators == whole.actuators and again.faults == whole.faults
-
-
 def test_rows_without_those_of_the_servos_are_not_scored():
     which, rows, _ = flown(HARDOVER)
-    scored = score(which, rows)
+    scored = score(which, Table(rows))
     assert scored.actuators == {} and "was not looked at" in conclusion(which, scored)[0]
 
 

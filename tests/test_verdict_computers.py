@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from rig.flight.fly import fly
-from rig.verdict import score_tables as cells
 from rig.verdict.of_log import Scored, score_log
 from rig.verdict.score_records import ActuatorScore, Yardstick
+from rig.verdict.score_tables import tables
 from rig.verdict.servo_sentence import bypass_text
 
 ONE_AFTER_THE_OTHER = (
@@ -60,7 +60,7 @@ def test_a_surface_that_is_moved_again_is_not_told_as_bypassed_to_the_end():
 
 
 def test_the_table_has_a_row_for_each(lost: Scored):
-    rows = cells.computer_rows(lost.score, 100.0)
+    rows = [tuple(row.values()) for row in tables(lost.score, 100.0)["computers"].rows]
     assert rows[0] == ("lane A", "0.55 s (frame 55)", "B, C, D", "vote of commands", "own fault")
     assert ("link C-D", "1.54 s (frame 154)", "D", "silence", "") in rows
     assert rows[-1] == ("back-up engaged", "2.03 s (frame 203)", "", "no lane is engaged", "")
@@ -76,5 +76,5 @@ def test_a_bus_that_fails_takes_two_lanes_and_their_sensors_and_no_healthy_chann
 
 def test_one_computer_has_no_such_score(tmp_path: Path):
     found = scored(tmp_path, (), "computers.count=1")
-    assert found.score.computers is None and not cells.computer_rows(found.score, 100.0)
+    assert found.score.computers is None and not tables(found.score, 100.0)["computers"].rows
     assert "computer" not in found.conclusion[-1]

@@ -11,20 +11,19 @@ import pytest
 from test_verdict_parts import Q, flight, offset
 
 from rig.core.frame import INDEX, Ilm, State, Table, UnitStatus
-from rig.verdict import score
 from rig.verdict.conclusion import conclusion, next_commands
 from rig.verdict.context import agreement, channels, longest_run
-from rig.verdict.kept_columns import columns
+from rig.verdict.flight_tally import columns
 from rig.verdict.of_log import FlightConclusion
 from rig.verdict.score_records import Yardstick
-from rig.verdict.scoring import monitor
+from rig.verdict.scoring import monitor, score
 from rig.verdict.tally_records import EPISODE
 from rig.world.faults import CLEAN
 
 
 def said(faults: list[dict[str, Any]], *overrides: str, frames: int = 100) -> list[str]:
     which, rows = flight(faults, frames, *overrides, exact=True)
-    return conclusion(which, score(which, rows))
+    return conclusion(which, score(which, Table(rows)))
 
 
 def test_a_detected_fault_is_told_with_value_time_count_delay_and_vote():
@@ -122,7 +121,7 @@ def test_what_a_unit_does_not_fail_is_not_explained_by_our_comparison(state: Sta
     which, rows = flight([offset([2], 0.2, 0.2)], 100, exact=True)
     rows["unit"], rows["state"] = UnitStatus.ANSWERED, state
     rows["level"] = 0 if state == State.ABSENT else rows["level"]
-    fault, end = conclusion(which, score(which, rows))
+    fault, end = conclusion(which, score(which, Table(rows)))
     assert f"above the threshold of 2.86 deg/s for 800 ms at most, and {expected}" in fault
     assert "lost" not in fault and "no channel left" not in end
 
@@ -130,7 +129,7 @@ def test_what_a_unit_does_not_fail_is_not_explained_by_our_comparison(state: Sta
 def test_a_channel_that_a_unit_fails_is_told_without_a_count():
     which, rows = flight([offset([2], 0.2, 0.2)], 100, exact=True)
     rows["unit"] = UnitStatus.ANSWERED
-    fault = conclusion(which, score(which, rows))[0]
+    fault = conclusion(which, score(which, Table(rows)))[0]
     assert "; it was failed 70 ms later;" in fault and "miscompared" not in fault
 
 
@@ -177,7 +176,7 @@ def test_where_the_reference_lies_follows_from_the_samples():
 
     which, rows = flight([offset([3, 4], 0.2, 0.2)], 30, exact=True)
     p, used = monitor(which)[Q], np.arange(4)
-    row = score(which, rows).episodes[0].last
+    row = score(which, Table(rows)).episodes[0].last
     row["channels"], row["reference_usable"] = rows["channels"][25, Q], 1
     for value, says in (
         (-0.1, "side of channels 1 and 2, below channels 3 and 4"),

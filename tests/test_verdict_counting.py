@@ -6,9 +6,10 @@ import pytest
 from test_verdict_conclusion import said
 from test_verdict_parts import flight, offset
 
-from rig.verdict import score
+from rig.core.frame import Table
 from rig.verdict.context import Context
 from rig.verdict.counting import another, climb
+from rig.verdict.scoring import score
 
 COUNTED = ("redundancy.signals.pitch_rate.persistence=8", "redundancy.signals.pitch_rate.count_down=1.0")
 NOBODY = 'redundancy.signals.pitch_rate.resolvers=["ilm"]'
@@ -76,7 +77,7 @@ def test_a_fault_whose_frames_were_counted_is_found_with_the_later_one(first_s: 
     """Below its threshold of 0.05 from 0.2 s on, nothing counts; above it three frames before the dropout, they do."""
     early = offset([3], first_s, 0.03 if is_another else 0.2)
     which, rows = flight([early, dropout(3, 0.5)], 100, exact=True)
-    context = Context(which, score(which, rows))
+    context = Context(which, score(which, Table(rows)))
     fault = context.score.faults[0]
     found = another(fault, context)
     assert (found is not None) == is_another and fault.outcome == "detected"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_verdict_parts import flight, offset, outcomes, scored
 
-from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, State
+from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, State, Table
 from rig.studies.campaign.tables import channel_hours, magnitude
-from rig.verdict import score
+from rig.verdict.scoring import score
 
 GEAR, WHEELS = DISCRETE_INDEX["gear_down"], DISCRETE_INDEX["weight_on_wheels"]
 
@@ -61,7 +61,7 @@ def test_a_discrete_channel_failed_for_nothing_is_a_false_alarm_and_beside_a_fau
     rows["discrete_state"][30:, WHEELS, 0] = State.FAILED
     rows["discrete_state"][59:, GEAR, 3] = State.FAILED  # eight frames after the last one of the fault
     rows["discrete_state"][60:, GEAR, 0] = State.FAILED
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert [(a.signal, a.channel, a.frame) for a in found.false_alarms] == [
         ("weight_on_wheels", 1, 30),
         ("gear_down", 1, 60),
@@ -73,7 +73,7 @@ def test_hours_of_signal_channels_do_not_count_faults_on_discretes():
     hours = {}
     for name, faults in (("none", []), ("gear", [fault("inverted", [2], 0.2)]), ("rate", [offset([2], 0.2, 0.3)])):
         which, rows = flight(faults, 60)
-        hours[name] = channel_hours(which, len(rows), score(which, rows))
+        hours[name] = channel_hours(which, len(rows), score(which, Table(rows)))
     assert hours["gear"] == hours["none"] == pytest.approx(len(SIGNALS) * 4 * 0.6 / 3600)
     assert hours["rate"] == pytest.approx(hours["none"] - 0.4 / 3600)
 

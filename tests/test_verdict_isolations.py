@@ -5,14 +5,14 @@ from typing import Any
 import pytest
 from test_verdict_parts import Q, flight, offset
 
-from rig.core.frame import INDEX, Block, Resolver, State
+from rig.core.frame import INDEX, Block, Resolver, State, Table
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.tables import RUNS
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import Score, score
 from rig.verdict.conclusion import conclusion
-from rig.verdict.score_records import ISOLATIONS
-from rig.verdict.score_tables import isolation_rows
+from rig.verdict.score_records import ISOLATIONS, Score
+from rig.verdict.score_tables import tables
+from rig.verdict.scoring import score
 
 SICK = (
     *("pitch_rate", "roll_rate", "yaw_rate"),
@@ -35,7 +35,7 @@ def lists(found: Score) -> dict[str, int]:
 
 
 def told(which: Scenario, rows: Block) -> list[str]:
-    return conclusion(which, score(which, rows))
+    return conclusion(which, score(which, Table(rows)))
 
 
 def reported(rows: Block, resolver: Resolver, signals: list[str], channels: list[int], frame: int = 60) -> None:
@@ -47,14 +47,14 @@ def reported(rows: Block, resolver: Resolver, signals: list[str], channels: list
 
 def test_healthy_signals_of_a_dead_box_are_failed_with_it_and_are_no_false_alarm():
     which, rows = flight(dead_box(), exact=True)
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert lists(found) == {"false_alarms": 0, "wrong_isolations": 0, "failed_with_box": 3, "failed_by_rule": 0}
     assert {(each.signal, each.channel, each.frame, each.resolver) for each in found.failed_with_box} == {
         (name, 3, 27, "box") for name in OTHERS
     }
     assert [fault.outcome for fault in found.faults] == ["detected"] * 6
     assert all(signal.false_isolations == (0, 0, 0, 0) for signal in found.signals.values())
-    assert {kind for kind, *_ in isolation_rows(found, 100.0)} == {"failed with its box"}
+    assert {row.name for row in tables(found, 100.0)["isolations"].rows} == {"failed with its box"}
 
 
 def test_the_conclusion_tells_the_box_in_one_sentence_and_calls_nothing_wrong():
@@ -68,7 +68,7 @@ def test_the_conclusion_tells_the_box_in_one_sentence_and_calls_nothing_wrong():
 
 def test_a_campaign_keeps_them_apart_and_no_fault_is_wrongly_isolated_for_them():
     which, rows = flight([*dead_box(), {**offset([1], 0.2, 0.01), "signal": "heading"}], exact=True)
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert {row["kind"] for row in campaign_rows("alarms", 0, which, found)} == {"failed with its box"}
     assert [row["isolation"] for row in campaign_rows("faults", 0, which, found)] == ["right"] * 6 + ["none"]
     of_signals = campaign_rows("signals", 0, which, found)
@@ -81,7 +81,7 @@ def test_a_campaign_keeps_them_apart_and_no_fault_is_wrongly_isolated_for_them()
 def test_a_box_that_was_not_faulty_on_enough_signals_was_failed_for_nothing(signals: tuple[str, ...]):
     which, rows = flight(dead_box(signals=signals), exact=True)
     reported(rows, Resolver.BOX, OTHERS, [2])
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert lists(found) == {"false_alarms": 3, "wrong_isolations": 0, "failed_with_box": 0, "failed_by_rule": 0}
     assert found.signals["heading"].false_isolations == (1, 0, 0, 0)
 
@@ -90,7 +90,7 @@ def test_the_box_of_another_channel_excuses_nothing_nor_does_a_comparison():
     which, rows = flight(dead_box(), exact=True)
     reported(rows, Resolver.BOX, ["heading"], [0])
     reported(rows, Resolver.NONE, ["pitch_angle"], [1])
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert [(each.signal, each.channel) for each in found.false_alarms] == [("pitch_angle", 2), ("heading", 1)]
 
 
@@ -102,7 +102,7 @@ def given_up(faults: list[Any], channels: list[int] = ALL) -> tuple[Scenario, Bl
     which, rows = flight(faults, 100, exact=True)
     rows["state"][:, Q], rows["resolver"][:, Q], rows["level"][:, Q] = State.OK, Resolver.NONE, 4
     reported(rows, Resolver.COMMON, ["pitch_rate"], channels)
-    return which, rows, score(which, rows)
+    return which, rows, score(which, Table(rows))
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_a_healthy_channel_goes_by_rule_where_no_majority_of_those_in_use_is_hea
 def test_of_two_channels_in_use_one_that_is_off_is_no_majority():
     which, rows, _ = given_up([offset([2], 0.2, 0.03)], [1, 2])
     rows["state"][10:, Q, [0, 3]] = State.FAILED  # before
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert lists(found) == {"false_alarms": 2, "wrong_isolations": 0, "failed_with_box": 0, "failed_by_rule": 1}
 
 
@@ -175,8 +175,8 @@ def test_a_healthy_channel_that_common_mode_fails_with_faulty_ones_in_use_is_fai
     """A channel that was failed before has no part in the vote: its fault is no cause."""
     which, rows = flight([offset([1, 2, 3], 0.2, 0.03)], 100, exact=True)
     reported(rows, Resolver.COMMON, ["pitch_rate"], [0, 1, 2, 3])
-    assert lists(score(which, rows))["failed_by_rule"] == 1
+    assert lists(score(which, Table(rows)))["failed_by_rule"] == 1
     which, rows = flight([offset([1], 0.2, 0.3)], 100, exact=True)
     reported(rows, Resolver.COMMON, ["pitch_rate"], [1, 2, 3])
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert lists(found)["failed_by_rule"] == 0 and len(found.wrong_isolations) == 3

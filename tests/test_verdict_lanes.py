@@ -10,9 +10,10 @@ import pytest
 from rig.core.frame import Block, Table
 from rig.flight.loop import fly_rows
 from rig.scenario import scenario
-from rig.verdict import Score, score
 from rig.verdict.conclusion import conclusion
 from rig.verdict.lane_tally import columns_of
+from rig.verdict.score_records import Score
+from rig.verdict.scoring import score
 
 ONSET = 100
 

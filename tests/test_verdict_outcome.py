@@ -9,15 +9,15 @@ from test_verdict_parts import flight, offset
 
 from rig.core.frame import CHANNELS, State, Table
 from rig.flight.fly import fly
+from rig.flight.loop import fly_rows
 from rig.scenario import scenario
 from rig.studies.campaign.flying import fly as fly_in_memory
 from rig.studies.campaign.tables import OUTCOMES
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import fly_rows, score
 from rig.verdict.conclusion import conclusion
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.of_log import FlightConclusion
-from rig.verdict.scoring import score_of
+from rig.verdict.scoring import score, score_of
 from rig.verdict.signal_kernels import LEVELS, NEVER, SIGNAL, all_out, count_healthy, mark_failed, mark_wrong
 from rig.verdict.unfaulted import MeasuredAgain
 from rig.verdict.words import PUBLIC, Cause, fault_word, fault_words, vote_flags
@@ -67,7 +67,7 @@ def test_rows_added_in_parts_give_the_score_of_all_at_once(size: int):
     outcome = FlightOutcome(which, 2.0)
     for first in range(0, len(rows), size):
         outcome.add(whole[first : first + size])
-    in_parts, at_once = score_of(outcome), score(which, rows)
+    in_parts, at_once = score_of(outcome), score(which, Table(rows))
     assert in_parts == at_once and in_parts.as_dict() == at_once.as_dict()
     assert conclusion(which, in_parts) == conclusion(which, at_once)
 
@@ -75,14 +75,14 @@ def test_rows_added_in_parts_give_the_score_of_all_at_once(size: int):
 def test_more_failures_than_the_list_has_room_for_are_all_listed():
     which, rows = flight([], 400)
     rows["state"][1::2, :, :2] = State.FAILED
-    assert len(score(which, rows).false_alarms) == 200 * rows["state"].shape[1] * 2
+    assert len(score(which, Table(rows)).false_alarms) == 200 * rows["state"].shape[1] * 2
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_flight_score_campaign_and_log_say_the_same_of_each_fault(name: str, tmp_path: Path):
     which = scenario.load(name)
     flown = fly(which, out=tmp_path, outcome=FlightConclusion())
-    scored = score(which, flown.rows)
+    scored = score(which, Table(flown.rows))
     assert list(flown.conclusion) == conclusion(which, scored)
     in_memory = fly_in_memory(which)
     kept = score(which, in_memory.table)
@@ -103,7 +103,7 @@ def test_a_flight_with_a_manager_that_fails_and_takes_back_is_gathered_as_it_is_
     outcome = FlightOutcome(which, 2.0)
     for part in MeasuredAgain(which).of(Table(rows)):
         outcome.add(part)
-    assert score_of(outcome) == score(which, rows)
+    assert score_of(outcome) == score(which, Table(rows))
 
 
 def blank() -> np.ndarray:

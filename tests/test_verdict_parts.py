@@ -27,9 +27,10 @@ from rig.core.frame import (
 from rig.flight.loop import Rig
 from rig.scenario import scenario
 from rig.scenario.scenario import Scenario
-from rig.verdict import Score, score
 from rig.verdict.patterns import POSSIBLE
-from rig.verdict.score_tables import vote_rows
+from rig.verdict.score_records import Score
+from rig.verdict.score_tables import VOTES, tables
+from rig.verdict.scoring import score
 from rig.verdict.unfaulted import middle
 
 Q = INDEX["pitch_rate"]
@@ -63,7 +64,8 @@ def flight(
 
 
 def scored(faults: list[dict[str, Any]], frames: int = 100, *overrides: str, exact: bool = False) -> Score:
-    return score(*flight(faults, frames, *overrides, exact=exact))
+    which, rows = flight(faults, frames, *overrides, exact=exact)
+    return score(which, Table(rows))
 
 
 def outcomes(found: Score) -> list[tuple[str, int | None, int | None, int | None]]:
@@ -86,9 +88,9 @@ def test_rows_of_other_sensors_are_refused_with_the_first_difference():
     which, rows = flight([])
     rows["channels"][7, Q, 1] += 1e-9
     with pytest.raises(BadInput, match="first pitch_rate channel 2 in frame 7"):
-        score(which, rows)
+        score(which, Table(rows))
     with pytest.raises(BadInput, match="from its frame 0 on"):
-        score(which, rows[1:])
+        score(which, Table(rows[1:]))
 
 
 def test_an_error_below_the_threshold_is_undetectable():
@@ -143,7 +145,7 @@ def test_a_failure_belongs_to_a_fault_that_ceased_no_longer_ago_than_the_longer_
     for at, outcome, alarms in ((24, "detected", 0), (25, "missed", 1)):  # last acting frame 14, persistence 10
         late = rows.copy()
         late["state"][at:, Q, 1] = State.FAILED
-        found = score(which, late)
+        found = score(which, Table(late))
         assert (found.faults[0].outcome, len(found.false_alarms)) == (outcome, alarms)
         assert found.faults[0].failed_frame == (at if outcome == "detected" else None)
 
@@ -154,7 +156,7 @@ def test_a_healthy_channel_failed_alone_is_a_false_alarm_and_beside_a_faulty_one
     rows["state"][60:, Q, 3] = State.FAILED  # channel 2 is off, if only a little
     rows["state"][70:, INDEX["heading"], 1] = State.FAILED  # of another signal
     rows["discrete_state"][80:, 1, 2] = State.FAILED
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert [(a.signal, a.channel, a.frame) for a in found.false_alarms] == [
         ("pitch_rate", 1, 30),
         ("heading", 2, 70),
@@ -167,7 +169,7 @@ def test_a_healthy_channel_failed_alone_is_a_false_alarm_and_beside_a_faulty_one
 def test_a_channel_failed_readmitted_and_failed_again_is_two_alarms():
     which, rows = flight([], 60)
     rows["state"][[*range(10, 20), *range(30, 40)], Q, 0] = State.FAILED
-    assert [alarm.frame for alarm in score(which, rows).false_alarms] == [10, 30]
+    assert [alarm.frame for alarm in score(which, Table(rows)).false_alarms] == [10, 30]
 
 
 def test_two_faulty_channels_that_are_failed_together_are_no_wrong_isolation():
@@ -208,7 +210,7 @@ def test_a_resolver_that_spoke_but_did_not_stand_is_asked_and_has_not_answered()
     rows["resolver"][34, Q] = Resolver.UNRESOLVED
     rows["pattern"][40:50, Q], rows["resolver"][40:50, Q] = Pattern.P1_1_1_1, Resolver.EXTREMES
     rows["state"][49:, Q, 0] = rows["state"][49:, Q, 3] = State.FAILED
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert [(e.pattern, e.first_frame, e.frames, e.asked, e.resolver, e.failed, e.verdict) for e in found.episodes] == [
         ("2:2", 20, 6, ("ilm", "trend"), "trend", (), "open"),
         ("2:2", 30, 5, ("ilm", "trend", "reference"), "unresolved", (), "open"),
@@ -241,7 +243,7 @@ def test_vote_errors_are_those_of_their_definition():
     rows["voted"][20:25, Q] = -0.06
     rows["voted"][40:50, Q] = 0.1
     rows["voted"][50, Q] = np.nan  # a manager of the user's own may say anything
-    error = score(which, rows).vote_error["pitch_rate"]
+    error = score(which, Table(rows)).vote_error["pitch_rate"]
     assert (error.peak, error.peak_frame) == (0.1, 40)
     assert error.rms == pytest.approx(np.sqrt((5 * 0.06**2 + 10 * 0.1**2) / 79))
     assert (error.above_threshold_s, error.above_threshold_after_onset_s) == (0.16, 0.11)
@@ -251,16 +253,17 @@ def test_vote_errors_are_those_of_their_definition():
 def test_a_signal_without_a_vote_has_no_peak():
     which, rows = flight([], 50, exact=True)
     rows["voted"][:, Q] = np.nan
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert found.vote_error["pitch_rate"].peak_frame is None
-    assert vote_rows(found, which.rate_hz) == [("pitch_rate", "deg/s", "no vote", "", "", "0.5 s", "0 s", "")]
+    (row,) = tables(found, which.rate_hz)["votes"].rows
+    assert [column.of(row) for column in VOTES] == ["pitch_rate", "deg/s", "no vote", "", "", "0.5 s", "0 s", ""]
 
 
 def test_an_angle_is_off_the_short_way_round():
     which, rows = flight([], 50, exact=True)
     heading = INDEX["heading"]
     rows["voted"][:, heading] = 3.0 + 2 * np.pi - 0.01
-    assert score(which, rows).vote_error["heading"].peak == pytest.approx(0.01)
+    assert score(which, Table(rows)).vote_error["heading"].peak == pytest.approx(0.01)
 
 
 def test_a_lost_flight_is_lost_and_its_last_row_may_hold_no_numbers():
@@ -268,7 +271,7 @@ def test_a_lost_flight_is_lost_and_its_last_row_may_hold_no_numbers():
     rows["end"][-1] = End.NOT_FINITE
     rows["truth"][-1] = rows["voted"][-1] = np.nan
     rows["channels"][-1, :, :] = np.nan
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert (found.flight.survived, found.flight.end_reason, found.flight.frames) == (False, "not finite", 50)
     assert np.isfinite(found.flight.load_factor_max)
 
@@ -276,7 +279,7 @@ def test_a_lost_flight_is_lost_and_its_last_row_may_hold_no_numbers():
 def test_coverage_counts_what_was_seen_and_nothing_else():
     which, rows = flight([], 20)
     rows["pattern"][5:, Q], rows["level"][8:, Q], rows["level"][12:, Q] = Pattern.P1_1, 2, 3
-    seen = score(which, rows).coverage
+    seen = score(which, Table(rows)).coverage
     assert seen["pitch_rate"].patterns == ("normal", "1:1") and seen["pitch_rate"].levels == (4, 3, 2)
     assert seen["pitch_rate"].pattern_transitions == ("normal>1:1",)
     assert seen["pitch_rate"].level_transitions == ("2>3", "4>2")
@@ -299,7 +302,7 @@ def test_possible_patterns_are_those_that_the_classification_can_give():
         assert given_ == set(possible)
 
 
-@settings(max_examples=max(2, 12 // FEWER), deadline=None)
+@settings(max_examples=max(2, round(12 / FEWER)), deadline=None)
 @given(
     sizes=st.lists(st.sampled_from([0.0, 0.03, 0.15, 0.15, -0.15, 0.3, 0.6]), min_size=4, max_size=4),
     starts=st.lists(st.sampled_from([20, 20, 25, 40]), min_size=4, max_size=4),
@@ -321,10 +324,11 @@ def test_rows_joined_by_numpy_score_the_same():
     which, rows = flight([offset([2], 0.2, 0.3)], 60)
     joined = np.concatenate([rows[:20], rows[20:]])
     unaligned = rows.astype(np.dtype({n: FLAT.fields[n][:2] for n in FLAT.names or ()}))  # type: ignore[index]
-    assert score(which, joined).as_dict() == score(which, unaligned).as_dict() == score(which, rows).as_dict()
+    whole = score(which, Table(rows)).as_dict()
+    assert score(which, Table(joined)).as_dict() == score(which, Table(unaligned)).as_dict() == whole
 
 
-@settings(max_examples=max(10, 200 // FEWER), deadline=None)
+@settings(max_examples=max(10, round(200 / FEWER)), deadline=None)
 @given(st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=4))
 def test_the_clean_vote_is_the_median_of_the_channels_that_are_fitted(samples: list[float]):
     record = np.zeros(1, PARAMS)

@@ -12,9 +12,10 @@ from rig.flight.loop import fly_rows
 from rig.scenario import scenario
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.flying import CampaignFlight, fly
-from rig.verdict import Score, score
 from rig.verdict.conclusion import conclusion
-from rig.verdict.score_tables import FAULTS, fault_row
+from rig.verdict.score_records import Score
+from rig.verdict.score_tables import FAULTS, tables
+from rig.verdict.scoring import score
 
 # What people read of each quantity, and how many of it are one of SI.
 SHOWN = {
@@ -58,7 +59,7 @@ def flown(*faults: dict[str, Any], sets: tuple[str, ...] = ()) -> CampaignFlight
 
 
 def scored(flight: CampaignFlight) -> Score:
-    return score(flight.scenario, flight.rows)
+    return score(flight.scenario, Table(flight.rows))
 
 
 def shown(value: float) -> str:
@@ -77,7 +78,8 @@ def test_an_offset_of_the_inertial_unit_is_told_in_the_unit_of_its_quantity(quan
     assert found.faults[0].peak_error == pytest.approx(0.25, rel=1e-9)
     begin = f"inertial.{quantity} had an offset of {shown(0.25 * times)} {unit} from 1.00 s on; "
     assert conclusion(flight.scenario, found)[0].startswith(begin)
-    row = dict(zip(FAULTS, fault_row(found.faults[0], flight.scenario), strict=True))
+    row = tables(found, flight.scenario.rate_hz)["faults"].rows[0]
+    row = {column.name: column.of(row) for column in FAULTS}
     assert (row["peak error"], row["unit"]) == (shown(0.25 * times), unit)
 
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from test_verdict_parts import Q, flight, offset, scored
 
-from rig.core.frame import State
+from rig.core.frame import State, Table
 from rig.studies.campaign.tables import rows as campaign_rows
-from rig.verdict import score
 from rig.verdict.score_records import Window
-from rig.verdict.scoring import _above_before_loss
+from rig.verdict.scoring import _above_before_loss, score
 from rig.verdict.tally_records import SPAN
 
 MEAN = "redundancy.manager=mean"
@@ -108,8 +107,8 @@ def test_a_latent_fault_ends_the_hours_of_its_signal():
 def test_a_healthy_channel_failed_at_level_3_is_a_false_isolation_there():
     which, rows = flight([offset([3], 0.2, 0.2)])
     rows["state"][70:, Q, 0] = State.FAILED
-    assert score(which, rows).signals["pitch_rate"].false_isolations == (0, 1, 0, 0)
-    row = campaign_rows("signals", 5, which, score(which, rows))[Q]
+    assert score(which, Table(rows)).signals["pitch_rate"].false_isolations == (0, 1, 0, 0)
+    row = campaign_rows("signals", 5, which, score(which, Table(rows)))[Q]
     assert (row["run"], row["signal"], row["false_isolations_level_3"], row["false_isolations_level_4"]) == (
         5,
         "pitch_rate",
@@ -121,20 +120,21 @@ def test_a_healthy_channel_failed_at_level_3_is_a_false_isolation_there():
 def test_a_healthy_channel_failed_while_a_fault_is_fresh_is_that_faults():
     which, rows = flight([offset([3], 0.2, 0.2)])
     rows["state"][30:, Q, 0] = State.FAILED
-    found = score(which, rows)
+    found = score(which, Table(rows))
     assert found.signals["pitch_rate"].false_isolations == (0, 0, 0, 0) and len(found.wrong_isolations) == 1
 
 
 def test_a_wrong_isolation_is_booked_on_the_fault_in_whose_window_it_is():
     which, rows = flight([offset([2], 0.1, 0.2), offset([3], 0.6, 0.2)])
     rows["state"][30:, Q, 0] = State.FAILED
-    assert [row["isolation"] for row in campaign_rows("faults", 0, which, score(which, rows))] == ["wrong", "right"]
+    told = campaign_rows("faults", 0, which, score(which, Table(rows)))
+    assert [row["isolation"] for row in told] == ["wrong", "right"]
 
 
 def test_a_manager_that_takes_its_failures_back_counts_by_its_vote():
     which, rows = flight([HARD], 300, "redundancy.manager=selection", exact=True)
     rows["state"][60:90, Q, 0] = State.FAILED  # a healthy channel, distrusted for a while
-    found = score(which, rows)
+    found = score(which, Table(rows))
     (row,) = campaign_rows("faults", 0, which, found)
     assert found.wrong_isolations
     assert (row["isolation"], row["vote_kept"]) == ("right", True)

@@ -31,8 +31,8 @@ from rig.core.frame import (
 from rig.core.frame.fields import FIELD, places
 from rig.core.units.constants import TWO_PI
 from rig.flight.events import Event
-from rig.log import LogWriter
 from rig.log.schema import TOPICS_OF_ROWS, Topic
+from rig.log.writer import LogWriter
 from rig.show.viewer import derived, matrix
 from rig.show.viewer import state_strips as lanes
 from rig.show.viewer.facts import Facts, FaultFact
@@ -67,7 +67,7 @@ def files(rows: Block, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
         writer.write(Table(rows, timing=np.zeros(len(rows), TIMING)), events)
     recording = rr.RecordingStream("test")
     recording.save(streamed)
-    Columns(recording, RATE_HZ).send(rows, events)
+    Columns(recording, RATE_HZ).send(Table(rows), events)
     recording.disconnect()
     return log, streamed
 
@@ -200,19 +200,6 @@ def test_flights_that_lie_over_each_other_keep_their_columns_under_their_letter(
             assert one_part.equals(both_part)
 
 
-def test_blocks_of_any_size_give_the_same_changes_of_state(rows: Block) -> None:
-    def found(size: int) -> list[tuple[str, int, str | None]]:
-        before, changes = None, []
-        for first in range(0, len(rows), size):
-            block = rows[first : first + size]
-            for change in lanes.changes(block, before, ["one fault"]):
-                changes += [(change.path, first + int(k), s) for k, s in zip(change.rows, change.states, strict=True)]
-            before = block[-1:]
-        return sorted(changes, key=lambda change: change[:2])
-
-    assert found(1) == found(7) == found(len(rows))
-
-
 def test_a_lane_has_one_entry_for_each_change_and_a_fault_ends() -> None:
     rows = new_block(6)
     rows["state"][2:4, 0, 1] = State.SUSPECT
@@ -246,8 +233,8 @@ def test_the_lane_of_a_signal_says_which_channels_are_not_ok(states: list[int], 
 def test_the_matrix_has_a_cell_for_each_channel_and_changes_with_any_state() -> None:
     rows = new_block(4)
     rows["state"][2:, 15, 3] = State.FAILED
-    assert matrix.changed(rows, None).tolist() == [0, 2]
-    assert matrix.changed(rows[1:], rows[:1]).tolist() == [1]
+    assert lanes.moved(rows["state"], None).tolist() == [0, 2]
+    assert lanes.moved(rows["state"][1:], rows["state"][:1]).tolist() == [1]
     shades = matrix.colors(rows["state"])
     assert shades.shape == (4, len(matrix.cells()), 3) == (4, 64, 3)
     assert [tuple(c) for c in shades[:, 63]] == [STATE_LOOKS["OK"][1]] * 2 + [STATE_LOOKS["FAILED"][1]] * 2

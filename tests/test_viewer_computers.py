@@ -24,7 +24,7 @@ from rig.core.frame import (
     lane_rows,
     new_block,
 )
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 from rig.show.terminal.redundancy_page import Page
 from rig.show.viewer import lanes_view as computers
 from rig.show.viewer import servo_series as servos
@@ -88,14 +88,6 @@ def test_every_state_of_a_lane_has_a_look_and_red_is_for_failures_alone() -> Non
         assert set(lane.states.values()) - lane.looks.keys() <= {"FAILED"}  # for no test, or by command: never
         red = {label for label, color in lane.looks.values() if color == servos.FAILED}
         assert all(label.startswith("failed") for label in red)
-
-
-def test_blocks_show_the_changes_of_the_whole(moved: Table) -> None:
-    of, whole = computers.SHOWN, list(computers.SHOWN.changes(moved, None))
-    parts = [(of.changes(moved[k : k + 50], moved[k - 1 : k] if k else None), k) for k in range(0, FRAMES, 50)]
-    found = [Changes(each.path, each.rows + k, each.states) for part, k in parts for each in part]
-    for lane in computers.LANES:
-        assert changed(found, lane.path) == changed(whole, lane.path)
 
 
 def test_computers_that_are_not_fitted_are_left_out() -> None:

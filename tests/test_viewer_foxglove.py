@@ -11,7 +11,6 @@ import pytest
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
 from mcap.reader import make_reader
 
-from rig.cli import main as cli
 from rig.core.frame import SIGNALS, Health, State
 from rig.flight.fly import fly
 from rig.show.viewer import blueprint, foxglove, opened
@@ -206,26 +205,17 @@ def test_a_flight_without_a_fault_shows_the_surfaces_and_one_of_a_unit_its_times
     assert values == ["/timing.reply_us", "/timing.late_us", "/control.unit_age"]
 
 
-def run(capsys, monkeypatch, *arguments: object) -> tuple[int, str, str]:
-    """The ``rig`` command in this process: exit code, stdout, stderr."""
-    monkeypatch.setattr(sys, "argv", ["rig", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return int(ended.value.code or 0), *capsys.readouterr()
-
-
-def test_the_command_writes_it_beside_the_log_or_where_it_is_told(hardover, layout, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_the_command_writes_it_beside_the_log_or_where_it_is_told(hardover, layout, tmp_path, rig_command):
     log = Path("flight.mcap")
     log.write_bytes(hardover.read_bytes())
-    code, text, _ = run(capsys, monkeypatch, "export", log, "--layout", "foxglove")
+    code, text, _ = rig_command("export", log, "--layout", "foxglove")
     assert (code, text) == (
         0,
         f"flight.foxglove.json: {len(layout['configById'])} panels, pitch rate, zoom 0.0 to 1.6 s\n",
     )
     written = json.loads(Path("flight.foxglove.json").read_text())
     assert tabs(written) == tabs(layout) and written["configById"].keys() == layout["configById"].keys()
-    code, text, _ = run(capsys, monkeypatch, "export", log, "--layout", "foxglove", "--out", "a.json", "--json")
+    code, text, _ = rig_command("export", log, "--layout", "foxglove", "--out", "a.json", "--json")
     about = json.loads(text)
     assert (code, about["out"], about["signal"]) == (0, "a.json", "pitch_rate")
     assert Path("a.json").read_bytes() == Path("flight.foxglove.json").read_bytes()
@@ -243,13 +233,10 @@ def test_the_command_writes_it_beside_the_log_or_where_it_is_told(hardover, layo
         (["--layout", "foxglove", "--out", "nowhere/a.json"], "no such folder"),
     ],
 )
-def test_a_wrong_request_is_one_line_exit_code_2_and_nothing_written(
-    hardover, tmp_path, capsys, monkeypatch, arguments, says
-):
-    monkeypatch.chdir(tmp_path)
+def test_a_wrong_request_is_one_line_exit_code_2_and_nothing_written(hardover, tmp_path, arguments, says, rig_command):
     log = Path("flight.mcap")
     log.write_bytes(hardover.read_bytes())
-    code, out, err = run(capsys, monkeypatch, "export", log, *arguments)
+    code, out, err = rig_command("export", log, *arguments)
     assert (code, out, err.count("\n")) == (2, "", 1) and says in err
     assert list(tmp_path.iterdir()) == [tmp_path / "flight.mcap"] and log.read_bytes() == hardover.read_bytes()
 

@@ -14,7 +14,7 @@ from rig.core.errors import BadInput
 from rig.core.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, Table, new_block
 from rig.core.units.quantities import unit_shown
 from rig.flight.events import Event
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 from rig.show.viewer import viewer
 from rig.show.viewer.opened import as_file, read, window
 from rig.show.viewer.scene import TIMELINE

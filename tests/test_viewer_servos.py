@@ -15,12 +15,14 @@ from rich.console import Console
 from rig.core.errors import BadInput
 from rig.core.frame import LANE_FIELDS, MOVED, TIMING, ActuatorMonitor, Table, lane_rows, new_block
 from rig.core.frame.fields import elements
-from rig.log import LogWriter
+from rig.log.schema import LANE_TOPICS
+from rig.log.writer import LogWriter
 from rig.show.terminal.redundancy_page import Page
 from rig.show.viewer import servo_series as servos
 from rig.show.viewer.blueprint import SERVOS, blueprint
 from rig.show.viewer.facts import Facts, FaultFact, Layout, Shown
 from rig.show.viewer.opened import read, save
+from rig.show.viewer.rerun_columns import struct
 from rig.show.viewer.state_strips import Changes
 from rig.show.viewer.story import look
 
@@ -63,15 +65,6 @@ def test_a_lane_says_when_a_channel_was_shut_off_and_by_whom(moved: Table) -> No
     assert changed(found, "/rudder/moved_by") == [(0, "HELD_4"), (200, "BYPASSED")]
 
 
-def test_blocks_show_the_changes_of_the_whole(moved: Table) -> None:
-    parts = [
-        (servos.SHOWN.changes(moved[k : k + 50], moved[k - 1 : k] if k else None), k) for k in range(0, FRAMES, 50)
-    ]
-    found = [Changes(each.path, each.rows + k, each.states) for part, k in parts for each in part]
-    for lane in servos.LANES:
-        assert changed(found, lane.path) == changed(list(servos.SHOWN.changes(moved, None)), lane.path)
-
-
 def test_the_list_of_a_surface_has_angles_in_degrees_and_shares_as_they_are(moved: Table) -> None:
     shown, rows = servos.values(moved, RUDDER), moved.servo[:, RUDDER]
     for name, expected in (
@@ -103,8 +96,8 @@ def test_the_importer_makes_the_same_messages_of_our_log(log: Path, tmp_path: Pa
 
 
 def test_every_number_of_the_message_is_a_column(moved: Table) -> None:
-    names = [name for name, _, _ in servos.columns(moved, ELEVATOR)]
-    assert names == [name for field in LANE_FIELDS for name, _ in elements(field)]
+    made = struct(moved.servo, LANE_TOPICS["actuator"][ELEVATOR])
+    assert [field.name for field in made.type] == [name for field in LANE_FIELDS for name, _ in elements(field)]
 
 
 def test_the_headline_names_channel_delay_and_monitor_and_the_tab_shows_these_seconds(moved: Table) -> None:

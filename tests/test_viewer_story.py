@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 
 from rig.core.frame import DEMANDS, INDEX, SURFACES, TIMING, Block, End, Resolver, State, Table, new_block
 from rig.flight.failures import decisive_s
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 from rig.show.viewer import charts
 from rig.show.viewer.facts import Facts, FaultFact
 from rig.show.viewer.opened import read, save
@@ -33,7 +33,7 @@ def flown(frames: int = 6000, onset: int = 2000, **failed: int) -> Block:
 
 
 def headline(facts: Facts, rows: Block) -> str:
-    return look(facts, rows, HZ, ended=True)[1]
+    return look(facts, Table(rows), HZ, ended=True)[1]
 
 
 def test_the_headline_says_what_failed_when_how_long_after_the_onset_and_by_what() -> None:
@@ -85,7 +85,7 @@ def test_the_zoom_is_from_half_a_second_before_the_fault_to_one_after_the_isolat
 def test_what_is_seen_of_a_flight_is_of_its_decisive_fault() -> None:
     rows = flown(roll_rate_1=1500, pitch_rate_3=2007)
     rows["state"][2500:, 15, 0] = State.SUSPECT
-    facts, _ = look(HARDOVER, rows, HZ, ended=True)
+    facts, _ = look(HARDOVER, Table(rows), HZ, ended=True)
     seen = facts.seen
     assert seen is not None
     assert (seen.main, seen.isolated_s, seen.survived) == ("pitch_rate", 20.07, True)
@@ -98,7 +98,7 @@ def test_blocks_of_any_size_tell_the_same_story() -> None:
     for size in (100, 6000):
         story = Story(HARDOVER, HZ)
         for k in range(0, 6000, size):
-            changed = story.add(rows[k : k + size])
+            changed = story.add(Table(rows[k : k + size]))
             assert changed == (k <= 2007 < k + size)
         assert story.headline("IN FLIGHT").endswith("failed at 20.07 s, 70 ms after the onset, by comparison")
 

@@ -22,7 +22,8 @@ from rig.cli.main import app
 from rig.core.errors import BadInput, BadLog
 from rig.core.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, Table, new_block
 from rig.flight.events import Event
-from rig.log import LogWriter, read_log
+from rig.log import read_log
+from rig.log.writer import LogWriter
 from rig.show.terminal.draw import InPipe, InProcess, OnTerminal
 from rig.show.terminal.live import Watch, play, watching
 from rig.show.terminal.redundancy_page import EVENTS, Page
@@ -128,7 +129,7 @@ def test_a_live_page_shows_the_last_frame_and_all_events_and_holds_nobody_up() -
     for first in range(0, 2000, 100):
         rows = flown(100)
         rows["frame"] += first
-        watch(rows, RATE_HZ, [Event(first, "info", "reference", f"event at {first}")])
+        watch(Table(rows), RATE_HZ, [Event(first, "info", "reference", f"event at {first}")])
     assert time.monotonic() - began < 0.5
     watch.close()
     text = screen.export_text()
@@ -139,7 +140,7 @@ def test_a_live_page_shows_the_last_frame_and_all_events_and_holds_nobody_up() -
 
 def test_a_paced_page_is_drawn_several_times_a_block() -> None:
     watch = Watch(OnTerminal(terminal()), 1.0)
-    watch(flown(50), RATE_HZ, [])
+    watch(Table(flown(50)), RATE_HZ, [])
     time.sleep(0.6)
     watch.close()
     assert 3 <= watch.drawn <= 8
@@ -155,7 +156,7 @@ def test_what_draws_may_hang_and_does_not_hold_the_flight_up() -> None:
     watch = Watch(Stuck(pipe()), None)
     began = time.monotonic()
     for _ in range(100):
-        watch(flown(10), RATE_HZ, [])
+        watch(Table(flown(10)), RATE_HZ, [])
     watch.close(0.2)
     assert time.monotonic() - began < 1.0
     Stuck.gate.set()
@@ -195,7 +196,7 @@ def test_a_process_that_is_gone_is_not_waited_for() -> None:
 def test_in_a_pipe_events_are_lines_and_the_page_comes_once_at_the_end() -> None:
     screen = pipe()
     watch = Watch(InPipe(screen), None)
-    watch(flown(), RATE_HZ, TOLD)
+    watch(Table(flown()), RATE_HZ, TOLD)
     watch.close()
     lines = screen.export_text().splitlines()
     assert lines[:2] == [

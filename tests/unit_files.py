@@ -9,10 +9,13 @@ import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -38,18 +41,53 @@ from rig.unit.unit_records import (
     Said,
 )
 
-SOURCES = Path(__file__).parents[1] / "docs" / "examples" / "unit"
+ROOT = Path(__file__).parents[1]
+SOURCES, OURS = ROOT / "docs" / "examples" / "unit", ROOT / "rig" / "unit"
+KEPT, MONTH_S = cache_root() / "test-units", 30 * 86400.0
 COMPILER = shutil.which("gcc") or shutil.which("cc")
 OF_FRAME = [name for name in INPUT.names or () if name in (FLAT.names or ()) and name != "frame"]
 
 
-def build(folder: Path, target: str, flags: str = "", **variables: str) -> Path:
-    """Make one target of the examples' Makefile in ``folder``; variables : others of its own."""
-    made = folder / target
-    command = ["make", "-C", str(SOURCES), f"BUILD={folder}", f"CC={COMPILER}", f"CFLAGS={flags}", str(made)]
-    command += [f"{name}={value}" for name, value in variables.items()]
-    subprocess.run(command, check=True, capture_output=True, text=True)
-    return made
+def kept(name: str, reads: Iterable[str | bytes], make: Callable[[Path], Path]) -> Path:
+    """The file ``name`` that ``make`` leaves in a folder, made once of what it ``reads``: later runs find it.
+
+    What no run has asked for in a month is removed.  Nobody may write to it.
+    """
+    digest = sha256()
+    for part in reads:
+        data = part.encode() if isinstance(part, str) else part
+        digest.update(len(data).to_bytes(8, "big") + data)
+    folder = KEPT / digest.hexdigest()[:32]
+    if (folder / name).exists():
+        os.utime(folder)
+        return folder / name
+    folder.mkdir(parents=True, exist_ok=True)
+    for other in KEPT.iterdir():
+        if time.time() - other.stat().st_mtime > MONTH_S:
+            shutil.rmtree(other, ignore_errors=True)
+    with TemporaryDirectory() as scratch:
+        made = folder / f"{os.getpid()}"
+        shutil.move(make(Path(scratch)), made)
+    return made.replace(folder / name)
+
+
+def build(target: str, flags: str = "", **variables: str) -> Path:
+    """One target of the examples' Makefile; variables : others of its own."""
+    given = [f"CC={COMPILER}", f"CFLAGS={flags}", *(f"{name}={value}" for name, value in variables.items())]
+
+    def make(folder: Path) -> Path:
+        command = ["make", "-C", str(SOURCES), f"BUILD={folder}", *given, str(folder / target)]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        return folder / target
+
+    read = [path for path in sorted([*SOURCES.glob("*.*"), *OURS.glob("*.py")]) if path.is_file()]
+    return kept(target, [*given, *_texts([SOURCES / "Makefile", *read])], make)
+
+
+def _texts(paths: Iterable[Path]) -> Iterator[str | bytes]:
+    for path in paths:
+        yield path.name
+        yield path.read_bytes()
 
 
 def config(params: NDArray[Any], discretes: NDArray[Any], boxes: NDArray[Any]) -> NDArray[Any]:
@@ -119,7 +157,6 @@ def compared(rows: Block) -> int:
     return sum(rows[name].size for name, group in ANSWERS.items() if group != Said.SURFACE)
 
 
-ROOT = Path(__file__).parents[1]
 HERE = ROOT / "tests/units"
 FLAGS = ("-std=gnu99", "-O2", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-fPIC", "-shared")
 needs_a_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc)")
@@ -127,23 +164,32 @@ needs_a_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (c
 
 def compiled(sources: list[Path], target: Path, *flags: str) -> Path:
     """A shared library of C files; the header is the one that the rig writes now."""
-    assert COMPILER is not None
     target.parent.mkdir(parents=True, exist_ok=True)
-    include = target.parent / "rig_unit.h"
-    include.write_text(header())
-    made = target.with_suffix(f".{os.getpid()}")
-    command = [COMPILER, *FLAGS, *flags, f"-I{include.parent}", "-o", str(made), *map(str, sources), "-lm"]
-    subprocess.run(command, check=True, capture_output=True, text=True)
-    return made.replace(target)
+    return Path(shutil.copy(of_sources(target.name, sources, *flags), target))
+
+
+def of_sources(name: str, sources: list[Path], *flags: str) -> Path:
+    """The same, kept."""
+    assert COMPILER is not None
+    compiler, ours = COMPILER, header()
+
+    def make(folder: Path) -> Path:
+        (folder / "rig_unit.h").write_text(ours)
+        command = [compiler, *FLAGS, *flags, f"-I{folder}", "-o", str(folder / name), *map(str, sources), "-lm"]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        return folder / name
+
+    places = [Path(flag[2:]) for flag in flags if flag.startswith("-I")] + [path.parent for path in sources]
+    headers = [path for place in dict.fromkeys(places) for path in sorted(place.glob("*.h"))]
+    options = [compiler, *(flag for flag in (*FLAGS, *flags) if not flag.startswith("-I"))]
+    return kept(name, [ours, *options, *_texts([*sources, *headers])], make)
 
 
 @cache
 def library(name: str) -> Path:
     """A library of docs/examples/unit or tests/units by the name of its C file."""
-    target = cache_root() / "test-units" / f"{LAYOUT:016x}-{os.getpid()}" / f"lib{name}.so"
-    if (HERE / f"{name}.c").exists():
-        return compiled([HERE / f"{name}.c"], target)
-    return build(target.parent, target.name)
+    own = HERE / f"{name}.c"
+    return of_sources(f"lib{name}.so", [own]) if own.exists() else build(f"lib{name}.so")
 
 
 def unit(folder: Path, name: str = "first_valid", **keys: Any) -> Unit:

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
-from one_stage import step_stage
 
-from rig.computer.redundancy.discrete import DiscreteVoter
+from rig.computer.redundancy.discrete import DiscreteVoter, vote_discretes
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.manager_config import PARAMS
-from rig.computer.redundancy.managers import Manager
-from rig.core.frame import CHANNELS, Block, D, Ilm, S, new_block
+from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.core.frame import CHANNELS, Block, D, Ilm, S, nested, new_block
+from rig.core.kernels import kernel
 from rig.core.units.constants import TWO_PI
 
 # In thresholds: how far a channel is from the truth.  Most often it is healthy, or where another one is too.
@@ -185,7 +185,13 @@ def vote(
     """Vote every row with the kernels; the manager that did."""
     manager = Manager("cross-channel", params, box_signals=box_signals, box_persistence=box_persistence)
     voter = DiscreteVoter(discretes)
-    for k in range(len(rows)):
-        step_stage(manager, rows, k)
-        step_stage(voter, rows, k)
+    vote_all(nested(rows), manager.data, voter.data)
     return manager
+
+
+@kernel
+def vote_all(rows, signals, discretes):
+    """All rows through manager and voter; rows : FRAME records."""
+    for k in range(len(rows)):
+        vote_signals(rows[k]["bus"], rows[k]["fcc"], signals)
+        vote_discretes(rows[k]["bus"], rows[k]["fcc"], discretes)

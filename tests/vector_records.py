@@ -14,7 +14,7 @@ from vector_flights import FRAMES, Flown, FlownDiscrete
 
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.computer.redundancy.manager_config import PARAMS, SINCE_3
+from rig.computer.redundancy.manager_config import PARAMS, told
 from rig.core.frame import CHANNELS, SURFACES, D, Ilm, Pattern, Resolver, S, State
 from rig.unit.session import configuration
 from rig.unit.unit_records import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Form, Kind, Said, blank
@@ -28,7 +28,7 @@ PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
 SAME = (
     *("threshold", "reference_threshold", "second_threshold", "common_persistence", "common_fails", "persistence"),
     *("singular_persistence", "trend_frames", "bias_bound", "stale_frames", "slow_allowance", "slow_limit", "weighted"),
-    *SINCE_3,
+    *told("rules"),
 )
 SAID = Said.VOTED | Said.STATE | Said.PATTERN | Said.TREND | Said.DISCRETES
 

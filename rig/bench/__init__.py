@@ -8,6 +8,5 @@ inject.py                faults on recorded channels; injection_score.py: what b
 rival_statistics.py      what a rival computes of rows without failing anybody: for a calibration
 one_signal_trials.py, splitting.py  one signal over a recorded truth, many times: for reliability
 unit_check.py            a unit under test against the requirement and against our own manager
-recording_requirements.py  requirements on what a recording was voted to
-vote_run.py              one ``rig vote``: read, inject, align, vote, write (write_votes.py), sum up (vote_summary.py)
+vote_run.py              one ``rig vote``: read, inject, align, vote, measure (write_votes.py, vote_summary.py)
 """

@@ -85,7 +85,11 @@ def inject(
             if (time_s := number(table, key)) is not None:
                 happens(i, int(np.searchsorted(recording.time_s, time_s)))
     acting, after = _through(stage, settled, places, recording, signals)
-    injected = [_injected(i, fault, point, acting) for i, fault in enumerate(settled) for point in fault.points]
+    injected: list[Injected] = []
+    for i, fault in enumerate(settled):
+        acts = np.flatnonzero((acting[:, i >> 3] >> (i & 7)) & 1)
+        span = (int(acts[0]), int(acts[-1])) if len(acts) else (None, None)
+        injected += [Injected(i, fault.label, fault.kind, p.place, p.channel or 0, *span) for p in fault.points]
     faulty = {name: _changed(name, recording, after, signals) for name in {point.place for point in after}}
     with_faults = replace(
         recording,
@@ -197,12 +201,6 @@ def _put(
     put(block, i, recording.signals[name], part, second=False)
     (low, high), samples = signals[name].limits, block["channels"][:, i]
     samples[~((samples >= low) & (samples <= high))] = np.nan
-
-
-def _injected(i: int, fault: Fault, point: Point, acting: NDArray[np.uint8]) -> Injected:
-    acts = np.flatnonzero((acting[:, i >> 3] >> (i & 7)) & 1)
-    span = (int(acts[0]), int(acts[-1])) if len(acts) else (None, None)
-    return Injected(i, fault.label, fault.kind, point.place, point.channel or 0, *span)
 
 
 def _changed(

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from rig.bench.channels import usable_samples
 from rig.bench.inject import Injection
-from rig.bench.rows_of_recording import FIELDS, blocks, put
-from rig.bench.vote_rows import Result, Voted, discrete_params, params_of
+from rig.bench.rows_of_recording import blocks, put
+from rig.bench.vote_rows import Result, discrete_params, params_of, put_votes
 from rig.core.frame import Block, D, Ilm, S, State, Table, rows
 from rig.core.units.angles import differences
 from rig.log.recordings.align import Corrections
@@ -138,7 +138,9 @@ def _rows(
         block["discrete_channels"], block["discrete_valid"] = 0, 1
         for i, (name, of) in enumerate(voted.signals.items()):
             put(block, i, recording.signals[name], part, second=False)
-            _put_votes(block, i, of, usable[name], part)
+            put_votes(block, i, of, part)
+            for c, good in enumerate(usable[name]):
+                block["valid"][:, i, c] = good[part]
         for d, of in enumerate(voted.discretes.values()):
             for c, column in enumerate(of.state):
                 block["discrete_state"][:, d, c] = column[part]
@@ -158,14 +160,6 @@ def _acting(injection: Injection, n: int, later: Sequence[int]) -> NDArray[np.ui
     for i, rows_later in earliest.items():
         acting[:, i >> 3] |= _shifted(injection.acting[:, i >> 3], n, rows_later) & np.uint8(1 << (i & 7))
     return acting
-
-
-def _put_votes(block: Block, i: int, of: Voted, usable: Sequence[NDArray[np.bool_]], part: slice) -> None:
-    """Write what the manager made of ``part``, and which samples it could use, as signal i of the block."""
-    for c, (column, good) in enumerate(zip(of.state, usable, strict=True)):
-        block["state"][:, i, c], block["valid"][:, i, c] = column[part], good[part]
-    for field in FIELDS:
-        block[field][:, i] = getattr(of, field)[part]
 
 
 def _take_off(block: Block, clean: Any, injection: Injection, fault: Injected, error: NDArray[np.float64]) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rig.computer.control.autopilot import Control
 from rig.computer.lanes.lanes_stage import Lanes, think_all
 from rig.computer.lanes.think import ComputerData
-from rig.computer.redundancy.manager_config import command
+from rig.computer.redundancy.resets import command
 from rig.core.frame import FCC, FLAT, FLIGHT_INDEX, MOVED, SURFACES, Block, Table, lane_rows, nested
 from rig.core.kernels import kernel, long_kernel
 from rig.flight.stages import computers, faults, redundancy

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from rig.bench.drive import ROWS
+from rig.core.blocks import room
 from rig.core.frame import Block, Ilm, Rows, S
 from rig.log.recordings.recording import Bytes, Samples
-from rig.log.recordings.stamps import Floats
 
 FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
 # What a flight's log has besides, and a vote by its scenario gives again.
@@ -32,25 +32,27 @@ def blocks(kind: Rows, n: int) -> Iterator[tuple[slice, Block]]:
 
 
 class Columns(NamedTuple):
-    """The results of one signal, (n,) each."""
+    """The answers on one signal or discrete, (n,) each."""
 
     fields: dict[str, Any]
     states: list[Bytes]
-    spread: Floats
+    prefix: str  # of the fields in a row
 
     @classmethod
-    def of(cls, n: int, fitted: int, flown: bool) -> Columns:
-        """Return room for n rows; ``flown`` : with FLIGHT_FIELDS."""
-        names = (*FIELDS, *(FLIGHT_FIELDS if flown else ()))
-        fields: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in names}
-        return cls(fields, [np.empty(n, np.uint8) for _ in range(fitted)], np.empty(n))
+    def of(cls, n: int, fitted: int, names: Sequence[str], prefix: str = "") -> Columns:
+        """Return room for n rows of so many channels and of the fields ``names``."""
+        answers = np.empty((fitted + len(names), n), np.uint8)
+        fields: dict[str, Any] = dict(zip(names, answers[fitted:], strict=True))
+        if not prefix:
+            fields["voted"] = room((n,))
+        return cls(fields, [*answers[:fitted]], prefix)
 
     def take(self, block: Block, i: int, part: slice) -> None:
-        """Keep the answers of ``part`` for signal i of the block."""
+        """Keep the answers of ``part`` for signal or discrete i of the block."""
         for name, column in self.fields.items():
-            column[part] = block[name][:, i]
+            column[part] = block[f"{self.prefix}{name}"][:, i]
         for c, column in enumerate(self.states):
-            column[part] = block["state"][:, i, c]
+            column[part] = block[f"{self.prefix}state"][:, i, c]
 
 
 def put(block: Block, i: int, samples: Samples, part: slice, second: bool) -> None:
@@ -76,23 +78,3 @@ def put_discrete(block: Block, d: int, samples: Samples, part: slice) -> None:
         valid[:, d, c] &= flags[part] != 0
     for c, flags in enumerate(samples.ilm or ()):
         block["discrete_ilm"][:, d, c] = flags[part]
-
-
-class DiscreteColumns:
-    """Samples and results of one discrete."""
-
-    def __init__(self, n: int, samples: Samples, reset: Bytes) -> None:
-        self.samples, self.reset = samples, reset
-        self.voted, self.level = np.empty(n, np.uint8), np.empty(n, np.uint8)
-        self.state = [np.empty(n, np.uint8) for _ in samples.channels]
-
-    def put(self, block: Block, d: int, part: slice) -> None:
-        """Write the samples of ``part`` as discrete d."""
-        put_discrete(block, d, self.samples, part)
-        block["discrete_reset"][:, d] = self.reset[part]
-
-    def take(self, block: Block, d: int, part: slice) -> None:
-        """Keep the answers of ``part``."""
-        self.voted[part], self.level[part] = block["discrete_voted"][:, d], block["discrete_level"][:, d]
-        for c, column in enumerate(self.state):
-            column[part] = block["discrete_state"][:, d, c]

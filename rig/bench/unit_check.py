@@ -6,7 +6,7 @@ an independent reading, and *bits* (every byte of every answer) against our own 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import sleep
@@ -90,7 +90,8 @@ def check(file: Path | str, *, seam_only: bool = False, longest: bool = False) -
     if not seam_only and unit.form == "redundancy":
         with running(unit) as tested:
             answered = _told(tested, cases)
-            requirements += _decisions(tested, answered + _told(tested, long_cases(MOST_FRAMES if longest else FRAMES)))
+            asked = answered + _told(tested, long_cases(MOST_FRAMES if longest else FRAMES))
+            requirements += _counted((case, answers(tested, case.config, case.inputs)) for case in asked)
             requirements += _bits(tested, answered)
     return Checked(unit.name, requirements)
 
@@ -124,15 +125,18 @@ def _seam(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
     config["form"] = Form[unit.form.replace("-", "_").upper()]
     with running(unit) as tested:
         first = answers(tested, config, inputs)
-        yield _line("answers every frame", "seam", _unanswered(first))
+        missing = np.flatnonzero(first["frame"] < 0)
+        yield _line("answers every frame", "seam", f"no answer to frame {missing[0]}" if len(missing) else "")
         again = answers(tested, config, inputs)
         yield _line("a session after another begins as if it were the first", "seam", _same(first, again))
         yield _line("fills what its form needs, with values of the enums", "seam", _allowed(tested, config, inputs))
         angles, turning = unit_circle.session(config)
         yield _line(_CIRCLE, "seam", unit_circle.wrong(angles, turning, answers(tested, angles, turning)))
-        paused = _with_pause(tested, config, inputs)
+        paused = _after(tested, config, inputs, len(inputs) // 2, lambda: sleep(PAUSE_S))
         yield _line("a pause between two frames changes nothing", "seam", _same(first, paused))
-        yield _line("a frame of another session is not stepped", "seam", _foreign(tested, config, inputs))
+        expected, few = answers(tested, config, inputs[:3]), inputs[:3]
+        foreign = _after(tested, config, few, 1, tested.send_foreign)  # a FRAME of a session that never began
+        yield _line("a frame of another session is not stepped", "seam", _same(expected, foreign))
         yield _times(tested, config, inputs)
         if tested.seam.version > 1:  # which left it open
             for name, wrong in unit_second_rig.check(tested, config, inputs):
@@ -147,11 +151,6 @@ def _seam(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
 
 def _line(name: str, part: str, wrong: str) -> Requirement:
     return Requirement(name, part, not wrong, wrong)
-
-
-def _unanswered(answer: NDArray[Any]) -> str:
-    missing = np.flatnonzero(answer["frame"] < 0)
-    return f"no answer to frame {missing[0]}" if len(missing) else ""
 
 
 def _same(one: NDArray[Any], other: NDArray[Any]) -> str:
@@ -177,30 +176,19 @@ def _allowed(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) 
     return ""
 
 
-def _with_pause(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> NDArray[Any]:
+def _after(
+    tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any], frame: int, act: Callable[[], object]
+) -> NDArray[Any]:
+    """Return the answers of a session in which something happens before a frame: they must be those without it."""
     tested.begin(config.copy())
     answered = np.zeros(len(inputs), OUTPUT)
     for k, asked in enumerate(inputs):
-        if k == len(inputs) // 2:
-            sleep(PAUSE_S)
+        if k == frame:
+            act()
         if ask(tested, asked, k):
             answered[k] = tested.port.back.records[RECEIVED]
     tested.end()
     return answered
-
-
-def _foreign(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> str:
-    """Send a FRAME of a session that never began before frame 1; the answers must be those without it."""
-    expected = answers(tested, config, inputs[:3])
-    tested.begin(config.copy())
-    answered = np.zeros(3, OUTPUT)
-    for k in range(3):
-        if k == 1:
-            tested.send_foreign()
-        if ask(tested, inputs[k], k):
-            answered[k] = tested.port.back.records[RECEIVED]
-    tested.end()
-    return _same(expected, answered)
 
 
 def _times(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> Requirement:
@@ -239,11 +227,6 @@ def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
 # What it decides ---------------------------------------------------------------------------------------------
 
 
-def _decisions(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
-    """One line a requirement; its cases count together."""
-    return _counted((case, answers(tested, case.config, case.inputs)) for case in cases)
-
-
 def _told(tested: UnitUnderTest, cases: list[Case]) -> list[Case]:
     """Return the cases with settings that its version of the records has fields for."""
     tested.begin(cases[0].config.copy())  # from here on it is known
@@ -280,10 +263,11 @@ def _bits(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
     return [Requirement("every byte as our own manager", "bits", True, f"{frames} frames")]
 
 
-def _output(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return rows of the frame as the answers of a unit that fills all that a manager does."""
-    outputs = np.zeros(len(rows), OUTPUT)
-    outputs["frame"] = np.arange(len(rows))
+def _output(rows: NDArray[Any], outputs: NDArray[Any] | None = None) -> NDArray[Any]:
+    """Return rows of the frame as the answers of a unit that fills all that a manager does; ``outputs`` : to fill."""
+    if outputs is None:
+        outputs = np.zeros(len(rows), OUTPUT)
+        outputs["frame"] = np.arange(len(rows))
     for name, group in ANSWERS.items():
         if group != Said.SURFACE:
             outputs[name] = rows[name]
@@ -296,11 +280,7 @@ def long_cases(frames: int) -> list[Case]:
     cases = []
     for number, title in enumerate(TITLES):
         config, inputs = inputs_of(number, frames)
-        expected, rows = blank(OUTPUT, FROM_UNIT, Kind.REPLY).repeat(frames), our_answers(config, inputs)
-        for name, group in ANSWERS.items():
-            if group != Said.SURFACE:
-                expected[name] = rows[name]
-                expected["said"] |= int(group)
+        expected = _output(our_answers(config, inputs), blank(OUTPUT, FROM_UNIT, Kind.REPLY).repeat(frames))
         cases.append(Case(title, config, inputs, expected))
     return cases
 

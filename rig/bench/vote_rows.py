@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 
 from rig.bench.channels import ChannelFailure, channel_records
 from rig.bench.drive import Decide, Stages, run, write_sources
-from rig.bench.rows_of_recording import FIELDS, Columns, DiscreteColumns, blocks, put
+from rig.bench.rows_of_recording import FIELDS, FLIGHT_FIELDS, Columns, blocks, put, put_discrete
+from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
-from rig.computer.redundancy.durations import in_frames
-from rig.computer.redundancy.manager_config import PARAMS, box_of_signals, fill
+from rig.computer.redundancy.manager_config import PARAMS, fill
 from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.computer.redundancy.rivals.rival_settings import Rivals
+from rig.core.blocks import room
 from rig.core.frame import DISCRETES, SIGNALS, Block, D, Rows, S, State, rows, to_frame
 from rig.core.kernels import kernel
+from rig.core.settings import in_frames
 from rig.core.trust import Trust
 from rig.core.units.angles import difference
 from rig.flight import loop
@@ -38,6 +40,7 @@ from rig.world import sensors
 _NO_CODE: Final = Trust("the configuration")
 _BY_DEFAULT: Final = Rivals()
 _NO_RULES: Final = VoteRules()
+_OF_DISCRETES: Final = ("voted", "level")
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,17 +136,15 @@ def params_of(
     for row, (name, chosen) in zip(params, settings.items(), strict=True):
         samples = recording.signals[name]
         fill(row, chosen, chosen.limits, len(samples.channels), chosen.wraps, recording.rate_hz)
-        row["referred"] = is_referred(samples, recording.in_si)
+        # A log of ours has a field for the reference of every signal, NaN where there is none.
+        row["referred"] = samples.reference is not None and (
+            not recording.in_si or bool(np.isfinite(samples.reference).any())
+        )
     params["box"] = box_of_signals(rules.boxes, tuple(settings))
     if rules.unresolved_s > 0:
         frames = in_frames(0, rules.unresolved_s, recording.rate_hz)
         params["unresolved_frames"] = np.maximum(frames, params["singular_persistence"])
     return params
-
-
-def is_referred(samples: Samples, ours: bool) -> bool:
-    """Return whether a signal has a reference; in a log of ours a field of every signal, NaN where there is none."""
-    return samples.reference is not None and (not ours or bool(np.isfinite(samples.reference).any()))
 
 
 def discrete_params(recording: Recording, settings: Mapping[str, RecordedDiscrete]) -> NDArray[np.void]:
@@ -191,7 +192,7 @@ def settings_of(scenario: Scenario) -> tuple[dict[str, RecordedSignal], dict[str
 
 def _at_rows(scenario: Scenario, recording: Recording) -> list[Reset]:
     """Return the scenario's commands at the times of the rows in which the flight gave them."""
-    frames = np.array([recording.row(k) - 1 for k in range(len(recording.time_s))])
+    frames = recording.rows - 1
     given: list[Reset] = []
     for reset in scenario.redundancy.resets:
         row = int(np.searchsorted(frames, to_frame(reset.at_s, scenario.rate_hz)))
@@ -243,7 +244,8 @@ def _vote_group(
     n, names = len(recording.time_s), group.names
     samples = [recording.signals[name] for name in names]
     commanded = [commands(resets, name, recording.time_s) for name in names]
-    columns = [Columns.of(n, len(signal.channels), group.of_flight) for signal in samples]
+    fields = (*FIELDS, *(FLIGHT_FIELDS if group.of_flight else ()))
+    columns, spread = [Columns.of(n, len(signal.channels), fields) for signal in samples], room((len(names), n))
     # A user's manager is compiled for the rows of a flight.
     kind = rows(len(names)) if isinstance(group.manager, Manager) else rows(S, D)
     for part, block in blocks(kind, n):
@@ -252,9 +254,17 @@ def _vote_group(
             block["reset"][:, i] = commanded[i][part]
         _decide(kind, block, group)
         for i, out in enumerate(columns):
-            spreads(block, i, group.params[i], out.spread[part])
+            spreads(block, i, group.params[i], spread[i, part])
             out.take(block, i, part)
-    return {name: _voted(recording, samples[i], settings[name], columns[i]) for i, name in enumerate(names)}
+    return {n: _voted(recording, samples[i], settings[n], columns[i], spread[i]) for i, n in enumerate(names)}
+
+
+def put_votes(block: Block, i: int, of: Voted, part: slice) -> None:
+    """Write what the manager made of ``part`` as signal i of the block."""
+    for c, column in enumerate(of.state):
+        block["state"][:, i, c] = column[part]
+    for field_name in FIELDS:
+        block[field_name][:, i] = getattr(of, field_name)[part]
 
 
 def _decide(kind: Rows, block: Block, group: _Group) -> None:
@@ -273,11 +283,11 @@ def by_class(own: OwnManager, block: Block, nested: NDArray[Any]) -> Decide:
     return lambda _, k: own.step(block, bus, fcc, k)
 
 
-def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: Columns) -> Voted:
+def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: Columns, spread: Floats) -> Voted:
     records = channel_records(recording, samples, settings.limits, out.states, out.fields["resolver"])
     fields = {name: out.fields[name] for name in FIELDS}
     extra = {name: column for name, column in out.fields.items() if name not in fields}
-    return Voted(settings, **fields, state=out.states, spread=out.spread, **records._asdict(), of_flight=extra)
+    return Voted(settings, **fields, state=out.states, spread=spread, **records._asdict(), of_flight=extra)
 
 
 @kernel
@@ -307,21 +317,22 @@ def _vote_discretes(
 ) -> dict[str, VotedDiscrete]:
     n, kind = len(recording.time_s), rows(1, len(settings))
     commanded = {name: commands(resets, name, recording.time_s) for name in settings}
-    out = {name: DiscreteColumns(n, recording.discretes[name], reset) for name, reset in commanded.items()}
+    of = recording.discretes
+    out = {name: Columns.of(n, len(of[name].channels), _OF_DISCRETES, "discrete_") for name in settings}
     for part, block in blocks(kind, n):
-        for d, columns in enumerate(out.values()):
-            columns.put(block, d, part)
+        for d, (name, reset) in enumerate(commanded.items()):
+            put_discrete(block, d, of[name], part)
+            block["discrete_reset"][:, d] = reset[part]
         run(kind.nested(block), Stages(discretes=voter.data))
         for d, columns in enumerate(out.values()):
             columns.take(block, d, part)
     return {
-        name: _voted_discrete(recording, settings[name], answers, answers.reset if flown else None)
-        for name, answers in out.items()
+        name: VotedDiscrete(
+            settings[name],
+            **columns.fields,
+            state=columns.states,
+            **channel_records(recording, of[name], (0.0, 1.0), columns.states)._asdict(),
+            reset=commanded[name] if flown else None,
+        )
+        for name, columns in out.items()
     }
-
-
-def _voted_discrete(
-    recording: Recording, settings: RecordedDiscrete, answers: DiscreteColumns, reset: Bytes | None
-) -> VotedDiscrete:
-    records = channel_records(recording, answers.samples, (0.0, 1.0), answers.state)
-    return VotedDiscrete(settings, answers.voted, answers.level, answers.state, *records, reset)

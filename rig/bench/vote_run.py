@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -12,14 +13,23 @@ import polars as pl
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
 from rig.bench.injection_score import summary as scores
-from rig.bench.recording_requirements import measure_votes
-from rig.bench.vote_rows import Result, of_flight, settings_of, vote, vote_discretes
+from rig.bench.rows_of_recording import blocks, put
+from rig.bench.vote_rows import (
+    Result,
+    discrete_params,
+    of_flight,
+    params_of,
+    put_votes,
+    settings_of,
+    vote,
+    vote_discretes,
+)
 from rig.bench.vote_summary import summary
 from rig.bench.write_votes import output, table, write, write_units_beside
 from rig.core.errors import BadInput
+from rig.core.frame import CHANNELS, State, Table, rows
 from rig.core.progress import tell
 from rig.core.trust import Trust
-from rig.log import read_log
 from rig.log.recordings.alignment import AlignOptions, run_alignment
 from rig.log.recordings.flown_log import Recorded, recorded, refuse_link
 from rig.log.recordings.injection_file import read_injection
@@ -27,7 +37,10 @@ from rig.log.recordings.own_logs import is_flight, of_log
 from rig.log.recordings.read import load
 from rig.log.recordings.recording import Recording
 from rig.log.recordings.vote_config import RecordedDiscrete, RecordedSignal, VoteConfig, config_of, read_config
-from rig.verdict.requirements import load_requirements, plain
+from rig.verdict.requirements.along import plain
+from rig.verdict.requirements.requirement import Requirement, load_requirements
+from rig.verdict.requirements.requirement_recorder import RequirementsRecorder, Verdict
+from rig.verdict.requirements.subject import Subject, Watched, of_recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +171,7 @@ def _by_scenario(path: Path, options: Options) -> _Asked:
     flown = recorded(path, options.allow_code)
     refuse_link(flown.scenario)
     signals, discretes = settings_of(flown.scenario)
-    return _Asked(of_log(read_log(path), path, options.repair), signals, discretes, VoteConfig(), flown)
+    return _Asked(of_log(flown.log, path, options.repair), signals, discretes, VoteConfig(), flown)
 
 
 def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | None, options: Options) -> Result:
@@ -169,3 +182,38 @@ def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | N
     trust, rules = Trust(str(_named(config)), options.allow_code), settings.rules
     signals = vote(recording, asked.signals, settings.resets, trust, settings.triads, rules, settings.rivals)
     return Result(signals, vote_discretes(recording, asked.discretes, settings.resets), rules=rules)
+
+
+def measure_votes(recording: Recording, voted: Result, requirements: Sequence[Requirement]) -> tuple[Verdict, ...]:
+    """Return the verdicts on a recording that was voted; instants from its first row.
+
+    BadInput: a requirement on a signal that the recording lacks, or on what only a flight has.
+    """
+    recorder = RequirementsRecorder(requirements, _subject(recording, voted))
+    kind = rows(len(voted.signals), len(voted.discretes))
+    for part, block in blocks(kind, len(recording.time_s)):
+        block["state"] = block["discrete_state"] = State.ABSENT
+        for i, (name, signal) in enumerate(voted.signals.items()):
+            put(block, i, recording.signals[name], part, second=False)
+            put_votes(block, i, signal, part)
+        for d, discrete in enumerate(voted.discretes.values()):
+            block["discrete_voted"][:, d], block["discrete_level"][:, d] = discrete.voted[part], discrete.level[part]
+            for c, state in enumerate(discrete.state):
+                block["discrete_state"][:, d, c] = state[part]
+        recorder.record(Table(block))
+    return recorder.finish()
+
+
+def _subject(recording: Recording, voted: Result) -> Subject:
+    """Return a recording that was voted as what requirements are measured on."""
+    settings = {name: signal.settings for name, signal in voted.signals.items()}
+    signals = [
+        Watched(name, own.si, own.wraps, int(p["fitted"]), float(p["threshold"]), int(p["persistence"]))
+        for (name, own), p in zip(settings.items(), params_of(recording, settings), strict=True)
+    ]
+    of_discretes = {name: discrete.settings for name, discrete in voted.discretes.items()}
+    discretes = [
+        Watched(name, "", False, CHANNELS, 1.0, int(p["persistence"]))
+        for name, p in zip(of_discretes, discrete_params(recording, of_discretes), strict=True)
+    ]
+    return of_recording(signals, discretes, recording.rate_hz, len(recording.time_s))

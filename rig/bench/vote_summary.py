@@ -13,9 +13,9 @@ from rig.flight.suspects import Suspect, is_many, share_text
 from rig.log.recordings.alignment import Alignment
 from rig.log.recordings.recording import Recording
 from rig.log.recordings.stamps import Floats, of_rows
-from rig.log.recordings.vote_config import RecordedSignal
 
 _NEVER = ", never given up"
+_OFFSETS = ("offset", "offset_move", "spread")  # of an alignment, in the unit of the signal
 _SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
 
 
@@ -40,12 +40,10 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
             for channel, took, move in zip(
                 signal["channels"], alignment.corrections[name], alignment.moves[name], strict=True
             ):
-                channel["alignment"] = _in_unit({**asdict(took), **asdict(move)}, voted.signals[name].settings)
+                shown = voted.signals[name].settings.shown
+                both = {**asdict(took), **asdict(move)}
+                channel["alignment"] = {**both, **{key: shown(both[key]) for key in _OFFSETS}}
     return data
-
-
-def _in_unit(alignment: dict[str, Any], settings: RecordedSignal) -> dict[str, Any]:
-    return {**alignment, **{key: settings.shown(alignment[key]) for key in ("offset", "offset_move", "spread")}}
 
 
 def _signal(signal: Voted) -> dict[str, Any]:

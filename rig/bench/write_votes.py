@@ -13,10 +13,13 @@ from typing import IO, Any, Final
 
 import numpy as np
 import polars as pl
+import pyarrow as pa
+from numpy.typing import NDArray
 from pyarrow.parquet import write_table
 
 from rig.bench.rows_of_recording import FIELDS
 from rig.bench.vote_rows import Result, Voted, VotedDiscrete
+from rig.core.blocks import HELD, room
 from rig.core.errors import BadInput, RigError
 from rig.core.files import replaced
 from rig.core.frame import CHANNELS, Ilm, Pattern, Resolver, State
@@ -31,6 +34,7 @@ ENDINGS: Final = (*TABLES, ".mcap")
 STATES: Final = ("ok", "suspect", "failed")
 PATTERNS: Final = tuple(pattern.label for pattern in Pattern)
 RESOLVERS: Final = tuple(resolver.name.lower() for resolver in Resolver)
+Column = tuple[NDArray[Any], tuple[str, ...]]  # of a table: (n,) values; if these are codes, their names
 
 
 @contextmanager
@@ -54,7 +58,7 @@ def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
             _mcap(part, recording, voted)
         else:
             with part.open("wb") as file:
-                _table(file, path.suffix, table(recording, voted), units(voted))
+                _table(file, path.suffix, _columns(recording, voted), units(voted))
     except (OSError, pl.exceptions.PolarsError) as error:
         raise RigError(f"{path}: cannot be written: {' '.join(str(error).split())[:200]}") from None
 
@@ -71,35 +75,58 @@ def units(voted: Result) -> dict[str, str]:
     return {TIME: "s", **{f"{name}.voted": unit for name, unit in known.items() if unit}}
 
 
-def _table(file: IO[bytes], ending: str, votes: pl.DataFrame, known: dict[str, str]) -> None:
+def _table(file: IO[bytes], ending: str, votes: dict[str, Column], known: dict[str, str]) -> None:
     if ending == ".csv":
-        votes.write_csv(file)
+        for first in range(0, len(votes[TIME][0]), HELD):
+            part = {name: (values[first : first + HELD], names) for name, (values, names) in votes.items()}
+            _frame(part).write_csv(file, include_header=first == 0)
     else:
-        write_table(parquet_with_units(votes.to_arrow(), known), file, compression="zstd")
+        write_table(parquet_with_units(_arrow(votes), known), file, compression="zstd")
 
 
 def table(recording: Recording, voted: Result) -> pl.DataFrame:
     """Return the columns of OUTPUT, ``time_s`` first; votes in the unit of the signal."""
-    columns: dict[str, Any] = {TIME: recording.time_s}
+    return _frame(_columns(recording, voted))
+
+
+def _frame(columns: dict[str, Column]) -> pl.DataFrame:
+    return pl.DataFrame(
+        {
+            name: pl.Series(values).cat.to(pl.Enum(names)) if names else pl.Series(values)
+            for name, (values, names) in columns.items()
+        }
+    )
+
+
+def _arrow(columns: dict[str, Column]) -> pa.Table:
+    """Return the table as polars gives it to Arrow, without a copy of its columns."""
+    schema = _frame({name: (values[:0], names) for name, (values, names) in columns.items()}).to_arrow().schema
+    arrays = [
+        pa.DictionaryArray.from_arrays(pa.array(values), pa.array(names, pa.large_string()), ordered=True)
+        if names
+        else pa.array(values)
+        for values, names in columns.values()
+    ]
+    return pa.table(arrays, schema)
+
+
+def _columns(recording: Recording, voted: Result) -> dict[str, Column]:
+    columns: dict[str, Column] = {TIME: (recording.time_s, ())}
     for name, signal in voted.signals.items():
-        columns[f"{name}.voted"] = signal.settings.shown(signal.voted)
-        columns[f"{name}.level"] = signal.level
-        columns[f"{name}.pattern"] = _named(signal.pattern, PATTERNS)
-        columns[f"{name}.resolver"] = _named(signal.resolver, RESOLVERS)
-        for c, state in enumerate(signal.state, 1):
-            columns[f"{name}.state.{c}"] = _named(state, STATES)
-        columns[f"{name}.trend.high"] = signal.trend_high
-        columns[f"{name}.trend.low"] = signal.trend_low
+        shown = room(signal.voted.shape)
+        shown[:] = signal.settings.shown(signal.voted)
+        columns[f"{name}.voted"] = shown, ()
+        columns[f"{name}.level"] = signal.level, ()
+        columns[f"{name}.pattern"] = signal.pattern, PATTERNS
+        columns[f"{name}.resolver"] = signal.resolver, RESOLVERS
+        columns |= {f"{name}.state.{c}": (state, STATES) for c, state in enumerate(signal.state, 1)}
+        columns[f"{name}.trend.high"] = signal.trend_high, ()
+        columns[f"{name}.trend.low"] = signal.trend_low, ()
     for name, discrete in voted.discretes.items():
-        columns[f"{name}.voted"] = discrete.voted
-        columns[f"{name}.level"] = discrete.level
-        for c, state in enumerate(discrete.state, 1):
-            columns[f"{name}.state.{c}"] = _named(state, STATES)
-    return pl.DataFrame(columns)
-
-
-def _named(codes: Bytes, names: tuple[str, ...]) -> pl.Series:
-    return pl.Series(codes).cat.to(pl.Enum(names))
+        columns[f"{name}.voted"] = discrete.voted, ()
+        columns[f"{name}.level"] = discrete.level, ()
+        columns |= {f"{name}.state.{c}": (state, STATES) for c, state in enumerate(discrete.state, 1)}
+    return columns
 
 
 def _mcap(path: Path, recording: Recording, voted: Result) -> None:

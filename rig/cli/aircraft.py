@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from typer import Argument, Exit, Option, Typer, echo
+from typer import Exit, Option, Typer, echo
 
 from rig.cli import complete
-from rig.cli.common import GROUP, Json, emit, takes_options
+from rig.cli.common import GROUP, Json, arg, emit, flag, opt, takes_options
 from rig.cli.working import working
 from rig.core.errors import BadInput
 from rig.core.files import is_folder
@@ -33,15 +33,13 @@ aircraft_app = Typer(help="Look at aircraft, make your own, design their control
 
 Home = Annotated[
     str,
-    Argument(help="A bundled aircraft or the path of a folder.", metavar="NAME|DIR", autocompletion=complete.aircraft),
+    arg("NAME|DIR", "A bundled aircraft or the path of a folder.", autocompletion=complete.aircraft, show_default=True),
 ]
 
 
 @aircraft_app.command("list")
 def aircraft_list(
-    folders: Annotated[
-        list[Path] | None, Argument(metavar="DIR...", help="Folders of your own to list too.", show_default=False)
-    ] = None,
+    folders: Annotated[list[Path] | None, arg("DIR...", "Folders of your own to list too.")] = None,
     as_json: Json = False,
 ) -> None:
     """List the bundled aircraft, those in the present folder, and their flight points."""
@@ -71,28 +69,21 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
 class NewOptions:
     """The options of ``rig aircraft new``."""
 
-    name: Annotated[str, Argument(metavar="NAME", help="Its name, and that of its folder.")]
-    base: Annotated[
-        str, Option(metavar="MODEL", help="An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)
-    ]
-    out: Annotated[Path, Option(metavar="DIR", help="Where its folder is made.")] = Path()
+    name: Annotated[str, arg("NAME", "Its name, and that of its folder.", show_default=True)]
+    base: Annotated[str, opt("MODEL", "An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)]
+    out: Annotated[Path, opt("DIR", "Where its folder is made.")] = Path()
     point: Annotated[
-        list[str] | None,
-        Option(metavar="ALTITUDE_M:MACH", help="A flight point; repeatable. Else two that trim are proposed."),
+        list[str] | None, opt("ALTITUDE_M:MACH", "A flight point; repeatable. Else two that trim are proposed.")
     ] = None
-    points: Annotated[int, Option(metavar="N", help="How many flight points to propose.", min=1, max=3)] = 2
-    lag_s: Annotated[
-        float | None, Option(metavar="S", help="Lag of the actuators.", min=1e-4, max=1.0, show_default=False)
-    ] = None
+    points: Annotated[int, opt("N", "How many flight points to propose.", min=1, max=3)] = 2
+    lag_s: Annotated[float | None, opt("S", "Lag of the actuators.", min=0.0001, max=1.0, show_default=False)] = None
     rate_limit_rad_s: Annotated[
-        float | None,
-        Option(metavar="RAD_S", help="Their rate limit.", min=0.01, max=20.0, show_default=False),
+        float | None, opt("RAD_S", "Their rate limit.", min=0.01, max=20.0, show_default=False)
     ] = None
     sensor_class: Annotated[
-        str | None,
-        Option(metavar="CLASS", help="Sensor class, e.g. 'tactical-grade MEMS': docs/sensors.md.", show_default=False),
+        str | None, opt("CLASS", "Sensor class, e.g. 'tactical-grade MEMS': docs/sensors.md.", show_default=False)
     ] = None
-    channels: Annotated[int, Option(metavar="N", help="Channels of every signal.", min=2, max=4)] = 4
+    channels: Annotated[int, opt("N", "Channels of every signal.", min=2, max=4)] = 4
     design: Annotated[bool, Option(help="Design it too, some minutes; else: rig aircraft check.")] = True
     as_json: Json = False
 
@@ -115,8 +106,13 @@ def aircraft_new(options: NewOptions) -> None:
         show.proposed(made, folder)
     written: dict[str, object] = {"folder": str(folder), "kind": made.kind}
     if options.design:
+        from rig.design.first_design import designed
+
         with _removed_unless_done(folder):
-            made, gains, measured = _designed(made, folder, quiet=quiet)
+            with working("gains, margins and references", not quiet, steps=True):
+                made, gains, measured = designed(made, folder)
+            if made.left_out and not quiet:
+                show.changed(made)
             written |= _written(gains, measured, folder / GAINS, quiet=quiet)
     written["airframe"] = made.airframe.model_dump(exclude_none=True)
     emit(quiet, written, lambda: show.next_steps(made, folder, designed=options.design))
@@ -133,18 +129,6 @@ def _proposed(options: NewOptions) -> NewAircraft:
     if sys.stdin.isatty() and not options.as_json:
         made = propose(options.name, options.base, _ask(answers, made.kind), points, options.points)
     return made
-
-
-def _designed(made: NewAircraft, folder: Path, *, quiet: bool) -> tuple[NewAircraft, Gains, Designed]:
-    """Design and fly a proposal; say which flight points gave way to others."""
-    from rig.cli import show_aircraft as show
-    from rig.design.first_design import designed
-
-    with working("gains, margins and references", not quiet, steps=True):
-        done, gains, measured = designed(made, folder)
-    if done.left_out and not quiet:
-        show.changed(done)
-    return done, gains, measured
 
 
 @contextmanager
@@ -196,7 +180,7 @@ def _prompt(text: str, assumed: float) -> float | None:
 def aircraft_check(
     name: Home,
     accept: Annotated[
-        bool, Option("--accept", help="Write the best gains found, even below the requirement, and references.")
+        bool, flag("--accept", "Write the best gains found, even below the requirement, and references.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -227,20 +211,23 @@ def aircraft_check(
 @aircraft_app.command("design")
 def aircraft_design(
     name: Home,
-    out: Annotated[
-        Path | None, Option(metavar="FILE", help="Where to write the gains.", show_default="<aircraft>/gains.toml")
-    ] = None,
+    out: Annotated[Path | None, opt("FILE", "Where to write the gains.", show_default="<aircraft>/gains.toml")] = None,
     as_json: Json = False,
 ) -> None:
     """Design the control law at every flight point, then fly it to measure the references.
 
     Writes gains.toml with the margins, and beside it references.toml with the measured errors.
     """
+    from rig.design.design_gains import design
+    from rig.scenario.aircraft import folder
+    from rig.world.plant import airframe
+
     if out is not None and not is_folder(out.parent):
         raise BadInput(f"--out {out}: no such folder")
     _require_apart(name, out)
-    summary = _measured(name, _gains(name, accept=False, quiet=as_json), out, quiet=as_json)
-    emit(as_json, summary, lambda: None)
+    with working("gains and margins", not as_json, steps=True):
+        gains = design(airframe.read(folder(name) / "aircraft.toml"), accept=False)
+    emit(as_json, _measured(name, gains, out, quiet=as_json), lambda: None)
 
 
 def _require_apart(name: str, out: Path | None) -> None:
@@ -252,17 +239,6 @@ def _require_apart(name: str, out: Path | None) -> None:
     made_from = (path for path in home.rglob("*") if path.name not in (GAINS, REFERENCES))
     require_apart({"--out": target, "the references": target.with_name(REFERENCES)}, made_from)
     require_ending("--out", out, "a file of gains", ".toml")
-
-
-def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:
-    """Design the gains of an aircraft; RigError with numbers when they keep less than is required."""
-    from rig.design.design_gains import design
-    from rig.scenario.aircraft import folder
-    from rig.world.plant import airframe
-
-    home = folder(name)
-    with working("gains and margins", not quiet, steps=True):
-        return design(airframe.read(home / "aircraft.toml"), accept=accept)
 
 
 def _measured(name: str, gains: Gains, out: Path | None = None, *, quiet: bool) -> dict[str, object]:

@@ -4,46 +4,38 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-from typer import Argument, Exit, Option, Typer, echo
+from typer import Exit, Typer, echo
 
 from rig.cli import complete
 from rig.cli import show_campaign as show
 from rig.cli.catalogue import of_file
-from rig.cli.common import GROUP, AllowCode, AllowCodeOrSet, Json, Logs, Sets, UnitFile, emit, require_ended
+from rig.cli.common import (
+    GROUP,
+    AllowCode,
+    AllowCodeOrSet,
+    Json,
+    Logs,
+    Scheduler,
+    Sets,
+    UnitFile,
+    arg,
+    begun,
+    emit,
+    opt,
+    require_ended,
+)
 from rig.cli.fly import show_flight
 from rig.core.outputs import require_apart, require_page
 
 app = Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
 
 File = Annotated[
-    str,
-    Argument(
-        metavar="FILE|NAME",
-        help="A campaign file or the name of a bundled one.",
-        show_default=False,
-        autocompletion=complete.campaigns,
-    ),
+    str, arg("FILE|NAME", "A campaign file or the name of a bundled one.", autocompletion=complete.campaigns)
 ]
-Dir = Annotated[Path, Argument(metavar="DIR", help="A campaign's output folder.", show_default=False)]
-Runs = Annotated[int | None, Option(metavar="N", help="The first N runs only.", show_default="all")]
-
-
-def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
-    from rig.core.trust import Trust
-    from rig.scenario.overrides import named_manager, parse_set
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
-
-    given, source = dict(map(parse_set, sets or ())), str(find(file))
-    return Plan(read(file, given), source, Trust(source, allow_code, named_manager(given.items())))
-
-
-def _unit(path: Path | None) -> Any:
-    from rig.unit.unit_file import read_unit
-
-    return None if path is None else read_unit(path)
+Dir = Annotated[Path, arg("DIR", "A campaign's output folder.")]
+Runs = Annotated[int | None, opt("N", "The first N runs only.", show_default="all")]
 
 
 @app.command()
@@ -52,8 +44,9 @@ def plan(
 ) -> None:
     """List the runs before flying them, with an estimate of time and disk."""
     from rig.studies.campaign.estimate import estimate
+    from rig.studies.campaign.plan import read_plan
 
-    planned = _plan(file, sets, allow_code)
+    planned = read_plan(file, sets, allow_code)
     planned.check()
     expected = estimate(planned, runs)
     listed = lambda: {**asdict(expected), "list": show.plan_rows(planned, runs)}  # noqa: E731 # read once
@@ -63,18 +56,12 @@ def plan(
 @app.command()
 def run(
     file: File,
-    out: Annotated[Path, Option(metavar="DIR", help="Output folder; a begun one is continued.", show_default=False)],
-    workers: Annotated[
-        int | None, Option(metavar="N", help="Processes.", min=1, max=1024, show_default="the file's")
-    ] = None,
+    out: Annotated[Path, begun("Output folder")],
+    workers: Annotated[int | None, opt("N", "Processes.", min=1, max=1024, show_default="the file's")] = None,
     runs: Runs = None,
-    scheduler: Annotated[
-        str | None,
-        Option(metavar="URL", help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False),
-    ] = None,
+    scheduler: Scheduler = None,
     logs: Annotated[
-        str | None,
-        Option(metavar="WHICH", help="Logs to keep: all, failures, none, sample:N.", show_default="the file's"),
+        str | None, opt("WHICH", "Logs to keep: all, failures, none, sample:N.", show_default="the file's")
     ] = None,
     sets: Sets = None,
     unit: UnitFile = None,
@@ -86,12 +73,14 @@ def run(
 
     if scheduler is None:
         get_ready()  # beside what follows, which takes a second to be imported and read
+    from rig.studies.campaign.plan import read_plan
     from rig.studies.campaign.run_campaign import run as fly
+    from rig.unit.unit_file import read_unit
 
-    planned, tested = _plan(file, sets, allow_code), _unit(unit)
-    how: dict[str, Any] = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs, "unit": tested}
+    planned, tested = read_plan(file, sets, allow_code), unit and read_unit(unit)
+    asked = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs, "unit": tested}
     with show.progress(enabled=not as_json) as report:
-        result = fly(planned, out, report=report, **how)
+        result = fly(planned, out, report=report, **asked)
     emit(as_json, result.as_dict, lambda: show.result(result))
     require_ended(result, f"{result.done} of {result.runs} runs done")
 
@@ -99,19 +88,17 @@ def run(
 @app.command()
 def status(folder: Dir, as_json: Json = False) -> None:
     """Print how far a campaign is, who votes, and the results of its runs."""
-    from rig.studies.campaign.folder import open_folder
-    from rig.studies.campaign.unflown import not_flown
-    from rig.studies.campaign.voters import named, voters
+    from rig.studies.campaign.folder import not_flown, open_folder
 
     held = open_folder(folder)
-    state = {**held.status(), "by": named(voters(held)), **not_flown(held.tables["runs"])}
+    state = {**held.status(), "by": held.by, **not_flown(held.tables["runs"])}
     emit(as_json, state, lambda: show.status(state))
 
 
 @app.command()
 def fly(
     folder: Dir,
-    run: Annotated[int, Option(metavar="N", help="The run's number in the table, from 0.", min=0, show_default=False)],
+    run: Annotated[int, opt("N", "The run's number in the table, from 0.", min=0)],
     out: Logs = Path("logs"),
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -120,8 +107,9 @@ def fly(
     """Fly one run of a campaign again, with its full log, and compare its digest with the table's."""
     from rig.studies.campaign.folder import open_folder
     from rig.studies.campaign.run_campaign import again
+    from rig.unit.unit_file import read_unit
 
-    flight, digest = again(open_folder(folder, allow_code), run, out, _unit(unit))
+    flight, digest = again(open_folder(folder, allow_code), run, out, unit and read_unit(unit))
     same = None if digest is None else digest == flight.digest
     data = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": flight.conclusion}
     notes = {None: "not in the table yet", True: "the same digest as in the table", False: "NOT the table's digest"}
@@ -133,9 +121,7 @@ def fly(
 @app.command()
 def report(
     folder: Dir,
-    out: Annotated[
-        Path | None, Option(metavar="FILE", help="The file to write.", show_default="DIR/report.html")
-    ] = None,
+    out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="DIR/report.html")] = None,
     as_json: Json = False,
 ) -> None:
     """Write the report: one HTML file that opens offline; with --json its figures."""

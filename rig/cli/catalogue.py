@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from typer import Argument, Option, Typer, echo
+from typer import Argument, Typer, echo
 
 from rig.cli import complete
-from rig.cli.common import GROUP, Json, ScenarioName, Sets, emit
-from rig.cli.printing import Column, columns, line, table
+from rig.cli.common import GROUP, Json, ScenarioName, Sets, emit, flag
+from rig.cli.printing import line, table
+from rig.core.column import Column, columns
 from rig.core.text import plain
 
 if TYPE_CHECKING:
@@ -58,7 +59,8 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     """Check a scenario without flying it."""
     from rig.scenario.scenario import find, load
     from rig.scenario.scenario_notes import notes
-    from rig.verdict.requirements import load_requirements, recorder_of
+    from rig.verdict.requirements.measure import recorder_of
+    from rig.verdict.requirements.requirement import load_requirements
     from rig.verdict.requirements.settled_comparisons import notes as requirement_notes
 
     loaded = load(scenario, sets or ())
@@ -84,7 +86,7 @@ def list_kinds(as_json: Json = False) -> None:
 
 def _kinds(entries: list[Entry]) -> None:
     shown = (
-        Column("kind", "kind"),
+        Column("kind"),
         Column("what and why", lambda entry: entry.what.splitlines()[0]),
         Column("on", lambda entry: ", ".join(entry.sites), worth=7),
         Column(
@@ -122,10 +124,10 @@ def _kind(entry: Entry, shared: list[Parameter]) -> None:
 def _parameters(title: str, parameters: Sequence[Parameter]) -> None:
     line()
     own = (
-        Column("unit", "unit"),
+        Column("unit"),
         Column("default", _default, worth=7),
-        Column("allowed", "allowed", worth=8),
-        Column("meaning", "meaning"),
+        Column("allowed", worth=8),
+        Column("meaning"),
     )
     table(parameters, (Column(title, "name"), *own))
 
@@ -135,7 +137,7 @@ def _default(parameter: Parameter) -> str:
 
 
 def signals(
-    markdown: Annotated[bool, Option("--markdown", help="As the table in docs/signals.md.")] = False,
+    markdown: Annotated[bool, flag("--markdown", "As the table in docs/signals.md.")] = False,
     as_json: Json = False,
 ) -> None:
     """List every signal and discrete with symbol, unit, range and redundancy."""
@@ -165,7 +167,7 @@ def signal_rows() -> list[tuple[str, ...]]:
 
 
 def _markdown() -> None:
-    for row in ([column.title for column in SIGNAL_COLUMNS], ["---"] * len(SIGNAL_COLUMNS), *signal_rows()):
+    for row in ([column.name for column in SIGNAL_COLUMNS], ["---"] * len(SIGNAL_COLUMNS), *signal_rows()):
         echo(f"| {' | '.join(row)} |")
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Exit, Option
+from typer import Exit
 
-from rig.cli.common import Json, UnitFile, emit
-from rig.cli.printing import MOST_LINES, Column, field, line, rest, table
+from rig.cli.common import Json, UnitFile, arg, emit, flag, opt
+from rig.cli.printing import MOST_LINES, field, line, rest, table
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.outputs import require_apart, require_ending
 from rig.core.progress import tell
 
@@ -24,18 +26,16 @@ _FAILED = (
 
 
 def check(
-    suite: Annotated[Path, Argument(metavar="SUITE", help="A suite file or a bundled name.", show_default=False)],
+    suite: Annotated[Path, arg("SUITE", "A suite file or a bundled name.")],
     unit: UnitFile = None,
-    junit: Annotated[
-        Path | None, Option(metavar="FILE.xml", help="Write the results as JUnit XML.", show_default=False)
-    ] = None,
-    update: Annotated[bool, Option("--update", help="Keep the decisions as the reference; print what moved.")] = False,
+    junit: Annotated[Path | None, opt("FILE.xml", "Write the results as JUnit XML.", show_default=False)] = None,
+    update: Annotated[bool, flag("--update", "Keep the decisions as the reference; print what moved.")] = False,
     as_json: Json = False,
 ) -> None:
     """Check a suite: exit code 0 when every requirement is met and every decision as before, 1 when not."""
-    from rig.studies.campaign.junit import write_junit
     from rig.studies.campaign.suite import read_suite
     from rig.studies.campaign.suite_check import check as check_suite
+    from rig.studies.campaign.suite_check import write_junit
     from rig.unit.unit_file import read_unit
 
     read = read_suite(suite)
@@ -87,9 +87,7 @@ def _show(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]], 
         rest(len(lines), MOST_LINES, "  and {} more")
     if update:
         field("kept", f"{suite.decisions_file}: {len(moved)} of {len(results)} cases moved")
-    counts = {
-        result: sum(test.result == result for test in tests) for result in dict.fromkeys(test.result for test in tests)
-    }
+    counts = Counter(test.result for test in tests)
     seconds = sum(each.seconds for each in results)
     field("cases", f"{len(results)} in {seconds:.1f} s: {', '.join(f'{n} {result}' for result, n in counts.items())}")
     field("result", ("not met", "red") if wrong else ("met", "green"), f": {len(wrong)} of {len(tests)} tests failed")

@@ -9,16 +9,17 @@ from functools import wraps
 from inspect import Parameter, Signature
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, get_type_hints
 
 from typer import Argument, Exit, Option, echo
 
 from rig.cli import complete
 from rig.core.errors import BadInput
-from rig.core.interrupt import CODE
+from rig.core.interrupt import CODE, FLIES_AGAIN, GOES_ON
 
 if TYPE_CHECKING:
     from rig.log.recordings.alignment import AlignOptions
+    from rig.studies.campaign.run_campaign import Ending
 
 Number = TypeVar("Number", int, float, str)
 Made = TypeVar("Made")
@@ -83,6 +84,12 @@ Sets = Annotated[
 ]
 Seed = Annotated[int, opt("N", "Seed of all random draws.", min=0, max=2**63 - 1)]
 Workers = Annotated[int, opt("N", "Processes.", min=1, max=1024)]
+Scheduler = Annotated[str | None, opt("URL", "A Dask scheduler, tcp://HOST:PORT, in place of processes.")]
+
+
+def begun(what: str) -> Any:
+    """Declare ``--out`` of a study: a folder that is gone on with."""
+    return opt("DIR", f"{what}; a begun one is continued.")
 
 
 @dataclass(frozen=True)
@@ -148,39 +155,15 @@ def emit(as_json: bool, data: Any, text: Callable[[], object]) -> None:
         text()
 
 
-class Ending(Protocol):
-    """How a call that flies many runs ended."""
-
-    @property
-    def interrupted(self) -> bool:
-        """Return whether it was asked to stop."""
-        ...
-
-    @property
-    def signal(self) -> int:
-        """Return by which signal."""
-        ...
-
-    @property
-    def not_flown(self) -> int:
-        """Return how many runs could not be flown."""
-        ...
-
-    @property
-    def first_reason(self) -> str | None:
-        """Return why the first of them could not."""
-        ...
-
-
 def unflown(count: int, first_reason: str | None) -> str:
     """Return how many runs could not be flown, and why the first could not."""
     return f"{count} {'run' if count == 1 else 'runs'} could not be flown; {first_reason}"
 
 
-def require_ended(ended: Ending, done: str, again: str = "the same command flies them again") -> None:
+def require_ended(ended: Ending, done: str, again: str = FLIES_AGAIN) -> None:
     """Exit with a line unless all runs are flown.  done : how far a call that was stopped came"""
     if ended.interrupted:
-        echo(f"stopped: {done}; the same command goes on", err=True)
+        echo(f"stopped: {done}; {GOES_ON}", err=True)
         raise Exit(CODE + ended.signal)
     if ended.not_flown:
         echo(f"failed: {unflown(ended.not_flown, ended.first_reason)}; {again}", err=True)

@@ -11,12 +11,13 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Exit, Option, echo
+from typer import Exit, echo
 
-from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit, takes_options
-from rig.cli.printing import MOST_LINES, Column, counts, field, line, rest, table
+from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit, flag, opt, takes_options
+from rig.cli.printing import MOST_LINES, counts, field, line, rest, table
 from rig.cli.requirements_option import Requirements, Strict, show_notes, show_verdicts
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput, RigError
 from rig.core.progress import tell
 from rig.core.units.quantities import moment
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from rig.scenario.scenario import Scenario
     from rig.show.terminal.live import Watch
     from rig.show.viewer.stream import Stream
-    from rig.verdict.requirements import MeasuredConclusion, Verdict
+    from rig.verdict.requirements.along import MeasuredConclusion
+    from rig.verdict.requirements.requirement_recorder import Verdict
 
 FEW: Final = 3
 _OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (failed by \w+|readmitted)")
@@ -47,33 +49,26 @@ class FlyOptions:
 
     scenario: ScenarioName = None
     sets: Sets = None
-    seed: Annotated[int | None, Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)] = None
+    seed: Annotated[int | None, opt("N", "Seed of all random draws.", min=0, show_default=False)] = None
     out: Logs = Path("logs")
     rerun: Annotated[
-        str,
-        Option(
-            metavar="WHERE", help="Show it in Rerun: off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy."
-        ),
+        str, opt("WHERE", "Show it in Rerun: off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
     ] = "off"
     wait: Annotated[
         bool,
-        Option(
-            "--wait/--no-wait", help="With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."
-        ),
+        flag("--wait/--no-wait", "With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."),
     ] = True
     realtime_factor: Annotated[
-        float | None,
-        Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
+        float | None, opt("X", "Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False)
     ] = None
     realtime: Annotated[
-        bool, Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
+        bool, flag("--realtime", "Real time, and ask the system for a scheduling class, memory, a core.")
     ] = False
-    watch: Annotated[bool, Option("--watch", help="Show the redundancy page while it flies.")] = False
+    watch: Annotated[bool, flag("--watch", "Show the redundancy page while it flies.")] = False
     unit: UnitFile = None
-    lane: Annotated[
-        str | None,
-        Option(metavar="A|B|C|D", help="Of several computers, the one that --unit is.", show_default=False),
-    ] = None
+    lane: Annotated[str | None, opt("A|B|C|D", "Of several computers, the one that --unit is.", show_default=False)] = (
+        None
+    )
     requirements: Requirements = None
     strict: Strict = False
     allow_code: AllowCodeOrSet = False
@@ -84,8 +79,9 @@ class FlyOptions:
 def fly(options: FlyOptions) -> None:
     """Fly one scenario, log every frame, print what happened."""
     from rig.show.terminal.live import watching
+    from rig.unit.running_unit import running
     from rig.verdict.conclusion import next_commands
-    from rig.verdict.requirements import MeasuredConclusion, plain, violated
+    from rig.verdict.requirements.along import MeasuredConclusion, plain, violated
 
     if options.watch and options.as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
@@ -102,16 +98,13 @@ def fly(options: FlyOptions) -> None:
     quiet = options.as_json or options.watch
     with watching(options.watch, options.realtime_factor) as page, working("starting", not quiet):
         flight = _fly(options, page, outcome)
-        verdicts = _verdicts(outcome, flight, options)
+        with running(options.unit if outcome.needs_twin else None) as tested:  # which flies its twin too
+            verdicts = outcome.verdicts(flight.log, tested, options.allow_code or bool(options.sets))
 
     def data() -> dict[str, object]:
         requirements = {"requirements": [plain(verdict) for verdict in verdicts]} if outcome.requirements else {}
-        return {
-            **flight.summary(),
-            "conclusion": flight.conclusion,
-            **requirements,
-            "next": next_commands(flight),
-        }
+        told = {"conclusion": flight.conclusion, **requirements, "next": next_commands(flight)}
+        return {**flight.summary(), **told}
 
     def show() -> None:
         show_flight(flight, verdicts=verdicts)
@@ -160,14 +153,6 @@ def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -
         live=keyboard(options.watch and paced),
         outcome=outcome,
     )
-
-
-def _verdicts(outcome: MeasuredConclusion, flight: Flight, options: FlyOptions) -> tuple[Verdict, ...]:
-    """Return the verdicts of a flight; the unit that flew it flies its twin where that is named."""
-    from rig.unit.running_unit import running
-
-    with running(options.unit if outcome.needs_twin else None) as tested:
-        return outcome.verdicts(flight.log, tested, options.allow_code or bool(options.sets))
 
 
 class Watching:
@@ -326,7 +311,7 @@ def _peaks(flight: Flight) -> str:
 def bench(
     scenario: ScenarioName = None,
     sets: Sets = None,
-    repeats: Annotated[int, Option(metavar="N", help="Flights; the medians count.", min=1)] = 7,
+    repeats: Annotated[int, opt("N", "Flights; the medians count.", min=1)] = 7,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:

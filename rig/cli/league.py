@@ -8,51 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from rig.cli.common import Json, Seed, Workers, arg, emit, flag, named, opt, takes_options
-from rig.cli.printing import Column, columns, line, table
+from rig.cli.common import Json, Seed, Workers, arg, begun, emit, flag, named, opt, takes_options
+from rig.cli.printing import line, table
 from rig.cli.working import working
+from rig.core.column import Column, columns
 from rig.core.errors import BadInput
 from rig.core.outputs import require_apart, require_page
 
 Row = dict[str, Any]
 _MANAGERS: Final = "cross-channel,cusum,glr,parity,innovation,selection,median"
-_LEVELS: Final = (
-    *(Column("signal", "signal"), Column("manager", "entrant")),
-    Column("told", lambda row: ", ".join(f"{name} {value:.4g}" for name, value in row["shown"].items())),
-    *(Column("events", "clusters", worth=7), Column("extrapolated", "extrapolation", ".3g", "times", worth=8)),
-    Column("seen", "seen", worth=6),
-)
-_SECOND: Final = (
-    *(Column("signal", "signal"), Column("manager", "entrant"), Column("false isolations", "counted")),
-    Column("budget", "expected", ".2g"),
-    Column("an hour, 95 %", lambda r: f"{r['low_per_h']:.2g} to {r['high_per_h']:.2g}"),
-    *(
-        Column(title, lambda r, n=n, of=of: None if r[n] is None else f"{r[n]} of {r[of]}", worth=worth)
-        for title, n, of, worth in (
-            ("flights over the level of three", "three", "flights", 7),
-            ("of it, calibration", "three_before", "of", 6),
-        )
-    ),
-)
-_OUTCOMES: Final = (
-    *(Column("faults", "faults"), Column("manager", "entrant")),
-    *(
-        Column(word, lambda row, word=word: 100 * row[word] / row["trials"], ".1f", "%")
-        for word in ("isolated", "wrong channel", "missed")
-    ),
-    Column("before", lambda row: 100 * row["prior"] / row["trials"], ".1f", "%", worth=8),
-    *(Column("delay", "delay_median_s", ".2f", "s"), Column("95 %", "delay_95_s", ".2f", "s", worth=7)),
-    *(
-        Column(title, lambda row, i=i: row["sizes"] and row["sizes"][i]["value"], ".2f", worth=7)
-        for i, title in enumerate(("50 %", "95 %"))
-    ),
-    *(Column("vote off", "peak_median", ".2f", worth=6), Column("most", "peak_largest", ".3g", worth=5)),
-)
-_DIFFERENCES: Final = (
-    *(Column("signal", "signal"), Column("manager", "entrant"), Column("trials", "trials")),
-    Column("isolated, less ours", lambda row: 100 * row["value"], "+.1f", "points"),
-    Column("95 %", lambda row: f"{100 * row['low']:.1f} to {100 * row['high']:.1f}"),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +25,7 @@ class LeagueOptions:
 
     campaign: Annotated[str | None, arg("FILE|NAME", "A campaign of faults: file or bundled name.")] = None
     healthy: Annotated[Path | None, opt("HEALTHY", "Healthy flights: a flown campaign with its logs.")] = None
-    out: Annotated[Path | None, opt("DIR", "Folder of the league; a begun one is continued.")] = None
+    out: Annotated[Path | None, begun("Folder of the league")] = None
     managers: Annotated[str, opt("NAME,NAME...", "Who takes part; ours always does.")] = _MANAGERS
     budget: Annotated[float, opt("RATE", "False isolations an hour and signal.")] = 0.01
     second: Annotated[Path | None, opt("HEALTHY", "Other healthy flights, to test the budget on.")] = None
@@ -100,12 +64,11 @@ def _flights(campaign: str, healthy: Path, out: Path, options: LeagueOptions) ->
     from rig.studies.benchmark.entrants import entrants
     from rig.studies.benchmark.prepared import Asked
     from rig.studies.benchmark.run_benchmark import run
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.plan import read_plan
 
     asked = named(Asked, options, entrants=entrants(options.managers), budget_per_h=options.budget, healthy=healthy)
-    plan = Plan(read(campaign, {}), str(find(campaign)))
-    require_apart({"--out": out, "--plot": options.plot}, [find(campaign), healthy, options.second])
+    plan = read_plan(campaign)
+    require_apart({"--out": out, "--plot": options.plot}, [plan.source, healthy, options.second])
     require_page("--plot", options.plot)
     with working("the league", not options.as_json, steps=True):
         result = run(plan, asked, out, options.workers)
@@ -138,6 +101,7 @@ def _recordings(inputs: list[Path], options: LeagueOptions) -> None:
 def _show_recordings(result: dict[str, Any]) -> None:
     """Print false isolations, and the table of all kinds and of each, by signal."""
     from rig.studies.benchmark.entrants import OURS
+    from rig.studies.benchmark.outcome_table import DIFFERENCES, OUTCOMES
 
     line(f"{result['hours']:.3g} h; each half calibrates to no false isolation, and is tested by the other")
     false = Counter[str]()
@@ -145,26 +109,30 @@ def _show_recordings(result: dict[str, Any]) -> None:
         false[row["entrant"]] += row["false"]
     table(false.items(), (Column("manager", 0), Column("false isolations in the tested halves", 1)))
     for (signal,), rows in _grouped(result["table"], "signal"):
-        _show_kinds(signal, rows, _OUTCOMES[:7], ending="")
+        _show_kinds(signal, rows, OUTCOMES[:7], ending="")
     line()
-    table([row for row in result["differences"] if (row["kind"], row["ours"]) == ("all", OURS)], _DIFFERENCES)
+    table([row for row in result["differences"] if (row["kind"], row["ours"]) == ("all", OURS)], DIFFERENCES)
 
 
 def _show(result: dict[str, Any]) -> None:
     """Print levels, the second campaign, the table by signal and state of the reference, costs, and the verdict."""
+    from rig.studies.benchmark.calibration import LEVELS
+    from rig.studies.benchmark.healthy_flights import SECOND
+    from rig.studies.benchmark.outcome_table import LOSSES, OUTCOMES
+
     line(f"calibrated to {result['budget_per_h']:g} false isolations an hour and signal, on {result['hours']:.3g} h")
-    table(result["levels"], _LEVELS)
+    table(result["levels"], LEVELS)
     for note in (note for row in result["levels"] for note in row["notes"]):
         line(f"  {note}")
     line("\nbursts that make somebody be failed, by their frames and thresholds")
     _show_transients(result["transients"])
     if result["second"]:
         line(f"\na second campaign of {result['second'][0]['hours']:.3g} h")
-        table(result["second"], _SECOND)
+        table(result["second"], SECOND)
     for (signal, state), rows in _grouped(result["table"], "signal", "reference"):
-        _show_kinds(f"{signal}, reference {state}", rows, _OUTCOMES, "" if state == "as flown" else "all")
+        _show_kinds(f"{signal}, reference {state}", rows, OUTCOMES, "" if state == "as flown" else "all")
     for (signal,), rows in _grouped(result["flights"], "signal"):
-        _show_kinds(f"{signal}, flown in closed loop", rows, (*_OUTCOMES, Column("aircraft lost", "lost")), "all")
+        _show_kinds(f"{signal}, flown in closed loop", rows, LOSSES, "all")
     costs = ", ".join(f"{name} {microseconds:.2g}" for name, microseconds in result["microseconds"].items())
     line(f"\nmicroseconds a signal and frame, here: {costs}\n")
     for sentence in result["verdict"]:

@@ -5,65 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from textwrap import wrap
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
+from rig.core.column import COUNT, INSTANT, KEPT, LEVEL, PLAIN, RATE, SECONDS, SHARE, Column
 from rig.core.console import console, styled
 from rig.core.text import plain
 
 MOST_LINES: Final = 40  # of one kind on the terminal; --json has all
-KEPT: Final = 9  # worth of a column that is never left out
 _LABEL: Final = 9  # characters before what a line tells
 _PROSE: Final = 32  # a column with longer text is folded at words
 _WORD: Final = re.compile(r"\S+")
 _PADDING: Final = 2  # characters between two columns
-
-
-class Column(NamedTuple):
-    """A column of a table.
-
-    value : a row's attribute, key or index, with dots for one inside another; or a function of the row
-    format : of numbers, as Python's format() takes it; text is shown as it is
-    unit : shown after the title
-    empty : shown where there is no value
-    worth : up to KEPT; a table that is too wide is printed without the columns that are worth least
-    """
-
-    title: str
-    value: str | int | Callable[[Any], Any]
-    format: str = ""
-    unit: str = ""
-    empty: str = ""
-    worth: int = KEPT
-
-    @property
-    def head(self) -> str:
-        """The title with its unit."""
-        return f"{self.title}, {self.unit}".rstrip(", ")
-
-    def cell(self, row: Any) -> Text:
-        """Return what the column shows of a row."""
-        value = self.value(row) if callable(self.value) else _lookup(row, self.value)
-        if isinstance(value, Text):
-            return value
-        return styled(self.empty if value is None else value if isinstance(value, str) else format(value, self.format))
-
-
-def _lookup(row: Any, name: str | int) -> Any:
-    """Return the item ``name`` of a row: an index, or names of keys and attributes with dots between."""
-    if isinstance(name, int):
-        return row[name]
-    for part in name.split("."):
-        row = row[part] if isinstance(row, Mapping) else getattr(row, part)
-    return row
-
-
-def columns(*titles: str, worth: Mapping[str, int] | None = None) -> list[Column]:
-    """Return the columns of rows that are tuples of text; ``worth`` of those that may be left out, by title."""
-    return [Column(title, i, worth=(worth or {}).get(title, KEPT)) for i, title in enumerate(titles)]
 
 
 def table(
@@ -81,7 +37,8 @@ def table(
     if not rows:
         return
     screen = console()
-    cells = [[column.cell(row) for row in rows[:most]] for column in columns]
+    columns = [column for column in columns if column.worth]
+    cells = [[_cell(column.of(row), column) for row in rows[:most]] for column in columns]
     heads, widths = _heads(columns, cells, screen.width)
     kept = _fitting(columns, widths, screen.width)
     for part in _parts(kept, [_narrowest(head, shown) for head, shown in zip(heads, cells, strict=True)], screen.width):
@@ -92,10 +49,37 @@ def table(
         for k, row in enumerate(rows[:most]):
             printed.add_row(*(cells[i][k] for i in part), style=style(row) if style else None)
         screen.print(printed)
-    if gone := [column.title for i, column in enumerate(columns) if i not in kept]:
+    if gone := [column.name for i, column in enumerate(columns) if i not in kept]:
         line(f"  left out at {screen.width} columns, all with --json: {', '.join(gone)}")
     if most is not None:
         rest(len(rows), most)
+
+
+def share(rate: Mapping[str, Any]) -> str:
+    """Return a proportion with its interval; ``rate`` has count, of, value, low and high."""
+    if rate["value"] is None:
+        return "none"
+    return f"{rate['count']} of {rate['of']}: {rate['value']:.4f} ({rate['low']:.4f} to {rate['high']:.4f})"
+
+
+def _count(rate: Mapping[str, Any]) -> str:
+    """Return a share as a count alone: its interval has a column of its own."""
+    return "none" if rate["value"] is None else f"{rate['count']} of {rate['of']:.0f}"
+
+
+_WORDS: Final[dict[str, Callable[[Any], str]]] = {
+    SHARE: share,
+    COUNT: _count,
+    RATE: lambda rate: "" if rate["value"] is None else f"{rate['value']:.3g}",
+    SECONDS: "{:.3f}".format,
+    INSTANT: "{:.2f}".format,
+    PLAIN: "{:g}".format,
+    LEVEL: lambda level: f"{level:.6g}" if isinstance(level, float) else str(level),
+}
+
+
+def _cell(value: Any, column: Column) -> Text:
+    return value if isinstance(value, Text) else styled(column.text(value, _WORDS))
 
 
 def _heads(columns: Sequence[Column], cells: Sequence[Sequence[Text]], width: int) -> tuple[list[str], list[int]]:
@@ -189,18 +173,8 @@ def field(label: str, *parts: str | tuple[str, str], style: str = "", width: int
 def counts(numbers: Mapping[str, Any], names: Iterable[str] | None = None) -> list[str]:
     """Return ``3 late``, ``1 replies lost`` for the counts that are above zero, those of ``names`` alone if given."""
     shown = numbers if names is None else list(names)
-    return [f"{numbers[name]} {name.replace('_', ' ')}" for name in shown if _is_count(numbers[name])]
-
-
-def _is_count(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value > 0
-
-
-def share(rate: Mapping[str, Any]) -> str:
-    """Return a proportion with its interval; ``rate`` has count, of, value, low and high."""
-    if rate["value"] is None:
-        return "none"
-    return f"{rate['count']} of {rate['of']}: {rate['value']:.4f} ({rate['low']:.4f} to {rate['high']:.4f})"
+    above = [name for name in shown if type(numbers[name]) is int and numbers[name] > 0]  # neither a text nor a flag
+    return [f"{numbers[name]} {name.replace('_', ' ')}" for name in above]
 
 
 def rough_duration(seconds: float) -> str:

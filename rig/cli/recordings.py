@@ -7,12 +7,11 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from typer import Argument, Option
-
-from rig.cli.common import Align, AllowCode, Json, comma_list, emit, takes_options, whole_numbers
-from rig.cli.printing import KEPT, Column, line, table
+from rig.cli.common import Align, AllowCode, Json, arg, comma_list, emit, flag, named, opt, takes_options, whole_numbers
+from rig.cli.printing import line, table
 from rig.cli.requirements_option import Requirements
 from rig.cli.working import working
+from rig.core.column import KEPT, Column
 from rig.core.errors import BadInput
 from rig.core.text import quoted
 
@@ -29,21 +28,17 @@ _MARKED: Final = 100.0  # extrapolations beyond this are marked
 class VoteOptions:
     """The options of ``rig vote``."""
 
-    recorded: Annotated[
-        Path, Argument(metavar="INPUT", help="CSV, Parquet or MCAP, or a folder of tables.", show_default=False)
-    ]
-    out: Annotated[Path, Option(metavar="FILE", help="What to write: .csv, .parquet or .mcap.", show_default=False)]
+    recorded: Annotated[Path, arg("INPUT", "CSV, Parquet or MCAP, or a folder of tables.")]
+    out: Annotated[Path, opt("FILE", "What to write: .csv, .parquet or .mcap.")]
     config: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="Settings of the signals, TOML.", show_default="those of the flight's log"),
+        Path | None, opt("FILE", "Settings of the signals, TOML.", show_default="those of the flight's log")
     ] = None
     align: Align
-    inject: Annotated[
-        str | None,
-        Option(metavar="FILE", help="Put the faults of FILE into the channels and score who is failed."),
-    ] = None
+    inject: Annotated[str | None, opt("FILE", "Put the faults of FILE into the channels and score who is failed.")] = (
+        None
+    )
     repair_time: Annotated[
-        bool, Option("--repair-time", help="Drop rows whose time repeats or steps back, and say how many.")
+        bool, flag("--repair-time", "Drop rows whose time repeats or steps back, and say how many.")
     ] = False
     requirements: Requirements = None
     allow_code: AllowCode = False
@@ -67,48 +62,29 @@ def vote(options: VoteOptions) -> None:
 class ThresholdsOptions:
     """The options of ``rig thresholds``."""
 
-    inputs: Annotated[
-        list[Path],
-        Argument(metavar="INPUT...", help="Recordings, folders of them, logs, a campaign.", show_default=False),
-    ]
-    budget: Annotated[float, Option(metavar="X", help="False isolations an hour and signal.", show_default=False)]
-    out: Annotated[
-        Path, Option(metavar="FILE", help="What to write: CONFIG with the thresholds, TOML.", show_default=False)
-    ]
-    config: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="Settings of rig vote; logs of ours may do without.", show_default=False),
-    ] = None
-    persistence: Annotated[str, Option(metavar="N,N...", help="Frames to try.")] = "8,12,24,48"
-    levels: Annotated[str, Option(metavar="N,N...", help="Channels in use to design for.")] = "4,3,2"
-    filters: Annotated[str, Option("--filter", metavar="S,S...", help="Low-pass of the comparison to try.")] = "0,0.1"
-    lasting: Annotated[str, Option(metavar="RULE,RULE...", help="What lasts, to try: bias, slow, stale, or none.")] = (
-        "bias,slow,stale"
-    )
+    inputs: Annotated[list[Path], arg("INPUT...", "Recordings, folders of them, logs, a campaign.")]
+    budget: Annotated[float, opt("X", "False isolations an hour and signal.")]
+    out: Annotated[Path, opt("FILE", "What to write: CONFIG with the thresholds, TOML.")]
+    config: Annotated[Path | None, opt("FILE", "Settings of rig vote; logs of ours may do without.")] = None
+    persistence: Annotated[str, opt("N,N...", "Frames to try.")] = "8,12,24,48"
+    levels: Annotated[str, opt("N,N...", "Channels in use to design for.")] = "4,3,2"
+    filters: Annotated[str, opt("S,S...", "Low-pass of the comparison to try.", "--filter")] = "0,0.1"
+    lasting: Annotated[str, opt("RULE,RULE...", "What lasts, to try: bias, slow, stale, or none.")] = "bias,slow,stale"
     align: Align
-    repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False
-    keep: Annotated[bool, Option("--keep", help="Also use flights in which one channel deviates from the others.")] = (
+    repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats.")] = False
+    keep: Annotated[bool, flag("--keep", "Also use flights in which one channel deviates from the others.")] = False
+    transients: Annotated[
+        bool, flag("--transients", "No threshold within the noise of single frames: transients fail nobody.")
+    ] = False
+    outlier: Annotated[bool, flag("--outlier", "Write outlier_threshold, and keep the threshold that there is.")] = (
         False
     )
-    transients: Annotated[
-        bool,
-        Option("--transients", help="No threshold within the noise of single frames: transients fail nobody."),
-    ] = False
-    outlier: Annotated[
-        bool, Option("--outlier", help="Write outlier_threshold, and keep the threshold that there is.")
-    ] = False
     monitored: Annotated[
         list[Path] | None,
-        Option(
-            metavar="FILE",
-            help="A recording on which they will be used; warns if it moves more than the design data. Repeatable.",
-            show_default=False,
-        ),
+        opt("FILE", "A recording on which they will be used; warns if it moves more than the design data. Repeatable."),
     ] = None
-    plot: Annotated[Path | None, Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)] = (
-        None
-    )
-    seed: Annotated[int, Option(metavar="N", help="Seed of the bootstrap.", min=0)] = 0
+    plot: Annotated[Path | None, opt("FILE", "The trade-off as a page: .html.")] = None
+    seed: Annotated[int, opt("N", "Seed of the bootstrap.", min=0)] = 0
     as_json: Json = False
 
 
@@ -117,19 +93,8 @@ def thresholds(options: ThresholdsOptions) -> None:
     """Compute thresholds from healthy recordings that keep false isolations within a budget an hour."""
     from rig.studies.thresholds.design_run import Options, run
 
-    grid = _grid(options)
-    how = Options(
-        inputs=options.inputs,
-        config=options.config,
-        out=options.out,
-        page=options.plot,
-        grid=grid,
-        repair_time=options.repair_time,
-        align=options.align.options(),
-        keep=options.keep,
-        outlier=options.outlier,
-        monitored=options.monitored or [],
-    )
+    grid, align = _grid(options), options.align.options()
+    how = named(Options, options, page=options.plot, grid=grid, align=align, monitored=options.monitored or [])
     with working("reading", not options.as_json):
         summary = run(how)
     emit(options.as_json, summary, lambda: _show(summary))
@@ -144,13 +109,9 @@ def _grid(options: ThresholdsOptions) -> Grid:
     frames = whole_numbers("--persistence", options.persistence, 1, MOST_FRAMES)
     counts = whole_numbers("--levels", options.levels, 2, 4)
     rules = () if options.outlier else _rules(options.lasting)  # beside thresholds that are kept: one kind of design
-    filters = _seconds("--filter", options.filters)
-    return Grid(options.budget, frames, counts, filters, options.seed, rules, options.transients)
-
-
-def _seconds(option: str, text: str) -> list[float]:
-    seconds = comma_list(option, text, f"seconds from 0 to {MOST_S:.0f}", float, lambda value: 0.0 <= value <= MOST_S)
-    return sorted(set(seconds))
+    allowed = f"seconds from 0 to {MOST_S:.0f}"
+    filters = comma_list("--filter", options.filters, allowed, float, lambda value: 0.0 <= value <= MOST_S)
+    return Grid(options.budget, frames, counts, sorted(set(filters)), options.seed, rules, options.transients)
 
 
 def _rules(text: str) -> list[Any]:
@@ -203,25 +164,11 @@ def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
     rows = []
     for design in signal["designs"]:
         mark = "*" if design["extrapolation"] > _MARKED else ""
-        for i, (level, threshold) in enumerate(design["levels"].items()):
-            once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
-            rows.append(
-                {
-                    **threshold,
-                    "level": level,
-                    "threshold": f"{threshold['upper']:.4g}{mark}",
-                    "design": {} if i else once,
-                }
-            )
-        for level, threshold in design["outlier_levels"].items():
-            rows.append(
-                {
-                    **threshold,
-                    "level": f"{level}, outlier",
-                    "threshold": f"{threshold['upper']:.4g}{mark}",
-                    "design": {},
-                }
-            )
+        once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
+        levels = {**design["levels"], **{f"{level}, outlier": of for level, of in design["outlier_levels"].items()}}
+        for i, (level, of) in enumerate(levels.items()):
+            threshold = f"{of['upper']:.4g}{mark}"
+            rows.append({**of, "level": level, "threshold": threshold, "design": {} if i else once})
     return rows
 
 
@@ -233,8 +180,8 @@ def _of_design(title: str, key: str, format: str = "", unit: str = "", worth: in
 _LEVELS: Final = (
     *(_of_design("", "chosen"), _of_design("filter", "filter_s", "g", "s"), _of_design("frames", "persistence")),
     *(_of_design("bias", "bias_bound", ".3g", worth=8), _of_design("sum", "slow_limit", ".3g", worth=8)),
-    *(Column("in use", "level"), Column("threshold", "threshold"), Column("point", "point", ".4g")),
-    *(Column("clusters", "clusters", worth=6), Column("shape", "shape", ".2f", worth=5)),
+    *(Column("in use", "level"), Column("threshold"), Column("point", format=".4g")),
+    *(Column("clusters", worth=6), Column("shape", format=".2f", worth=5)),
     _of_design("extrapolation", "beyond", worth=7),
 )
 _HOLD_OUT: Final = (
@@ -243,7 +190,7 @@ _HOLD_OUT: Final = (
     Column("", lambda row: "over" if row[2]["significantly_over"] else ""),
 )
 _MOTION: Final = (
-    *(Column("signal", "signal"), Column("from its median", "value", ".4g"), Column("a second", "rate_per_s", ".4g")),
+    *(Column("signal"), Column("from its median", "value", ".4g"), Column("a second", "rate_per_s", ".4g")),
     *(Column("between channels", "noise", ".4g", worth=7), Column("", lambda row: "at rest" if row["still"] else "")),
 )
 
@@ -260,9 +207,9 @@ def _tradeoffs(signals: dict[str, Any]) -> None:
         return
     faults = (Column(kind, lambda row, kind=kind: _right(row["faults"][kind]), worth=5) for kind in rows[-1]["faults"])
     shown = (
-        *(Column("", "chosen"), Column("signal", "signal"), Column("filter", "filter_s", "g", "s")),
+        *(Column("", "chosen"), Column("signal"), Column("filter", "filter_s", "g", "s")),
         *(Column("frames", "persistence"), Column("bias", "bias_bound", ".3g"), Column("sum", "slow_limit", ".3g")),
-        *(Column("stale", "stale_frames", worth=8), Column("smallest offset", "smallest_offset", ".3g", empty="none")),
+        *(Column("stale", "stale_frames", worth=8), Column("smallest offset", format=".3g", empty="none")),
         Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none", worth=7),
         *(*faults, Column("share", "found_rightly", ".3f")),
     )

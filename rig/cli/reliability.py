@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Final
 from typer import Option, Typer, echo
 
 from rig.cli.common import GROUP, Json, Seed, Sets, Workers, arg, comma_list, emit, opt, whole_numbers
-from rig.cli.printing import Column, line, table
+from rig.cli.printing import line, table
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.outputs import require_apart, require_page
-from rig.core.progress import tell
 
 if TYPE_CHECKING:
     from rig.studies.reliability.chain import ChainResult
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 SCENARIO = "f16_pitch_rate_offset_in_manoeuvre"
 _TRIALS: Final = (
-    Column("good before", "good_before"),
+    Column("good before"),
     Column("not kept, at most", lambda cell: f"{cell['chance']:.3g}" if cell["chance"] < 1.0 else "any"),
     Column("trials without one", "trials", ","),
     Column("how", lambda cell: "open loop" if cell["open_loop"] else "flights", worth=7),
@@ -118,17 +118,13 @@ def trials(
 ) -> None:
     """Count what the next fault does where it leaves two good channels, in open-loop trials on a recorded truth."""
     from rig.core.frame import CHANNELS
-    from rig.scenario.overrides import parse_set
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.plan import read_plan
     from rig.studies.reliability.trials_folder import fly_trials
 
-    plan = Plan(read(campaign, dict(map(parse_set, sets or []))), str(find(campaign)))
+    plan = read_plan(campaign, sets)
     good = whole_numbers("--good-before", good_before, 1, CHANNELS, "numbers of channels")[::-1]
     with working("recording the healthy flights", not as_json):
-        counts = fly_trials(
-            plan, out, runs, seed, workers, good, report=lambda done, count: tell("trials", done, count)
-        )
+        counts = fly_trials(plan, out, runs, seed, workers, good)
     emit(as_json, {"out": str(out), **counts}, lambda: echo(f"{counts['trials']} trials: {out}"))
 
 
@@ -176,40 +172,19 @@ def _show_chain(solved: ChainResult) -> None:
 
 def _show_run(results: Sequence[Result], given: SignalRates, assumptions: Sequence[str]) -> None:
     """Print assumptions first, then the numbers, then what decides them."""
-    from rig.studies.reliability.per_hour import TARGETS_EXPLAINED, TITLES, decided_by
+    from rig.studies.reliability.per_hour import DECIDED, TARGETS_EXPLAINED, numbers
 
     line("This holds if:")
     for assumption in assumptions:
         line(f"  - {assumption}", indent=4)
     line()
     line(f"{results[0].signal}: probability per flight hour, median (95 %)")
-    shown = [what for what in TITLES if any(what in result.estimates for result in results)]
-    table(results, _numbers(shown))
+    table(results, numbers(results))
     line(TARGETS_EXPLAINED)
     line()
-    decided = (Column("manager", "manager"), Column("channels", "case.channels"), Column("decided by", decided_by))
     first = (given.per_hour[0], given.beta[0], 1)  # one case of each manager and number of channels
     cases = [(result.case.per_hour, result.case.beta, result.case.flights_between_checks) for result in results]
-    table([result for result, case in zip(results, cases, strict=True) if case == first], decided)
-
-
-def _numbers(shown: Sequence[str]) -> list[Column]:
-    """Return the columns of a result: its case, the estimates ``shown``, perfect isolation, the targets."""
-    from rig.studies.reliability.per_hour import TARGETS, TITLES, interval
-
-    titles = {what: TITLES[what].partition(",")[0].removesuffix(" of the signal") for what in shown}
-    every = lambda n: f"every {n}" if n > 1 else "each flight"  # noqa: E731
-    return [
-        *(Column("manager", "manager"), Column("channels", "case.channels"), Column("per hour", "case.per_hour", "g")),
-        Column("common", lambda result: f"{100 * result.case.beta:g} %"),
-        Column("checks", lambda result: every(result.case.flights_between_checks)),
-        *(
-            Column(title, lambda r, w=what: interval(r.estimates[w]) if w in r.estimates else "", worth=8 - i)
-            for i, (what, title) in enumerate(titles.items())
-        ),
-        Column("perfect", "perfect", ".2e", worth=5),
-        *(Column(name, f"standing.{name}") for name in TARGETS),
-    ]
+    table([result for result, case in zip(results, cases, strict=True) if case == first], DECIDED)
 
 
 def _show_margins(signal: str, margins: Sequence[Margin], target: float | None, chosen: Margin | None) -> None:
@@ -229,7 +204,7 @@ def _counted(title: str, text: Callable[[Margin], str], none: Callable[[Margin],
 
 
 _MARGINS: Final = (
-    Column("threshold", "threshold", ".5g"),
+    Column("threshold", format=".5g"),
     _counted(
         "an hour",
         lambda m: f"{m.per_hour:.3e} ({m.low:.3e} to {m.high:.3e})",

@@ -7,11 +7,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from typer import Argument, Exit, Option, echo
+from typer import Exit, echo
 
-from rig.cli.common import AllowCodeOrSet, Json, LogFile, Sets, UnitFile, emit
-from rig.cli.printing import MOST_LINES, Column, field, line, table
+from rig.cli.common import AllowCodeOrSet, Json, LogFile, Sets, UnitFile, arg, emit, flag, opt
+from rig.cli.printing import MOST_LINES, field, line, table
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput, BadLog
 from rig.core.outputs import require_apart, require_ending
 from rig.core.text import plain
@@ -31,15 +32,12 @@ LAYOUTS: Final = ("foxglove",)
 
 def replay(
     log: LogFile,
-    fly: Annotated[bool, Option("--fly", help="Fly the whole recorded scenario again.")] = False,
+    fly: Annotated[bool, flag("--fly", "Fly the whole recorded scenario again.")] = False,
     redundancy: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="What if: a TOML file with another redundancy table.", show_default=False),
+        Path | None, opt("FILE", "What if: a TOML file with another redundancy table.", show_default=False)
     ] = None,
     sets: Sets = None,
-    out: Annotated[
-        Path | None, Option(metavar="FILE", help="Log of the what if.", show_default="<log>.what-if.mcap")
-    ] = None,
+    out: Annotated[Path | None, opt("FILE", "Log of the what if.", show_default="<log>.what-if.mcap")] = None,
     unit: UnitFile = None,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
@@ -102,11 +100,10 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
 
 
 def diff(
-    a: Annotated[Path, Argument(metavar="LOG_A", help="A log.", show_default=False)],
-    b: Annotated[Path, Argument(metavar="LOG_B", help="Another.", show_default=False)],
+    a: Annotated[Path, arg("LOG_A", "A log.")],
+    b: Annotated[Path, arg("LOG_B", "Another.")],
     tolerance: Annotated[
-        list[str] | None,
-        Option(metavar="X", help="1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable."),
+        list[str] | None, opt("X", "1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -134,7 +131,7 @@ def _comparison(result: Comparison, rate_hz: float | None) -> None:
         line(f"  {owner}: {count} fields {verdict}", style="yellow")
     unequal = [field for field in result.fields if field.verdict in ("within", "different")]
     first = Column("first", lambda f: moment(f.first_frame, rate_hz) if rate_hz else _frame(f.first_frame))
-    shown = (Column("field", "name"), Column("result", "verdict"), Column("frames", "frames", worth=7), first)
+    shown = (Column("field", "name"), Column("result", "verdict"), Column("frames", worth=7), first)
     order = sorted(unequal, key=lambda f: (f.verdict != "different", f.first_frame or 0))
     table(order, (*shown, *_difference(lambda f: f.name)), MOST_LINES)
     counted = ", ".join(f"{count} {name}" for name, count in result.counts().items() if count)
@@ -175,13 +172,11 @@ def _decisions(moves: Decisions, rate_hz: float) -> None:
         Column("decision", lambda d: f"{d.signal}{'' if d.channel is None else f'.{d.channel}'} {d.decision}"),
         Column("from", lambda d: moment(d.first_frame, rate_hz)),
         Column("for", lambda d: duration(d.last_frame - d.first_frame + 1, rate_hz), worth=7),
-        *(Column("old", "old"), Column("new", "new")),
+        *(Column("old"), Column("new")),
     )
-    first = Column("first", lambda v: moment(v.first_frame, rate_hz))
     votes = (
-        Column("vote", "signal"),
-        Column("frames", "frames", worth=7),
-        first,
+        *(Column("vote", "signal"), Column("frames", worth=7)),
+        Column("first", lambda v: moment(v.first_frame, rate_hz)),
         *_difference(lambda v: f"{v.signal}.voted"),
     )
     moved, references = _by_worth(moves.moved)
@@ -233,22 +228,14 @@ def _info(facts: dict[str, Any]) -> None:
 
 def export(
     log: LogFile,
-    to: Annotated[
-        str | None, Option(metavar="FORMAT", help="csv, parquet or npz.", show_default="the ending of --out")
-    ] = None,
-    layout: Annotated[
-        str | None, Option(metavar="VIEWER", help="Not a table, a layout to open the log with: foxglove.")
-    ] = None,
+    to: Annotated[str | None, opt("FORMAT", "csv, parquet or npz.", show_default="the ending of --out")] = None,
+    layout: Annotated[str | None, opt("VIEWER", "Not a table, a layout to open the log with: foxglove.")] = None,
     signals: Annotated[
         str | None,
-        Option(
-            metavar="A,B",
-            help="Signals, discretes, control, flight, inertial, demand, actuator.elevator.",
-            show_default="all",
-        ),
+        opt("A,B", "Signals, discretes, control, flight, inertial, demand, actuator.elevator.", show_default="all"),
     ] = None,
-    out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.<to>")] = None,
-    for_vote: Annotated[bool, Option("--for-vote", help="Only what rig vote reads.")] = False,
+    out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="<log>.<to>")] = None,
+    for_vote: Annotated[bool, flag("--for-vote", "Only what rig vote reads.")] = False,
     as_json: Json = False,
 ) -> None:
     """Write a log as a table, its columns named as rig vote names them; or a viewer's layout for it."""
@@ -259,14 +246,8 @@ def export(
             raise BadInput("--signals, --for-vote: are for --to")
         _export_layout(log, layout, out, as_json)
     else:
-        _export_table(
-            log,
-            _format(to, out),
-            out,
-            [part.strip() for part in (signals or "").split(",") if part.strip()],
-            for_vote,
-            as_json,
-        )
+        owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
+        _export_table(log, _format(to, out), out, owners, for_vote, as_json)
 
 
 def _format(to: str | None, out: Path | None) -> str:
@@ -316,8 +297,7 @@ def _export_layout(log: Path, viewer: str, out: Path | None, as_json: bool) -> N
 def recover(
     log: LogFile,
     out: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="Where to write the mended log.", show_default="<log>.recovered.mcap"),
+        Path | None, opt("FILE", "Where to write the mended log.", show_default="<log>.recovered.mcap")
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -3,45 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-from typer import Option
+from typing import TYPE_CHECKING, Annotated, Final
 
 from rig.cli import complete
-from rig.cli.printing import MOST_LINES, Column, field, line, table
-from rig.core.units.quantities import quantity
+from rig.cli.common import flag, opt
+from rig.cli.printing import MOST_LINES, field, line, table
 
 if TYPE_CHECKING:
     from rig.scenario.scenario import Scenario
-    from rig.verdict.requirements import Requirement, Verdict
+    from rig.verdict.requirements.requirement import Requirement
+    from rig.verdict.requirements.requirement_recorder import Verdict
 
-FEW: Final = 4  # quantities of a line
 Requirements = Annotated[
     list[str] | None,
-    Option(
+    opt(
+        "NAME|FILE",
+        "Requirements to measure: a bundled set or a file; repeatable.",
         "--requirements",
-        metavar="NAME|FILE",
-        help="Requirements to measure: a bundled set or a file; repeatable.",
         autocompletion=complete.requirements,
     ),
 ]
-Strict = Annotated[bool, Option("--strict", help="Exit code 1 where a requirement is violated.")]
+Strict = Annotated[bool, flag("--strict", "Exit code 1 where a requirement is violated.")]
 _STYLES: Final = {"met": "green", "violated": "red", "not applicable": ""}
-_COLUMNS: Final = (
-    *(Column("requirement", 1), Column("on", 2, worth=3), Column("verdict", 0)),
-    *(Column("margin", 3), Column("at", 4, worth=4), Column("there", 5, worth=1)),
-)
 
 
 def show_verdicts(verdicts: Sequence[Verdict]) -> None:
     """Print verdicts, the violated ones first."""
     if not verdicts:
         return
+    from rig.verdict.score_tables import VERDICTS, violated_first
+
     line(("requirements", "bold"))
-    order = ("violated", "met", "not applicable")
-    listed = sorted(verdicts, key=lambda verdict: order.index(verdict.status))
-    table([_row(verdict) for verdict in listed], _COLUMNS, MOST_LINES, lambda row: _STYLES[row[0]])
+    table(violated_first(verdicts), VERDICTS, MOST_LINES, lambda verdict: _STYLES[verdict.status])
 
 
 def show_notes(requirements: Sequence[Requirement], scenario: Scenario) -> None:
@@ -50,22 +43,3 @@ def show_notes(requirements: Sequence[Requirement], scenario: Scenario) -> None:
 
     for note in notes(requirements, scenario):
         field("note", note, style="yellow")
-
-
-def _row(verdict: Verdict) -> tuple[Any, ...]:
-    from rig.verdict.requirements import margin_text
-
-    if not isfinite(verdict.margin):
-        return (verdict.status, verdict.requirement, verdict.signal, "", "", "")
-    there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items()]
-    more = ["..."] if len(there) > FEW else []
-    return (
-        *(
-            verdict.status,
-            verdict.requirement,
-            verdict.signal,
-            margin_text(verdict.margin),
-            f"{verdict.instant_s:.2f} s",
-        ),
-        ", ".join([*there[:FEW], *more]),
-    )

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from rig.cli.common import (
     AllowCode,
@@ -17,6 +16,7 @@ from rig.cli.common import (
     Sets,
     Workers,
     arg,
+    begun,
     comma_list,
     emit,
     flag,
@@ -26,9 +26,10 @@ from rig.cli.common import (
     require_ended,
     takes_options,
 )
-from rig.cli.printing import Column, line, table
+from rig.cli.printing import line, table
 from rig.cli.reliability import RatesFile, SignalName, reliability_app
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.outputs import CUTSETS, SETS, require_apart, require_page
 from rig.core.progress import tell
@@ -36,7 +37,6 @@ from rig.core.trust import Trust
 
 if TYPE_CHECKING:
     from rig.studies.campaign.run_campaign import Result
-    from rig.studies.safety.confirm_sets import Row
     from rig.studies.safety.cutset_plan import Asked
     from rig.studies.safety.cutsets import Counts, CutSet
     from rig.studies.safety.tree_result import TreeResult
@@ -45,13 +45,6 @@ MOST_HOURS: Final = 1e5
 MOST_ORDER: Final = 3
 HOURS: Final = "1,10,100,1000"
 CONDITIONS: Final = "manoeuvre-settled,manoeuvre-near,level-settled,level-then-manoeuvre-settled"
-_AT = (
-    Column("hours", "hours", "g"),
-    Column("tree", "tree", ".6g"),
-    Column("chain", "chain", ".6g"),
-    Column("tree differs", lambda row: f"{100 * row.differs:+.4f} %"),
-    Column("direct sum of the sets", lambda row: f"{row.direct_sum:.6g} ({100 * row.sum_differs:+.2f} %)", worth=7),
-)
 
 
 @reliability_app.command()
@@ -104,7 +97,9 @@ def _tree(folders: Sequence[Path], rates: Path, signal: str, channels: int, hour
 
 def _show(result: TreeResult) -> None:
     """Print both probabilities, what the tree is beside the chain, and the chances it is made of."""
-    table(result.at, _AT)
+    from rig.studies.safety.tree_result import AT
+
+    table(result.at, AT)
     most = max((abs(each.differs) for each in result.at), default=0.0)
     line(f"static tree: {result.static}, differs from the chain by at most {100 * most:.2g} %")
     line("not kept: " + "; ".join(f"{good} {chance:.3g}" for good, chance in result.not_kept.items()))
@@ -114,7 +109,7 @@ def _show(result: TreeResult) -> None:
 class CutsetOptions:
     """The options of ``rig reliability cutsets``."""
 
-    out: Annotated[Path, opt("DIR", "Folder of the flights; a begun one is continued.")]
+    out: Annotated[Path, begun("Folder of the flights")]
     signal: Annotated[str, opt("SIGNAL", "As in rig signals.")] = "pitch_rate"
     aircraft: Annotated[str, opt("NAME", "As in rig aircraft list.")] = "f16"
     order: Annotated[int, opt("N", "Faults of a sequence, 1 to 3.")] = 3
@@ -136,7 +131,7 @@ def cutsets(options: CutsetOptions) -> None:
     asked = _asked(options)
     trust = Trust("cutsets", named=named_manager(asked.set.items()))
     with working("flying the sequences", not options.as_json, steps=True):
-        results = fly(asked, options.out, options.workers, partial(tell, "flights"), trust)
+        results = fly(asked, options.out, options.workers, trust)
     _require_flown(results)
     _, counted = of_folder(options.out)
     cut_sets = minimal(asked, counted)
@@ -191,30 +186,22 @@ def confirm(
         Trust(str(folder / CUTSETS), allow_code),
     )
     with working("flying the sets again", not as_json, steps=True):
-        results = again.fly(folder, made, workers, partial(tell, "flights"))
+        results = again.fly(folder, made, workers)
     _require_flown(results)
     compared = again.rows(folder, asked.signal, cut_sets, made)
     again.write_rows(folder, compared)
-    data = {"folder": str(folder), "rows": [row.as_dict() for row in compared]}
-    data |= {"agree": sum(row.agrees for row in compared), "disagree": sum(not row.agrees for row in compared)}
-    emit(as_json, data, lambda: _show_confirmed(compared))
+    told, agree = [row.as_dict() for row in compared], sum(row.agrees for row in compared)
+    data = {"folder": str(folder), "rows": told, "agree": agree, "disagree": len(told) - agree}
+    emit(as_json, data, lambda: _show_confirmed(told, agree))
 
 
-_CONFIRMED = (
-    Column("", lambda row: "" if row.agrees else "disagrees"),
-    *(Column("aircraft", lambda row: f"{row.aircraft} {row.point}".strip()), Column("condition", "condition", worth=7)),
-    Column("modes by onset", lambda row: ", ".join(row.modes)),
-    Column("enumerated", lambda row: f"{row.before[0]} of {row.before[1]}"),
-    *(Column("again", lambda row: f"{row.again[0]} of {row.again[1]}"), Column("shows", "shows", worth=8)),
-    Column("Fisher", "p_value", ".2g", worth=8),
-)
-
-
-def _show_confirmed(rows: Sequence[Row]) -> None:
+def _show_confirmed(rows: Sequence[dict[str, Any]], agree: int) -> None:
     """Print the rows, and how many agree."""
-    table(rows, _CONFIRMED)
-    disagree = sum(not row.agrees for row in rows)
-    line(f"{len(rows)} rows: {len(rows) - disagree} agree, {disagree} disagree (Fisher's exact test, 0.01 / rows)")
+    from rig.studies.safety.confirm_sets import CONFIRMED_ROWS
+
+    table(rows, CONFIRMED_ROWS)
+    counts = f"{agree} agree, {len(rows) - agree} disagree"
+    line(f"{len(rows)} rows: {counts} (Fisher's exact test, 0.01 / rows)")
 
 
 @reliability_app.command()
@@ -226,15 +213,14 @@ def fmea(
 ) -> None:
     """Write failure modes and effects of all items, each line with the flights that show it."""
     from rig.studies.reliability.rates_file import read_rates
-    from rig.studies.safety.fmea import lines
-    from rig.studies.safety.fmea_file import require_ending, shown, write
+    from rig.studies.safety.fmea import lines, require_ending, shown, write
 
     require_apart({"--out": out}, [*folders, rates])
     require_ending(out)
     with working("gathering the lines", not as_json):
         made = lines(folders, read_rates(rates), str(rates))
     write(made, out)
-    emit(as_json, {"out": str(out), "lines": [each.as_dict() for each in made]}, lambda: line(f"{shown(made)}: {out}"))
+    emit(as_json, {"out": str(out), "lines": made}, lambda: line(f"{shown(made)}: {out}"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,9 +247,9 @@ class ReportOptions:
 def report(options: ReportOptions) -> None:
     """Write sets, tree, chain, FMEA and confirmation as one page."""
     from rig.studies.reliability.rates_file import read_rates
-    from rig.studies.safety.assumptions import assumptions
     from rig.studies.safety.case_page import read_flown, write_case
     from rig.studies.safety.fmea import lines
+    from rig.studies.safety.tree_input import assumptions
 
     file, out = str(options.rates), options.out
     require_apart({"--out": out}, [options.folder, *options.cells, *options.faults, file])
@@ -290,13 +276,10 @@ def _fly_missing(options: ReportOptions, signal: str) -> None:
 
 def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) -> None:
     """Fly what is missing of a bundled campaign."""
-    from rig.scenario.overrides import named_manager, parse_set
-    from rig.studies.campaign.campaign_file import find, read
-    from rig.studies.campaign.plan import Plan
+    from rig.studies.campaign.plan import read_plan
     from rig.studies.campaign.run_campaign import run
 
-    given, source = dict(map(parse_set, sets or ())), str(find(name))
-    plan = Plan(read(name, given), source, Trust(source, named=named_manager(given.items())))
+    plan = read_plan(name, sets)
     with working(f"flying {name}", enabled=True, steps=True):
         _require_flown([run(plan, out, workers=workers, report=lambda p: tell(f"flights of {name}", p.done, p.runs))])
 
@@ -307,7 +290,7 @@ def _require_flown(results: Sequence[Result]) -> None:
 
 
 _SETS = (
-    *(Column("condition", "condition"), Column("gap", "gap"), Column("modes by onset", lambda s: ", ".join(s.modes))),
+    *(Column("condition"), Column("gap"), Column("modes by onset", lambda s: ", ".join(s.modes))),
     Column("lost", lambda s: f"{s.whole.lost} of {s.whole.flown}"),
     Column("95 %", lambda s: "{:.3f} to {:.3f}".format(*s.as_dict()["interval"])),
     Column("wrong vote first", "whole.wrong_vote", worth=7),

@@ -7,13 +7,14 @@ from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Option, echo
+from typer import echo
 
-from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit
+from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit, flag, opt
 from rig.cli.fly import conclusion
-from rig.cli.printing import MOST_LINES, Column, columns, counts, field, line, rest, table
+from rig.cli.printing import MOST_LINES, counts, field, line, rest, table
 from rig.cli.requirements_option import Requirements, show_verdicts
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.console import styled
 from rig.core.outputs import require_apart, require_page
 from rig.core.text import plain
@@ -26,36 +27,19 @@ if TYPE_CHECKING:
     from rig.verdict.score_records import Deviation, FlightScore, Isolation, Score, Transients
 
 WIDTH: Final = 18  # of the labels
-_FAULTS: Final = (  # of cells.fault_row by its heads
-    *(Column("fault", "fault"), Column("on", "on", worth=2), Column("onset", "onset", worth=4)),
-    *(Column("left threshold", "left threshold", worth=1), Column("found", "found", worth=7)),
-    *(Column("delay", "delay"), Column("from threshold", "from threshold", worth=3), Column("by", "by")),
-    *(Column("peak error", lambda row: f"{row['peak error']} {row['unit']}", worth=6), Column("outcome", "outcome")),
-)
-_WORTH: Final = {"at": 3, "RMS": 4, "after onset": 2, "due to faults, peak": 5, "asked": 3, "open": 4, "answered": 5}
 _STYLES: Final = {"detected": "green", "missed": "red", "undetectable": "", "not executed": "yellow"}
 
 
 def score(
     log: LogFile,
-    no_twin: Annotated[
-        bool, Option("--no-twin", help="Do not fly the fault-free reference run: no transients.")
-    ] = False,
+    no_twin: Annotated[bool, flag("--no-twin", "Do not fly the fault-free reference run: no transients.")] = False,
     transient_load_factor: Annotated[
-        float, Option(metavar="G", help="Largest change of load factor that a fault may cause.", min=1e-9)
+        float, opt("G", "Largest change of load factor that a fault may cause.", min=1e-9)
     ] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
-        float,
-        Option(
-            metavar="RAD_S",
-            help="Largest change of body rates that a fault may cause.",
-            min=1e-9,
-            show_default="10 deg/s",
-        ),
+        float, opt("RAD_S", "Largest change of body rates that a fault may cause.", min=1e-9, show_default="10 deg/s")
     ] = radians(10.0),
-    transient_window_s: Annotated[
-        float, Option(metavar="S", help="Time after each onset that is scored.", min=1e-9)
-    ] = 2.0,
+    transient_window_s: Annotated[float, opt("S", "Time after each onset that is scored.", min=1e-9)] = 2.0,
     requirements: Requirements = None,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -65,7 +49,8 @@ def score(
     from rig.core.settings import build
     from rig.unit.running_unit import running
     from rig.verdict.of_log import score_log
-    from rig.verdict.requirements import load_requirements, measure_scored, plain
+    from rig.verdict.requirements.along import measure_scored, plain
+    from rig.verdict.requirements.requirement import load_requirements
     from rig.verdict.score_records import Yardstick
 
     limits = {
@@ -90,7 +75,7 @@ def score(
 
 def report(
     log: LogFile,
-    out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.html")] = None,
+    out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="<log>.html")] = None,
     requirements: Requirements = None,
     as_json: Json = False,
 ) -> None:
@@ -112,30 +97,36 @@ def report(
 
 def _show(scored: Scored) -> None:
     """Print all parts of a score."""
-    from rig.verdict import score_tables as cells
+    from rig.verdict.score_tables import tables
 
     score, scenario = scored.score, scored.scenario
+    parts = tables(score, scenario.rate_hz)
     line((scenario.title or scenario.aircraft, "bold"), f"  seed {scenario.seed}, {scored.voter}  {scored.log}")
     conclusion(scored.conclusion)
     if not score.faults:
         field("faults", "none in the scenario", width=WIDTH)
-    faults = [dict(zip(cells.FAULTS, cells.fault_row(fault, scenario), strict=True)) for fault in score.faults]
-    table(faults, _FAULTS, MOST_LINES, lambda row: _STYLES[row["outcome"].partition(",")[0]])
+    faults = parts["faults"]
+    table(faults.rows, faults.columns, MOST_LINES, lambda row: _STYLES[row.of.outcome])
     _isolations("false alarms", score.false_alarms, scenario.rate_hz)
     _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
     _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
     _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
-    _suspects(score)
-    table(cells.actuator_rows(score, scenario.rate_hz), columns(*cells.ACTUATORS, worth=_WORTH), MOST_LINES)
-    table(cells.computer_rows(score, scenario.rate_hz), columns(*cells.COMPUTERS, worth=_WORTH), MOST_LINES)
-    table(cells.law_rows(score, scenario.rate_hz), columns(*cells.LAW, worth=_WORTH), MOST_LINES)
+    for name in ("suspects", "actuators", "computers", "law", "resolvers"):
+        table(parts[name].rows, parts[name].columns, None if name == "resolvers" else MOST_LINES)
+        if name == "suspects":
+            line(f"{len(score.suspects) - len(parts[name].rows)} channels suspect in no frame")
     if score.episodes:
-        table(cells.resolver_rows(score), columns(*cells.RESOLVERS, worth=_WORTH))
         line(
             f"{len(score.episodes)} patterns without a majority, {score.unresolved} unresolved; "
             "answered = correct + wrong + open, open: the pattern went by before a channel was failed"
         )
-    _votes(scored)
+    votes = parts["votes"]
+    table(votes.rows, votes.columns)
+    for name, seconds in score.wrong_votes_s.items():
+        if seconds > 0:
+            field("vote", f"{name} voted wrong for {seconds:g} s", width=WIDTH)
+    quiet = len(score.vote_error) - len(votes.rows)
+    line(f"{quiet} signals voted as healthy channels would have, within their threshold of the truth")
     _flight(score.flight, scenario.rate_hz)
     _coverage(score)
     _times(scored)
@@ -151,34 +142,12 @@ def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float, *, 
     rest(len(isolations), MOST_LINES)
 
 
-def _suspects(score: Score) -> None:
-    """Print the channels that were ever suspect; one line for the others."""
-    from rig.verdict import score_tables as cells
-
-    rows = cells.suspect_rows(score)
-    table(rows, columns(*cells.SUSPECTS, worth=_WORTH), MOST_LINES)
-    line(f"{len(score.suspects) - len(rows)} channels suspect in no frame")
-
-
-def _votes(scored: Scored) -> None:
-    """Print the votes above the threshold or not those of healthy channels; one line for the others."""
-    from rig.verdict import score_tables as cells
-
-    score, rows = scored.score, cells.vote_rows(scored.score, scored.scenario.rate_hz)
-    table(rows, columns(*cells.VOTES, worth=_WORTH))
-    for name, seconds in score.wrong_votes_s.items():
-        if seconds > 0:
-            field("vote", f"{name} voted wrong for {seconds:g} s", width=WIDTH)
-    quiet = len(score.vote_error) - len(rows)
-    line(f"{quiet} signals voted as healthy channels would have, within their threshold of the truth")
-
-
 def _flight(flight: FlightScore, rate_hz: float) -> None:
-    from rig.verdict import score_tables as cells
+    from rig.verdict.score_tables import peaks
 
     verdict = ("survived", "green") if flight.survived else ("lost", "red")
     field("flight", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)", width=WIDTH)
-    field("peaks", cells.peaks(flight), width=WIDTH)
+    field("peaks", peaks(flight), width=WIDTH)
     if flight.transients is not None:
         _transients(flight.transients, rate_hz)
 

@@ -10,10 +10,12 @@ from rig.cli import complete
 from rig.cli.common import (
     AllowCodeOrSet,
     Json,
+    Scheduler,
     Seed,
     Sets,
     Workers,
     arg,
+    begun,
     emit,
     flag,
     named,
@@ -47,14 +49,14 @@ class SearchOptions:
     ]
     requirement: Annotated[list[str], opt("ID", "What is to be violated; repeatable: any of them.")]
     flights: Annotated[int, opt("N", "Flights of the search, a tenth at random.", min=1, max=10**6)]
-    out: Annotated[Path, opt("DIR", "Folder of the search; a begun one is continued.")]
+    out: Annotated[Path, begun("Folder of the search")]
     method: Annotated[str, opt("cma|random", "How flights are chosen after the random ones.")] = "cma"
     against: Annotated[str | None, opt("KEY=VALUE", "Find what violates and, with this set too, does not.")] = None
     requirements: Annotated[
         list[str] | None, opt("NAME|FILE", "Where the ids are; repeatable.", show_default="all bundled sets")
     ] = None
     bench: Annotated[bool, flag("--bench", "Search open loop: one signal over the truth of a healthy flight.")] = False
-    scheduler: Annotated[str | None, opt("URL", "A Dask scheduler, tcp://HOST:PORT, in place of processes.")] = None
+    scheduler: Scheduler = None
     seed: Seed = 0
     workers: Workers = 2
     sets: Sets = None

@@ -7,7 +7,8 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rig.cli.printing import Column, columns, field, line, table
+from rig.cli.printing import field, line, table
+from rig.core.column import Column, columns
 from rig.core.errors import BadInput
 from rig.core.files import is_file
 from rig.core.settings import read_toml
@@ -27,7 +28,7 @@ _SEEN = (
     Column("alpha", lambda each: degrees(each.trim.alpha_rad), ".1f", "deg"),
 )
 _MARGINS = (
-    *(Column("flight point", "point"), Column("law", "law"), Column("actuator", "actuator")),
+    *(Column("flight point", "point"), Column("law"), Column("actuator")),
     Column("gain up", "margin.gain_increase_db", ".1f", "dB", worth=7),
     Column("gain down", "margin.gain_decrease_db", ".1f", "dB", worth=7),
     Column("phase", "margin.phase_deg", ".1f", "deg", worth=8),

@@ -12,8 +12,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as Bar
 
 from rig.cli.common import unflown
-from rig.cli.printing import MOST_LINES, Column, field, file_size, line, rest, rough_duration, share, table
+from rig.cli.printing import MOST_LINES, field, file_size, line, rest, rough_duration, share, table
 from rig.cli.working import bar
+from rig.core.column import COUNT, LEVEL, Column
 from rig.core.console import Screen
 
 if TYPE_CHECKING:
@@ -30,25 +31,8 @@ _SHARES: Final = {
     "wrong_isolation": "wrong isolation",
     "survival": "survival",
 }
-_RESOLVERS: Final = (
-    *(Column("resolver", "resolver"), Column("pattern", "pattern"), Column("asked", "asked", worth=4)),
-    *(Column("answered", "answered", worth=6), Column("correct", "right", worth=7), Column("wrong", "wrong", worth=8)),
-    Column("open", "open", worth=5),
-    Column("correct of decided", lambda row: share(row["right_share"])),
-)
-_SERVOS: Final = (
-    *(Column("fault of an actuator", "kind"), Column("acted", "acted", worth=4)),
-    *(Column("found", lambda row: share(row["found"])), Column("by", "by", worth=7)),
-    *(Column("median s", "median_s", ".3f", worth=6), Column("longest s", "longest_s", ".3f", worth=5)),
-)
-_REQUIREMENTS: Final = (
-    *(Column("requirement", "requirement"), Column("met", lambda row: share(row["met"]))),
-    *(Column("least margin", "least_margin", ".3g"), Column("in run", "least_run")),
-    *(Column("on", "signal", worth=5), Column("at s", "instant_s", ".2f", worth=4)),
-)
 _OUTCOMES: Final = (
-    *(Column("outcome", "outcome"), Column("first", lambda row: _count(row["first"]))),
-    Column("second", lambda row: _count(row["second"])),
+    *(Column("outcome"), Column("first", format=COUNT), Column("second", format=COUNT)),
     *(Column("only first", "pairs.only_first"), Column("only second", "pairs.only_second")),
     Column("p", "pairs.p_value", ".3g"),
     Column("first less second", lambda row: _interval(row["difference"], "{:+.3f}"), worth=7),
@@ -56,27 +40,15 @@ _OUTCOMES: Final = (
     Column("second 95 %", lambda row: _interval(row["second"]), worth=5),
 )
 _DELAYS: Final = (
-    *(Column("delay", lambda row: _DELAY_NAMES[row["delay"]]), Column("faults", "faults")),
-    *(Column("sooner first", "sooner_first"), Column("sooner second", "sooner_second")),
+    *(Column("delay", lambda row: _DELAY_NAMES[row["delay"]]), Column("faults")),
+    *(Column("sooner first"), Column("sooner second")),
     *(Column("first", "first_median_s", ".3f", unit="s"), Column("second", "second_median_s", ".3f", unit="s")),
     Column("first less second, s", lambda row: _interval(row["difference_s"], "{:+.3f}")),
 )
 _DELAY_NAMES: Final = {"delay_from_onset_s": "from the onset", "delay_from_exceeded_s": "from the threshold"}
-_VARIED: Final = (
-    *(Column("what varies", "key"), Column("level", lambda row: _shown(row["level"]))),
-    *(Column("of", "of", worth=8), Column("runs", "runs", worth=5)),
-    Column("detected of acted", lambda row: _count(row["detection_of_all"])),
-    Column("of detectable", lambda row: _count(row["detection"])),
-    Column("delay, median s", "delay_from_onset_s.median", ".3f"),
-    Column("survived", lambda row: _count(row["survival"]), worth=7),
-    Column("false alarms an h", "false_alarms.value", ".3g", worth=6),
-)
 _DETECTABLE: Final = (
-    *(
-        Column("smallest detectable", lambda row: f"{row['kind']} of {row['signal']}"),
-        Column("of", lambda row: row.get("of"), worth=8),
-    ),
-    *(Column("acted", "acted", worth=5), Column("found", lambda row: row["detected"], worth=6)),
+    Column("smallest detectable", lambda row: f"{row['kind']} of {row['signal']}"),
+    *(Column("of", lambda row: row.get("of"), worth=8), Column("acted", worth=5), Column("found", "detected", worth=6)),
     *(Column(title, lambda row, i=i: _smallest(row, i)) for i, title in enumerate(("50 %", "99 %"))),
 )
 
@@ -132,23 +104,14 @@ def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:
 def plan(planned: Plan, expected: Estimate) -> None:
     """Print the first runs of a plan and the estimate."""
     rows = plan_rows(planned, min(expected.runs, MOST_ROWS))
-    table(rows, [_varied(name) for name in dict.fromkeys(name for row in rows for name in row)])
+    names = dict.fromkeys(name for row in rows for name in row)  # of what varies: a run may be without it
+    table(rows, [Column(name, lambda row, name=name: row.get(name), LEVEL) for name in names])
     rest(expected.runs, MOST_ROWS, "and {} more runs")
     logs = f"{expected.logs} logs" if planned.campaign.run.logs != "failures" else "logs of failures not counted"
     line(
         f"{expected.runs} runs, {expected.flight_s / 3600:.2f} h of flight: about {rough_duration(expected.wall_s)} on "
         f"{expected.workers} workers ({expected.us_per_frame:.0f} us a frame), {file_size(expected.disk_bytes)}, {logs}"
     )
-
-
-def _varied(name: str) -> Column:
-    """Return the column of a key that varies; a run may be without it."""
-
-    def text(row: dict[str, Any]) -> str | None:
-        value = row.get(name)
-        return f"{value:.6g}" if isinstance(value, float) else None if value is None else str(value)
-
-    return Column(name, text)
 
 
 def result(flown: Result) -> None:
@@ -174,6 +137,8 @@ def status(state: dict[str, Any]) -> None:
 
 def report(summary: dict[str, Any], target: Path) -> None:
     """Print the headline of a report, the resolvers, and where the rest is."""
+    from rig.studies.campaign.campaign_summary import TABLES
+
     head = summary["headline"]
     line((summary["title"], "bold"), f"  {head['done']} of {summary['runs']} runs")
     if summary.get("by"):
@@ -197,11 +162,10 @@ def report(summary: dict[str, Any], target: Path) -> None:
     if head.get("suspect_channels"):
         text = f"{head['suspect_channels']} channels in {head['suspect_runs']} runs: in many frames, never failed"
         field("suspect", text, width=_WIDTH, style="yellow")
-    table(summary.get("by_varied", ()), _VARIED, MOST_LINES)
+    table(summary.get("by_varied", ()), TABLES["by_varied"], MOST_LINES)
     table(summary.get("detectable", ()), _DETECTABLE, MOST_LINES)
-    table(summary["resolvers"], _RESOLVERS)
-    table(summary["requirements"], _REQUIREMENTS)
-    table(summary["servos"], _SERVOS)
+    for name in ("resolvers", "requirements", "servos"):
+        table(summary[name], TABLES[name])
     field("report", str(target), width=_WIDTH)
 
 
@@ -234,11 +198,6 @@ def compare(pairs: dict[str, Any]) -> None:
     table([row for row in pairs["delays"] if row["faults"]], _DELAYS)
 
 
-def _count(rate: dict[str, Any]) -> str:
-    """Return a share as a count alone: its interval has a column of its own."""
-    return "none" if rate["value"] is None else f"{rate['count']} of {rate['of']:.0f}"
-
-
 def _interval(rate: dict[str, Any], number: str = "") -> str | None:
     """Return an interval; with ``number``, a format, behind its value."""
     if rate["value"] is None or rate["low"] is None:
@@ -246,10 +205,6 @@ def _interval(rate: dict[str, Any], number: str = "") -> str | None:
     form = number or "{:.3f}"
     interval = f"{form.format(rate['low'])} to {form.format(rate['high'])}"
     return f"{number.format(rate['value'])} ({interval})" if number else interval
-
-
-def _shown(level: Any) -> str:
-    return f"{level:.6g}" if isinstance(level, float) else str(level)
 
 
 def _smallest(row: dict[str, Any], i: int) -> str:

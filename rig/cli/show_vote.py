@@ -5,40 +5,41 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from rig.cli.printing import Column, line, table
+from rig.cli.printing import line, table
+from rig.core.column import Column
 from rig.log.recordings.stamps import LONG_AGO_S, digits, of_rows
 
 _SIGNALS = (
-    *(Column("signal", "name"), Column("level", "level")),
+    *(Column("signal", "name"), Column("level")),
     Column("singular frames", lambda row: f"{100 * row['singular_share']:.3g} %", worth=6),
     Column("undecided", lambda row: f"{100 * row['unresolved_share']:.3g} %", worth=5),
     *(Column("spread median", "spread.median", ".4g", worth=5), Column("95 %", "spread.p95", ".4g", worth=3)),
     *(Column("worst", "spread.max", ".4g", worth=4), Column("voted from", "voted.min", ".4g", worth=7)),
-    *(Column("to", "voted.max", ".4g", worth=7), Column("unit", "unit", worth=8)),
+    *(Column("to", "voted.max", ".4g", worth=7), Column("unit", worth=8)),
 )
 _DISCRETES = (
-    *(Column("discrete", "name"), Column("level", "level"), Column("fail-safe", "fail_safe", worth=4)),
+    *(Column("discrete", "name"), Column("level"), Column("fail-safe", "fail_safe", worth=4)),
     Column("voted 1", lambda row: f"{100 * row['ones_share']:.3g} %"),
-    Column("changes", "changes", worth=5),
+    Column("changes", worth=5),
 )
 _CHANNELS = (
     *(Column("channel", "name"), Column("at the end", "state"), Column("suspect rows", "suspect", worth=7)),
     Column("failed in frame", "frame", worth=5),
-    *(Column("at", "at"), Column("by", "why"), Column("invalid samples", "invalid", worth=6)),
+    *(Column("at"), Column("by", "why"), Column("invalid samples", "invalid", worth=6)),
 )
 _INJECTED = (
     Column("injected", "fault"),
     Column("channel", lambda fault: f"{fault['signal']}.{fault['channel']}"),
-    Column("onset", "onset", worth=5),
-    Column("outcome", "outcome"),
+    Column("onset", worth=5),
+    Column("outcome"),
     Column("failed", lambda fault: fault["failed_channel"] and f"{fault['signal']}.{fault['failed_channel']}"),
     Column("delay", lambda fault: None if fault["delay_s"] is None else f"{fault['delay_s']:.3f} s", worth=7),
-    Column("by", "by", worth=6),
+    Column("by", worth=6),
 )
 _ALIGNED = (
     *(Column("channel", "name"), Column("delay in frames", "delay_frames", ".2f", worth=5)),
-    *(Column("in ms", lambda row: f"{1e3 * row['delay_s']:.2f}"), Column("offset", "offset", ".4g")),
-    Column("correlation", "correlation", ".2f", worth=6),
+    *(Column("in ms", lambda row: f"{1e3 * row['delay_s']:.2f}"), Column("offset", format=".4g")),
+    Column("correlation", format=".2f", worth=6),
     Column("", lambda row: "" if row["aligned"] else "left alone: like no other channel"),
 )
 _MATRICES = (
@@ -49,8 +50,8 @@ _MATRICES = (
     Column("", lambda channel: "" if channel["applied"] else "left alone: no misalignment that can be believed"),
 )
 _REQUIREMENTS = (
-    *(Column("requirement", "requirement"), Column("on", "signal"), Column("verdict", "status")),
-    *(Column("margin", "margin", ".3g"), Column("at s", "instant_s", ".6g")),
+    *(Column("requirement"), Column("on", "signal"), Column("verdict", "status")),
+    *(Column("margin", format=".3g"), Column("at s", "instant_s", ".6g")),
 )
 
 

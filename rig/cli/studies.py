@@ -6,11 +6,12 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from typer import Option, Typer
+from typer import Typer
 
-from rig.cli.common import GROUP, Json, Workers, emit
-from rig.cli.printing import Column, columns, line, table
+from rig.cli.common import GROUP, Json, Workers, emit, opt
+from rig.cli.printing import line, table
 from rig.cli.working import working
+from rig.core.column import Column, columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,12 +24,12 @@ if TYPE_CHECKING:
 
 HALF = 0.5
 study = Typer(help="Published results, computed again.", **GROUP)
-Seeds = Annotated[int, Option(metavar="N", help="Seeds of every case.", min=1, max=1000)]
+Seeds = Annotated[int, opt("N", "Seeds of every case.", min=1, max=1000)]
 
 
 @study.command()
 def ding2015(
-    out: Annotated[Path, Option(metavar="DIR", help="Folder of the figures, made when missing.")] = Path("logs"),
+    out: Annotated[Path, opt("DIR", "Folder of the figures, made when missing.")] = Path("logs"),
     as_json: Json = False,
 ) -> None:
     """Compute the B707 with a wrong pitch-angle sensor: the paper's numbers against ours, and the whole loop flown."""
@@ -57,13 +58,13 @@ def exchange(as_json: Json = False) -> None:
 
 def _exchange(rows: Sequence[Row]) -> None:
     shown = (
-        Column("rounds", "rounds"),
+        Column("rounds"),
         Column("faulty lanes", lambda row: row.faults or "none"),
-        Column("placings", "placings"),
-        Column("hold", "hold"),
-        Column("behaviours", "behaviours"),
-        Column("agreement broken", "agreement_broken"),
-        Column("validity broken", "validity_broken"),
+        Column("placings"),
+        Column("hold"),
+        Column("behaviours"),
+        Column("agreement broken"),
+        Column("validity broken"),
     )
     table(rows, shown)
     line("a asymmetric, s symmetric, b benign, o omissive; two rounds hold while 4 > 2 a + 2 s + b + 1, omissive apart")
@@ -85,7 +86,7 @@ def fault_tolerant(seeds: Seeds = 1, workers: Workers = 2, as_json: Json = False
 @study.command("rate-bias")
 def rate_bias(
     seeds: Seeds = 1,
-    drawn: Annotated[int, Option(metavar="N", help="Draw so many faults instead of the grid.", min=0, max=10**6)] = 0,
+    drawn: Annotated[int, opt("N", "Draw so many faults instead of the grid.", min=0, max=10**6)] = 0,
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
@@ -106,10 +107,10 @@ def rate_bias(
 
 @study.command()
 def servo(
-    aircraft: Annotated[str, Option(metavar="NAME", help="Aircraft, by name or folder.")] = "f16",
-    surface: Annotated[str, Option(metavar="NAME", help="elevator, aileron or rudder.")] = "elevator",
-    rate: Annotated[float, Option(metavar="HZ", help="Frames a second of the step.", min=1, max=1000)] = 100.0,
-    step: Annotated[float, Option(metavar="RAD", help="Size of the step, rad.", min=1e-6, max=1.0)] = 0.01,
+    aircraft: Annotated[str, opt("NAME", "Aircraft, by name or folder.")] = "f16",
+    surface: Annotated[str, opt("NAME", "elevator, aileron or rudder.")] = "elevator",
+    rate: Annotated[float, opt("HZ", "Frames a second of the step.", min=1, max=1000)] = 100.0,
+    step: Annotated[float, opt("RAD", "Size of the step, rad.", min=1e-6, max=1.0)] = 0.01,
     as_json: Json = False,
 ) -> None:
     """Move one surface's servo alone: its answer to a step (--json), and at six rates beside a lag."""
@@ -147,7 +148,7 @@ def _servo(compared: Sequence[Compared], answer: Response, frequencies_hz: Seque
 
 def _laws(cases: Sequence[Summary], flights: int) -> None:
     shown = (
-        *(Column("hold", "hold"), Column("fault", "fault"), Column("law", "law")),
+        *(Column("hold"), Column("fault"), Column("law")),
         Column("peak", lambda case: 1e3 * case.pitch_peak_rad, ".1f", "mrad", worth=6),
         Column("steady", lambda case: 1e3 * case.pitch_steady_rad, ".1f", "mrad", worth=5),
         Column("altitude lost", "altitude_loss_m", ".1f", "m", worth=7),
@@ -162,12 +163,12 @@ def _laws(cases: Sequence[Summary], flights: int) -> None:
 _GROUPS: Final = (
     *(
         Column("fault", "kind"),
-        Column("aircraft", "aircraft"),
+        Column("aircraft"),
         Column("within bounds", lambda row: _share(row["within"])),
     ),
     Column("sensor blamed", lambda row: _share(row["blamed"]), worth=7),
     Column("rate biased, early", lambda row: f"{row['answered']}, {row['early']}", worth=4),
-    Column("identical", "identical", worth=3),
+    Column("identical", worth=3),
     Column("lost: plain, tolerant", lambda row: f"{row['lost_plain']}, {row['lost_tolerant']}", worth=8),
     Column("above plain", "most_above_plain_m", ".1f", "m", worth=6),
 )

@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from typer import Argument, Exit, Option, Typer, echo
+from typer import Exit, Typer, echo
 
 from rig.cli.catalogue import of_file
-from rig.cli.common import GROUP, Json, emit
-from rig.cli.printing import Column, line, table
+from rig.cli.common import GROUP, Json, arg, emit, flag, opt
+from rig.cli.printing import line, table
 from rig.cli.working import working
+from rig.core.column import Column
 from rig.core.errors import BadInput
 
 if TYPE_CHECKING:
@@ -21,11 +22,10 @@ unit_app = Typer(help="Flight software under test: its records, its conformance.
 
 @unit_app.command()
 def header(
-    ada: Annotated[bool, Option("--ada", help="Ada record clauses.")] = False,
-    markdown: Annotated[bool, Option("--markdown", help="The tables of docs/unit-records.md.")] = False,
+    ada: Annotated[bool, flag("--ada", "Ada record clauses.")] = False,
+    markdown: Annotated[bool, flag("--markdown", "The tables of docs/unit-records.md.")] = False,
     fmu: Annotated[
-        Literal["2", "3"] | None,
-        Option(metavar="VERSION", help="modelDescription.xml of an FMU: 2 for FMI 2.0, 3 for FMI 3.0."),
+        Literal["2", "3"] | None, opt("VERSION", "modelDescription.xml of an FMU: 2 for FMI 2.0, 3 for FMI 3.0.")
     ] = None,
 ) -> None:
     """Print the records as a C header, or in another form."""
@@ -48,9 +48,9 @@ def schema() -> None:
 
 @unit_app.command()
 def check(
-    file: Annotated[Path, Argument(metavar="UNIT", help="A unit file.", show_default=False)],
-    seam: Annotated[bool, Option("--seam", help="Test only the interface, not the voting decisions.")] = False,
-    longest: Annotated[bool, Option("--long", help="Long sessions of 70,000 frames, not of 5,000.")] = False,
+    file: Annotated[Path, arg("UNIT", "A unit file.")],
+    seam: Annotated[bool, flag("--seam", "Test only the interface, not the voting decisions.")] = False,
+    longest: Annotated[bool, flag("--long", "Long sessions of 70,000 frames, not of 5,000.")] = False,
     as_json: Json = False,
 ) -> None:
     """Test a unit against the interface and, without --seam, the voting rules.  Exit code 1: a test failed."""
@@ -66,7 +66,7 @@ def check(
 def _checked(result: Checked) -> None:
     """Print one line a requirement, and the grade."""
     verdict = Column("", lambda requirement: "passed" if requirement.passed else "FAILED")
-    table(result.requirements, (Column("part", "part"), verdict, Column("requirement", "name"), Column("", "detail")))
+    table(result.requirements, (Column("part"), verdict, Column("requirement", "name"), Column("", "detail")))
     missed = sum(not requirement.passed for requirement in result.requirements)
     style = "red" if result.grade == "failed" else "green"
     line(f"{result.unit}: ", (result.grade, style), f", {len(result.requirements)} requirements, {missed} not met")

@@ -18,12 +18,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.durations import in_frames
 from rig.computer.redundancy.manager import manage_signal
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.state import new_state
 from rig.core.frame import CHANNELS, MOVED, ActuatorMonitor, Ilm
 from rig.core.kernels import kernel, long_kernel
+from rig.core.settings import in_frames
 from rig.world.actuators.actuators_table import Config
 from rig.world.actuators.servo import asked_current
 
@@ -75,11 +75,8 @@ def monitors(config: Config, stops_rad: NDArray[np.float64], rate_hz: float) -> 
     limits, params = np.zeros(len(MOVED), LIMITS), np.zeros(len(MOVED), PARAMS)
     for row, manager, (low, high) in zip(limits, params, stops_rad, strict=True):
         stroke = high - low
-        row["current"], row["spool"], row["ram"] = (
-            config.current.threshold,
-            config.spool.threshold,
-            config.ram.threshold * stroke,
-        )
+        row["current"], row["spool"] = config.current.threshold, config.spool.threshold
+        row["ram"] = config.ram.threshold * stroke
         for name in ("current", "continuity", "spool", "ram", "valve"):
             row[f"{name}_frames"] = in_frames(1, getattr(config, name).persistence_s, rate_hz)
         row["enabled"] = config.monitors
@@ -114,29 +111,25 @@ def watch_surface(row, servo, i, off, data):
     servo : its SERVO record, nominal;  off : (4,) channels that their computers shut off;  data : MonitorData
     """
     limits, seen = data.limits[i], data.watch[i]
+    samples = seen["samples"]
     for c in range(CHANNELS):
-        seen["off"][c] = off[c]
+        seen["off"][c], samples[c] = off[c], row["lvdt"][c]
     currents_differ = watch_currents(row, servo, limits, seen)
-    watch_positions(row, data.params[i], data.state[i], seen)
+    # The position sensors of channels that are shut off are as good as ever.
+    manage_signal(samples, seen["valid"], seen["ilm"], np.nan, np.nan, data.params[i], data.state[i])
     failed, in_state = seen["failed_by"], data.state[i]["failed"]
     for c in range(CHANNELS):
         shut = failed[c] != 0 or seen["shut"][c] != 0
         seen["valve"][c] = seen["valve"][c] + 1 if row["valve_sensed"][c] != shut else 0
         row["valve_differs"][c] = seen["valve"][c] >= limits["valve_frames"]
-        if off[c] != 0:
-            forget(c, seen)
+        if off[c] != 0:  # the counts begin again when its computer is engaged again
+            seen["current"][c] = seen["open_coil"][c] = seen["spool"][c] = seen["ram"][c] = 0
         elif failed[c] == 0:
             watch_models(row, c, not currents_differ, limits, seen)
             if limits["enabled"] != 0:
                 failed[c] = verdict(c, in_state[c], limits, seen)
         row["failed_by"][c], row["valve"][c] = failed[c], failed[c] != 0 or off[c] != 0
         seen["shut"][c] = off[c]
-
-
-@kernel
-def forget(c, seen):
-    """Begin the counts of channel ``c`` again when its computer is engaged again."""
-    seen["current"][c] = seen["open_coil"][c] = seen["spool"][c] = seen["ram"][c] = 0
 
 
 @kernel
@@ -152,15 +145,6 @@ def watch_currents(row, servo, limits, seen):
         seen["open_coil"][c] = seen["open_coil"][c] + 1 if row["open_coil"][c] != 0 else 0
         differ |= wrong
     return differ
-
-
-@kernel
-def watch_positions(row, params, state, seen):
-    """Compare the position sensors of the ram; those of channels that are shut off are as good as ever."""
-    samples = seen["samples"]
-    for c in range(CHANNELS):
-        samples[c] = row["lvdt"][c]
-    manage_signal(samples, seen["valid"], seen["ilm"], np.nan, np.nan, params, state)
 
 
 @kernel

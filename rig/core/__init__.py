@@ -6,5 +6,6 @@ settings.py  a table of a user's file as settings, checked; overrides lie in sce
 files.py     bundled files, and output files: whole or not there
 kernels.py   compiled or plain, and kept: kernel_cache.py, kernel_locks.py
 event.py     one event of a flight
+column.py    a column of a table, which Parquet, JSON, terminal and page read
 errors.py, text.py, interrupt.py, progress.py, trust.py, versions.py  what a command needs besides
 """

@@ -1,14 +1,16 @@
-"""Arrays of many rows in blocks: a long flight is gone through in the memory of one block."""
+"""Arrays of many rows: gone through in blocks, in the memory of one block; the columns of very many lie in a file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from tempfile import TemporaryFile
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 ROWS: Final = 4_000  # of a block: eight megabytes of a flight's rows
+HELD: Final = 1 << 16  # rows whose columns are held in memory; those of more lie in a file
 Arrays = Sequence[NDArray[Any] | None]  # (n,) beside each other, contiguous; None: there are none of a kind
 
 
@@ -16,6 +18,20 @@ def cuts(rows: int) -> Iterator[slice]:
     """Yield the blocks of so many ``rows``."""
     for first in range(0, rows, ROWS):
         yield slice(first, min(first + ROWS, rows))
+
+
+def room(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
+    """Return room for columns; rows are the last of ``shape``.
+
+    Of more than HELD rows it is a file that is mapped into memory, has no name, and is gone with the array.
+    """
+    return np.empty(shape, dtype) if shape[-1] <= HELD else scratch(shape, dtype)
+
+
+def scratch(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """Return zeros in a file that is mapped into memory, has no name, and is gone with the array."""
+    with TemporaryFile(prefix="rig-") as file:
+        return np.memmap(file, dtype, "w+", shape=shape).view(np.ndarray)
 
 
 def in_blocks(parts: Iterable[Arrays], size: int | None = None) -> Iterator[list[Any]]:

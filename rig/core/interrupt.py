@@ -10,11 +10,13 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 TERMINATIONS: Final = tuple(
     number for number in (signal.SIGTERM, getattr(signal, "SIGHUP", None)) if number is not None
 )
+GOES_ON: Final = "the same command goes on"  # with what was interrupted, and what was not flown
+FLIES_AGAIN: Final = "the same command flies them again"
 CODE: Final = 128  # and a signal's number: the exit code of what it ended, as shells have it
 
 
@@ -55,15 +57,10 @@ def interruptible(*, again: bool = False) -> Iterator[Stop]:
                 signal.signal(number, before[signal.SIGINT])
         stop.requested, stop.signal = True, stop.signal or number
 
-    asking = (signal.SIGINT, *_heeded())
-    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in asking}
-    try:
-        for number in asking:
+    with _put_back() as before:
+        for number in before:
             signal.signal(number, ask)
         yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager
@@ -72,11 +69,18 @@ def at_once() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in (signal.SIGINT, *_heeded())}
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    end_cleanly()
-    try:
+    with _put_back():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        end_cleanly()
         yield
+
+
+@contextmanager
+def _put_back() -> Iterator[dict[signal.Signals, Any]]:
+    """Yield the handlers of Ctrl-C and of what is heeded, and put them back at the end."""
+    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in (signal.SIGINT, *_heeded())}
+    try:
+        yield before
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

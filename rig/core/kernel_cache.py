@@ -12,11 +12,10 @@ kernel one compiles it and the others wait (kernel_locks.py).
 from __future__ import annotations
 
 import hashlib
-import os
 import pickle
 import sys
 import uuid
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import is_dataclass
@@ -158,18 +157,14 @@ def _own_parts(function: Any) -> tuple[tuple[str, ...], tuple[Any, ...]]:
         if code is function.__code__ and consts and function.__doc__ is not None and consts[0] == function.__doc__:
             consts = consts[1:]  # text is not compiled
         codes.extend(const for const in consts if isinstance(const, CodeType))
-        described.append(_code(code, consts))
+        plain = [_words(const) for const in consts if not isinstance(const, CodeType)]
+        described.append(f"{code.co_code.hex()} {plain} {code.co_names} {code.co_varnames} {code.co_freevars}")
         for name in code.co_names:
             if name in function.__globals__:
                 _describe(name, function.__globals__[name], code.co_names, described, called)
     for cell in function.__closure__ or ():
         _describe("", cell.cell_contents, (), described, called)
     return tuple(described), tuple(called)
-
-
-def _code(code: CodeType, consts: Iterable[object]) -> str:
-    plain = [_words(const) for const in consts if not isinstance(const, CodeType)]
-    return f"{code.co_code.hex()} {plain} {code.co_names} {code.co_varnames} {code.co_freevars}"
 
 
 def _describe(name: str, value: Any, names: tuple[str, ...], described: list[str], called: list[Any]) -> None:
@@ -216,9 +211,3 @@ def _all_sources() -> str:
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-def folder(root: Path) -> Path:
-    """Return the folder of compiled kernels below ``root``; NUMBA_CACHE_DIR overrides it."""
-    named = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(named) if named else root / "kernels"

@@ -9,9 +9,11 @@ from __future__ import annotations
 import hashlib
 import os
 from functools import cache
+from importlib import import_module
 from pathlib import Path
-from types import ModuleType
+from typing import Any, Final
 
+_FCNTL: Final[Any] = import_module("fcntl") if os.name == "posix" else None  # no such locks on Windows
 _held: dict[str, tuple[int, int]] = {}  # by name: the file and the byte in it
 
 
@@ -20,11 +22,12 @@ def take(folder: Path, name: str, *, wait: bool = True) -> bool:
 
     False also where it cannot be locked.  A process that has it takes it again; its threads do not exclude each other.
     """
-    if (fcntl := _fcntl()) is None:
+    if _FCNTL is None:
         return False
     try:
-        file, byte = _file(folder, os.getpid()), _byte(name)
-        fcntl.lockf(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB, 1, byte)
+        # A byte below 2^56, which every file system takes.
+        file, byte = _file(folder, os.getpid()), int.from_bytes(hashlib.sha256(name.encode()).digest()[:7])
+        _FCNTL.lockf(file, _FCNTL.LOCK_EX if wait else _FCNTL.LOCK_EX | _FCNTL.LOCK_NB, 1, byte)
     except OSError:  # another has it, no right to write, no locks on this file system, or a circle of waiting
         return False
     _held[name] = file, byte
@@ -34,8 +37,8 @@ def take(folder: Path, name: str, *, wait: bool = True) -> bool:
 def give_back(name: str) -> None:
     """Unlock ``name``; nothing happens when this process does not have it."""
     held = _held.pop(name, None)
-    if held is not None and (fcntl := _fcntl()) is not None:
-        fcntl.lockf(held[0], fcntl.LOCK_UN, 1, held[1])
+    if held is not None:
+        _FCNTL.lockf(held[0], _FCNTL.LOCK_UN, 1, held[1])
 
 
 def give_all_back() -> None:
@@ -45,21 +48,7 @@ def give_all_back() -> None:
 
 
 @cache
-def _fcntl() -> ModuleType | None:
-    """Import the locks of POSIX; None on Windows."""
-    try:
-        import fcntl
-    except ImportError:
-        return None
-    return fcntl
-
-
-@cache
 def _file(folder: Path, process: int) -> int:
     """Open the file of locks, once in each process: to close any other of its descriptors would end all locks."""
     folder.mkdir(parents=True, exist_ok=True)
     return os.open(folder / "locks", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-
-
-def _byte(name: str) -> int:
-    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:7])  # below 2^56, which every file system takes

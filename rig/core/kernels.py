@@ -17,7 +17,7 @@ from numba.core import config
 from numba.core.types import BaseTuple, NamedTuple
 
 from rig.core.errors import RigError
-from rig.core.kernel_cache import REMEDY, KernelCache, folder
+from rig.core.kernel_cache import REMEDY, KernelCache
 from rig.core.kernel_locks import give_all_back
 
 _config: Any = config
@@ -33,6 +33,12 @@ def cache_root() -> Path:
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jsbsim-rig"
     except RuntimeError:  # this user has none
         raise RigError(f"no home folder for files that are kept between flights; {REMEDY}") from None
+
+
+def kernel_folder() -> Path:
+    """Return the folder of compiled kernels; NUMBA_CACHE_DIR overrides it."""
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(named) if named else cache_root() / "kernels"
 
 
 class Kernel:
@@ -75,7 +81,7 @@ class Kernel:
 def _dispatcher(function: Callable[..., object], **more: bool) -> Any:
     options: dict[str, Any] = {"error_model": "numpy", "_nrt": False, **more}
     made: Any = numba.njit(**options)(function)
-    made._cache = KernelCache(function, folder(cache_root()), repr(options))
+    made._cache = KernelCache(function, kernel_folder(), repr(options))
     return made
 
 

@@ -12,6 +12,7 @@ BLUE, RED, GREEN, VIOLET, ORANGE = "#2166ac", "#b2182b", "#3a8a2e", "#8073ac", "
 MID_BLUE, LIGHT_BLUE, PALE_BLUE, PALE_RED, YELLOW = "#4393c3", "#92c5de", "#d1e5f0", "#fddbc7", "#f4c542"
 BROWN, MAGENTA, TEAL = "#8c6239", "#c51b7d", "#35978f"
 INK, SOFT, LINE, QUIET, PALE = "#1d2630", "#5b6773", "#d8dde2", "#dfe6ec", "#f5f7f9"  # text to background
+WHITE, UNUSED = "#ffffff", "#b4bec8"  # the ground, and a channel that is not used
 
 SERIES: Final = (BLUE, GREEN, VIOLET, BROWN, TEAL, MAGENTA, "#666666")
 CHANNELS: Final = SERIES[:4]

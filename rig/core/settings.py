@@ -24,6 +24,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from rig.core.errors import BadInput, RigError
 from rig.core.files import read_bytes
+from rig.core.frame import to_frame
 from rig.core.text import LONGEST_LIST, choices, nearest, quoted, shorten
 
 M = TypeVar("M", bound="Settings")
@@ -276,3 +277,15 @@ def _places(names: tuple[str, ...], models: tuple[type[BaseModel], ...]) -> tupl
 def share_in_frame(time_constant_s: float, rate_hz: float) -> float:
     """Return the share of a new sample that passes a first-order lag in one frame; all of it without a lag."""
     return 1.0 - math.exp(-1.0 / (rate_hz * time_constant_s)) if time_constant_s > 0.0 else 1.0
+
+
+def refuse_both(settings: Settings, *names: str) -> None:
+    """Raise ValueError when a setting is given in frames, ``<name>``, and in seconds, ``<name>_s``."""
+    for name in names:
+        if getattr(settings, f"{name}_s") is not None and name in settings.model_fields_set:
+            raise ValueError(f"{name} and {name}_s are the same setting, give one of them")
+
+
+def in_frames(frames: int, seconds: float | None, rate_hz: float) -> int:
+    """Return ``frames``, or of a time that was given instead the frames that last at least as long, one or more."""
+    return frames if seconds is None else max(1, to_frame(seconds, rate_hz))

@@ -97,7 +97,9 @@ def propose(name: str, base_model: str, answers: Answers, points: list[tuple[flo
 
     points : altitude [m] and Mach number of flight points of the user's own; empty: ``most`` are proposed
     """
-    _check_class(answers.sensor_class)
+    chosen, classes = answers.sensor_class, sensor_classes()
+    if chosen is not None and chosen not in classes:
+        raise BadInput(f"--sensor-class: unknown class {quoted(chosen)}, {choices(chosen, classes, 'docs/sensors.md')}")
     base = read(base_model)
     table, kind = airframe_table(base)
     for surface in SURFACES:
@@ -114,12 +116,6 @@ def at_points(new: NewAircraft, found: list[Found], left_out: tuple[PointFault, 
     points = [item.point.model_dump() for item in found]
     table = {**new.table, "flight_points": points, "limits": limits_at(limits(new.kind), found)}
     return replace(new, table=table, found=found, left_out=left_out)
-
-
-def _check_class(name: str | None) -> None:
-    classes = sensor_classes()
-    if name is not None and name not in classes:
-        raise BadInput(f"--sensor-class: unknown class {quoted(name)}, {choices(name, classes, 'docs/sensors.md')}")
 
 
 def _own_points(table: dict[str, Any], base: BaseModel, points: list[tuple[float, float]]) -> list[Found]:

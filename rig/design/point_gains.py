@@ -77,13 +77,17 @@ def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
 
 def _lateral(case: Case, crossover: float, chosen: Shares) -> dict[str, float]:
     """Return the gains on aileron and rudder, zero where these move nothing."""
-    wanted, linear = case.wanted, case.linear
+    wanted, linear, airframe = case.wanted, case.linear, case.airframe
     aileron, rudder, command, attitude = np.zeros(2), np.zeros(3), 0.0, 0.0
+    roll_rate = sideslip = math.inf  # what the surfaces reach at rest: of it six tenths, and three tenths
     if linear.rolls:
-        share = max(wanted.integral_share, chosen.integral * -linear.lateral_a[1, 1] / crossover)
+        a, b = linear.lateral_a, linear.lateral_b
+        roll_rate = 0.6 * min(airframe.aileron.max_rad, -airframe.aileron.min_rad) * abs(b[1, 0] / a[1, 1])
+        sideslip = 0.3 * min(airframe.rudder.max_rad, -airframe.rudder.min_rad) * abs(b[2, 1] / a[2, 0])
+        share = max(wanted.integral_share, chosen.integral * -a[1, 1] / crossover)
         aileron = roll_gain(linear, crossover, share)[0]
         rudder = yaw_gain(linear, wanted.rudder_share * crossover, wanted.sideslip_share)[0]
-        command = -linear.lateral_a[2, 0] / linear.lateral_b[2, 1]
+        command = -a[2, 0] / b[2, 1]
         attitude = chosen.attitude * crossover
     turn = wanted.heading_share * attitude
     return {
@@ -96,8 +100,8 @@ def _lateral(case: Case, crossover: float, chosen: Shares) -> dict[str, float]:
         "roll_angle_1_s": attitude,
         "heading_1_s": turn,
         "heading_yaw_1_s": wanted.yaw_share * turn,
-        "max_roll_rate_rad_s": _max_roll_rate(case),
-        "max_sideslip_rad": _max_sideslip(case),
+        "max_roll_rate_rad_s": min(roll_rate, wanted.envelope_share * airframe.limits.body_rate_max_rad_s),
+        "max_sideslip_rad": min(sideslip, 0.5 * wanted.envelope_share * airframe.limits.sideslip_max_rad),
     }
 
 
@@ -110,22 +114,6 @@ def backup_gains(case: Case, sensor: Sensor, chosen: Bandwidth) -> dict[str, flo
 def _short_period(case: Case) -> dict[str, float]:
     a, b = case.linear.longitudinal_a[1:3, 1:3], case.linear.longitudinal_b[1:3, 0]
     return backup.short_period(a, b, case.linear.trim.airspeed_m_s, case.airframe.accelerometer.x_m)
-
-
-def _max_roll_rate(case: Case) -> float:
-    """Return six tenths of the steady roll rate at full aileron, within the envelope's share."""
-    a, b = case.linear.lateral_a, case.linear.lateral_b
-    full = min(case.airframe.aileron.max_rad, -case.airframe.aileron.min_rad)
-    reach = 0.6 * full * abs(b[1, 0] / a[1, 1]) if case.linear.rolls else math.inf
-    return min(reach, case.wanted.envelope_share * case.airframe.limits.body_rate_max_rad_s)
-
-
-def _max_sideslip(case: Case) -> float:
-    """Return three tenths of the steady sideslip at full rudder, within half of the envelope's share."""
-    a, b = case.linear.lateral_a, case.linear.lateral_b
-    full = min(case.airframe.rudder.max_rad, -case.airframe.rudder.min_rad)
-    reach = 0.3 * full * abs(b[2, 1] / a[2, 0]) if case.linear.rolls else math.inf
-    return min(reach, 0.5 * case.wanted.envelope_share * case.airframe.limits.sideslip_max_rad)
 
 
 def pitch_integral_share(linear: Linear, crossover: float, chosen: Shares) -> float:

@@ -45,20 +45,12 @@ class Loop:
         """Return the system matrix of the closed loop when command j is multiplied by ``factors[j]``."""
         return np.asarray(self.f - (self.g * factors) @ self.k, np.complex128)
 
-    def radius(self, actuator: int = 0, factor: complex = 1.0) -> float:
-        """Return the closed loop's spectral radius with ``factor`` in one actuator's command; below 1 is stable."""
-        factors = np.ones(self.g.shape[1], np.complex128)
-        factors[actuator] = factor
-        return float(np.max(np.abs(np.linalg.eigvals(self.closed(factors)))))
-
     def stable(self, actuator: int = 0, factor: complex = 1.0) -> bool:
         """Return True if no eigenvalue grows faster than ``growth_1_s`` with ``factor`` in one actuator's command."""
-        return self.radius(actuator, factor) < math.exp(self.growth_1_s * self.period_s)
-
-    def poles(self) -> NDArray[np.complex128]:
-        """Return the closed-loop eigenvalues in the s-plane [rad/s], those of a pure delay left out."""
-        z = np.linalg.eigvals(self.closed(np.ones(self.g.shape[1], np.complex128)))
-        return (np.log(z[np.abs(z) > 1e-6]) / self.period_s).astype(np.complex128)
+        factors = np.ones(self.g.shape[1], np.complex128)
+        factors[actuator] = factor
+        radius = float(np.max(np.abs(np.linalg.eigvals(self.closed(factors)))))
+        return radius < math.exp(self.growth_1_s * self.period_s)
 
 
 def sampled_loop(

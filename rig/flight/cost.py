@@ -24,8 +24,8 @@ from rig.flight.fly import fly
 from rig.flight.put_out import put_out
 from rig.flight.recorder import INTERRUPTED, event_finder
 from rig.flight.summary import Verdict
-from rig.log import LogWriter
 from rig.log.of_flight import metadata
+from rig.log.writer import LogWriter
 from rig.scenario.scenario import Scenario
 from rig.world.faults import corrupt, corrupt_reference
 from rig.world.plant import jsbsim

@@ -81,7 +81,7 @@ class Outcome(Protocol):
         """Take the scenario as it is flown, and the lane that a unit under test is; the first frame comes next."""
 
     def add(self, table: Table) -> None:
-        """Take the next frames, with their clean channels."""
+        """Take the next frames, with their clean channels: a flight is assessed block by block while it is flown."""
 
     def sentences(self, log: Path, frames: int) -> list[str]:
         """Return the conclusion of the finished flight of so many ``frames``."""
@@ -256,7 +256,7 @@ def _result(
         survived=verdict.survived,
         end_reason=reason,
         failed=verdict.failed,
-        suspects=tuple(one for one in verdict.suspects.channels() if one.rows),
+        suspects=tuple(one for one in verdict.suspects if one.rows),
         not_executed=[name for name, _ in records.execution.missing],
         peaks=verdict.peaks,
         events=verdict.events,

@@ -94,6 +94,8 @@ class ComputerFinder:
         self.failures: list[LaneFailure] = []
         self.links: list[LinkFailure] = []
         self.backup: tuple[int, str] | None = None  # frame, and why
+        # By receiver and sender: the first frame of each block in which others told another word than came directly.
+        self.outvoted: dict[tuple[int, int], list[int]] = {}
 
     def find(self, table: Table) -> list[Event]:
         """Return the events of frames, which follow those of the last call, in order of time."""
@@ -102,8 +104,16 @@ class ComputerFinder:
         before, self._last = _before_the_first(table) if self._last is None else self._last, table[-1:].copy()
         both = stacked([Table(each.rows[["frame"]], each.beside) for each in (before, table)])  # all fields: 0.1 ms
         self._note_onsets(table)
+        outvoted = table.lane["outvoted"] != 0
+        for i, j in zip(*np.nonzero(outvoted.any(axis=0)), strict=True):
+            self.outvoted.setdefault((int(i), int(j)), []).append(int(table["frame"][outvoted[:, i, j].argmax()]))
         found = [*self._healths(both), *self._refused(both), *self._leads(both), *self._links(both)]
         return sorted(found, key=lambda event: event.frame)
+
+    @property
+    def seen(self) -> bool:
+        """Return whether there were rows of lanes."""
+        return self._last is not None
 
     def failed_at(self) -> dict[str, float]:
         """Return the lanes that were failed, and when first, s."""

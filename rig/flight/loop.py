@@ -27,8 +27,8 @@ from rig.computer.control.law_state import ControlData
 from rig.computer.lanes.lanes_stage import LaneData, orders, sample, think_all
 from rig.computer.lanes.think import ComputerData, follow_votes, give_references
 from rig.computer.redundancy import RedundancyData
-from rig.computer.redundancy.manager_config import command
 from rig.computer.redundancy.own import OwnManager
+from rig.computer.redundancy.resets import command
 from rig.core.errors import ManagerFailed
 from rig.core.frame import FLAT, TIMING, Block, Nested, Table, lane_rows, nested, new_block
 from rig.core.interrupt import Stop

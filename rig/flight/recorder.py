@@ -27,7 +27,7 @@ from rig.flight.pace import JitterCounter, Pace, off_the_core
 from rig.flight.servo_events import ActuatorFinder
 from rig.flight.summary import Verdict
 from rig.flight.time_histogram import Histogram
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
 from rig.world.faults import Execution
@@ -51,14 +51,10 @@ class Findings:
 
     def record(self, table: Table) -> None:
         """Take the next frames in and keep all of their events."""
-        self.events += self.add(table)
-
-    def add(self, table: Table) -> list[Event]:
-        """Take the next frames in; return their events."""
         events = self.found(table)
         self.verdict.add(table, events)
         self.execution.add(table.rows)
-        return events
+        self.events += events
 
     def found(self, table: Table) -> list[Event]:
         """Return the events of the next frames, in order of time."""

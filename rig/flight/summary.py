@@ -14,7 +14,7 @@ from rig.core.frame import FLIGHT_INDEX, INDEX, Block, End, Table, new_block, si
 from rig.core.kernels import kernel
 from rig.core.units.angles import wrap
 from rig.flight.failures import failed_channels
-from rig.flight.suspects import SuspectCount
+from rig.flight.suspects import Suspect, count_suspects, new_counts, suspects
 
 MOST_EVENTS = 10_000  # kept for the summary; all of them are in the log
 _HEADING, _ALTITUDE = INDEX["heading"], FLIGHT_INDEX["altitude_m"]
@@ -63,7 +63,7 @@ class Verdict:
 
     frames: int = 0
     events: list[Event] = field(default_factory=list)
-    suspects: SuspectCount = field(default_factory=SuspectCount)
+    _suspects: NDArray[np.void] = field(default_factory=new_counts)
     _start: Block = field(default_factory=lambda: new_block(0))
     _last: Block = field(default_factory=lambda: new_block(1))
     _peaks: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf, -np.inf, np.inf, -np.inf, 0, 0, 0]))
@@ -74,9 +74,8 @@ class Verdict:
         """Compile the kernel before the first frame."""
         widen(self._start, self._last, self._peaks)
 
-    def add(self, table: Table | Block, events: Sequence[Event]) -> None:
-        """Take in the next frames of the flight and their events."""
-        table = Table.of(table)
+    def add(self, table: Table, events: Sequence[Event]) -> None:
+        """Take in the next frames of the flight and their events: block by block, for a flight is not kept."""
         rows = table.rows
         if not len(self._start):
             self._start = rows[:1].copy()
@@ -87,7 +86,7 @@ class Verdict:
         self.frames += len(rows)
         self._last[:] = rows[-1:]
         widen(rows, self._start, self._peaks)
-        self.suspects.add(rows)
+        count_suspects(rows, self._suspects)
         self.events += events[: MOST_EVENTS - len(self.events)]
 
     @property
@@ -99,6 +98,11 @@ class Verdict:
     def failed(self) -> dict[str, list[int]]:
         """Failed channels, numbered from 1, by signal or discrete."""
         return failed_channels(self._last[0])
+
+    @property
+    def suspects(self) -> list[Suspect]:
+        """Every channel that had a state, and in how many frames it was suspect."""
+        return suspects(self._suspects, self.frames)
 
     @property
     def peaks(self) -> Peaks:

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, Block, D, S, State, new_block
+from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, D, S, State, new_block
 from rig.core.kernels import kernel
 
 LEAST_ROWS: Final = 10  # of a channel that is told in a sentence, and
@@ -96,23 +96,17 @@ def count_state(state, usable, count):
         count["fitted"] = 1
 
 
-class SuspectCount:
-    """Counts the suspect rows of a flight's channels, block after block."""
+def new_counts() -> NDArray[np.void]:
+    """Return (signals and discretes, 4) COUNT of no rows; the kernel is compiled before the first frame."""
+    counts: NDArray[np.void] = np.zeros((S + D, CHANNELS), COUNT)
+    count_suspects(new_block(0), counts)
+    return counts
 
-    def __init__(self) -> None:
-        self._of = 0
-        self._counts: NDArray[np.void] = np.zeros((S + D, CHANNELS), COUNT)
-        count_suspects(new_block(0), self._counts)  # compiles before the first frame
 
-    def add(self, rows: Block) -> None:
-        """Take the next rows (n,)."""
-        count_suspects(rows, self._counts)
-        self._of += len(rows)
-
-    def channels(self) -> list[Suspect]:
-        """Return every channel that had a state, whether it was ever suspect or not."""
-        return [
-            Suspect(item.name, c + 1, int(self._counts["rows"][i, c]), self._of, bool(self._counts["failed"][i, c]))
-            for i, item in enumerate((*SIGNALS, *DISCRETES))
-            for c in np.flatnonzero(self._counts["fitted"][i]).tolist()
-        ]
+def suspects(counts: NDArray[np.void], frames: int) -> list[Suspect]:
+    """Return every channel that had a state, whether it was ever suspect or not; ``counts`` of so many frames."""
+    return [
+        Suspect(item.name, c + 1, int(counts["rows"][i, c]), frames, bool(counts["failed"][i, c]))
+        for i, item in enumerate((*SIGNALS, *DISCRETES))
+        for c in np.flatnonzero(counts["fitted"][i]).tolist()
+    ]

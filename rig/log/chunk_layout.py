@@ -149,8 +149,8 @@ class Layout:
         self.table = Table((*FRAME_TOPICS, *POSE_TOPICS) if rowwise else FRAME_TOPICS, messages, rowwise=rowwise)
         self.absent = [
             (field.source, field.index)
-            for name, message in MESSAGES.items()
-            for field in message.fields
+            for name, fields in MESSAGES.items()
+            for field in fields
             if field not in messages[name] and field.source in FIELD
         ]
         self._of_frame, self._of_timing = _origins(self.table, "frame", FLAT), _origins(self.table, "timing", TIMING)
@@ -258,20 +258,17 @@ def _gathered(packed: NDArray[np.uint8], origins: NDArray[np.intp], dtype: np.dt
     return rows
 
 
-LAYOUT: Final = Layout({name: message.fields for name, message in MESSAGES.items()})  # of what we write
+LAYOUT: Final = Layout(MESSAGES)  # of what we write
 FRAMES: Final = LAYOUT.table
 POSES: Final = Table(POSE_TOPICS, {})
 ROW: Final = len(FRAMES.template) + len(POSES.template)  # the most bytes of a frame before compression
-LANES: Final[dict[LanePart, Table]] = {
-    part: Table(topics, {name: message.fields for name, message in LANE_MESSAGES.items()})
-    for part, topics in LANE_TOPICS.items()
-}
+LANES: Final[dict[LanePart, Table]] = {part: Table(topics, LANE_MESSAGES) for part, topics in LANE_TOPICS.items()}
 
 
 @cache
 def layout_of(lanes: LaneParts) -> Layout:
     """Return the layout of what we write, with these parts of lanes."""
-    return Layout({name: message.fields for name, message in MESSAGES.items()}, lanes=lanes) if lanes else LAYOUT
+    return Layout(MESSAGES, lanes=lanes) if lanes else LAYOUT
 
 
 def row_bytes(lanes: LaneParts) -> int:

@@ -85,27 +85,22 @@ class LaneColumn(Column):
         return part[self.field][(slice(None), *self.index)]
 
 
-def _at(topic: Topic, field: Field) -> tuple[int, ...]:
-    return field.index if topic.item is None else (topic.item, *field.index)
-
-
 def _column(topic: Topic, field: Field) -> Column:
-    index = _at(topic, field)
     angle = topic.message == "rig.Signal" and SIGNALS[topic.item or 0].wraps
     wraps = angle and FLAT[field.source].base == "f8"
-    return Column(topic.name.rsplit("/", 1)[1], field.name, field.source, index, field.enum, wraps)
+    return Column(topic.name.rsplit("/", 1)[1], field.name, field.source, topic.at(field), field.enum, wraps)
 
 
-COLUMNS: Final = tuple(_column(topic, field) for topic in TOPICS_OF_ROWS for field in MESSAGES[topic.message].fields)
+COLUMNS: Final = tuple(_column(topic, field) for topic in TOPICS_OF_ROWS for field in MESSAGES[topic.message])
 LANE_COLUMNS: Final = tuple(
-    LaneColumn(topic.name[1:].replace("/", "."), field.name, field.source, _at(topic, field), field.enum, False, part)
+    LaneColumn(topic.name[1:].replace("/", "."), field.name, field.source, topic.at(field), field.enum, False, part)
     for part, topics in LANE_TOPICS.items()
     for topic in topics
-    for field in LANE_MESSAGES[topic.message].fields
+    for field in LANE_MESSAGES[topic.message]
 )
 _LANE_UNITS: Final = {column.path: f.unit for column in LANE_COLUMNS for f in LANE_FIELDS if f.name == column.field}
 _OF_SIGNALS: Final = {
-    field.name for field in MESSAGES["rig.Signal"].fields if field.source in FIELD and FIELD[field.source].unit
+    field.name for field in MESSAGES["rig.Signal"] if field.source in FIELD and FIELD[field.source].unit
 }
 
 

@@ -5,14 +5,13 @@
     Metadata...  DataEnd  Summary  Footer  magic
 
 Every byte before DataEnd counts in its CRC, every byte after it in the footer's.  What the summary needs
-of a chunk is kept in 80 bytes, 288 kB for an hour of flight at one chunk a second.
+of a chunk is kept, some 400 bytes: 1.4 MB for an hour of flight at one chunk a second.
 """
 
 from __future__ import annotations
 
 import os
 import struct
-from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
@@ -68,7 +67,7 @@ class Packed(NamedTuple):
     data: bytes
     crc: int  # of the bytes before compression
     size: int  # their number
-    runs: Sequence[Run]  # at most MOST_RUNS
+    runs: Sequence[Run]
 
     @property
     def span(self) -> tuple[int, int]:
@@ -76,7 +75,6 @@ class Packed(NamedTuple):
         return min(int(run.times.min()) for run in self.runs), max(int(run.times.max()) for run in self.runs)
 
 
-MOST_RUNS: Final = 4  # of frames, poses, lanes, events
 _ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
 
@@ -120,7 +118,7 @@ def _timed(run: Run) -> bytes:
 
 
 class _Kept(NamedTuple):
-    """What is remembered of a chunk that has been written; ten integers of eight bytes."""
+    """What is remembered of a chunk that has been written."""
 
     start: int  # ns
     end: int
@@ -128,21 +126,7 @@ class _Kept(NamedTuple):
     length: int  # of that record
     compressed: int
     uncompressed: int
-    run: int  # as _kept_run gives it; 0 where there is none
-    second_run: int
-    third_run: int
-    fourth_run: int
-
-    def runs(self) -> Iterator[tuple[range, int]]:
-        """Yield the channels of each run, and the messages of each of them."""
-        for run in (self.run, self.second_run, self.third_run, self.fourth_run):
-            first, channels = run & 0xFFFF, run >> 16 & 0xFFFF
-            yield range(first, first + channels), run >> 32
-
-
-def _kept_run(run: Run) -> int:
-    """Return first channel, channels and messages of each, in 16, 16 and 32 bits."""
-    return run.channels.start | len(run.channels) << 16 | len(run.times) << 32
+    runs: list[tuple[range, int]]  # channels, and the messages of each of them
 
 
 def encode(record: McapRecord) -> bytes:
@@ -182,7 +166,7 @@ class Container:
         self._file = path.open(mode, buffering=0)  # unbuffered: a killed process loses nothing it has written
         self._offset = 0
         self._crc = 0
-        self._chunks = array("Q")
+        self._chunks: list[_Kept] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._opening = opening
@@ -235,8 +219,8 @@ class Container:
         )
         offset = self._offset
         self._put(b"".join([head, packed.data, *map(_timed, packed.runs)]))  # at once: frames are flown beside it
-        runs = [*map(_kept_run, packed.runs), *[0] * (MOST_RUNS - len(packed.runs))]
-        self._chunks.extend(_Kept(start, end, offset, length, len(packed.data), packed.size, *runs))
+        runs = [(run.channels, len(run.times)) for run in packed.runs]
+        self._chunks.append(_Kept(start, end, offset, length, len(packed.data), packed.size, runs))
         self._whole = (self._offset, self._crc)
 
     def rewind(self) -> None:
@@ -289,39 +273,29 @@ class Container:
         yield Opcode.ATTACHMENT_INDEX, map(encode, self._attachments)
         yield Opcode.METADATA_INDEX, map(encode, self._metadata)
 
-    def _kept(self) -> Iterator[_Kept]:
-        width = len(_Kept._fields)
-        for i in range(0, len(self._chunks), width):
-            yield _Kept(*self._chunks[i : i + width])
-
     def _statistics(self) -> Statistics:
-        start, end, chunks = 0, 0, 0
         counts = Counter[int]()  # by channel, whose numbers may have gaps
-        for kept in self._kept():
-            start = min(start, kept.start) if chunks else kept.start
-            end = max(end, kept.end)
-            chunks += 1
-            for channels, messages in kept.runs():
-                for channel in channels:
-                    counts[channel] += messages
+        for channels, messages in (run for kept in self._chunks for run in kept.runs):
+            for channel in channels:
+                counts[channel] += messages
         return Statistics(
             attachment_count=len(self._attachments),
             channel_count=self._opening.channel_count,
             channel_message_counts={channel: counts[channel] for channel in sorted(counts)},
-            chunk_count=chunks,
+            chunk_count=len(self._chunks),
             message_count=counts.total(),
-            message_start_time=start,
-            message_end_time=end,
+            message_start_time=min((kept.start for kept in self._chunks), default=0),
+            message_end_time=max((kept.end for kept in self._chunks), default=0),
             metadata_count=len(self._metadata),
             schema_count=self._opening.schema_count,
         )
 
     def _chunk_indexes(self) -> Iterator[bytes]:
         """Yield a record a chunk, packed here: the library is slow with twenty offsets each."""
-        for kept in self._kept():
+        for kept in self._chunks:
             indexes: dict[int, int] = {}
             length = 0
-            for channels, messages in kept.runs():
+            for channels, messages in kept.runs:
                 for channel in channels:
                     indexes[channel] = kept.offset + kept.length + length
                     length += index_size(messages)

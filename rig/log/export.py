@@ -82,7 +82,11 @@ def write_units(out: Path, units: Mapping[str, str]) -> None:
 
 def parquet_with_units(table: pa.Table, units: Mapping[str, str]) -> pa.Table:
     """Return the table with the unit of each column that has one in the column's metadata."""
-    return table.cast(pa.schema([_with_unit(field, units.get(field.name)) for field in table.schema]))
+    described = [
+        field.with_metadata({**(field.metadata or {}), "unit": units[field.name]}) if field.name in units else field
+        for field in table.schema
+    ]
+    return table.cast(pa.schema(described))
 
 
 def units_of(described: dict[str, Column]) -> dict[str, str]:
@@ -166,10 +170,6 @@ def _write_parquet(path: Path, groups: Iterator[Group], described: dict[str, Col
             file.write_table(table.cast(first.schema))
             rows += len(table)
     return rows
-
-
-def _with_unit(field: pa.Field, unit: str | None) -> pa.Field:
-    return field if unit is None else field.with_metadata({**(field.metadata or {}), "unit": unit})
 
 
 def _write_npz(path: Path, groups: Iterator[Group], described: dict[str, Column]) -> int:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.blocks import in_blocks
+from rig.core.blocks import in_blocks, scratch
 from rig.core.event import Event
 from rig.core.frame import FLAT, LaneParts, Table, new_block
 from rig.log.scan import About, iter_parts
@@ -72,8 +71,8 @@ class LogFile:
         for block in self.blocks():
             if self._held is None:
                 block = Table(_fields(block.rows, kept), block.beside)
-            make = np.empty if self._held is not None else _mapped
-            whole = whole or block.each(lambda part, make=make: make(self.frames, part.dtype))
+            make = np.empty if self._held is not None else scratch
+            whole = whole or block.each(lambda part, make=make: make((self.frames,), part.dtype))
             for target, part in zip(whole.arrays(), block.arrays(), strict=True):
                 if target is not None:
                     target[first : first + len(part)].view(np.uint8)[:] = part.view(np.uint8)
@@ -91,9 +90,3 @@ def _fields(rows: NDArray[Any], kept: np.dtype[Any]) -> NDArray[Any]:
     for name in kept.names or ():
         chosen[name] = rows[name]
     return chosen
-
-
-def _mapped(frames: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return rows in a file without a name, which is gone with them."""
-    with TemporaryFile(prefix="rig-") as file:
-        return np.memmap(file, dtype, "w+", shape=(frames,)).view(np.ndarray)

@@ -76,7 +76,7 @@ def _bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(rows).reshape(-1).view(np.uint8).reshape(len(rows), size)
 
 
-_SMALL: Final = sorted({f.source for m in MESSAGES.values() for f in m.fields if f.kind not in WIRE})  # in one byte
+_SMALL: Final = sorted({f.source for fields in MESSAGES.values() for f in fields if f.kind not in WIRE})  # in one byte
 
 
 def _sign_bits() -> NDArray[np.uint64]:
@@ -120,17 +120,13 @@ def pack(table: Table, times: NDArray[np.uint64], out: NDArray[np.uint8], parts:
     made = plan(len(rows), parts)
     for name, source in (("frame", rows), ("timing", table.timing), ("times", times.view(TIMES))):
         move(_bytes(source), out, *made.moves[name])
-    move(_bytes(_derive(rows, times)), out[made.begin :], *made.posed)
-    for part, (begin, moves) in made.lanes.items():
-        for name, source in ((part, table.part(part)), ("frame", rows), ("times", times.view(TIMES))):
-            move(_bytes(source), out[begin:], *moves[name])
-
-
-def _derive(rows: Block, times: NDArray[np.uint64]) -> NDArray[Any]:
     derived = np.empty(len(range(0, len(rows), POSE_EVERY)), DERIVED)
     with np.errstate(all="ignore"):  # for interpreted kernels: a flight that ends not finite is logged as it is
         derive(rows, times, derived)
-    return derived
+    move(_bytes(derived), out[made.begin :], *made.posed)
+    for part, (begin, moves) in made.lanes.items():
+        for name, source in ((part, table.part(part)), ("frame", rows), ("times", times.view(TIMES))):
+            move(_bytes(source), out[begin:], *moves[name])
 
 
 _EAST, _NORTH, _ALTITUDE = (FLIGHT_INDEX[name] for name in ("east_m", "north_m", "altitude_m"))

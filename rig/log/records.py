@@ -99,11 +99,11 @@ def _element(topic: Topic, field: Field) -> Value:
         return _of("timing", TIMING, field.source)
     if (part := PART_OF.get(topic)) is not None:
         of = LANE_PARTS[part].base
-        item, *at = field.index if topic.item is None else (topic.item, *field.index)
+        item, *at = topic.at(field)
         shape = place(of, field.source)[0].shape
         value = _of(part, of, field.source, int(np.ravel_multi_index(at, shape)) if shape else 0)
         return Value(part, item * of.itemsize + value.offset, value.width, value.room)
-    index = field.index if topic.item is None else (topic.item, *field.index)
+    index = topic.at(field)
     flat = int(np.ravel_multi_index(index, FLAT[field.source].shape)) if index else 0
     return _of("frame", FLAT, field.source, flat, 4 if field.kind == FIXED32 else None)
 

@@ -288,13 +288,10 @@ class _Descriptions:
         known = {**MESSAGES, **LANE_MESSAGES}
         if name in known:
             described = FileDescriptorSet.FromString(schema.data)
-            fields = (
-                known[name].fields
-                if described == descriptors(name)
-                else None
-                if newest
-                else older(described, known[name].fields)
-            )
+            if described == descriptors(name):
+                fields = known[name]
+            else:
+                fields = None if newest else older(described, known[name])
         if schema.name != name or fields is None:
             raise BadLog(f"{self._path}: the fields of {schema.name} are not those of this rig")
         return fields

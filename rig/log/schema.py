@@ -83,14 +83,6 @@ class Field:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
-    """One protobuf message; field numbers are positions, from 1."""
-
-    name: str
-    fields: tuple[Field, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class Topic:
     """One MCAP channel; ``item`` is its row in the arrays of FLAT, None where there are no rows."""
 
@@ -98,17 +90,21 @@ class Topic:
     message: str
     item: int | None = None
 
+    def at(self, field: Field) -> tuple[int, ...]:
+        """Return where the element of a field of its message is in the field's array of FLAT."""
+        return field.index if self.item is None else (self.item, *field.index)
+
 
 def _field(place: Place) -> Field:
-    """Return the message field of one number of the frame."""
     field = FIELD[place.field]
     return Field(place.name, _WRITTEN[field.kind], field.name, place.index, field.enum)
 
 
+# The fields of each message; their numbers are their positions, from 1.
 _OF_FRAME: Final = ("rig.Signal", "rig.Discrete", "rig.Control", "rig.Demand", "rig.Inertial", "rig.Flight")
 MESSAGES: Final = {
-    **{name: Message(name, tuple(map(_field, places(name)))) for name in _OF_FRAME},
-    "rig.Timing": Message("rig.Timing", tuple(Field(name, DOUBLE, name) for name in TIMING.names or ())),
+    **{name: tuple(map(_field, places(name))) for name in _OF_FRAME},
+    "rig.Timing": tuple(Field(name, DOUBLE, name) for name in TIMING.names or ()),
 }
 
 
@@ -128,9 +124,9 @@ def _of_links(fields: Iterable[LaneField]) -> Iterator[Field]:
 
 
 LANE_MESSAGES: Final = {
-    "rig.Actuator": Message("rig.Actuator", tuple(_own(LANE_FIELDS))),
-    "rig.Computer": Message("rig.Computer", tuple(_own(f for f in COMPUTER_FIELDS if f.message == "rig.Computer"))),
-    "rig.Ccdl": Message("rig.Ccdl", tuple(_of_links(f for f in COMPUTER_FIELDS if f.message == "rig.Ccdl"))),
+    "rig.Actuator": tuple(_own(LANE_FIELDS)),
+    "rig.Computer": tuple(_own(field for field in COMPUTER_FIELDS if field.message == "rig.Computer")),
+    "rig.Ccdl": tuple(_of_links(field for field in COMPUTER_FIELDS if field.message == "rig.Ccdl")),
 }
 FOXGLOVE: Final = {cls.DESCRIPTOR.full_name: cls for cls in (FrameTransform, LocationFix, FoxgloveLog)}
 
@@ -174,7 +170,7 @@ LEVELS: Final[dict[Severity, Any]] = {
 def descriptors(name: str) -> FileDescriptorSet:
     """Return the descriptor of a message with all that it depends on, as the log embeds it."""
     if name in MESSAGES or name in LANE_MESSAGES:
-        return FileDescriptorSet(file=[_file({**MESSAGES, **LANE_MESSAGES}[name])])
+        return FileDescriptorSet(file=[_file(name, {**MESSAGES, **LANE_MESSAGES}[name])])
     files: dict[str, FileDescriptorProto] = {}
 
     def collect(file: Any) -> None:
@@ -207,18 +203,18 @@ def older(described: FileDescriptorSet, known: Iterable[Field]) -> tuple[Field, 
     return tuple(fields)
 
 
-def _file(message: Message) -> FileDescriptorProto:
-    package, short = message.name.split(".")
-    enums = dict.fromkeys(field.enum for field in message.fields if field.enum)
+def _file(message: str, fields: Iterable[Field]) -> FileDescriptorProto:
+    package, short = message.split(".")
+    enums = dict.fromkeys(field.enum for field in fields if field.enum)
     described = DescriptorProto(name=short, nested_type=[_enum(e) for e in enums])
-    for number, field in enumerate(message.fields, 1):
+    for number, field in enumerate(fields, 1):
         described.field.append(
             FieldDescriptorProto(
                 name=field.name,
                 number=number,
                 label=FieldDescriptorProto.LABEL_OPTIONAL,
                 type=field.kind,
-                type_name=f".{message.name}.{_enum_name(field.enum)}.Value" if field.enum else None,
+                type_name=f".{message}.{_enum_name(field.enum)}.Value" if field.enum else None,
             )
         )
     name = f"{package}/{short}.proto"

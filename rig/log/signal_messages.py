@@ -62,10 +62,6 @@ def write_topics(
         file.finish()
 
 
-def _named(columns: Columns) -> dict[str, str]:
-    return {FIELDS: ",".join(sorted(columns))}
-
-
 def _tag(field: Field, number: int) -> bytes:
     return tag(number, WIRE.get(field.kind, 0))
 
@@ -80,7 +76,7 @@ def _record(message: str) -> np.dtype[Any]:
         ("log_time", "<u8"),
         ("publish_time", "<u8"),
     ]
-    for number, field in enumerate(MESSAGES[message].fields, 1):
+    for number, field in enumerate(MESSAGES[message], 1):
         parts += [(f"tag {field.name}", f"V{len(_tag(field, number))}"), (field.name, _NUMPY.get(field.kind, "u1"))]
     return np.dtype(parts)
 
@@ -91,7 +87,7 @@ class _Group:
     def __init__(self, schema: int, message: str, topics: Topics) -> None:
         self.schema, self.message, self.first = schema, message, 1
         self.columns = {topic: columns for topic, (kind, columns) in topics.items() if kind == message}
-        self.fields = MESSAGES[message].fields
+        self.fields = MESSAGES[message]
         self.record = _record(message)
         self.row_bytes = len(self.columns) * self.record.itemsize
 
@@ -141,9 +137,9 @@ def _opening(groups: Sequence[_Group], name_fields: bool) -> Opening:
         Schema(group.schema, descriptors(group.message).SerializeToString(), SchemaEncoding.Protobuf, group.message)
         for group in groups
     ]
-    channels = [
-        Channel(int(i), topic, MessageEncoding.Protobuf, _named(columns) if name_fields else {}, group.schema)
-        for group in groups
-        for i, (topic, columns) in zip(group.ids, group.columns.items(), strict=True)
-    ]
+    channels = []
+    for group in groups:
+        for i, (topic, columns) in zip(group.ids, group.columns.items(), strict=True):
+            named = {FIELDS: ",".join(sorted(columns))} if name_fields else {}
+            channels.append(Channel(int(i), topic, MessageEncoding.Protobuf, named, group.schema))
     return Opening.of(schemas, channels)

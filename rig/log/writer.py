@@ -175,7 +175,6 @@ class LogWriter:
 
 
 def _event(event: Event, time: int) -> bytes:
-    """Return the message record of an event."""
     message = FoxgloveLog(level=LEVELS[event.level], message=event.text, name=event.name)
     message.timestamp.FromNanoseconds(time)
     data = message.SerializeToString()

@@ -107,15 +107,10 @@ def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, 
     """Return ``below`` without outlier thresholds of signals whose sensors or thresholds ``above`` changes, and without
     a count of stale samples where it changes the sensors."""
     signals = _tables(below.get("redundancy"), "signals")
-    sensors = _other_sensors(above)
+    sensors = [name for name, table in _tables(above, "sensors").items() if table.keys() - SAME_ERRORS]
     off = {**dict.fromkeys(_redesigned(above, sensors), OUTLIERS), **{key: {**OUTLIERS, **STALE} for key in sensors}}
     gone = {name: {**signals[name], **keys} for name, keys in off.items() if name in signals}
     return merge(below, {"redundancy": {"signals": gone}}) if gone else below
-
-
-def _other_sensors(above: dict[str, Any]) -> Collection[str]:
-    """Return the signals that ``above`` gives other errors."""
-    return [name for name, table in _tables(above, "sensors").items() if table.keys() - SAME_ERRORS]
 
 
 def _redesigned(above: dict[str, Any], sensors: Collection[str]) -> Collection[str]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rig.computer.redundancy.manager_config import Reset
+from rig.computer.redundancy.resets import Reset
 from rig.core.errors import BadInput
 from rig.core.frame import DISCRETES, SIGNALS
 from rig.scenario.scenario import Scenario
@@ -32,7 +32,8 @@ def pressed(scenario: Scenario, result: Mapping[str, str] | None, source: str) -
     try:
         keys = json.loads(result["keys"])
         faults = [_moved(fault, keys["faults"].get(fault.label), scenario.rate_hz) for fault in scenario.faults]
-        resets = [reset for frame in keys["resets"] for reset in _resets(frame / scenario.rate_hz)]
+        times, every = [frame / scenario.rate_hz for frame in keys["resets"]], (*SIGNALS, *DISCRETES)
+        resets = [Reset(at_s=at_s, signal=signal.name) for at_s in times for signal in every]
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError):
         raise BadInput(f"{source}: what its keys did is damaged") from None
     redundancy = scenario.redundancy.model_copy(update={"resets": [*scenario.redundancy.resets, *resets]})
@@ -45,7 +46,3 @@ def _moved(fault: Any, moments: list[int] | None, rate_hz: float) -> Any:
         return fault
     times = dict(zip(("start_s", "end_s"), (moment / rate_hz for moment in moments), strict=False))
     return fault.model_copy(update=times)
-
-
-def _resets(at_s: float) -> list[Reset]:
-    return [Reset(at_s=at_s, signal=signal.name) for signal in (*SIGNALS, *DISCRETES)]

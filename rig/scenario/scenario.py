@@ -277,11 +277,11 @@ def _beside(data: dict[str, Any], home: Path) -> dict[str, Any]:
     names = data.get("requirements")
     if not isinstance(names, list):
         return data
-    return {**data, "requirements": [_path_beside(name, home) if isinstance(name, str) else name for name in names]}
-
-
-def _path_beside(name: str, home: Path) -> str:
-    return str(home / name) if not is_file(Path(name)) and is_file(home / name) else name
+    paths = [
+        str(home / name) if isinstance(name, str) and not is_file(Path(name)) and is_file(home / name) else name
+        for name in names
+    ]
+    return {**data, "requirements": paths}
 
 
 def _changed(scenario: Scenario, sets: Sequence[str], seed: int | None, allow_code: bool, given: str) -> Scenario:

@@ -17,7 +17,13 @@ _SAME: Final = 0.02  # of a dynamic pressure: within it, a point is where it was
 
 def notes(scenario: Scenario) -> list[str]:
     """Return a line for each: a flight point that was not designed, a trigger whose condition can never hold."""
-    return [*_undesigned(scenario), *_never(scenario)]
+    never = [
+        f"faults.{i}.when: {comparison}; numbers are in SI units"
+        for i, fault in enumerate(scenario.faults)
+        if fault.when is not None
+        for comparison in never_holding(fault.when)
+    ]
+    return [*_undesigned(scenario), *never]
 
 
 def _undesigned(scenario: Scenario) -> Iterator[str]:
@@ -59,10 +65,3 @@ def _pressure(point: FlightPoint) -> float:
 
 def _kilo(pressure_pa: float) -> str:
     return f"{pressure_pa / 1e3:.3g} kPa"
-
-
-def _never(scenario: Scenario) -> Iterator[str]:
-    """Yield a line for each trigger whose condition can never hold."""
-    for i, fault in enumerate(scenario.faults):
-        for never in never_holding(fault.when) if fault.when is not None else ():
-            yield f"faults.{i}.when: {never}; numbers are in SI units"

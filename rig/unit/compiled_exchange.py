@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from rig.core.frame import UnitStatus
 from rig.core.kernels import kernel
 from rig.core.threads import cores
-from rig.unit.crc import crc32
 from rig.unit.port import PLAIN, RECEIVED, Port, copy_bytes
 from rig.unit.unit_records import FROM_UNIT, OUTPUT, SEAM, Kind, Seam, blank, place
 
@@ -31,6 +30,7 @@ FOREVER_NS: Final = np.iinfo(np.int64).max
 _CLOCK: Final = getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 0))  # of perf_counter
 _AT_ONCE: Final = int(getattr(socket, "MSG_DONTWAIT", 0))
 _CRC: Final = 4  # bytes, the last ones of a record
+_POLYNOMIAL, _ALL = 0xEDB88320, 0xFFFFFFFF
 _WORD: Final = ir.IntType(64)
 _HEAD: Final = place(OUTPUT, "frame")[1]  # what a session keeps of it, then the frame and its time
 _FRAME_END: Final = place(OUTPUT, "time_s")[1]
@@ -229,3 +229,32 @@ def is_usual(exchange, sent, count):
     for i in range(count - _TAIL, count):
         usual = usual and message[i] == template[i]
     return usual
+
+
+def _tables() -> NDArray[np.int64]:
+    """Return (8, 256): what a byte does to the sum, with so many bytes behind it."""
+    tables = np.zeros((8, 256), np.int64)
+    tables[0] = np.arange(256)
+    for _ in range(8):
+        tables[0] = (tables[0] >> 1) ^ np.where(tables[0] & 1, _POLYNOMIAL, 0)
+    for n in range(1, 8):
+        tables[n] = (tables[n - 1] >> 8) ^ tables[0][tables[n - 1] & 0xFF]
+    return tables
+
+
+_TABLES: Final = _tables()
+
+
+@kernel
+def crc32(data, count):
+    """Return the CRC-32 of the first ``count`` of ``data`` (n,) bytes, as zlib's; count : a multiple of eight"""
+    crc = np.int64(_ALL)
+    for i in range(0, count, 8):
+        crc ^= np.int64(data[i]) | np.int64(data[i + 1]) << 8
+        crc ^= np.int64(data[i + 2]) << 16 | np.int64(data[i + 3]) << 24
+        after = _TABLES[7, crc & 0xFF] ^ _TABLES[6, crc >> 8 & 0xFF]
+        after ^= _TABLES[5, crc >> 16 & 0xFF] ^ _TABLES[4, crc >> 24]
+        for n in range(4):
+            after ^= _TABLES[3 - n, data[i + 4 + n]]
+        crc = after
+    return crc ^ _ALL

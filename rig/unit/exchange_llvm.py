@@ -19,18 +19,13 @@ _TEXT: Final = """
 define i64 @answer(i32 %fd, ptr %message, i64 %room, i64 %size, ptr %usual, ptr %output, ptr %blank, i64 %bytes,
                    ptr %state, ptr %step, ptr %receive, ptr %send, ptr %give_way, i32 %at_once, i64 %looks) {
 begin:
-  %usual_b = getelementptr i8, ptr %usual, i64 8
-  %usual_c = getelementptr i8, ptr %usual, i64 16
-  %head_b = getelementptr i8, ptr %message, i64 8
-  %head_c = getelementptr i8, ptr %message, i64 16
-  %reply_c = getelementptr i8, ptr %output, i64 16
+  %asked = getelementptr i8, ptr %message, i64 16
+  %answered = getelementptr i8, ptr %output, i64 16
   %reply_count = getelementptr i8, ptr %output, i64 40
   %code_at = getelementptr i8, ptr %state, i64 8
-  br label %next
-next:
   br label %look
 look:
-  %looked = phi i64 [0, %next], [%again, %give]
+  %looked = phi i64 [0, %begin], [0, %reply], [%again, %give]
   %got = call i64 %receive(i32 %fd, ptr %message, i64 %room, i32 %at_once)
   %nothing = icmp slt i64 %got, 0
   br i1 %nothing, label %none, label %came
@@ -49,20 +44,12 @@ came:
   %whole = icmp eq i64 %count, %size
   br i1 %whole, label %compare, label %other
 compare:
-  %a = load i64, ptr %message, align 1
-  %b = load i64, ptr %head_b, align 1
-  %c = load i64, ptr %head_c, align 1
-  %a_usual = load i64, ptr %usual, align 1
-  %b_usual = load i64, ptr %usual_b, align 1
-  %c_usual = load i64, ptr %usual_c, align 1
-  %a_same = icmp eq i64 %a, %a_usual
-  %b_same = icmp eq i64 %b, %b_usual
-  %c_same = icmp eq i64 %c, %c_usual
-  %ab_same = and i1 %a_same, %b_same
-  %same = and i1 %ab_same, %c_same
+  %head = load i192, ptr %message, align 1
+  %head_usual = load i192, ptr %usual, align 1
+  %same = icmp eq i192 %head, %head_usual
   br i1 %same, label %frame, label %other
 frame:
-  call void @llvm.memcpy.p0.p0.i64(ptr align 1 %reply_c, ptr align 1 %head_c, i64 24, i1 false)
+  call void @llvm.memcpy.p0.p0.i64(ptr align 1 %answered, ptr align 1 %asked, i64 24, i1 false)
   %code = call i32 %step(ptr %message, ptr %output)
   %failed = icmp ne i32 %code, 0
   br i1 %failed, label %refuse, label %reply
@@ -73,11 +60,11 @@ reply:
   store i64 %stepped, ptr %reply_count, align 1
   %sent = call i64 %send(i32 %fd, ptr %output, i64 %bytes, i32 0)
   call void @llvm.memcpy.p0.p0.i64(ptr align 1 %output, ptr align 1 %blank, i64 %bytes, i1 false)
-  br label %next
+  br label %look
 refuse:
   %code_long = sext i32 %code to i64
   store i64 %code_long, ptr %code_at, align 8
-  ret i64 %count
+  br label %other
 other:
   ret i64 %count
 }

@@ -7,6 +7,7 @@ byte, 10 bits elements, 2 bits type (Base), 2 bits record (Place), 1 bit more of
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -19,6 +20,7 @@ import numpy as np
 
 from rig.core.frame import DISCRETES, SIGNALS, SURFACES, D, S
 from rig.core.frame.fields import FIELD
+from rig.unit.fmu_moves import NAMES, TYPES
 from rig.unit.unit_records import CONFIG, HELLO, INPUT, OUTPUT, RECORDS, SEAMS, Seam, place, walk
 
 Version = Literal["2", "3"]  # of FMI
@@ -49,23 +51,7 @@ class Base(IntEnum):
 
 _RECORDS: Final = {Place.CONFIG: CONFIG, Place.INPUT: INPUT, Place.OUTPUT: OUTPUT}
 _CAUSALITY: Final = {Place.CONFIG: "parameter", Place.INPUT: "input", Place.OUTPUT: "output"}
-_BASES: Final[dict[str, Base]] = {
-    "f8": Base.REAL,
-    "u1": Base.BYTE,
-    "i8": Base.SIGNED,
-    "u8": Base.UNSIGNED,
-    "u2": Base.SHORT,
-    "u4": Base.WORD,
-}
-_WIDTHS: Final = {Base.BYTE: 1, Base.SHORT: 2, Base.WORD: 4}  # bytes; of others 8
-_TYPES_3: Final[dict[Base, str]] = {
-    Base.REAL: "Float64",
-    Base.BYTE: "UInt8",
-    Base.SIGNED: "Int64",
-    Base.UNSIGNED: "UInt64",
-    Base.SHORT: "UInt16",
-    Base.WORD: "UInt32",
-}
+_BASES: Final = {np.dtype(kind).str[1:]: Base[name] for name, kind in TYPES.items()}  # by the type in a record
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,13 +79,13 @@ class Variable:
     @property
     def width(self) -> int:
         """Bytes of an element."""
-        return _WIDTHS.get(self.base, 8)
+        return ctypes.sizeof(TYPES[self.base.name])
 
     def type(self, version: Version) -> str:
         """Return the element of the description."""
         if self.text:
             return "String"
-        return _TYPES_3[self.base] if version == "3" else "Real" if self.base is Base.REAL else "Integer"
+        return NAMES[self.base.name] if version == "3" else "Real" if self.base is Base.REAL else "Integer"
 
     def scalars(self) -> Iterator[Variable]:
         """Yield its elements, by indices that count from 1; a text is one."""

@@ -28,20 +28,12 @@ from fmpy.fmi3 import FMU3Slave
 if __name__ == "__main__" and (_root := str(Path(__file__).parents[2])) not in sys.path:
     sys.path.insert(0, _root)  # python -I looks for the rig only where it is installed, and that may be another
 from rig.core.decimals import slack
-from rig.unit.fmu_moves import TYPES, Call, Views, moving, views_of
+from rig.unit.fmu_moves import NAMES, TYPES, Call, Views, moving, views_of
 from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, serve
 
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
 CONFIG, INPUT, OUTPUT = range(3)  # records of a run
-_NAMES: Final = {
-    "BYTE": "UInt8",
-    "SIGNED": "Int64",
-    "UNSIGNED": "UInt64",
-    "REAL": "Float64",
-    "SHORT": "UInt16",
-    "WORD": "UInt32",
-}
 _INT: Final = np.iinfo(np.intc)
 _NO_BYTE: Final = 255  # in no enum: what an integer becomes that no byte can hold
 _TYPES_2: Final = {"Real": ("Real", ctypes.c_double), "Boolean": ("Boolean", ctypes.c_int)}  # all others: Integer
@@ -277,7 +269,7 @@ class Fmi3(Fmu):
         else:
             width = ctypes.sizeof(TYPES[kind])
             values = (TYPES[kind] * ((run["end"] - run["first"]) // width)).from_address(address + run["first"])
-        function = self._function(verb + _NAMES.get(kind, "String"))
+        function = self._function(verb + NAMES.get(kind, "String"))
         return partial(function, self.fmu.component, references, count, values, len(values))
 
     def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:

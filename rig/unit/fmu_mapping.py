@@ -74,7 +74,10 @@ def mapped(unit: Unit, known: dict[str, Described], named: str) -> dict[str, Any
     outputs = _pairs("outputs", unit.fmu.outputs, Place.OUTPUT, known, unit, named)
     parameters = _pairs("parameters", unit.fmu.parameters, Place.CONFIG, known, unit, named)
     constants = _constants(unit.fmu.constants, known, named)
-    _require_once([*inputs.values(), *parameters.values()], constants, named)
+    counts = Counter([*((pair.variable, pair.at) for pair in (*inputs.values(), *parameters.values())), *constants])
+    for (variable, _), times in counts.most_common(1):
+        if times > 1:
+            raise BadInput(f"{named}: fmu: {variable} is mapped {times} times")
     _require_apart(inputs.values(), parameters.values(), named)
     known = _with(constants, known)
     names = [*(pair.variable for pair in parameters.values()), *(name for name, _ in constants)]
@@ -111,14 +114,6 @@ def _constants(given: Mapping[str, float], known: dict[str, Described], named: s
             raise BadInput(f"{where}: {name} is of type {known[base].type}, which {value:g} is not")
         found[base, at] = float(value)
     return found
-
-
-def _require_once(pairs: Iterable[Pair], constants: Iterable[tuple[str, int]], named: str) -> None:
-    """BadInput: a variable that is set by two."""
-    counts = Counter([*((pair.variable, pair.at) for pair in pairs), *constants])
-    twice = counts.most_common(1)
-    if twice and twice[0][1] > 1:
-        raise BadInput(f"{named}: fmu: {twice[0][0][0]} is mapped {twice[0][1]} times")
 
 
 def _require_apart(inputs: Iterable[Pair], parameters: Iterable[Pair], named: str) -> None:

@@ -12,13 +12,17 @@ from numpy.typing import NDArray
 
 from rig.unit.host import Refused
 
-TYPES: Final[dict[str, Any]] = {
+TYPES: Final[dict[str, Any]] = {  # of an element, by the name of its Base
     "BYTE": ctypes.c_uint8,
     "SIGNED": ctypes.c_int64,
     "UNSIGNED": ctypes.c_uint64,
     "REAL": ctypes.c_double,
     "SHORT": ctypes.c_uint16,
     "WORD": ctypes.c_uint32,
+}
+NAMES: Final = {  # of the same in FMI 3.0
+    **{"BYTE": "UInt8", "SIGNED": "Int64", "UNSIGNED": "UInt64"},
+    **{"REAL": "Float64", "SHORT": "UInt16", "WORD": "UInt32"},
 }
 REAL: Final = ("Real", "Float64", "Float32")
 Call = Callable[[], Any]
@@ -55,7 +59,11 @@ def moving(run: dict[str, Any], views: Views, call: Call, held: Any, verb: str) 
             view[first] = values[at] * factor if view.dtype == float else _whole(values[at], view.dtype)
 
     def put_once() -> None:
-        _require_range(run, views)
+        low, high = range_of(run["type"])
+        for _, first, _, base, address in run["pairs"]:
+            number = views[base][first // views[base].itemsize]
+            if not low <= number <= high:
+                raise Refused(f"{address} is {number}, of type {run['type']} it can be {low:g} to {high:g}")
         put()
 
     return {"Get": get, "Set": put, "Set once": put_once}[verb]
@@ -68,15 +76,6 @@ def _moves(run: dict[str, Any], views: Views) -> list[_Move]:
         at, first, factor = (np.array([pair[i] for pair in run["pairs"] if pair[3] == base]) for i in range(3))
         moves.append((at, views[base], first // views[base].itemsize, factor))
     return moves
-
-
-def _require_range(run: dict[str, Any], views: Views) -> None:
-    """Refused: a number of the record that is none of the variables' type."""
-    low, high = range_of(run["type"])
-    for _, first, _, base, address in run["pairs"]:
-        number = views[base][first // views[base].itemsize]
-        if not low <= number <= high:
-            raise Refused(f"{address} is {number}, of type {run['type']} it can be {low:g} to {high:g}")
 
 
 def _whole(said: Any, dtype: Any) -> Any:

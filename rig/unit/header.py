@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Final
 
+from rig.computer.redundancy.manager_config import PARAM_FIELDS
 from rig.core.frame import CHANNELS, DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES, D, S
 from rig.core.frame.fields import FIELD
 from rig.unit.unit_records import ANSWERS, ENUMS, FROM_UNIT, LAYOUT, RECORDS, TO_UNIT, VERSION, Entry, members, walk
@@ -66,45 +67,7 @@ _MEANINGS: Final = {
     "part": "from 0",
     "parts": "how many",
     "bytes": "of config from part times 1024 on; zero behind its end",
-    # of a signal or discrete
-    "threshold": "unit of the signal: two of four samples agree within it",
-    "threshold_triplex": "unit of the signal: two of three samples",
-    "threshold_duplex": "unit of the signal: two samples",
-    "outlier_threshold": "unit of the signal: the narrower one for four samples that all agree; 0: none",
-    "outlier_threshold_triplex": "unit of the signal: the same for three; 0: none",
-    "filter_gain": "1: share of a new sample in the low-pass before the comparison; 0: no filter",
-    "reference_threshold": "unit of the signal: a sample and the reference agree within it",
-    "reference_airspeed_m_s": "m/s: error of a reference that is a dynamic pressure, as an airspeed; 0: of none",
-    "second_threshold": "unit of the signal: as reference_threshold, of the second reference",
-    "common_persistence": "frames in a row of two references against all channels until it is a common mode",
-    "common_fails": "1: a common mode fails all channels; 0: it is reported",
-    "low": "unit of the signal: least sample of the sensor; of an angle that wraps where its circle begins",
-    "high": "unit of the signal: largest sample of the sensor",
-    "persistence": "frames in a row of miscompare until a channel is failed",
-    "singular_persistence": "frames until a pattern without a majority is settled",
-    "trend_frames": "bits of a trend byte, 1 to 8",
-    "readmit_frames": "frames in a row of agreement before a reset readmits a failed channel",
-    "fade_frames": "frames in which the vote fades after a change of level; 0: none",
-    "deviation": "unit of the signal: tolerated deviation from the mean; manager selection alone",
-    "deviation_frames": "unit of the signal times frames: integral of what exceeds it; manager selection alone",
-    "fitted": "channels that there are, the first ones",
-    "resolvers": "in their order, of Resolver; 0 behind the last",
-    "wraps": "1: an angle in rad on the circle, differences go the short way",
-    "weighted": "1: means of the middle samples and of a good pair are weighted by their trend",
-    "bias_bound": "unit of the signal: largest difference that is learned of a channel; 0: none is",
-    "bias_gain": "1: share of a new residual in a learned bias, once as many frames as its inverse have been seen",
-    "slow_allowance": "unit of the signal: what a residual may be for ever",
-    "slow_limit": "unit of the signal times frames: sum of what exceeds it that fails a channel; 0: no sums",
-    "stale_frames": "frames in which a sample repeats while others move until it is not compared; 0: any may",
-    "count_down": "frames that an agreeing one takes off the count of miscompares; 0: all of them",
-    "unresolved_frames": "frames in a row that no rule answers until all channels are failed; 0: never",
-    "trend_small": "unit of the signal: changes of at most that are a trend after one frame; -1: none are",
-    "trend_tumbles": "1: trend bytes begin again every trend_frames frames, and what whole ones say stands",
-    "trend_beside_reference": "1: the trend is asked of a signal with a reference, too",
-    "referred": "1: a reference is configured",
-    "tells": "the signal's own bit, 1 shifted by its index, if the references of others read it; 0: they do not",
-    "sources": "bits of signals that its references read, of those that have their bit in tells",
-    "box": "box of the signal, 1 to 16; 0: in none",
+    **{each.name: each.meaning for each in PARAM_FIELDS},
     "fail_safe": "0 or 1: vote without a majority",
     # INPUT
     "demand": "of the pilot; index of a demand",
@@ -297,19 +260,15 @@ def markdown() -> str:
     for name, dtype in RECORDS.items():
         lines += [f"`struct rig_{name}`, {dtype.itemsize} bytes: {_COMMENTS[name]}.", ""]
         lines += ["| at | field | type | what |", "|---|---|---|---|", *map(_table_row, walk(dtype)), ""]
-    for name, names in _indices().items():
-        lines += [f"| {name} | index, unit |", "|---|---|", *(f"| {text} | {i}{unit} |" for i, text, unit in names), ""]
+    # The names behind the indices of the records, with the unit where the name has none.
+    indices = {"signal": [f"{one.name} | {i}, {one.unit}" for i, one in enumerate(SIGNALS)]}
+    named = {"discrete": _names(DISCRETES), "demand": DEMANDS, "surface": SURFACES, "inertial": INERTIAL}
+    indices |= {key: [f"{text} | {i}" for i, text in enumerate(names)] for key, names in named.items()}
+    for name, texts in indices.items():
+        lines += [f"| {name} | index, unit |", "|---|---|", *(f"| {text} |" for text in texts), ""]
     lines += ["| enum | values |", "|---|---|"]
     lines += [f"| {enum.__name__} | {', '.join(f'{m.name} {m.value}' for m in members(enum))} |" for enum in ENUMS]
     return "\n".join(lines) + "\n"
-
-
-def _indices() -> dict[str, list[tuple[int, str, str]]]:
-    """Return the names behind the indices of the records: index, name, unit where the name has none."""
-    named = {"demand": DEMANDS, "surface": SURFACES, "inertial": INERTIAL}
-    indices = {"signal": [(i, one.name, f", {one.unit}") for i, one in enumerate(SIGNALS)]}
-    indices["discrete"] = [(i, one.name, "") for i, one in enumerate(DISCRETES)]
-    return indices | {key: [(i, text, "") for i, text in enumerate(names)] for key, names in named.items()}
 
 
 def _table_row(field: Entry) -> str:

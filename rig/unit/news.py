@@ -53,11 +53,8 @@ class News:
 
     def still_starting(self, start_s: float) -> str:
         """Return why a unit in power-up or self-test is not waited for; "" for any other."""
-        return f"is in {_name(self._at(self._kept - 1)[0])} after start_s = {start_s:g} s" if self._starting else ""
-
-    @property
-    def _starting(self) -> bool:
-        return bool(self._back.counts[STARTING])
+        starting, last = self._back.counts[STARTING] > 0, self._at(self._kept - 1)
+        return f"is in {_name(last[0])} after start_s = {start_s:g} s" if starting else ""
 
     def result(self) -> dict[str, Any]:
         """Return its last words, and how many changes there were."""

@@ -14,9 +14,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.durations import in_frames
-from rig.computer.redundancy.manager_config import Config, box_of_signals
+from rig.computer.redundancy.box import box_of_signals
+from rig.computer.redundancy.manager_config import Config
 from rig.core.frame import SIGNALS, S
+from rig.core.settings import in_frames
 from rig.scenario.aircraft import default_boxes, default_stale_frames
 from rig.unit.ready_message import REBUILD, UnitStopped
 from rig.unit.unit_records import MORE_THAN_HALF, SEAM, SINCE, Seam
@@ -57,8 +58,11 @@ def config_for(seam: Seam, config: NDArray[Any]) -> NDArray[np.uint8]:
     if key := asked_since(seam, config, unasked(config)):
         raise UnitStopped(f"was built for version {seam.version} of the records, which has no {key}: {REBUILD}")
     told = config.copy()
-    if SINCE["rules"] > seam.version:
-        told["box_signals"] = _of_one_box(config)
+    if SINCE["rules"] > seam.version:  # all signals are one box there: 0, never, where they are in several
+        if not _is_one(config[0]["rules"]["box"]):
+            told["box_signals"] = 0
+        elif told["box_signals"][0] == MORE_THAN_HALF:
+            told["box_signals"] = S // 2 + 1
     whole = told.view(np.uint8)[: seam.config_bytes].copy()
     whole[-8:] = np.frombuffer((seam.config_bytes - 8).to_bytes(8, "little"), np.uint8)  # length, no checksum
     return whole
@@ -97,14 +101,6 @@ def _asks_for_sets(config: NDArray[Any], without: Unasked) -> bool:
         return False
     shared = without.get("box", np.ones(S, np.int64))
     return signals != MORE_THAN_HALF or not np.array_equal(box, shared)
-
-
-def _of_one_box(config: NDArray[Any]) -> int:
-    """Return ``box_signals`` for a unit to which all signals are one box: 0, never, where they are in several."""
-    box, signals = config[0]["rules"]["box"], int(config["box_signals"][0])
-    if not _is_one(box):
-        return 0
-    return S // 2 + 1 if signals == MORE_THAN_HALF else signals
 
 
 def _is_one(box: NDArray[np.int64]) -> bool:

@@ -106,26 +106,18 @@ def new_port(
     records["state"][ASSUMED][np.arange(CHANNELS) < fitted[:, None]] = State.OK
     records["level"][ASSUMED] = fitted
     needed = Said.SURFACE if form is Form.FLIGHT_COMPUTER else Said.VOTED
-    counts, changes, start_frames = (
-        np.zeros(4, np.int64),
-        np.zeros((MOST_CHANGES, 4), np.int64),
-        to_frame(start_s, rate_hz),
+    back = Inbound(
+        records=records,
+        bytes=records.view(np.uint8).reshape(len(records), -1),
+        counts=np.zeros(4, np.int64),
+        changes=np.zeros((MOST_CHANGES, 4), np.int64),
+        start_frames=to_frame(start_s, rate_hz),
+        form=int(form),
+        needed=int(needed),
+        no_level="level" in unsaid,
+        no_state="state" in unsaid,
     )
-    whole = records.view(np.uint8).reshape(len(records), -1)
-    return Port(
-        Outbound(sent, sent.view(np.uint8), rate_hz),
-        Inbound(
-            records,
-            whole,
-            counts,
-            changes,
-            start_frames,
-            int(form),
-            int(needed),
-            no_level="level" in unsaid,
-            no_state="state" in unsaid,
-        ),
-    )
+    return Port(Outbound(sent, sent.view(np.uint8), rate_hz), back)
 
 
 def _moves(groups: dict[str, Any], source: np.dtype[Any], target: np.dtype[Any]) -> Moves:

@@ -67,7 +67,7 @@ class UnitUnderTest:
         self.end_wrong, self._begun = "", False  # how it ended if not as it was told to, known then, too
         self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
         self.dead = False
-        self._link: SocketLink | LibraryLink = _reach(unit, self._patience.looks)
+        self.link: SocketLink | LibraryLink = _reach(unit, self._patience.looks)  # another one after a restart
         self._message = np.zeros(MOST_BYTES, np.uint8)
         self._into = self._message.data
 
@@ -89,7 +89,7 @@ class UnitUnderTest:
         config, unit = self._config[0], self.unit
         trim, rate_hz, fitted = config["trim_surface"], float(config["rate_hz"]), config["signal"]["fitted"]
         known = self.form, self._session, unit.latency_frames, trim, rate_hz
-        self.port = new_port(*known, unit.start_s, seam, fitted, self._link.unsaid)
+        self.port = new_port(*known, unit.start_s, seam, fitted, self.link.unsaid)
         self.replies = ReplyCheck(self._session, Counts(), seam)
         self.compiled = new_exchange(self.port, self._session, self._message, seam)
         self._took_ns, self.news = self.compiled.state["took_ns"].data, News(self.port.back)
@@ -104,28 +104,28 @@ class UnitUnderTest:
 
     def _open(self) -> Seam:
         """Begin the session; return the version of the records that the unit was built for."""
-        if isinstance(self._link, LibraryLink):
-            self._link.open(self._config)
+        if isinstance(self.link, LibraryLink):
+            self.link.open(self._config)
             return self.seam
-        self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
+        self.said = open_session(self.link, self._config, self.unit.start_s, lambda: self._stop.requested)
         return self.seam
 
     def _connect(self) -> None:
         """Have compiled code reach the unit."""
-        if isinstance(self._link, LibraryLink):
-            to_library(self.compiled, self._link.step)
+        if isinstance(self.link, LibraryLink):
+            to_library(self.compiled, self.link.step)
             self._try = bind(try_exchange, self.port, self.compiled, 0)
         else:
-            to_socket(self.compiled, self._link.fd, self._patience.spin_ns, sums=not self._link.reliable)
+            to_socket(self.compiled, self.link.fd, self._patience.spin_ns, sums=not self.link.reliable)
 
     def end(self) -> None:
         """End the session.  RigError: a library in this process has changed how it calculates."""
-        if not isinstance(self._link, LibraryLink):
-            self._count_late(self._link)
-            end_session(self._link, self._session)
+        if not isinstance(self.link, LibraryLink):
+            self._count_late(self.link)
+            end_session(self.link, self._session)
             return
-        self._link.close()
-        if self._link.environment.restored():
+        self.link.close()
+        if self.link.environment.restored():
             raise RigError(f"{self.unit.source} changed the rounding of this process: its flight does not count")
 
     def _count_late(self, link: SocketLink) -> None:
@@ -138,8 +138,8 @@ class UnitUnderTest:
 
     def close(self) -> None:
         """End the unit; no process of it is left behind.  What went wrong in its end goes with what it printed."""
-        process = self._link.process
-        self.end_wrong = self._link.close()
+        process = self.link.process
+        self.end_wrong = self.link.close()
         if process is not None:
             self.printed += process.printed()
             process.forget()
@@ -147,14 +147,9 @@ class UnitUnderTest:
             self.printed += f"\n(the unit {self.end_wrong} after the end of its session)\n"
 
     @property
-    def link(self) -> SocketLink | LibraryLink:
-        """The link to it, another one after a restart."""
-        return self._link
-
-    @property
     def seam(self) -> Seam:
         """Version of the records that it was built for, once a session has begun."""
-        return self._link.seam or SEAM
+        return self.link.seam or SEAM
 
     @property
     def paced(self) -> bool:
@@ -185,10 +180,10 @@ class UnitUnderTest:
 
     def send_foreign(self) -> None:
         """Send the last frame as one of another session, which no unit may step; of a library here, nothing."""
-        if not isinstance(self._link, LibraryLink):
+        if not isinstance(self.link, LibraryLink):
             sent = self.port.out.sent.copy()
             sent["session"] ^= 1
-            self._link.send(summed(sent.view("u1").data[: len(self._sent)]))
+            self.link.send(summed(sent.view("u1").data[: len(self._sent)]))
 
     def count_status(self, status: int) -> None:
         """Count what a frame came to; not needed when it and the one before were answered."""
@@ -200,7 +195,7 @@ class UnitUnderTest:
                 self.news.still_starting(self.unit.start_s)
                 or (f"gave no answer that can be flown for max_missed = {self.unit.max_missed} frames in a row")
             )
-        link, (state,) = self._link, self.compiled.state
+        link, (state,) = self.link, self.compiled.state
         if isinstance(link, LibraryLink):
             return self._call(state)
         sent, count, last = state["sent"], int(state["count"]), (int(state["frame"]), int(state["stepped"]))
@@ -250,7 +245,7 @@ class UnitUnderTest:
         if self.replies.restarted:
             raise UnitStopped("has restarted by itself: it says READY in no session, and answers no frame")
         if not self._has_deadline:
-            trouble = "" if isinstance(self._link, LibraryLink) or not self._link.trouble else f": {self._link.trouble}"
+            trouble = "" if isinstance(self.link, LibraryLink) or not self.link.trouble else f": {self.link.trouble}"
             raise UnitStopped(f"has not answered within timeout_s = {self.unit.timeout_s:g} s{trouble}")
         self.replies.missed(frame)
         if too_late is not None:
@@ -276,7 +271,7 @@ class UnitUnderTest:
         """Start a new process with CONFIG and the present frame once more: the unit has lost its latches."""
         self.close()
         self.replies.counts.restarts += 1
-        self._link = _reach(self.unit, self._patience.looks)
+        self.link = _reach(self.unit, self._patience.looks)
         self.replies.begin_again()
         if self._open() != self.replies.seam:
             raise UnitStopped("has another version of the records")
@@ -287,7 +282,7 @@ class UnitUnderTest:
 
     def _explained(self, reason: str) -> str:
         """Return ``reason`` with the last line that its process printed."""
-        line = "" if self._link.process is None else self._link.process.last_line()
+        line = "" if self.link.process is None else self.link.process.last_line()
         return f"{reason}; it printed: {line}" if line else reason
 
     def metadata(self) -> dict[str, str]:

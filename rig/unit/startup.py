@@ -56,10 +56,11 @@ class _Start:
         self._sent = 0
         try:
             while clock() < until and not self._stopped():
-                self._send(messages[self._sent % len(messages)])
-                self._may_refuse = (
-                    self._greeted or self._link.reliable or self._sent >= len(messages)
-                )  # or it was built for another version than was asked
+                for message in messages[self._sent % len(messages)]:
+                    self._link.send(message)
+                self._sent += 1
+                # Before that it may have been built for another version than was asked.
+                self._may_refuse = self._greeted or self._link.reliable or self._sent >= len(messages)
                 ready = self._await_ready(until if self._link.reliable else min(until, clock() + _AGAIN_S), sessions)
                 if ready is not None:
                     self._greeted = True
@@ -68,11 +69,6 @@ class _Start:
             when = "after the flight before" if self._link.opened else when if self._link.reliable else "before READY"
             raise UnitStopped(f"{ended} {when}") from None
         raise UnitStopped(f"did not send READY within start_s = {self._start_s:g} s: {self._cause()}")
-
-    def _send(self, messages: list[memoryview]) -> None:
-        self._sent += 1
-        for message in messages:
-            self._link.send(message)
 
     def _await_ready(self, until: float, sessions: tuple[int, ...]) -> Ready | None:
         while clock() < until and not self._stopped():
@@ -102,12 +98,10 @@ class _Start:
         reliable = self._link.reliable
         if self._heard or self._link.trouble:
             return self._heard or self._link.trouble
+        if self._greeted and reliable:
+            return "it has been loaded and still begins the session"
         if self._greeted:
-            return (
-                "it has been loaded and still begins the session"
-                if reliable
-                else (f"it has answered HELLO, and CONFIG not once in {self._sent} times")
-            )
+            return f"it has answered HELLO, and CONFIG not once in {self._sent} times"
         return "it is still being loaded" if reliable else f"nothing has come from {self._link.peer}"
 
 

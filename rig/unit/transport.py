@@ -56,12 +56,8 @@ class SocketLink:
     def __init__(self, talk: socket.socket, process: UnitProcess | None, peer: str = "") -> None:
         self._talk, self.process, self.peer = talk, process, peer
         self.fd, self.reliable = talk.fileno(), talk.type != socket.SOCK_DGRAM  # reliable: no message is lost
-        self._limit_wait(LOOK_S)
-
-    def _limit_wait(self, seconds: float) -> None:
-        """Set the system's own limit on a wait: cheaper than to ask before each message."""
-        limit = struct.pack("@ll", int(seconds), int(seconds % 1 * 1e6))
-        self._talk.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, limit)
+        # The system's own limit on a wait: cheaper than to ask before each message.
+        talk.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", int(LOOK_S), int(LOOK_S % 1 * 1e6)))
 
     def send(self, message: memoryview) -> None:
         """Hand a message over.  What nobody takes is lost; ``receive`` raises it, after the unit's last messages."""
@@ -72,7 +68,8 @@ class SocketLink:
 
     def receive(self, into: memoryview, until_s: float) -> int:
         """Return the bytes of the next message; 0: none for LOOK_S or until ``until_s`` of ``clock``.  Disconnected."""
-        if until_s - clock() < LOOK_S and not self._ready(until_s):
+        left_s = until_s - clock()
+        if left_s < LOOK_S and not select.select([self._talk], [], [], max(0.0, left_s))[0]:
             return 0
         try:
             count = self._talk.recv_into(into)
@@ -95,10 +92,6 @@ class SocketLink:
         """Keep why a message did not get through; of nobody there the system hears by ICMP, a message later."""
         nobody = f"nobody listens at {self.peer} (port unreachable)"
         self.trouble = nobody if isinstance(error, ConnectionRefusedError) else f"{self.peer}: {error.strerror}"
-
-    def _ready(self, until_s: float) -> bool:
-        left = max(0.0, until_s - clock())
-        return bool(select.select([self._talk], [], [], left)[0])
 
     def _require(self, wait_s: float = 0.0) -> None:
         ended = None if self.process is None else self.process.how_it_ended(wait_s)
@@ -228,11 +221,7 @@ class LibraryLink:
             raise BadInput(f"{unit.source}: {reason}") from None
         self.environment = Environment()
         self.seam = next(seam for seam in SEAMS.values() if seam.layout == self._library.layout)
-
-    @property
-    def step(self) -> Any:
-        """The library's rig_unit_step."""
-        return self._library.step
+        self.step: Any = self._library.step
 
     def open(self, config: np.ndarray[Any, Any]) -> None:
         """Begin a session; Refused, UnitStopped."""

@@ -130,9 +130,11 @@ class Unit(Settings):
         """Return the hash of library, FMU or program, in hexadecimal; empty where there is none.  BadInput."""
         if not self.file.name or not is_file(self.file):
             return ""
-        where = f"{self.source}: {self.file}"
-        with open_regular(self.file, LARGEST_FILE, where=where) as file, reported(where, BadInput, "cannot be read"):
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return self._digest(self.file, f"{self.source}: {self.file}").hexdigest()
+
+    def _digest(self, path: Path, where: str) -> Any:
+        with open_regular(path, LARGEST_FILE, where=where) as file, reported(where, BadInput, "cannot be read"):
+            return hashlib.file_digest(file, "sha256")
 
     def build(self) -> str:
         """Return what changes with the unit: its hash; of a command also that of the files which it names.  BadInput.
@@ -144,10 +146,7 @@ class Unit(Settings):
             return self.sha256()
         digest = hashlib.sha256(self.sha256().encode())
         for word in beside:
-            where = f"{self.source}: {word}"
-            path = self._folder / word
-            with open_regular(path, LARGEST_FILE, where=where) as file, reported(where, BadInput, "cannot be read"):
-                digest.update(word.encode() + hashlib.file_digest(file, "sha256").digest())
+            digest.update(word.encode() + self._digest(self._folder / word, f"{self.source}: {word}").digest())
         return digest.hexdigest()
 
     def about(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.computer.redundancy.manager_config import LASTING, PARAMS, SINCE_3
+from rig.computer.redundancy.manager_config import PARAMS, told
 from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
 from rig.core.frame.fields import BASES, FIELD, FIELDS
 
@@ -123,7 +123,8 @@ def _packed(entries: list[_Entry]) -> np.dtype[Any]:
     end, pads = 0, 0
     for name, kind, shape in [*entries, ("", "<u8", ())]:  # the last one only closes the record
         dtype = np.dtype(kind)
-        if gap := -end % (8 if name == "length" else _alignment(dtype)):
+        alignment = 8 if name == "length" or dtype.names is not None else 1 if dtype.kind == "S" else dtype.itemsize
+        if gap := -end % alignment:
             pads += 1
             packed.append((f"pad_{pads}", "u1", (gap,)))
             end += gap
@@ -131,12 +132,6 @@ def _packed(entries: list[_Entry]) -> np.dtype[Any]:
             packed.append((name, dtype, shape))
             end += dtype.itemsize * int(np.prod(shape, dtype=int))
     return np.dtype(packed)
-
-
-def _alignment(dtype: np.dtype[Any]) -> int:
-    if dtype.names is not None:
-        return 8
-    return 1 if dtype.kind == "S" else dtype.itemsize
 
 
 def _little(dtype: np.dtype[Any], names: Iterable[str]) -> np.dtype[Any]:
@@ -153,9 +148,7 @@ def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
 
 # Fields of CONFIG that hold our own settings, and which of them.
 SETTINGS: Final[dict[str, tuple[str, ...]]] = {
-    "signal": tuple(name for name in PARAMS.names or () if name not in LASTING + SINCE_3),
-    "lasting": LASTING,
-    "rules": SINCE_3,
+    **{part: told(part) for part in ("signal", "lasting", "rules")},
     "discrete": DISCRETE_PARAMS.names or (),
 }
 RESOLVERS: Final = 5  # that a unit may ask: it knows of no other computers

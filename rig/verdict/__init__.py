@@ -10,35 +10,3 @@ of_log.py          the score of a log, and the conclusion of a flight; its sente
 
 docs/score.md defines every number.
 """
-
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from rig.flight.loop import fly_rows
-    from rig.verdict.of_log import Scored, score_log
-    from rig.verdict.score_records import FaultScore, Score, Yardstick
-    from rig.verdict.scoring import score
-    from rig.verdict.transients import fly_twin
-
-__all__ = ["FaultScore", "Score", "Scored", "Yardstick", "fly_rows", "fly_twin", "score", "score_log"]
-_HOME = {
-    "FaultScore": "rig.verdict.score_records",
-    "Score": "rig.verdict.score_records",
-    "Yardstick": "rig.verdict.score_records",
-    "fly_rows": "rig.flight.loop",
-    "fly_twin": "rig.verdict.transients",
-    "score": "rig.verdict.scoring",
-    "Scored": "rig.verdict.of_log",
-    "score_log": "rig.verdict.of_log",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import on first use: the commands must not load numba before they need it."""
-    if name not in _HOME:
-        raise AttributeError(f"module 'rig.verdict' has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(_HOME[name]), name)

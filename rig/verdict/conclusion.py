@@ -21,8 +21,8 @@ from rig.scenario.scenario import Scenario
 from rig.verdict.context import Context, channel, channels, comparable, place
 from rig.verdict.counting import another
 from rig.verdict.fault_sentence import fault_sentences
-from rig.verdict.lane_sentence import computers_lost, of_unit
-from rig.verdict.law_sentence import false_findings
+from rig.verdict.lane_tally import computers_lost, of_unit
+from rig.verdict.law_tally import false_findings
 from rig.verdict.score_records import Episode, Isolation, Score
 from rig.verdict.servo_sentence import bypassed, listed
 from rig.verdict.words import BY_DESIGN
@@ -40,8 +40,11 @@ def conclusion(scenario: Scenario, score: Score) -> list[str]:
     context = Context(scenario, score)
     return [
         *fault_sentences(context),
-        *pattern_sentences(context),
-        *_healthy([*score.false_alarms, *score.wrong_isolations], context),
+        *(_pattern_sentence(group, context) for group in _groups(score.episodes, context.rate_hz)),
+        *(
+            _isolated(each, f"at {seconds(each.frame, context.rate_hz)} by {each.resolver}")
+            for each in (*score.false_alarms, *score.wrong_isolations)
+        ),
         *of_unit(context),
         *false_findings(context),
         *_by_design(score, context),
@@ -62,10 +65,6 @@ def next_commands(flight: Flight) -> list[str]:
     elif ":" in flight.scenario.redundancy.manager:
         again = " --allow-code"
     return [f"rig score {log}{again}", f"rig view {log}", f"rig replay {log}{again}{fly}"]
-
-
-def _healthy(isolations: Sequence[Isolation], context: Context) -> list[str]:
-    return [_isolated(each, f"at {seconds(each.frame, context.rate_hz)} by {each.resolver}") for each in isolations]
 
 
 def _isolated(isolation: Isolation, how: str) -> str:
@@ -130,23 +129,17 @@ def _counted(context: Context) -> str:
     return f"{detections}, {wrong or 'no'} healthy channel{'s' if wrong > 1 else ''} failed{by_design}"
 
 
-def pattern_sentences(context: Context) -> list[str]:
-    """Return one sentence for each pattern without a majority, in order of time; quick successions as one."""
-    return [_pattern_sentence(group, context) for group in _groups(context.score.episodes, context.rate_hz)]
-
-
-def _groups(episodes: Sequence[Episode], rate_hz: float) -> Iterator[list[Episode]]:
+def _groups(episodes: Sequence[Episode], rate_hz: float) -> list[list[Episode]]:
     """Group episodes of one signal and one pattern that follow each other within _APART_S, in order of the first."""
-    open_groups: dict[tuple[str, str], list[Episode]] = {}
+    latest: dict[tuple[str, str], list[Episode]] = {}
     groups: list[list[Episode]] = []
     for episode in episodes:
         key = episode.signal, episode.pattern
-        group = open_groups.get(key)
-        if group is None or episode.first_frame - _end(group[-1]) > _APART_S * rate_hz:
-            group = open_groups[key] = []
-            groups.append(group)
-        group.append(episode)
-    yield from groups
+        if key not in latest or episode.first_frame - _end(latest[key][-1]) > _APART_S * rate_hz:
+            latest[key] = []
+            groups.append(latest[key])
+        latest[key].append(episode)
+    return groups
 
 
 def _end(episode: Episode) -> int:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.computer.redundancy.durations import in_frames
 from rig.core.frame import DISCRETE_INDEX, INDEX
+from rig.core.settings import in_frames
 from rig.verdict.context import Agreement, Bools, Context, agreement_of, singular
 from rig.verdict.score_records import FaultScore
 

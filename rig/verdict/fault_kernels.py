@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from rig.computer.redundancy.compare import is_singular
 from rig.computer.redundancy.reference_monitor import reference_threshold
-from rig.core.frame import Pattern, S, sig
+from rig.core.frame import S, sig
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 from rig.verdict.signal_kernels import NEVER, in_use
@@ -156,9 +157,3 @@ def watch_faults(row, frame, out):
             fault["worst"] = max(fault["worst"], pattern)
             if fault["singular"] == 0 and is_singular(pattern):
                 fault["singular"] = pattern
-
-
-@kernel
-def is_singular(pattern):
-    """Return whether no majority exists in a Pattern."""
-    return Pattern.P2_2.value <= pattern <= Pattern.P1_1.value

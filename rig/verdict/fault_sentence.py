@@ -11,8 +11,8 @@ from rig.core.frame import INDEX
 from rig.core.units.quantities import duration, quantity, seconds
 from rig.verdict.context import Agreement, Context, agreement_of, channels, longest_run, place
 from rig.verdict.counting import COMPARISON, Climb, another, climb
-from rig.verdict.lane_sentence import lane_result, on_lanes
-from rig.verdict.law_sentence import law_result
+from rig.verdict.lane_tally import lane_result, on_lanes
+from rig.verdict.law_tally import law_result
 from rig.verdict.monitored_places import references_of
 from rig.verdict.score_records import FaultScore
 from rig.verdict.servo_sentence import actuator_result, on_servos
@@ -216,16 +216,11 @@ def transient(fault: FaultScore, context: Context) -> str:
     if window is None or window.frames < 2:
         return ""
     looked_at_s = (window.frames - 1) / context.rate_hz
-    others = " (other faults included)" if _others_act(fault, window.frames, context) else ""
+    end = window.onset_frame + window.frames
+    begun = {each.index for each in context.score.faults if each.onset_frame is not None and each.onset_frame < end}
+    others = " (other faults included)" if begun - {fault.index} else ""
     off = quantity(window.peaks.load_factor, "g")
     return f"the load factor stayed within {off} of the fault-free flight's for {looked_at_s:g} s{others}"
-
-
-def _others_act(fault: FaultScore, frames: int, context: Context) -> bool:
-    """Return whether another fault has begun before the end of so many ``frames`` from the onset of ``fault`` on."""
-    end = (fault.onset_frame or 0) + frames
-    begun = {other.index for other in context.score.faults if other.onset_frame is not None and other.onset_frame < end}
-    return bool(begun - {fault.index})
 
 
 def _vote(fault: FaultScore, context: Context) -> str:

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS, SIGNALS, Table, new_block
-from rig.flight.suspects import SuspectCount
+from rig.core.frame import CHANNELS, SIGNALS, Block, Table, new_block, stacked
+from rig.flight.suspects import Suspect, count_suspects, new_counts, suspects
 from rig.scenario.scenario import Scenario
-from rig.verdict.kept_columns import KeptColumns
+from rig.verdict import law_tally
 from rig.verdict.lane_tally import LaneOutcome
-from rig.verdict.law_tally import LawOutcome
 from rig.verdict.monitored_places import Monitored, fault_records, of_scenario
 from rig.verdict.row_kernel import add_rows
-from rig.verdict.servo_tally import ActuatorOutcome
+from rig.verdict.score_records import COLUMNS, LawFinding
+from rig.verdict.servo_tally import ActuatorOutcome, add_servos
 from rig.verdict.signal_kernels import LEVELS, NEVER, VOTE
 from rig.verdict.tally_records import EPISODE, FAILURE, FLIGHT, PATTERNS, ROOM, SPAN, Outcomes
 from rig.verdict.unfaulted import ReferredAgain
@@ -131,8 +131,6 @@ class FlightOutcome(Outcome):
 
     window_s : after an onset, for which the load factor is looked at
     unit_lane : of several computers, the one whose software is a unit under test, A to D
-    kept : the channels of the signals with a fault, of a manager that compares them
-    suspects : in how many rows each channel was suspect
     """
 
     def __init__(self, scenario: Scenario, window_s: float, unit_lane: str | None = None) -> None:
@@ -140,32 +138,70 @@ class FlightOutcome(Outcome):
         faults = fault_records(scenario.faults, monitored, FLIGHT_PLACES, scenario.redundancy)
         super().__init__(monitored, faults, round(window_s * scenario.rate_hz))
         on_signals = faults[(faults["signal"] >= 0) & (faults["discrete"] == 0)]
-        self.kept = KeptColumns(
-            on_signals["signal"].tolist() if manager_kind(scenario.redundancy.manager).compares else ()
-        )
-        self.suspects = SuspectCount()
+        compared = on_signals["signal"].tolist() if manager_kind(scenario.redundancy.manager).compares else ()
+        self._kept: dict[int, list[tuple[int, NDArray[Any]]]] = {s: [] for s in compared}  # first frame, (n,) COLUMNS
+        self._before: dict[int, NDArray[Any]] = {}  # the last row of these signals
+        self._suspects = new_counts()
         self._referred = ReferredAgain(scenario) if (faults["reference"] != NEVER).any() else None
         self.actuators = ActuatorOutcome(scenario, self.records.faults, unit_lane) if scenario.has_servos else None
         self.computers = LaneOutcome(scenario, unit_lane) if scenario.computers.count > 1 else None
-        self.law = LawOutcome(self.params) if scenario.control.law == "fault-tolerant" else None
+        self._law: list[Table] | None = [] if scenario.control.law == "fault-tolerant" else None
         add_rows(new_block(0), np.zeros(0, CLEAN), NO_REFERENCES, 0, self.records)  # compiles before the first frame
 
     def add(self, table: Table, references: NDArray[np.float64] = NO_REFERENCES) -> None:
-        """Add the next frames, with their servos and lanes if there are any, and keep what is to be kept of them."""
+        """Add the next frames, block by block, with their servos and lanes; keep what is to be kept of them."""
         rows, first = table.rows, self.frames
         if first == 0 and len(rows):
             faults = self.records.faults
             here = (faults["signal"] >= 0) & (faults["discrete"] == 0)
             faults["sample"][here] = rows["channels"][0][faults["signal"][here], faults["channel"][here]]
         super().add(table, references if self._referred is None else self._referred.of(rows))
-        self.kept.add(rows, first, self.records.faults)
-        self.suspects.add(rows)
-        if self.law is not None:
-            self.law.add(table)
+        self._keep(rows, first)
+        count_suspects(rows, self._suspects)
+        if self._law is not None and len(news := law_tally.news(table, self._law[-1] if self._law else None)):
+            self._law.append(news)
         if self.actuators is not None and table.servo is not None:
-            self.actuators.add(table)
+            add_servos(table, self.actuators.records)
         if self.computers is not None:
-            self.computers.add(table)
+            self.computers.finder.find(table)
+
+    def _keep(self, rows: Block, first: int) -> None:
+        """Keep COLUMNS of the compared signals of ``rows``, from the frame before a fault acts until it is failed."""
+        if not len(rows):
+            return
+        faults = self.records.faults
+        unfailed = (faults["failed_at"] == NEVER) | (faults["failed_at"] >= first)
+        going_on = faults["signal"][(faults["executed"] != 0) & unfailed & (faults["discrete"] == 0)]
+        for s, parts in self._kept.items():
+            if s in going_on:
+                follows = bool(parts) and parts[-1][0] + len(parts[-1][1]) == first
+                if not follows and s in self._before:
+                    parts.append((first - 1, self._before[s]))
+                parts.append((first, columns(rows, s)))
+            self._before[s] = columns(rows[-1:], s)
+
+    def kept(self, s: int, first: int, end: int) -> NDArray[Any]:
+        """Return what was kept of a signal in the frames ``first`` to ``end`` (excluded), (n,) COLUMNS."""
+        within = [part[max(first - start, 0) : max(end - start, 0)] for start, part in self._kept[s]]
+        return np.concatenate([np.empty(0, COLUMNS), *within])
+
+    @property
+    def suspects(self) -> list[Suspect]:
+        """Every channel that had a state, and in how many frames it was suspect."""
+        return suspects(self._suspects, self.frames)
+
+    @property
+    def law(self) -> list[LawFinding]:
+        """What the fault-tolerant law found."""
+        return law_tally.findings(stacked(self._law), self.params) if self._law else []
+
+
+def columns(rows: Block, s: int) -> NDArray[Any]:
+    """Return (n,) COLUMNS of one signal of ``rows``."""
+    kept = np.empty(len(rows), COLUMNS)
+    for field in COLUMNS.names or ():
+        kept[field] = rows[field][:, s]
+    return kept
 
 
 def _blank_flight(signals: int, window: int) -> NDArray[Any]:

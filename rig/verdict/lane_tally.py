@@ -6,19 +6,36 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
-from rig.core.frame import COMPUTERS, Table
+from rig.core.frame import COMPUTERS, ActuatorMonitor
+from rig.core.units.quantities import duration, seconds
 from rig.flight.lane_events import ComputerFinder, LaneFailure, test_name
+from rig.flight.servo_events import monitor_name
 from rig.scenario.scenario import Scenario
+from rig.verdict.context import Context
 from rig.verdict.score_records import ComputersScore, FaultScore, Isolation, LaneFailed
+from rig.verdict.servo_sentence import listed
 from rig.verdict.words import IsolationKind, fault_word
-from rig.world.faults import Fault
+from rig.world.faults import KINDS, Fault
 from rig.world.faults.places import OF_LANES, lanes_of, senders, site
 
 LINK: Final = "link"  # the receivers have had no message for long
 UNIT: Final = "unit under test"  # why a lane, or what it drives, was failed: its software is that
 RELAYS: Final = "relays"  # other lanes told another word than came directly
+_BY: Final = {
+    LINK: "the receivers, who had no message for so long",
+    RELAYS: "the relays, which outvoted it",
+    "vote of commands": "the vote of commands",
+    "clock": "the other lanes, for its clock",
+    **{
+        monitor_name(monitor): f"the monitor {monitor_name(monitor)} of its servo channel"
+        for monitor in ActuatorMonitor
+    },
+}
+
+
+def on_lanes(fault: FaultScore) -> bool:
+    """Return True if a fault sits on a computer, a link or a bus, and on no channel."""
+    return fault.channel is None and site(fault.signal) in OF_LANES
 
 
 def columns_of(fault: Fault) -> int:
@@ -27,35 +44,22 @@ def columns_of(fault: Fault) -> int:
 
 
 class LaneOutcome:
-    """What became of the faults of computers, links and buses, added up block by block.
+    """What became of the faults of computers, links and buses, by the events of their rows: ``finder``.
 
     unit_lane : the lane whose software is a unit under test, A to D: it is not healthy when it is failed
     """
 
     def __init__(self, scenario: Scenario, unit_lane: str | None = None) -> None:
-        self._finder, self._unit_lane, self._of = ComputerFinder(scenario.rate_hz), unit_lane, scenario.faults
-        self._outvoted: dict[tuple[int, int], list[int]] = {}  # frames, by receiver and sender
-        self._seen = False
-
-    def add(self, table: Table) -> None:
-        """Add the next frames."""
-        if table.lane is None or not len(table):
-            return
-        self._seen = True
-        self._finder.find(table)
-        outvoted = table.lane["outvoted"] != 0
-        for i, j in zip(*np.nonzero(outvoted.any(axis=0)), strict=True):
-            first = int(table["frame"][outvoted[:, i, j].argmax()])
-            self._outvoted.setdefault((int(i), int(j)), []).append(first)
+        self.finder, self._unit_lane, self._of = ComputerFinder(scenario.rate_hz), unit_lane, scenario.faults
 
     def score(self, faults: list[FaultScore]) -> ComputersScore | None:
         """Return what became of computers and links; None: their rows were not seen.
 
         faults : of the score, whose onsets are known
         """
-        if not self._seen:
+        finder, links = self.finder, dict[str, int]()
+        if not finder.seen:
             return None
-        finder, links = self._finder, dict[str, int]()
         for link in finder.links:
             links.setdefault(f"{COMPUTERS[link.sender]}-{COMPUTERS[link.receiver]}", link.frame)
         failures = [self._failed(failure, faults) for failure in finder.failures]
@@ -63,10 +67,9 @@ class LaneOutcome:
 
     def _failed(self, failure: LaneFailure, faults: list[FaultScore]) -> LaneFailed:
         """Return a lane that was failed, with the lanes on which a fault had begun by then."""
-        begun = [
-            (fault.onset_frame, senders(self._of[fault.index].signal)) for fault in faults if self._on_lanes(fault)
-        ]
-        faulty = {i for onset, lanes in begun if onset is not None and onset <= failure.frame for i in lanes}
+        on = [(fault.onset_frame, self._of[fault.index].signal) for fault in faults]
+        begun = [place for onset, place in on if onset is not None and onset <= failure.frame]
+        faulty = {i for place in begun if site(place) in OF_LANES for i in senders(place)}
         name = COMPUTERS[failure.lane]
         cause = "wrong isolation" if faulty else "false alarm"
         if failure.lane in faulty:
@@ -85,7 +88,7 @@ class LaneOutcome:
     def completed(self, fault: FaultScore) -> FaultScore:
         """Return what became of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
         onset = fault.onset_frame
-        if fault.channel is not None or site(fault.signal) not in OF_LANES or onset is None or not self._seen:
+        if not on_lanes(fault) or onset is None or not self.finder.seen:
             return fault
         of_servo = [(fault.failed_frame, fault.resolver or "")] if fault.failed_frame is not None else []
         detection = min([*self._found(fault.signal, onset), *of_servo], default=None)
@@ -105,15 +108,15 @@ class LaneOutcome:
         """Yield (frame, by whom) of all that speaks against a place from ``onset`` on."""
         suspects = senders(place)
         receivers = lanes_of(place)[1:] or [*range(len(COMPUTERS))]
-        for failure in self._finder.failures:
+        for failure in self.finder.failures:
             if failure.lane in suspects and failure.frame >= onset:
                 yield failure.frame, test_name(failure.test)
         if site(place) != "ccdl":
             return
-        for link in self._finder.links:
+        for link in self.finder.links:
             if link.sender in suspects and link.receiver in receivers and link.frame >= onset:
                 yield link.frame, LINK
-        for (receiver, sender), frames in self._outvoted.items():
+        for (receiver, sender), frames in self.finder.outvoted.items():
             if sender in suspects and receiver in receivers:
                 yield from ((frame, RELAYS) for frame in frames if frame >= onset)
 
@@ -135,5 +138,39 @@ class LaneOutcome:
             if each.cause == kind
         ]
 
-    def _on_lanes(self, fault: FaultScore) -> bool:
-        return site(self._of[fault.index].signal) in OF_LANES
+
+def lane_result(fault: FaultScore, context: Context) -> str:
+    """Return what became of a fault on lanes: ``was found by its watchdog after 10 ms``."""
+    if fault.outcome != "detected":
+        return f"was not found: {KINDS[fault.kind].unseen or 'nothing left its threshold for long enough'}"
+    after = duration(fault.delay_from_onset_frames, context.rate_hz)
+    return f"was found by {_BY.get(fault.resolver or '', f'its own {fault.resolver}')} after {after}"
+
+
+def of_unit(context: Context) -> Iterator[str]:
+    """Yield a sentence for what was failed because its software, or its lane's, is the unit under test."""
+    rate_hz = context.rate_hz
+    for each in () if context.score.computers is None else context.score.computers.failures:
+        if each.cause == UNIT:
+            lanes = f"computer{'s' if len(each.accusers) > 1 else ''} {listed(each.accusers)}" if each.accusers else ""
+            by = f"by {lanes} ({each.test})" if lanes else f"by its own {each.test}"
+            at = seconds(each.frame, rate_hz)
+            yield f"computer {each.lane}, whose software is the unit under test, was failed at {at} {by}"
+    for name, score in context.score.actuators.items():
+        for failure in score.failures:
+            if failure.cause == UNIT:
+                at = seconds(failure.frame, rate_hz)
+                of = f"{name} channel {failure.channel}"
+                yield f"{of}, which the unit under test drives, was failed at {at} by {failure.monitor}"
+
+
+def computers_lost(context: Context) -> str:
+    """Return the computers that failed and the back-up: ``computers A and B failed; the back-up flew from ..``."""
+    score = context.score.computers
+    if score is None:
+        return ""
+    names = sorted({failure.lane for failure in score.failures})
+    parts = [f"computer{'s' if len(names) > 1 else ''} {listed(tuple(names))} failed"] if names else []
+    if score.backup_frame is not None:
+        parts.append(f"the back-up flew from {seconds(score.backup_frame, context.rate_hz)} on ({score.backup_reason})")
+    return "; ".join(parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 from rig.core.frame import INDEX, SIGNALS, SensorFault, Table, Trust
 from rig.core.units.angles import differences
+from rig.core.units.quantities import seconds
+from rig.verdict.context import Context
 from rig.verdict.score_records import FaultScore, LawFinding
 from rig.verdict.words import fault_word
 
@@ -27,71 +30,93 @@ _SHARE: Final = 0.5  # of an innovation that faults must have caused, and of the
 _NOTHING: Final = 1e-9
 
 
-class LawOutcome:
-    """The findings of the law, added up block by block; params : (S,) config.PARAMS."""
+def news(table: Table, before: Table | None) -> Table:
+    """Return the frames in which the law's trust in the pitch angle, or what it calls faulty, is another than before.
 
-    def __init__(self, params: NDArray[np.void]) -> None:
-        self._params = params
-        self._trust, self._lie = int(Trust.NONE), int(SensorFault.NONE)  # in the row before
-        self.findings: list[LawFinding] = []
+    before : earlier frames, of which the last that was news counts; None: none was
+    """
+    last = (Trust.NONE, SensorFault.NONE) if before is None else (before["trust"][-1], before["lie"][-1])
+    changed = [np.diff(table[name], prepend=was) != 0 for name, was in zip(("trust", "lie"), last, strict=True)]
+    return table[np.logical_or(*changed)]
 
-    def add(self, table: Table) -> None:
-        """Add the next frames, with their clean channels."""
-        if not len(table):
-            return
-        rows, clean = table.rows, table.clean
-        trust, lie = ([before, *rows[name].tolist()] for before, name in ((self._trust, "trust"), (self._lie, "lie")))
-        news = np.flatnonzero((np.diff(trust) != 0) | (np.diff(lie) != 0)).tolist()
-        for k in news:
-            if trust[k + 1] != trust[k] and trust[k + 1] == Trust.CORRECTED:
-                self.findings.append(self._found(CORRECTED, rows[k], clean[k]))
-            if lie[k + 1] != lie[k] and lie[k + 1] == SensorFault.RATE_BIAS:
-                self.findings.append(self._found(BIASED, rows[k], clean[k]))
-            elif lie[k + 1] in NAMES:
-                self._name(NAMES[SensorFault(lie[k + 1])], int(rows[k]["frame"]))
-        self._trust, self._lie = trust[-1], lie[-1]
 
-    def _name(self, named: str, frame: int) -> None:
-        """Note what the law first named the fault that it corrects."""
-        last = self.findings[-1] if self.findings else None
-        if last is not None and last.finding == CORRECTED and last.named_frame is None:
-            self.findings[-1] = replace(last, named=named, named_frame=frame)
+def findings(frames: Table, params: NDArray[np.void]) -> list[LawFinding]:
+    """Return what the law found in a flight: ``frames`` are its news, with their clean channels.
 
-    def _found(self, finding: str, row: Any, clean: Any) -> LawFinding:
-        """Return a finding with the signals whose votes faults had moved enough to be its cause."""
-        moved = {name: self._moved(INDEX[name], row, clean) for name in _TESTED[finding]}
-        least = _SHARE * max(moved.values()) if finding == BIASED else _SHARE * abs(float(row["estimate"][_INNOVATION]))
-        for_signals = tuple(name for name, size in moved.items() if size > _NOTHING and size >= least)
-        return LawFinding(finding, int(row["frame"]), for_signals)
+    params : (S,) config.PARAMS
+    """
+    found: list[LawFinding] = []
+    trusted, called = int(Trust.NONE), int(SensorFault.NONE)
+    for row, clean in zip(frames.rows, frames.clean, strict=True):
+        trust, lie = int(row["trust"]), int(row["lie"])
+        if trust != trusted and trust == Trust.CORRECTED:
+            found.append(_found(CORRECTED, row, clean, params))
+        if lie != called and lie == SensorFault.RATE_BIAS:
+            found.append(_found(BIASED, row, clean, params))
+        elif lie in NAMES and found and found[-1].finding == CORRECTED and found[-1].named_frame is None:
+            found[-1] = replace(found[-1], named=NAMES[SensorFault(lie)], named_frame=int(row["frame"]))
+        trusted, called = trust, lie
+    return found
 
-    def _moved(self, s: int, row: Any, clean: Any) -> float:
-        """Return how far faults have moved a vote from that of the clean channels, in thresholds; of pitch in rad."""
-        fitted, wraps, truth = int(self._params["fitted"][s]), SIGNALS[s].wraps, row["truth"][s]
-        channels = clean["channels"][s][:fitted]
-        of_clean = float(np.median(differences(channels, np.full(fitted, truth), wraps)))
-        off = abs(float(differences(row["voted"][s], truth, wraps)) - of_clean)
-        return off if s == INDEX["pitch_angle"] else off / float(self._params["threshold"][s])
 
-    def completed(self, fault: FaultScore, acted_until: int) -> FaultScore:
-        """Return what became of a fault on a channel: found, if the law found it; as it is otherwise.
+def _found(finding: str, row: Any, clean: Any, params: NDArray[np.void]) -> LawFinding:
+    """Return a finding with the signals whose votes faults had moved enough to be its cause."""
+    moved = {name: _moved(INDEX[name], row, clean, params) for name in _TESTED[finding]}
+    least = _SHARE * max(moved.values()) if finding == BIASED else _SHARE * abs(float(row["estimate"][_INNOVATION]))
+    for_signals = tuple(name for name, size in moved.items() if size > _NOTHING and size >= least)
+    return LawFinding(finding, int(row["frame"]), for_signals)
 
-        acted_until : the last frame in which it can be the cause of a finding
-        """
-        onset = fault.onset_frame
-        if fault.channel is None or onset is None or fault.outcome == "not executed":
-            return fault
-        frames = [each.frame for each in self.findings if fault.signal in each.signals]
-        found = next((frame for frame in frames if onset <= frame <= acted_until), None)
-        if found is None or fault.failed_frame is not None:
-            return replace(fault, law_frame=found)
-        exceeded = fault.exceeded_frame
-        return replace(
-            fault,
-            outcome="detected",
-            word=fault_word(True, True, True, fault.word == "wrong channel"),
-            law_frame=found,
-            delay_from_onset_frames=found - onset,
-            delay_from_exceeded_frames=None if exceeded is None else found - exceeded,
-            resolver=LAW,
-            tolerated=False,
-        )
+
+def _moved(s: int, row: Any, clean: Any, params: NDArray[np.void]) -> float:
+    """Return how far faults have moved a vote from that of the clean channels, in thresholds; of pitch in rad."""
+    fitted, wraps, truth = int(params["fitted"][s]), SIGNALS[s].wraps, row["truth"][s]
+    channels = clean["channels"][s][:fitted]
+    of_clean = float(np.median(differences(channels, np.full(fitted, truth), wraps)))
+    off = abs(float(differences(row["voted"][s], truth, wraps)) - of_clean)
+    return off if s == INDEX["pitch_angle"] else off / float(params["threshold"][s])
+
+
+def completed(fault: FaultScore, acted_until: int, found: Sequence[LawFinding]) -> FaultScore:
+    """Return what became of a fault on a channel: found, if the law found it; as it is otherwise.
+
+    acted_until : the last frame in which it can be the cause of a finding
+    """
+    onset = fault.onset_frame
+    if fault.channel is None or onset is None or fault.outcome == "not executed":
+        return fault
+    frames = [each.frame for each in found if fault.signal in each.signals]
+    first = next((frame for frame in frames if onset <= frame <= acted_until), None)
+    if first is None or fault.failed_frame is not None:
+        return replace(fault, law_frame=first)
+    exceeded = fault.exceeded_frame
+    return replace(
+        fault,
+        outcome="detected",
+        word=fault_word(True, True, True, fault.word == "wrong channel"),
+        law_frame=first,
+        delay_from_onset_frames=first - onset,
+        delay_from_exceeded_frames=None if exceeded is None else first - exceeded,
+        resolver=LAW,
+        tolerated=False,
+    )
+
+
+def law_result(fault: FaultScore, context: Context) -> str:
+    """Return what the law did about a fault that it found: ``which flew on its estimate from 30.86 s on``."""
+    finding = next(each for each in context.score.law if each.frame == fault.law_frame and fault.signal in each.signals)
+    at = seconds(finding.frame, context.rate_hz)
+    if finding.finding != CORRECTED:
+        return f"which called a rate biased at {at} and flew on the pitch-angle sensor"
+    named = ""
+    if finding.named_frame is not None:
+        named = f" and named it a fault of {finding.named} at {seconds(finding.named_frame, context.rate_hz)}"
+    return f"which flew on its estimate of the pitch angle from {at} on{named}"
+
+
+def false_findings(context: Context) -> Iterator[str]:
+    """Yield a sentence for each finding that no fault was the cause of."""
+    for finding in context.score.law:
+        if not finding.signals:
+            what = "corrected the pitch angle" if finding.finding == CORRECTED else "called a rate biased"
+            at = seconds(finding.frame, context.rate_hz)
+            yield f"the fault-tolerant law {what} at {at}, although no fault had moved what it tests"

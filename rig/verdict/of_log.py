@@ -138,7 +138,7 @@ class FlightConclusion:
         self._outcome = FlightOutcome(scenario, Yardstick().window_s, unit_lane)
 
     def add(self, table: Table) -> None:
-        """Take the next frames, with their clean channels."""
+        """Take the next frames, with their clean channels: block by block, while the flight is flown."""
         if self._outcome is None:
             return
         try:

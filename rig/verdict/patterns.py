@@ -39,7 +39,7 @@ def episodes(outcome: FlightOutcome) -> list[Episode]:
 def _episode(record: np.void, p: NDArray[np.void], failures: NDArray[Any]) -> Episode:
     pattern = Pattern(record["pattern"])
     reported = [resolver for resolver in Resolver if int(record["resolvers"]) >> resolver & 1]
-    stood = _resolver(record["resolver"])
+    stood = Resolver(record["resolver"]) if record["resolver"] in _CODES else Resolver.NONE
     within = (record["first"] <= failures["frame"]) & (failures["frame"] <= record["last"])
     within &= failures["signal"] == record["signal"]
     by_resolver = [f for f in failures[within] if Resolver(f["resolver"]).name.lower() in RESOLVERS]
@@ -57,10 +57,6 @@ def _episode(record: np.void, p: NDArray[np.void], failures: NDArray[Any]) -> Ep
         verdict=verdict,
         last=record,
     )
-
-
-def _resolver(code: int) -> Resolver:
-    return Resolver(code) if code in _CODES else Resolver.NONE
 
 
 def _asked(pattern: Pattern, reported: Sequence[Resolver], p: NDArray[np.void]) -> tuple[str, ...]:

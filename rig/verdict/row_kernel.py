@@ -9,10 +9,11 @@ import math
 
 import numpy as np
 
+from rig.computer.redundancy.compare import is_singular
 from rig.core.frame import CHANNELS, Ilm, Resolver, State, UnitStatus, sig
 from rig.core.kernels import kernel, long_kernel
 from rig.core.units.angles import difference
-from rig.verdict.fault_kernels import follow_faults, is_singular, mark_acting, watch_faults
+from rig.verdict.fault_kernels import follow_faults, mark_acting, watch_faults
 from rig.verdict.signal_kernels import (
     LEVELS,
     NEVER,

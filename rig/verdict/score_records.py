@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from math import radians
 from typing import Any, Final, Literal, NamedTuple
@@ -10,11 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from rig.core.frame import CHANNELS
 from rig.core.settings import Settings
 from rig.flight.suspects import Suspect
-from rig.verdict.kept_columns import Columns
 from rig.verdict.words import FaultWord, IsolationKind
 
+# One signal's fields that a sentence looks at again, frame by frame: frames in which a fault was not yet failed.
+COLUMNS: Final = np.dtype(
+    [("channels", "f8", (CHANNELS,)), ("valid", "u1", (CHANNELS,)), ("state", "u1", (CHANNELS,)), ("pattern", "u1")]
+)
+Columns = Callable[[int, int, int], NDArray[Any]]  # signal, first frame, end (excluded): (n,) COLUMNS
 Outcome = Literal["detected", "missed", "undetectable", "not executed"]
 # The field of Score that lists the healthy channels of each kind.
 ISOLATIONS: Final[dict[IsolationKind, str]] = {

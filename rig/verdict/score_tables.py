@@ -1,128 +1,182 @@
-"""The tables of a score as rows of text with units, times in seconds: for the terminal and for a report."""
+"""The tables of a score, with units and times in seconds: every column once, for the terminal and for a report."""
 
 from __future__ import annotations
 
-from math import degrees
-from typing import Final
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from math import degrees, isfinite
+from typing import Any, Final, NamedTuple
 
+from rig.core.column import Column
 from rig.core.frame import INDEX, SIGNALS
-from rig.core.units.quantities import duration, moment, number, unit_shown
-from rig.scenario.scenario import Scenario
+from rig.core.units.quantities import duration, moment, number, quantity, unit_shown
 from rig.verdict.context import channel, error_unit
-from rig.verdict.score_records import FaultScore, FlightScore, Score
+from rig.verdict.requirements.margins import margin_text
+from rig.verdict.requirements.requirement_recorder import Verdict
+from rig.verdict.score_records import FlightScore, Score
 
-Row = tuple[str, ...]
-FAULTS: Final = (
-    *("fault", "on", "onset", "left threshold", "found", "delay", "from threshold", "by", "peak error", "unit"),
-    "outcome",
-)
-RESOLVERS: Final = ("pattern", "resolver", "asked", "answered", "correct", "wrong", "open")
-VOTES: Final = ("vote error", "unit", "peak", "at", "RMS", "above threshold", "after onset", "due to faults, peak")
-ACTUATORS: Final = ("actuator", "channel", "shut off", "by", "for")
-COMPUTERS: Final = ("computer", "failed", "by", "for", "cause")
-LAW: Final = ("fault-tolerant law", "at", "for", "named", "named at")
-SUSPECTS: Final = ("suspect", "in frames", "share", "failed")
-ISOLATIONS: Final = ("what", "channel", "at", "by")
 ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
+FEW: Final = 4  # quantities of a line on the terminal
+_ORDER: Final = ("violated", "met", "not applicable")
 
 
-def fault_row(fault: FaultScore, scenario: Scenario) -> Row:
-    """Return one fault under the heads FAULTS."""
-    rate_hz, unit = scenario.rate_hz, error_unit(fault)
-    place = fault.signal if fault.channel is None else f"{fault.signal}.{fault.channel}"
-    outcome = f"{fault.outcome}, shorter than the persistence" if fault.tolerated else fault.outcome
-    found = fault.law_frame if fault.failed_frame is None else fault.failed_frame
-    frames = (moment(frame, rate_hz) for frame in (fault.onset_frame, fault.exceeded_frame, found))
-    delays = (fault.delay_from_onset_frames, fault.delay_from_exceeded_frames)
-    cells = (*frames, *(duration(delay, rate_hz) for delay in delays), fault.resolver or "")
-    return (fault.id, place, *cells, number(fault.peak_error, unit), unit_shown(unit), outcome)
+class Row(NamedTuple):
+    """What a row is made of: a part of a score, what it is of, and the frames a second of the flight."""
+
+    of: Any
+    name: str
+    rate_hz: float
 
 
-def resolver_rows(score: Score) -> list[Row]:
-    """Return the resolvers that were asked, by pattern, under the heads RESOLVERS."""
+class ScoreTable(NamedTuple):
+    """A table of a score; ``title`` on a page."""
+
+    title: str
+    columns: Sequence[Column]
+    rows: Sequence[Any]
+
+
+def _at(frame: str) -> Callable[[Row], str]:
+    """Return the moment of a part's frame."""
+    return lambda row: moment(getattr(row.of, frame), row.rate_hz)
+
+
+def _peak_error(row: Row) -> str:
+    return number(row.of.peak_error, error_unit(row.of))
+
+
+def _error_unit(row: Row) -> str:
+    return unit_shown(error_unit(row.of))
+
+
+FAULTS: Final = (
+    Column("fault", "of.id"),
+    Column("on", lambda r: r.of.signal if r.of.channel is None else f"{r.of.signal}.{r.of.channel}", worth=2),
+    *(Column("onset", _at("onset_frame"), worth=4), Column("left threshold", _at("exceeded_frame"), worth=1)),
+    Column("found", lambda r: _at("law_frame" if r.of.failed_frame is None else "failed_frame")(r), worth=7),
+    Column("delay", lambda r: duration(r.of.delay_from_onset_frames, r.rate_hz)),
+    Column("from threshold", lambda r: duration(r.of.delay_from_exceeded_frames, r.rate_hz), worth=3),
+    Column("by", "of.resolver"),
+    Column("peak error", lambda r: f"{_peak_error(r)} {_error_unit(r)}", worth=6, page=None),
+    *(Column("peak error", _peak_error, worth=0), Column("unit", _error_unit, worth=0)),
+    Column("outcome", lambda r: f"{r.of.outcome}, shorter than the persistence" if r.of.tolerated else r.of.outcome),
+)
+RESOLVERS: Final = (
+    *(Column("pattern"), Column("resolver"), Column("asked", worth=3), Column("answered", worth=5)),
+    *(Column("correct", "right"), Column("wrong"), Column("open", worth=4)),
+)
+ISOLATIONS: Final = (
+    *(Column("what", "name"), Column("channel", lambda r: channel(r.of.signal, r.of.channel))),
+    *(Column("at", _at("frame")), Column("by", "of.resolver")),
+)
+SUSPECTS: Final = (
+    *(Column("suspect", lambda one: channel(one.signal, one.channel)), Column("in frames", "rows")),
+    Column("share", lambda one: f"{100 * one.share:.3g} %"),
+    Column("failed", lambda one: "yes" if one.failed else "never"),
+)
+ACTUATORS: Final = tuple(map(Column, ("actuator", "channel", "shut off", "by", "for")))
+COMPUTERS: Final = tuple(map(Column, ("computer", "failed", "by", "for", "cause")))
+LAW: Final = (
+    *(Column("fault-tolerant law", "of.finding"), Column("at", _at("frame"), worth=3)),
+    Column("for", lambda r: f"faults on {', '.join(r.of.signals)}" if r.of.signals else "no fault"),
+    *(Column("named", "of.named"), Column("named at", _at("named_frame"))),
+)
+
+
+def _vote(figure: str, none: str = "") -> Callable[[Row], str]:
+    """Return a figure of an error of the vote; ``none`` where no vote was a number."""
+    return lambda r: none if r.of.peak_frame is None else number(getattr(r.of, figure), _unit(r))
+
+
+def _unit(row: Row) -> str:
+    return SIGNALS[INDEX[row.name]].unit
+
+
+VOTES: Final = (
+    *(Column("vote error", "name"), Column("unit", lambda r: unit_shown(_unit(r)))),
+    *(Column("peak", _vote("peak", "no vote")), Column("at", _at("peak_frame"), worth=3)),
+    *(Column("RMS", _vote("rms"), worth=4), Column("above threshold", lambda r: f"{r.of.above_threshold_s:g} s")),
+    Column("after onset", lambda r: f"{r.of.above_threshold_after_onset_s:g} s", worth=2),
+    Column("due to faults, peak", _vote("clean_peak"), worth=5),
+)
+
+
+def _there(verdict: Verdict, most: int | None = None) -> str:
+    """Return the quantities of a verdict's instant, ``most`` of them."""
+    if not isfinite(verdict.margin):
+        return ""
+    there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items()]
+    return ", ".join([*there[:most], *(["..."] if len(there) > len(there[:most]) else [])])
+
+
+VERDICTS: Final = (
+    *(Column("requirement"), Column("on", "signal", worth=3), Column("verdict", "status")),
+    Column("margin", lambda verdict: margin_text(verdict.margin) or None, "s"),
+    Column("at", lambda verdict: f"{verdict.instant_s:.2f} s" if isfinite(verdict.margin) else None, "s", worth=4),
+    *(Column("there", lambda v: _there(v, FEW), worth=1, page=None), Column("there", _there, worth=0)),
+)
+
+
+def violated_first(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """Return verdicts in the order in which they are listed."""
+    return sorted(verdicts, key=lambda verdict: _ORDER.index(verdict.status))
+
+
+def tables(score: Score, rate_hz: float) -> dict[str, ScoreTable]:
+    """Return the tables of a score by name, in the order of a page."""
+    rows = lambda parts: [Row(part, name, rate_hz) for name, part in parts]  # noqa: E731
+    suspects = [one for one in score.suspects if one.rows]
+    off = ((name, e) for name, e in score.vote_error.items() if e.above_threshold_s > 0 or e.clean_peak > ROUNDING)
+    return {
+        "faults": ScoreTable("Faults", FAULTS, rows((fault.id, fault) for fault in score.faults)),
+        "actuators": ScoreTable("Channels of actuators", ACTUATORS, [*_actuators(score, rate_hz)]),
+        "computers": ScoreTable("Computers and links", COMPUTERS, [*_computers(score, rate_hz)]),
+        "law": ScoreTable("The fault-tolerant law", LAW, rows((each.finding, each) for each in score.law)),
+        "suspects": ScoreTable("Suspect channels", SUSPECTS, suspects),
+        "isolations": ScoreTable("Healthy channels that were failed", ISOLATIONS, rows(score.isolations)),
+        "resolvers": ScoreTable("Patterns without a majority", RESOLVERS, _resolvers(score)),
+        "votes": ScoreTable("Votes", VOTES, rows(off)),
+    }
+
+
+def _resolvers(score: Score) -> list[dict[str, Any]]:
+    """Return the resolvers that were asked, by pattern."""
     return [
-        (pattern, name, *map(str, (r.asked, r.answered, r.right, r.wrong, r.open)))
+        {"pattern": pattern, "resolver": name, **asdict(asked)}
         for pattern, resolvers in score.resolvers_by_pattern.items()
-        for name, r in resolvers.items()
-        if r.asked
+        for name, asked in resolvers.items()
+        if asked.asked
     ]
 
 
-def vote_rows(score: Score, rate_hz: float) -> list[Row]:
-    """Return the signals whose vote was above the threshold or not that of healthy channels, under the heads VOTES."""
-    rows = []
-    for name, e in score.vote_error.items():
-        if e.above_threshold_s > 0 or e.clean_peak > ROUNDING:
-            unit = SIGNALS[INDEX[name]].unit
-            seconds = (f"{e.above_threshold_s:g} s", f"{e.above_threshold_after_onset_s:g} s")
-            peak = (number(e.peak, unit), moment(e.peak_frame, rate_hz), number(e.rms, unit))
-            off = (*peak, *seconds, number(e.clean_peak, unit))
-            none = ("no vote", "", "", *seconds, "")
-            rows.append((name, unit_shown(unit), *(none if e.peak_frame is None else off)))
-    return rows
-
-
-def isolation_rows(score: Score, rate_hz: float) -> list[Row]:
-    """Return the healthy channels that were failed, under the heads ISOLATIONS."""
-    return [
-        (kind, channel(each.signal, each.channel), moment(each.frame, rate_hz), each.resolver)
-        for kind, each in score.isolations
-    ]
-
-
-def suspect_rows(score: Score) -> list[Row]:
-    """Return the channels that were ever suspect, under the heads SUSPECTS."""
-    return [
-        (channel(one.signal, one.channel), str(one.rows), f"{100 * one.share:.3g} %", "yes" if one.failed else "never")
-        for one in score.suspects
-        if one.rows
-    ]
-
-
-def actuator_rows(score: Score, rate_hz: float) -> list[Row]:
-    """Return the channels of actuators that were shut off, and the surfaces bypassed, under the heads ACTUATORS."""
-    rows = []
+def _actuators(score: Score, rate_hz: float) -> Iterator[dict[str, Any]]:
+    """Yield the channels of actuators that were shut off, and the surfaces bypassed."""
     for name, actuator in score.actuators.items():
-        rows += [
-            (name, str(each.channel), moment(each.frame, rate_hz), each.monitor, each.cause)
-            for each in actuator.failures
-        ]
-        rows += [
-            (name, str(c), moment(frame, rate_hz), "valve", "differs") for c, frame in actuator.valves_differ.items()
-        ]
+        for one in actuator.failures:
+            yield {**_off(name, one.channel, one.frame, rate_hz), "by": one.monitor, "for": one.cause}
+        for number_from_1, frame in actuator.valves_differ.items():
+            yield {**_off(name, number_from_1, frame, rate_hz), "by": "valve", "for": "differs"}
         if actuator.bypassed_frame is not None:
-            rows.append((name, "all", moment(actuator.bypassed_frame, rate_hz), "", "bypassed"))
-    return rows
+            yield {**_off(name, "all", actuator.bypassed_frame, rate_hz), "by": "", "for": "bypassed"}
 
 
-def computer_rows(score: Score, rate_hz: float) -> list[Row]:
-    """Return the computers and links that failed, and the back-up, under the heads COMPUTERS."""
+def _off(actuator: str, number: int | str, frame: int, rate_hz: float) -> dict[str, Any]:
+    return {"actuator": actuator, "channel": number, "shut_off": moment(frame, rate_hz)}
+
+
+def _computers(score: Score, rate_hz: float) -> Iterator[dict[str, Any]]:
+    """Yield the computers and links that failed, and the back-up."""
     if (computers := score.computers) is None:
-        return []
-    rows = [
-        (f"lane {each.lane}", moment(each.frame, rate_hz), ", ".join(each.accusers) or "itself", each.test, each.cause)
-        for each in computers.failures
-    ]
-    rows += [
-        (f"link {way}", moment(frame, rate_hz), way[-1], "silence", "") for way, frame in computers.links_failed.items()
-    ]
+        return
+    for one in computers.failures:
+        told = {"by": ", ".join(one.accusers) or "itself", "for": one.test, "cause": one.cause}
+        yield {"computer": f"lane {one.lane}", "failed": moment(one.frame, rate_hz), **told}
+    for way, frame in computers.links_failed.items():
+        told = {"by": way[-1], "for": "silence", "cause": ""}
+        yield {"computer": f"link {way}", "failed": moment(frame, rate_hz), **told}
     if computers.backup_frame is not None:
-        rows.append(("back-up engaged", moment(computers.backup_frame, rate_hz), "", computers.backup_reason, ""))
-    return rows
-
-
-def law_rows(score: Score, rate_hz: float) -> list[Row]:
-    """Return what the fault-tolerant law found, under the heads LAW."""
-    return [
-        (
-            each.finding,
-            moment(each.frame, rate_hz),
-            f"faults on {', '.join(each.signals)}" if each.signals else "no fault",
-            each.named or "",
-            moment(each.named_frame, rate_hz),
-        )
-        for each in score.law
-    ]
+        told = {"by": "", "for": computers.backup_reason, "cause": ""}
+        yield {"computer": "back-up engaged", "failed": moment(computers.backup_frame, rate_hz), **told}
 
 
 def peaks(flight: FlightScore) -> str:

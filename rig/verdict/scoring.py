@@ -14,6 +14,7 @@ from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, Pattern, Resolver, Table
 from rig.scenario.scenario import Scenario
 from rig.verdict.flight_tally import FlightOutcome
+from rig.verdict.law_tally import completed
 from rig.verdict.monitored_places import allowed_frames, channels_of, monitor
 from rig.verdict.patterns import by_pattern, coverage, episodes, tally
 from rig.verdict.score_records import (
@@ -47,7 +48,7 @@ OUTCOMES: Final[Mapping[FaultWord, Outcome]] = PUBLIC["score"]  # pyright: ignor
 
 def score(
     scenario: Scenario,
-    table: Table | Block,
+    table: Table,
     twin: Block | None = None,
     yardstick: Yardstick = _YARDSTICK,
     unit_lane: str | None = None,
@@ -59,7 +60,7 @@ def score(
     Without its clean channels the sensors are run again over the recorded truth.
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
-    return score_blocks(scenario, [Table.of(table)], None if twin is None else [twin], yardstick, unit_lane)
+    return score_blocks(scenario, [table], None if twin is None else [twin], yardstick, unit_lane)
 
 
 def score_blocks(
@@ -113,9 +114,9 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
         ),
         actuators={} if outcome.actuators is None else outcome.actuators.scores(),
         computers=None if outcome.computers is None else outcome.computers.score(faults),
-        law=[] if outcome.law is None else outcome.law.findings,
-        suspects=outcome.suspects.channels(),
-        evidence=Evidence(outcome.params, by_unit, frozenset(names), outcome.kept.of),
+        law=outcome.law,
+        suspects=outcome.suspects,
+        evidence=Evidence(outcome.params, by_unit, frozenset(names), outcome.kept),
     )
 
 
@@ -160,10 +161,10 @@ def _faults(outcome: FlightOutcome) -> list[FaultScore]:
         scored = [servos.completed(n, fault) for n, fault in enumerate(scored)]
     if (lanes := outcome.computers) is not None:
         scored = [lanes.completed(fault) for fault in scored]
-    if (law := outcome.law) is not None:
-        until = [_last_cause(outcome, record) for record in outcome.records.faults]
-        scored = [law.completed(fault, last) for fault, last in zip(scored, until, strict=True)]
-    return scored
+    if not (found := outcome.law):
+        return scored
+    until = [_last_cause(outcome, record) for record in outcome.records.faults]
+    return [completed(fault, last, found) for fault, last in zip(scored, until, strict=True)]
 
 
 def _last_cause(outcome: FlightOutcome, record: np.void) -> int:

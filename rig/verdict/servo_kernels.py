@@ -29,6 +29,8 @@ SERVO: Final = np.dtype(
         ("faulty", "u1", (CHANNELS,)),  # channels on which a fault acted when each was failed, bits
         ("differs_at", "i8", (CHANNELS,)),  # first frame in which the valve was said to differ
         ("bypassed_at", "i8"),
+        ("bypassed", "i8"),  # frames
+        ("frames", "i8"),
         # In this row, bits: channels that a monitor speaks against, whose valve is not as commanded.
         ("beyond", "i8"),
         ("differs", "i8"),
@@ -110,6 +112,8 @@ def see(row, frame, i, out):
         servo["differs"] |= (1 if watch["valve"][c] > 0 else 0) << c
         if servo["differs_at"][c] == NEVER and row["valve_differs"][c] != 0:
             servo["differs_at"][c] = frame
+    servo["frames"] += 1
+    servo["bypassed"] += row["bypassed"] != 0
     if servo["bypassed_at"] == NEVER and row["bypassed"] != 0:
         servo["bypassed_at"] = frame
 

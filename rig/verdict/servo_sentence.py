@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Final
 
 from rig.core.units.quantities import duration, seconds
@@ -24,7 +23,12 @@ def actuator_result(fault: FaultScore, context: Context) -> str:
     if not context.score.actuators:
         return "was not looked at: the rows of the servos are missing"
     sentence = {"detected": _found, "missed": _missed, "undetectable": _silent}[fault.outcome]
-    return "; ".join((sentence(fault, context), *_cost(fault, context)))
+    told = sentence(fault, context)
+    if fault.bypassed_frame is None:
+        return told
+    frames = fault.bypassed_frame - (fault.onset_frame or 0)
+    when = f"{duration(frames, context.rate_hz)} after it" if frames else "at once"
+    return f"{told}; {listed(fault.bypassed)} bypassed {when}"
 
 
 def _found(fault: FaultScore, context: Context) -> str:
@@ -55,14 +59,6 @@ def _missed(fault: FaultScore, context: Context) -> str:
 
 def _silent(fault: FaultScore, context: Context) -> str:
     return f"was not found: {KINDS[fault.kind].unseen or 'no monitor left its threshold'}"
-
-
-def _cost(fault: FaultScore, context: Context) -> Iterator[str]:
-    """Yield the surfaces that it cost."""
-    if fault.bypassed_frame is not None:
-        frames = fault.bypassed_frame - (fault.onset_frame or 0)
-        when = f"{duration(frames, context.rate_hz)} after it" if frames else "at once"
-        yield f"{listed(fault.bypassed)} bypassed {when}"
 
 
 def bypassed(context: Context) -> str:

@@ -1,4 +1,4 @@
-"""The outcome of a flight's servo actuators, added up block by block beside that of its signals."""
+"""The outcome of a flight's servo actuators, added up beside that of its signals."""
 
 from __future__ import annotations
 
@@ -48,14 +48,7 @@ class ActuatorOutcome:
             linger=np.array([self.persistence + MARGIN]),
         )
         self._of_unit = NEVER if unit_lane is None else COMPUTERS.index(unit_lane)  # its channel
-        self._seen, self._bypassed = False, np.zeros(len(MOVED), int)  # frames
-        self.add(Table(new_block(0), lane_rows(0)))  # compiles before the first frame
-
-    def add(self, table: Table) -> None:
-        """Add the next frames."""
-        add_lanes(table.rows, table.servo, table.copy().servo, shut_off(table), self.records)
-        self._seen = self._seen or len(table) > 0
-        self._bypassed += (table.servo["bypassed"] != 0).sum(axis=0)
+        add_servos(Table(new_block(0), lane_rows(0)), self.records)  # compiles before the first frame
 
     def completed(self, n: int, fault: FaultScore) -> FaultScore:
         """Return what became of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""
@@ -84,14 +77,8 @@ class ActuatorOutcome:
 
     def scores(self) -> dict[str, ActuatorScore]:
         """Return what became of every surface that a servo moves; of none, when no rows of servos were added."""
-        return (
-            {}
-            if not self._seen
-            else {
-                name: _score(servo, int(frames), self._of_unit)
-                for name, servo, frames in zip(MOVED, self.records.servos, self._bypassed, strict=True)
-            }
-        )
+        servos = zip(MOVED, self.records.servos, strict=True)
+        return {name: _score(servo, self._of_unit) for name, servo in servos if servo["frames"]}
 
     def isolations(self, kind: IsolationKind) -> list[Isolation]:
         """Return the healthy channels that were failed, of one kind."""
@@ -103,6 +90,11 @@ class ActuatorOutcome:
         ]
 
 
+def add_servos(table: Table, records: ActuatorOutcomes) -> None:
+    """Add the next frames to the records."""
+    add_lanes(table.rows, table.servo, table.copy().servo, shut_off(table), records)
+
+
 def finder(code: int) -> str:
     """Return which monitor found a fault, as the kernel writes it: from MONITORS on."""
     return "valve" if code == VALVE else monitor_name(code - MONITORS)
@@ -112,7 +104,7 @@ def _named(surfaces: int) -> list[str]:
     return [name for i, name in enumerate(MOVED) if surfaces >> i & 1]
 
 
-def _score(servo: Any, bypassed_frames: int, of_unit: int) -> ActuatorScore:
+def _score(servo: Any, of_unit: int) -> ActuatorScore:
     failed, differs = (np.flatnonzero(servo[name] != NEVER).tolist() for name in ("failed_at", "differs_at"))
     failures = [
         ActuatorFailure(
@@ -129,7 +121,7 @@ def _score(servo: Any, bypassed_frames: int, of_unit: int) -> ActuatorScore:
         failures=failures,
         valves_differ={c + 1: int(servo["differs_at"][c]) for c in differs},
         bypassed_frame=None if bypassed == NEVER else bypassed,
-        bypassed_frames=bypassed_frames,
+        bypassed_frames=int(servo["bypassed"]),
     )
 
 

@@ -33,7 +33,7 @@ from rig.studies.search.objective import Measured
 from rig.studies.search.search_result import write_scenario
 from rig.studies.search.shrink import SEEDS as FEW
 from rig.studies.search.shrink import shrink, simplest
-from rig.verdict.requirements import check_rows
+from rig.verdict.requirements.measure import check_rows
 
 MANAGERS: Final = ("cross-channel", "median", "mean")
 AIRCRAFT: Final = ("f16", "b747", "b737")

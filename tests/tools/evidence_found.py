@@ -13,8 +13,8 @@ from rig.core.units.angles import Floats, differences
 from rig.core.units.constants import DENSITY_PRINTED
 from rig.scenario import scenario
 from rig.studies.campaign.flying import CampaignFlight, fly
-from rig.verdict import score
 from rig.verdict.monitored_places import monitor
+from rig.verdict.scoring import score
 from rig.world.faults import Fault
 
 Flags = NDArray[np.bool_]

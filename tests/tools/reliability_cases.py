@@ -20,9 +20,9 @@ from isolation_exact import isolations
 from rig.core.frame import S
 from rig.scenario.scenario import load
 from rig.studies.reliability.chain import probabilities, solve_file
-from rig.studies.reliability.held_flight import Recording
 from rig.studies.reliability.margin import Effort, Margin, estimate
 from rig.studies.reliability.margin_bench import Bench
+from rig.studies.reliability.one_signal import Recording
 
 WINSURE: Final = Path(__file__).parents[3] / "shared" / "data" / "winsure"
 Rates = dict[tuple[int, int], float]

@@ -16,9 +16,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from rig.core.frame import DISCRETES, INDEX, SIGNALS, End, State, new_block
-from rig.verdict.requirements import Requirement, RequirementsRecorder
+from rig.core.frame import DISCRETES, INDEX, SIGNALS, End, State, Table, new_block
 from rig.verdict.requirements import requirement_recorder as recorder_module
+from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.requirement_recorder import RequirementsRecorder
 from rig.verdict.requirements.subject import EVERYTHING, Subject, Watched
 
 RATE_HZ, MOST, LEAST = 100.0, 1000.0, 1e-9
@@ -223,7 +224,7 @@ def measured(tree: Any, rows: Any, scale: float, random: Random) -> tuple[str, f
         recorder, first = RequirementsRecorder([requirement], SUBJECT), 0
         while first < len(rows):
             size = random.choice((1, 3, 20, 64))
-            recorder.record(rows[first : first + size])
+            recorder.record(Table(rows[first : first + size]))
             first += size
         found = recorder.finish()[0]
     return found.status, found.margin

@@ -14,8 +14,7 @@ from rig.flight.loop import fly_rows
 from rig.scenario.scenario import Scenario
 from rig.studies.reliability.cell_trials import fly_trials, off_votes
 from rig.studies.reliability.drawn import Cell
-from rig.studies.reliability.held_flight import Recording, of_rows
-from rig.studies.reliability.one_signal import faults_of, one_signal
+from rig.studies.reliability.one_signal import Recording, faults_of, of_rows, one_signal
 from rig.studies.reliability.tally import SECOND, TESTED
 from rig.verdict.monitored_places import allowed_frames, lingers
 from rig.verdict.signal_kernels import NEVER

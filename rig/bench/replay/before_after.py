@@ -23,7 +23,7 @@ from rig.log.reader import scenario_of
 from rig.log.schema import MESSAGES
 
 _SAMPLES: Final = ("truth", "voted", "reference", "channels")
-_ANGLES: Final = tuple(field.name for field in MESSAGES["rig.Signal"].fields if field.source in _SAMPLES)
+_ANGLES: Final = tuple(field.name for field in MESSAGES["rig.Signal"] if field.source in _SAMPLES)
 _MOST_KEYS: Final = 20  # settings that are told one by one
 _SAID: Final = ("seed", "scenario", "machine", "git commit")  # and all "version ..."
 
@@ -72,7 +72,7 @@ def _voted(path: Path) -> Side:
     """Read a vote: of a flight's log by its own scenario only what the flight has too, else all fields."""
     of_flight = foreign.fields(path)
     wanted = {
-        topic: {field.name for field in MESSAGES[schema].fields if not of_flight or field.source in of_flight[topic]}
+        topic: {field.name for field in MESSAGES[schema] if not of_flight or field.source in of_flight[topic]}
         for topic, schema in foreign.topics(path).items()
         if schema == "rig.Signal" or topic in of_flight
     }

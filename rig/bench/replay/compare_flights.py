@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
-from rig.core.frame import Block, Table
+from rig.core.frame import Table
 from rig.core.units.angles import short_way
 from rig.log.columns import COLUMNS, Column
 
-Rows = Block | Table  # whose the columns are
 Verdict = Literal["equal", "within", "different", "missing in A", "missing in B"]
 
 
@@ -97,7 +96,7 @@ def tolerances(texts: Sequence[str], names: Iterable[str]) -> Tolerances:
     return Tolerances(tuple(patterns))
 
 
-def compare(a: Rows, b: Rows, columns: Sequence[Column] = COLUMNS, allowed: Tolerances | None = None) -> list[Field]:
+def compare(a: Table, b: Table, columns: Sequence[Column] = COLUMNS, allowed: Tolerances | None = None) -> list[Field]:
     """Compare the ``columns`` of the rows, or of the rows of servo actuators, that both flights have."""
     n = min(len(a), len(b))
     a, b, allowed = a[:n], b[:n], allowed or Tolerances()
@@ -129,7 +128,9 @@ def of_column(
     unequal = np.flatnonzero(~_equal(a, b))
     if not len(unequal):
         return Field(name, "equal")
-    off = _distance(a[unequal], b[unequal], wraps)
+    with np.errstate(invalid="ignore", over="ignore"):  # infinities
+        off = np.abs(a[unequal].astype(float) - b[unequal].astype(float))
+        off = np.abs(short_way(off)) if wraps else off
     beyond = ~(off <= tolerance)  # NaN is beyond
     sizes = off[np.isfinite(off)]
     largest = float(sizes.max()) if len(sizes) else None
@@ -144,9 +145,3 @@ def _equal(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
     a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
     bits = f"u{a.itemsize}"
     return (a.view(bits) == b.view(bits)) | (np.isnan(a) & np.isnan(b))
-
-
-def _distance(a: NDArray[Any], b: NDArray[Any], wraps: bool) -> NDArray[np.float64]:
-    with np.errstate(invalid="ignore", over="ignore"):  # infinities
-        off = np.abs(a.astype(float) - b.astype(float))
-        return np.abs(short_way(off)) if wraps else off

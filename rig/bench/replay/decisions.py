@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.bench.replay.compare_flights import Field, Rows, compare, joined
+from rig.bench.replay.compare_flights import Field, compare, joined
 from rig.core.frame import ActuatorMonitor, Block, State, Table
 from rig.core.runs import runs
 from rig.log.columns import COLUMNS, Column, chosen_lanes, label
@@ -79,7 +79,7 @@ def decided(fields: tuple[str, ...]) -> list[Column]:
     return [column for column in COLUMNS if column.field in fields]
 
 
-def _moved(column: Column, old: Rows, new: Rows, frames: NDArray[np.int64]) -> list[Moved]:
+def _moved(column: Column, old: Table, new: Table, frames: NDArray[np.int64]) -> list[Moved]:
     before, after = column.of(old), column.of(new)
     changed = np.flatnonzero(before != after)
     if not len(changed):
@@ -105,10 +105,10 @@ def _decision(column: Column) -> str:
     return _FLIGHT.get(column.field, column.field.removeprefix("discrete_"))
 
 
-def decisions(old: Table | Block, new: Table | Block) -> Decisions:
+def decisions(old: Table, new: Table) -> Decisions:
     """Return the moves from ``old`` to ``new``: decisions, failures, and how far the votes are apart."""
     moves = Moves()
-    moves.add(Table.of(old), Table.of(new))
+    moves.add(old, new)
     return moves.decisions()
 
 
@@ -130,7 +130,7 @@ class Moves:
             n = min(len(old), len(new))
             self._add(old[:n], new[:n], columns, [column for column in columns if column.field == "failed_by"])
 
-    def _add(self, old: Rows, new: Rows, columns: Sequence[Column], failing: Sequence[Column]) -> None:
+    def _add(self, old: Table, new: Table, columns: Sequence[Column], failing: Sequence[Column]) -> None:
         n = min(len(old), len(new))
         for column in columns:
             _extend(self._moved.setdefault(column, []), _moved(column, old[:n], new[:n], old["frame"][:n]))
@@ -166,7 +166,7 @@ def _extend(moves: list[Moved], then: list[Moved]) -> None:
     moves += then
 
 
-def _failed(column: Column, rows: Rows) -> NDArray[np.bool_]:
+def _failed(column: Column, rows: Table) -> NDArray[np.bool_]:
     values = column.of(rows)
     return values != ActuatorMonitor.NONE if column.field == "failed_by" else values == State.FAILED
 

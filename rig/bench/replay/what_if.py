@@ -25,8 +25,8 @@ from rig.core.settings import read_toml
 from rig.core.text import quoted
 from rig.core.versions import versions
 from rig.flight.recorder import Findings
-from rig.log import LogWriter
 from rig.log.recordings.flown_log import Recorded
+from rig.log.writer import LogWriter
 from rig.scenario.aircraft import merge, without_designed
 from rig.scenario.overrides import named_manager, override, parse_set
 from rig.scenario.scenario import Scenario, from_resolved
@@ -113,16 +113,16 @@ def _voted(recording: Recorded, scenario: Scenario, moves: Moves) -> Iterator[Ta
 
 def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, frames: Iterator[Table]) -> int:
     """Write the whole log, a second at a time as in flight; how many events it has."""
-    log, findings, count = recording.log, Findings(scenario), 0
+    log, findings = recording.log, Findings(scenario)
     for arrays in in_blocks((table.arrays() for table in frames), max(1, int(log.rate_hz))):
         table = Table(*arrays)
-        events = findings.add(table)
-        count += len(events)
-        writer.write(table, events)
+        told = len(findings.events)
+        findings.record(table)
+        writer.write(table, findings.events[told:])
     last = findings.end()
     writer.write(Table(new_block(0), timing=np.zeros(0, TIMING)), last)
     writer.close({**(log.result or {}), "digest": findings.verdict.digest})
-    return count + len(last)
+    return len(findings.events) + len(last)
 
 
 def _metadata(recording: Recorded, scenario: Scenario, changes: Sequence[str]) -> dict[str, str]:

@@ -71,12 +71,30 @@ def yaw_rate_of(pitching, turning, theta, phi):
 
 
 @kernel
-def pitch_on_path(sine, alpha, beta, roll_angle):
-    """Return the pitch angle [rad] at which the path climbs with ``sine``; the inverse of airdata.flight_path_angle."""
+def path_axes(alpha, beta, roll_angle):
+    """Return a and b of the equation of the path."""
     a = math.cos(alpha) * math.cos(beta)
-    b = math.sin(beta) * math.sin(roll_angle) + math.sin(alpha) * math.cos(beta) * math.cos(roll_angle)
+    return a, math.sin(beta) * math.sin(roll_angle) + math.sin(alpha) * math.cos(beta) * math.cos(roll_angle)
+
+
+@kernel
+def pitch_on_path(sine, alpha, beta, roll_angle):
+    """Return the pitch angle [rad] at which the path climbs with ``sine``; the inverse of ``path_angle``."""
+    a, b = path_axes(alpha, beta, roll_angle)
     size = max(math.sqrt(a * a + b * b), 0.1)
     return math.asin(min(max(sine / size, -1.0), 1.0)) + math.atan2(b, a)
+
+
+@kernel
+def path_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
+    """Return the angle [rad] of the path through the air above the horizon, from attitude and air-flow angles [rad].
+
+    sin(gamma) = cos a cos b sin theta - sin b sin phi cos theta - sin a cos b cos phi cos theta
+    """
+    climb = math.cos(alpha) * math.cos(beta) * math.sin(theta)
+    climb -= math.sin(beta) * math.sin(phi) * math.cos(theta)
+    climb -= math.sin(alpha) * math.cos(beta) * math.cos(phi) * math.cos(theta)
+    return math.asin(min(max(climb, -1.0), 1.0))
 
 
 @kernel
@@ -90,10 +108,7 @@ def climb(x, theta, dt, v):
     density = air_density(x[sig.P_S])
     v["speed"] = max(math.sqrt(2.0 * max(x[sig.Q_BAR], 0.0) / density), SLOWEST)
     if v["started"] == 0:
-        a = math.cos(x[sig.ALPHA]) * math.cos(x[sig.BETA])
-        b = math.sin(x[sig.BETA]) * math.sin(x[sig.PHI]) + math.sin(x[sig.ALPHA]) * math.cos(x[sig.BETA]) * math.cos(
-            x[sig.PHI]
-        )
+        a, b = path_axes(x[sig.ALPHA], x[sig.BETA], x[sig.PHI])
         v["climb"] = v["speed"] * (a * math.sin(theta) - b * math.cos(theta))
         v["pressure"], v["started"] = x[sig.P_S], 1
     v["barometric"] -= (x[sig.P_S] - v["pressure"]) / (density * GRAVITY)

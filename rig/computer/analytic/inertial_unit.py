@@ -92,12 +92,8 @@ def flow_angles(unit, angles, out):
     Wind is its error.  angles : roll, pitch, heading of the unit
     """
     north, east, down = unit[_NORTH], unit[_NORTH + 1], unit[_DOWN]
-    sin_phi, cos_phi, sin_theta, cos_theta = (
-        math.sin(angles[0]),
-        math.cos(angles[0]),
-        math.sin(angles[1]),
-        math.cos(angles[1]),
-    )
+    sin_phi, cos_phi = math.sin(angles[0]), math.cos(angles[0])
+    sin_theta, cos_theta = math.sin(angles[1]), math.cos(angles[1])
     sin_psi, cos_psi = math.sin(angles[2]), math.cos(angles[2])
     level, aside = north * cos_psi + east * sin_psi, east * cos_psi - north * sin_psi
     forward = level * cos_theta - down * sin_theta

@@ -14,15 +14,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from rig.computer.analytic import flight_path
 from rig.computer.analytic.designed import COLUMNS
-from rig.computer.analytic.flight_path import (
-    climb,
-    path_pitch_angle,
-    pitch_on_path,
-    pitch_rate_of,
-    roll_rate_of,
-    yaw_rate_of,
-)
 from rig.computer.analytic.pitch_filter import begin, follow_path, learn_yaw_drift, predict
 from rig.core.frame import INERTIAL, sig
 from rig.core.kernels import kernel
@@ -76,20 +69,20 @@ def pitch_rate(c, st, speed):
 def pitch_rate_of_attitude(st):
     """Return the pitch rate from attitude: a gust does not move it."""
     theta, phi = st["smooth"][sig.THETA], st["smooth"][sig.PHI]
-    return pitch_rate_of(st["slope"][sig.THETA], st["slope"][sig.PSI], theta, phi)
+    return flight_path.pitch_rate_of(st["slope"][sig.THETA], st["slope"][sig.PSI], theta, phi)
 
 
 @kernel
 def roll_rate(st):
     """Return the roll rate from attitude."""
-    return roll_rate_of(st["slope"][sig.PHI], st["slope"][sig.PSI], st["smooth"][sig.THETA])
+    return flight_path.roll_rate_of(st["slope"][sig.PHI], st["slope"][sig.PSI], st["smooth"][sig.THETA])
 
 
 @kernel
 def yaw_rate(st):
     """Return the yaw rate from attitude."""
     theta, phi = st["smooth"][sig.THETA], st["smooth"][sig.PHI]
-    return yaw_rate_of(st["slope"][sig.THETA], st["slope"][sig.PSI], theta, phi)
+    return flight_path.yaw_rate_of(st["slope"][sig.THETA], st["slope"][sig.PSI], theta, phi)
 
 
 @kernel
@@ -168,11 +161,11 @@ def pitch_angle(p, st, partners_known):
         e["frames"], e["vertical"]["started"] = 0, 0
         return math.nan
     if e["frames"] == 0:
-        begin(c, e, pitch_on_path(0.0, x[sig.ALPHA], x[sig.BETA], x[sig.PHI]), _FIRST_PITCH_RAD)
+        begin(c, e, flight_path.pitch_on_path(0.0, x[sig.ALPHA], x[sig.BETA], x[sig.PHI]), _FIRST_PITCH_RAD)
     learn_yaw_drift(True, c, e, x)
     predict(c, e, x, st["gyros"])
-    climb(x, e["theta"], c["dt"], e["vertical"])
-    follow_path(c, e, path_pitch_angle(x, e["vertical"]))
+    flight_path.climb(x, e["theta"], c["dt"], e["vertical"])
+    follow_path(c, e, flight_path.path_pitch_angle(x, e["vertical"]))
     return e["theta"] + c["dt"] * e["rate"]  # the votes are those of the last frame
 
 

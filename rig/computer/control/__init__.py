@@ -7,7 +7,6 @@
     degraded      what replaces a lost signal
     backup_law    the elevator without a pitch rate
     laws          the single laws
-    airdata       altitude, Mach number and airspeeds from two pressures
     law_state     parameters and state
     gains_file    the designed numbers of one aircraft, gains.toml
 

@@ -21,9 +21,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.computer.analytic.flight_path import SLOWEST, pitch_rate_of, pitching, roll_rate_of, yaw_rate_of
+from rig.computer.analytic.flight_path import SLOWEST, path_angle, pitch_rate_of, pitching, roll_rate_of, yaw_rate_of
 from rig.computer.control import laws
-from rig.computer.control.airdata import flight_path_angle
 from rig.computer.control.law_state import C_GAMMA, C_PSI
 from rig.computer.control.source import carry, put
 from rig.core.frame import Source, sig
@@ -68,11 +67,8 @@ def substitute(fcc, param, state, gain):
         put(sig.N_X, math.sin(measured[sig.THETA]), Source.DEGRADED, param, state)
     if source[sig.N_Z] == Source.DEGRADED:
         put(sig.N_Z, load_factor(source, gain, state), Source.DEGRADED, param, state)
-    if (
-        source[sig.P_S] == Source.DEGRADED
-        and source[sig.THETA] != Source.DEGRADED
-        and source[sig.PHI] != Source.DEGRADED
-    ):
+    attitude = source[sig.THETA] != Source.DEGRADED and source[sig.PHI] != Source.DEGRADED
+    if attitude and source[sig.P_S] == Source.DEGRADED:
         carry(sig.P_S, static_pressure(param, state), Source.DEGRADED, state)
 
 
@@ -210,10 +206,8 @@ def static_pressure(param, state):
     """Return the static pressure [Pa] reckoned on from the climb: p' = -rho g V sin(gamma), rho = 2 q_bar / V^2."""
     s = state[0]
     measured, speed = s["measured"], max(s["airspeed"], SLOWEST)
-    gamma = (
-        flight_path_angle(measured[sig.THETA], measured[sig.PHI], measured[sig.ALPHA], measured[sig.BETA])
-        - s["path_error"]
-    )
+    gamma = path_angle(measured[sig.THETA], measured[sig.PHI], measured[sig.ALPHA], measured[sig.BETA])
+    gamma -= s["path_error"]
     weight = 2.0 * measured[sig.Q_BAR] / speed * GRAVITY
     return measured[sig.P_S] - param[0]["dt"] * weight * math.sin(gamma)
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from rig.computer.analytic.flight_path import SLOWEST
+from rig.computer.analytic.flight_path import SLOWEST, path_angle
 from rig.computer.control import backup_law as backup
 from rig.computer.control import degraded, laws, modes
-from rig.computer.control.airdata import equivalent_airspeed, flight_path_angle, mach_number, true_airspeed
 from rig.computer.control.law_state import C_BETA, C_EAS, C_GAMMA, C_P, C_PRESSURE_ALTITUDE, C_Q, C_SPEED
 from rig.computer.control.laws import move
 from rig.computer.control.modes import AIRSPEED
@@ -16,7 +15,7 @@ from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.gain_schedule import look_up
 from rig.core.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, Law, S, Source, sig
 from rig.core.kernels import kernel
-from rig.core.units.atmosphere import pressure_altitude, temperature
+from rig.core.units.atmosphere import equivalent_airspeed, mach_number, pressure_altitude, temperature, true_airspeed
 from rig.core.units.constants import GRAVITY
 
 _ENGAGED, _WHEELS, _GEAR = (DISCRETE_INDEX[name] for name in ("autopilot_engaged", "weight_on_wheels", "gear_down"))
@@ -103,9 +102,7 @@ def air_data(measured, command):
     command[C_PRESSURE_ALTITUDE] = altitude
     command[C_EAS] = equivalent_airspeed(measured[sig.Q_BAR])
     command[C_SPEED] = true_airspeed(mach, temperature(altitude))
-    command[C_GAMMA] = flight_path_angle(
-        measured[sig.THETA], measured[sig.PHI], measured[sig.ALPHA], measured[sig.BETA]
-    )
+    command[C_GAMMA] = path_angle(measured[sig.THETA], measured[sig.PHI], measured[sig.ALPHA], measured[sig.BETA])
 
 
 @kernel

@@ -19,21 +19,10 @@ from rig.core.frame import COMMANDS, DEMANDS, SURFACES, S
 
 # What evolves from frame to frame; the captured values change at engagement only.
 DYNAMIC: Final = (
-    "elevator_integral",
-    "aileron_integral",
-    "rudder_integral",
-    "throttle_integral",
-    "altitude_reference",
-    "altitude_rate",
-    "altitude_integral",
-    "altitude_estimate",
-    "climb_rate",
-    "acceleration_error",
-    "airspeed",  # filtered
-    "schedule_pressure",  # filtered
-    "smooth_pitch_angle",
-    "smooth_roll_angle",
-    "smooth_heading",
+    *("elevator_integral", "aileron_integral", "rudder_integral", "throttle_integral"),
+    *("altitude_reference", "altitude_rate", "altitude_integral", "altitude_estimate"),
+    *("climb_rate", "acceleration_error"),
+    *("airspeed", "schedule_pressure", "smooth_pitch_angle", "smooth_roll_angle", "smooth_heading"),  # filtered
     "lift_error",  # rad: angle of attack less what the load factor says of it
     "turn_error",  # sine of bank from the turn less that measured
     "path_error",  # rad: climb angle through the air less that of the pressure altitude

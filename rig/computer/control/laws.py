@@ -17,46 +17,14 @@ from rig.core.kernels import clamp, kernel
 from rig.core.units.angles import wrap
 from rig.core.units.constants import GRAVITY
 
+# The places of the gain table's columns: inner loops, outer loops, limits, load factor, short period, roll and yaw.
 (
-    TRIM_ALPHA,
-    ELEVATOR_ALPHA,
-    ELEVATOR_Q,
-    ELEVATOR_INTEGRAL,
-    AILERON_P,
-    AILERON_INTEGRAL,
-    RUDDER_BETA,
-    RUDDER_R,
-    RUDDER_INTEGRAL,
-    RUDDER_COMMAND,
-    THROTTLE_SPEED,
-    THROTTLE_INTEGRAL,
-    PITCH_ANGLE,
-    ROLL_ANGLE,
-    PATH_PITCH,
-    PATH_CLIMB,
-    PATH_ALTITUDE,
-    PATH_INTEGRAL,
-    HEADING,
-    HEADING_YAW,
-    MAX_ROLL_RATE,
-    MAX_SIDESLIP,
-    LIFT_SLOPE,
-    LOAD_ALPHA,
-    LOAD_Q,
-    LOAD_ELEVATOR,
-    ALPHA_ALPHA,
-    ALPHA_Q,
-    ALPHA_ELEVATOR,
-    Q_ALPHA,
-    Q_Q,
-    Q_ELEVATOR,
-    P_BETA,
-    P_P,
-    P_AILERON,
-    R_BETA,
-    R_R,
-    R_RUDDER,
-) = range(len(COLUMNS) - 10)
+    TRIM_ALPHA, ELEVATOR_ALPHA, ELEVATOR_Q, ELEVATOR_INTEGRAL, AILERON_P, AILERON_INTEGRAL,
+    RUDDER_BETA, RUDDER_R, RUDDER_INTEGRAL, RUDDER_COMMAND, THROTTLE_SPEED, THROTTLE_INTEGRAL,
+    PITCH_ANGLE, ROLL_ANGLE, PATH_PITCH, PATH_CLIMB, PATH_ALTITUDE, PATH_INTEGRAL, HEADING, HEADING_YAW,
+    MAX_ROLL_RATE, MAX_SIDESLIP, LIFT_SLOPE, LOAD_ALPHA, LOAD_Q, LOAD_ELEVATOR,
+    ALPHA_ALPHA, ALPHA_Q, ALPHA_ELEVATOR, Q_ALPHA, Q_Q, Q_ELEVATOR, P_BETA, P_P, P_AILERON, R_BETA, R_R, R_RUDDER,
+) = range(len(COLUMNS) - 10)  # fmt: skip
 BACKUP_LOAD: Final = COLUMNS.index("backup_load_feedback_alpha")  # the first of five
 BACKUP_ALPHA: Final = COLUMNS.index("backup_alpha_feedback_alpha")
 

@@ -17,18 +17,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from rig.computer.analytic import unit_bank
 from rig.computer.analytic.flight_path import pitching
 from rig.computer.analytic.pitch_filter import carry, move, path_innovation, predict_by
-from rig.computer.analytic.unit_bank import (
-    SAME_RAD_S,
-    SMOOTH_S,
-    STRAIGHT_RAD,
-    bank_by,
-    finite,
-    follow_unit,
-    learn_bank,
-    learned,
-)
 from rig.computer.fdi.pitch_test_state import BOTH, GYROS_ALONE, KEPT, UNIT_ALONE
 from rig.core.frame import Trust, sig
 from rig.core.kernels import kernel
@@ -51,16 +42,16 @@ def turn(c, w, rates_voted, heading_voted, inertial, x, gyros):
     gyros : which are in the vote, any number that changes with it
     """
     e, u, m, dt = w["filter"], w["unit"], w["second"], c["filter"]["dt"]
-    valid = finite(inertial)
+    valid = unit_bank.finite(inertial)
     if w["rates"] == GYROS_ALONE or e["frames"] == 0:
         u["roll_angle"], u["settled"] = x[sig.PHI], 0.0
     if valid:
-        follow_unit(inertial, x, e["theta"], heading_voted and w["rates"] == BOTH, dt, u)
+        unit_bank.follow_unit(inertial, x, e["theta"], heading_voted and w["rates"] == BOTH, dt, u)
     else:
         lose_unit(w)
     if valid and rates_voted:
         compare_banks(w, x[sig.PHI], dt)
-    bank = bank_by(u)
+    bank = unit_bank.bank_by(u)
     phi = x[sig.PHI] if w["rates"] != UNIT_ALONE and bank_agrees(w, x) else bank
     rate = pitching(x[sig.Q], x[sig.R] - e["yaw_drift"], x[sig.PHI])
     other = pitching(u["pitch_rate"], u["yaw_rate"], phi)
@@ -88,7 +79,7 @@ def lose_unit(w):
 @kernel
 def bank_agrees(w, x):
     """Return True if the voted bank angle is near that of the unit."""
-    return abs(wrap(x[sig.PHI] - bank_by(w["unit"]))) < _BANK_RAD
+    return abs(wrap(x[sig.PHI] - unit_bank.bank_by(w["unit"]))) < _BANK_RAD
 
 
 @kernel
@@ -102,30 +93,30 @@ def bank_error(w, x):
 def compare_banks(w, voted, dt):
     """Smooth the difference of the ``voted`` bank angle [rad] from that by the unit, and learn the usual one."""
     u = w["unit"]
-    learn_bank(u, wrap(voted - u["roll_angle"]), w["rates"] == BOTH and w["trust"] == Trust.TRUSTED, dt)
-    w["bank_difference"] += dt / (SMOOTH_S + dt) * (wrap(voted - bank_by(u)) - w["bank_difference"])
+    unit_bank.learn_bank(u, wrap(voted - u["roll_angle"]), w["rates"] == BOTH and w["trust"] == Trust.TRUSTED, dt)
+    w["bank_difference"] += dt / (unit_bank.SMOOTH_S + dt) * (wrap(voted - unit_bank.bank_by(u)) - w["bank_difference"])
 
 
 @kernel
 def returning(w):
     """Return True if rates as usual prove that they are in order: in straight flight, or when a bank angle agrees."""
     agrees = w["bank_suspected"] != 0 and abs(w["bank_difference"]) < _SAME_BANK_RAD
-    return w["rates"] != UNIT_ALONE or agrees or abs(w["unit"]["roll_angle"]) < STRAIGHT_RAD
+    return w["rates"] != UNIT_ALONE or agrees or abs(w["unit"]["roll_angle"]) < unit_bank.STRAIGHT_RAD
 
 
 @kernel
 def compare(c, w, difference):
     """Smooth the ``difference`` of the two rates [rad/s], learn the usual one, count the frames that are as usual."""
     dt = c["filter"]["dt"]
-    w["rate_difference"] += dt / (SMOOTH_S + dt) * (difference - w["rate_difference"])
+    w["rate_difference"] += dt / (unit_bank.SMOOTH_S + dt) * (difference - w["rate_difference"])
     off = w["rate_difference"] - w["usual_rate_difference"]
-    if abs(off) >= SAME_RAD_S:
+    if abs(off) >= unit_bank.SAME_RAD_S:
         w["usual_frames"], w["unusual"] = 0, 1
     else:
         w["usual_frames"] = w["usual_frames"] + 1 if returning(w) else 0
     if w["rates"] == BOTH:
         w["usual_rate_seconds"] += dt
-        w["usual_rate_difference"] += learned(off, w["usual_rate_seconds"], dt)
+        w["usual_rate_difference"] += unit_bank.learned(off, w["usual_rate_seconds"], dt)
 
 
 @kernel
@@ -188,7 +179,7 @@ def reject_gyros(w):
     if w["bank_suspected"] != 0:
         e["theta"] += w["bank_effect"]
     drive(w, m["drift"] - e["drift"], -w["usual_rate_difference"])
-    w["unusual"] = 0 if abs(w["rate_difference"] - w["usual_rate_difference"]) < SAME_RAD_S else 1
+    w["unusual"] = 0 if abs(w["rate_difference"] - w["usual_rate_difference"]) < unit_bank.SAME_RAD_S else 1
     w["rates"], w["usual_frames"], w["jump_frames"], w["cusum"], w["recent"] = UNIT_ALONE, 0, 0, 0.0, 0.0
 
 

@@ -8,6 +8,5 @@ link.py      what each lane's BUS has of the others' channels
 exchange.py  what each lane holds of another's word, after one round or two
 command.py   the vote of their commands
 health.py    who accuses and fails whom
-takeover.py  what a lane that starts again, and the back-up, begin with
-backup_lane.py  the law that flies without a lane
+backup_lane.py  the law that flies without a lane; what it and a lane that starts again begin with
 """

@@ -1,9 +1,10 @@
-"""The back-up: a fifth control law on the inertial unit, which needs no lane and no vote.
+"""The back-up, a fifth control law on the inertial unit, which needs no lane and no vote; and who takes over from whom.
 
 It flies when no lane is engaged, when the vote of commands stays unresolved, or when the pilot commands it, and then to
 the end of the flight.  It takes over what the lane that led last has.  All signals are lost to it but the pilot's
 sticks, the median of their channels; the law flies on the inertial unit's references, as after the loss of all signals.
 It drives all coils; only shut-off valves that a monitor of the actuators opened stay open.
+Like a lane that starts again or is readmitted it takes over the state of all stages (``join``).
 Source: Zhang 2023, section 2 (emergency back-up); what it flies on is ours.
 """
 
@@ -13,10 +14,12 @@ from typing import Final
 
 import numpy as np
 
+from rig.computer.lanes.command import rejoin
+from rig.computer.lanes.health import NOBODY, is_engaged, responds
 from rig.computer.lanes.lane_clock import insert
 from rig.computer.lanes.think import follow_votes, give_references
-from rig.core.frame import CHANNELS, COMPUTERS, S, sig
-from rig.core.kernels import kernel
+from rig.core.frame import CHANNELS, COMPUTERS, LaneTest, S, sig
+from rig.core.kernels import inlined, kernel
 
 PLACE: Final = len(COMPUTERS)  # behind the lanes in all that each has of its own
 _STICKS: Final = (sig.D_P, sig.D_R, sig.D_Y)
@@ -50,3 +53,56 @@ def read_stick(bus, voted, s, ordered):
     if n > 0:
         voted[s] = 0.5 * (ordered[n // 2] + ordered[(n - 1) // 2])
     return n
+
+
+@inlined
+def join(lanes):
+    """Let lanes that start again or are readmitted, and the back-up, take over what the leading lane has.
+
+    lanes : LaneData, whose arrays have one computer each at ``[i]``, the back-up last
+    """
+    system = lanes.health.system[0]
+    for i in range(lanes.fitted):
+        lane = lanes.health.lane[i]
+        lanes.running[i], lanes.counted[i] = lane["running"], is_engaged(lane)
+        lanes.links.relays[i] = lane["failed_for"] not in (LaneTest.COMMANDS, LaneTest.LINK, LaneTest.CLOCK)
+        if lane["joins"] != 0:
+            leader = other_engaged(i, lanes)
+            if leader != NOBODY:
+                take_over(i, leader, lanes)
+            if is_engaged(lane):
+                rejoin(i, leader, lanes.commands)
+    if system["taken_over"] != 0:
+        take_over(PLACE, system["led"], lanes)
+
+
+@kernel
+def other_engaged(i, lanes):
+    """Return the first engaged lane that runs on, but i; NOBODY if there is none."""
+    for j in range(lanes.fitted):
+        lane = lanes.health.lane[j]
+        if j != i and is_engaged(lane) and responds(lane) and lane["joins"] == 0:
+            return j
+    return NOBODY
+
+
+@inlined
+def take_over(i, j, lanes):
+    """Give computer i all that computer j has."""
+    lanes.fcc[i] = lanes.fcc[j]
+    copy(lanes.references, i, j)
+    copy(lanes.manager, i, j)
+    copy(lanes.boxes, i, j)
+    copy(lanes.discretes, i, j)
+    copy(lanes.control, i, j)
+    copy(lanes.fdi, i, j)
+    copy(lanes.kept, i, j)
+    copy(lanes.gain, i, j)
+    copy(lanes.memory, i, j)
+
+
+@kernel
+def copy(states, i, j):
+    """Copy what computer j has of ``states``, (5, n) records, to computer i."""
+    for n in range(states.shape[1]):
+        states[i, n] = states[j, n]

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from rig.computer.lanes.computers_table import Config
 from rig.computer.lanes.health import is_content, is_engaged
 from rig.computer.lanes.lane_clock import insert
-from rig.computer.redundancy.durations import in_frames
 from rig.computer.redundancy.manager import manage_signal
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.state import new_state
 from rig.core.frame import COMPUTERS, INTEGRATED, SURFACES, Ilm, LinkState, Resolver, S
 from rig.core.kernels import kernel
+from rig.core.settings import in_frames
 from rig.world.faults.servo_parts import LinkPart
 
 _LANES: Final = len(COMPUTERS)

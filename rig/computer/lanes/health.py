@@ -18,9 +18,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from rig.computer.lanes.computers_table import Command, Config
-from rig.computer.redundancy.durations import in_frames
 from rig.core.frame import COMPUTERS, SURFACES, Health, LaneTest, LinkState, Table, to_frame
 from rig.core.kernels import kernel
+from rig.core.settings import in_frames
 from rig.world.faults.servo_parts import ComputerPart, whole_computers
 
 _LANES: Final = len(COMPUTERS)
@@ -121,12 +121,8 @@ def _orders(commands: Sequence[Command], rate_hz: float) -> NDArray[Any]:
 
 def coverage(config: Config) -> dict[LaneTest, float]:
     """Return the chance that each of a lane's own tests sees a fault."""
-    return {
-        LaneTest.WRAP_AROUND: config.wrap_around.coverage,
-        LaneTest.REFERENCE_VOLTAGE: config.reference_voltage.coverage,
-        LaneTest.WATCHDOG: config.watchdog.coverage,
-        LaneTest.CHECKSUM: config.checksum.coverage,
-    }
+    tests = ("wrap_around", "reference_voltage", "watchdog", "checksum")
+    return {LaneTest[name.upper()]: getattr(config, name).coverage for name in tests}
 
 
 def drawn(data: HealthData, rows: int, rng: Generator) -> HealthData:
@@ -174,26 +170,18 @@ def fail_accused(data):
     fitted, lane = data.limits[0]["fitted"], data.lane
     accused = 0
     for j in range(fitted):
-        others, accusers = 0, 0
+        others, accusers, found = 0, 0, LaneTest.NONE.value
         for i in range(fitted):
             if i != j and is_engaged(lane[i]):
                 others += 1
                 accusers += lane[i]["accuses"][j] != LaneTest.NONE
+                found = lane[i]["accuses"][j] if found == LaneTest.NONE else found  # what the first says
         if is_engaged(lane[j]) and 2 * accusers > others:
             accused |= 1 << j
-            lane[j]["failed_for"] = first_accusation(j, data)  # before anybody is out: they may accuse each other
+            lane[j]["failed_for"] = found  # before anybody is out: they may accuse each other
     for j in range(fitted):
         if (accused >> j) & 1:
             fail(lane[j], lane[j]["failed_for"])
-
-
-@kernel
-def first_accusation(j, data):
-    """Return what lane j is accused of by the first engaged lane that does."""
-    for i in range(data.limits[0]["fitted"]):
-        if i != j and is_engaged(data.lane[i]) and data.lane[i]["accuses"][j] != LaneTest.NONE:
-            return data.lane[i]["accuses"][j]
-    return LaneTest.NONE.value
 
 
 @kernel

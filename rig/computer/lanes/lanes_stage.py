@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rig.computer.analytic.references import ReferenceData
 from rig.computer.control.law_state import ControlData
-from rig.computer.lanes.backup_lane import PLACE, fly_backup
+from rig.computer.lanes.backup_lane import PLACE, fly_backup, join
 from rig.computer.lanes.command import (
     CommandData,
     agree,
@@ -49,7 +49,6 @@ from rig.computer.lanes.health import (
 )
 from rig.computer.lanes.lane_clock import ClockData, clocks, run_on, sample_early
 from rig.computer.lanes.link import LinkData, links, share_samples
-from rig.computer.lanes.takeover import join
 from rig.computer.lanes.think import ComputerData, give_references, think_lane
 from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.discrete import DiscreteData

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from rig.computer.lanes.computers_table import Config
 from rig.computer.lanes.exchange import NOBODY, Arrival, Said, arrival, exchange
-from rig.computer.redundancy.durations import in_frames
 from rig.core.frame import COMPUTERS, D, Ilm, LinkState, S
 from rig.core.kernels import kernel
+from rig.core.settings import in_frames
 from rig.core.units.angles import limit
 from rig.world.faults import break_links
 from rig.world.faults.servo_parts import LinkPart, whole_links
@@ -71,6 +71,9 @@ class LinkData(NamedTuple):
 def links(config: Config, rate_hz: float, signals: NDArray[Any]) -> LinkData:
     """Return the links at the first frame; signals : (S,) PARAMS of the signals' monitors."""
     link, square = np.zeros(1, LINK), (_LANES, _LANES)
+    state = np.full(square, LinkState.ABSENT, np.uint8)
+    state[: config.count, : config.count] = LinkState.FRESH
+    np.fill_diagonal(state, LinkState.ABSENT)
     link["fitted"], link["rounds"] = config.count, config.exchange_rounds
     link["window"], link["most"] = config.exchange_window, config.max_age_frames
     link["failed_frames"], link["quiet"] = in_frames(1, config.link_persistence_s, rate_hz), 1
@@ -88,16 +91,9 @@ def links(config: Config, rate_hz: float, signals: NDArray[Any]) -> LinkData:
         words=np.zeros(square, np.int64),
         said=np.zeros(square, np.uint8),
         held=np.zeros(_LANES, np.int64),
-        state=_fresh(config.count),
+        state=state,
         outvoted=np.zeros(square, np.uint8),
     )
-
-
-def _fresh(count: int) -> NDArray[np.uint8]:
-    state = np.full((_LANES, _LANES), LinkState.ABSENT, np.uint8)
-    state[:count, :count] = LinkState.FRESH
-    np.fill_diagonal(state, LinkState.ABSENT)
-    return state
 
 
 @kernel

@@ -12,15 +12,16 @@ from rig.computer.analytic.apart import still_within
 from rig.computer.analytic.designed import Designed
 from rig.computer.analytic.reference_sources import PARTNERS, TELLING, second, source
 from rig.computer.analytic.references import ReferenceData, References, refer, remember
+from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete import DiscreteData, DiscreteVoter, vote_discretes
 from rig.computer.redundancy.discrete_config import discrete_parameters
-from rig.computer.redundancy.durations import in_frames
-from rig.computer.redundancy.manager_config import Config, SignalConfig, box_of_signals, parameters, without_lanes
+from rig.computer.redundancy.manager_config import Config, SignalConfig, parameters, without_lanes
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, Manager, manager_kind, vote_signals, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.computer.redundancy.state import ManagerData
 from rig.core.frame import CHANNELS, INDEX, SIGNALS, D
 from rig.core.kernels import kernel
+from rig.core.settings import in_frames
 from rig.core.trust import Trust
 
 

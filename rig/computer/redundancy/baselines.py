@@ -1,10 +1,12 @@
-"""Managers to compare with: mean, median, cross-voter monitor, selection of one channel.
+"""Managers to compare with: mean, weighted mean, median, cross-voter monitor, selection of one channel.
 
 Same records, same parameters and state, same interface as manager.manage.  Mean and median fail nobody, and
 a selection takes back what it distrusted by itself, so resets concern the cross-voter monitor alone.
 Sources: Zhang 2023, section 1 (why mean and cross-voter are not good enough); the selector of the PX4 autopilot for
 several inertial units: deviation from their mean, low-passed a sample at a time by 0.95 and 0.05, its norm over the
-axes of a unit, integrated above 7 deg/s up to 15 deg (EKF2Selector, VotedSensorsUpdate::calcGyroInconsistency).
+axes of a unit, integrated above 7 deg/s up to 15 deg (EKF2Selector, VotedSensorsUpdate::calcGyroInconsistency); Broen
+1975, New voters for redundant systems, and Lorczak, Caglayan and Eckhardt 1989, A theoretical investigation of
+generalized voters for redundant systems (weights).
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from typing import Final
 
 from rig.computer.redundancy.compare import rank, threshold
 from rig.computer.redundancy.manager import anchor, publish, report
-from rig.computer.redundancy.median_vote import median
+from rig.computer.redundancy.median_vote import mean, median
 from rig.computer.redundancy.persistence import latch, readmit, watch_failed
 from rig.core.frame import CHANNELS, Pattern
 from rig.core.kernels import kernel
@@ -42,6 +44,51 @@ def mean_of(st, n):
     for i in range(n):
         total += x[order[i]]
     return min(max(total / n, x[order[0]]), x[order[n - 1]])
+
+
+@kernel
+def weighted(bus, fcc, data, on):
+    """Vote the weighted average of all comparable samples of each signal of a row; nobody is ever failed.
+
+    A sample that is far from all others has next to no weight: w_c = 1 / (1 + prod over j != c of ((x_c - x_j) / a)^2).
+    """
+    if on is None:  # not chosen
+        return
+    for s in range(len(data.params)):
+        p, st = data.params[s], data.state[s]
+        n = ranked(bus, s, p, st)
+        finish(bus, fcc, s, weighted_mean(n, p, st) if n > 0 else st["vote"], n, p, st)
+
+
+@kernel
+def weighted_mean(n, p, st):
+    """Return the weighted average of ``n`` ranked samples, within them; the median where all weights vanish.
+
+    ``statistic`` has the weights.
+    """
+    x, order, total, weights = st["x"], st["order"], 0.0, 0.0
+    middle = mean(x[order[(n - 1) // 2]], x[order[n // 2]], 0.5)
+    for i in range(n):
+        weight = weight_of(i, n, p, st)
+        st["statistic"][order[i]] = weight
+        if weight > 0.0:
+            total += weight * (x[order[i]] - middle)
+            weights += weight
+    if not weights > 0.0:
+        return middle
+    return min(max(middle + total / weights, x[order[0]]), x[order[n - 1]])
+
+
+@kernel
+def weight_of(i, n, p, st):
+    """Return the weight of the sample of rank i; 0 where distances are beyond all numbers."""
+    x, order, product = st["x"], st["order"], 1.0
+    for j in range(n):
+        if j != i:
+            product *= ((x[order[i]] - x[order[j]]) / p["scale"]) ** 2
+    if n == 1:
+        return 1.0
+    return 1.0 / (1.0 + product) if product == product else 0.0
 
 
 @kernel

@@ -9,6 +9,7 @@ Ours: docs/redundancy.md, 'A box that dies'; Zhang 2023, sections 2 and 6, name 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,7 @@ from rig.computer.redundancy.compare import is_singular
 from rig.computer.redundancy.slow_faults import begin_sums
 from rig.core.frame import CHANNELS, Resolver, State
 from rig.core.kernels import kernel
+from rig.core.text import choices, quoted, shorten
 
 MOST_BOXES: Final = 16  # as many as signals; place 0 is that of signals in no box
 BOXES: Final = np.dtype(
@@ -31,6 +33,29 @@ BOXES: Final = np.dtype(
     ],
     align=True,
 )
+
+
+def box_of_signals(boxes: Mapping[str, Sequence[str]], signals: Sequence[str]) -> list[int]:
+    """Return the box of each of ``signals``, from 1; all are in box 1 where no ``boxes`` are named.
+
+    ValueError: an unknown signal, one in two boxes or in none, more boxes than MOST_BOXES.
+    """
+    if not boxes:
+        return [1] * len(signals)
+    if len(boxes) > MOST_BOXES:
+        raise ValueError(f"at most {MOST_BOXES} boxes, got {len(boxes)}")
+    found: dict[str, int] = {}
+    for number, (box, members) in enumerate(boxes.items(), 1):
+        for name in members:
+            if name not in signals:
+                raise ValueError(f"{shorten(box)}: unknown signal {quoted(name)}, {choices(name, signals)}")
+            if name in found:
+                other = list(boxes)[found[name] - 1]
+                raise ValueError(f"{name} is in two boxes, {shorten(other)} and {shorten(box)}; each is in one")
+            found[name] = number
+    if missing := [name for name in signals if name not in found]:
+        raise ValueError(f"{', '.join(missing)}: in no box; each signal is in one of {', '.join(map(shorten, boxes))}")
+    return [found[name] for name in signals]
 
 
 def boxes(of_signal: NDArray[np.int64], signals: int | None, persistence: int) -> NDArray[np.void]:

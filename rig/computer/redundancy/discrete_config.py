@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, create_model, model_validator
 
-from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.core.frame import DISCRETES, D
-from rig.core.settings import Settings, fill
+from rig.core.settings import Settings, fill, in_frames, refuse_both
 
 PERSISTENCE: Final = 8  # frames, of a discrete that has none of its own
 

@@ -10,33 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from rig.computer.redundancy import median_vote as vote
+from rig.computer.redundancy import reference_monitor, slow_faults
 from rig.computer.redundancy.box import accused, begin_counts, fail_boxes
 from rig.computer.redundancy.compare import comparable, is_singular, pattern_of, rank, threshold
 from rig.computer.redundancy.lowpass import begins_at, follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
 from rig.computer.redundancy.quiet import is_quiet, last_quiet
-from rig.computer.redundancy.reference_monitor import (
-    check_last,
-    cut_pair,
-    disputed,
-    monitor_reference,
-    reference_threshold,
-    watch_common,
-)
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
-from rig.computer.redundancy.slow_faults import (
-    NOBODY,
-    begin_sums,
-    count_repeats,
-    is_stale,
-    lasts,
-    learn_bias,
-    middle,
-    outlier_limit,
-    take_bias_off,
-    watch_sums,
-)
 from rig.core.frame import CHANNELS, Pattern, Resolver, State
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference, limit
@@ -54,7 +35,7 @@ def manage(bus, fcc, data):
     levels, patterns, resolvers, usable = fcc["level"], fcc["pattern"], fcc["resolver"], fcc["reference_usable"]
     trend_high, trend_low = fcc["trend_high"], fcc["trend_low"]
     second, common = fcc["second_reference"], fcc["common_mode"]
-    accusing, against = 0, disputed(params, state)
+    accusing, against = 0, reference_monitor.disputed(params, state)
     lanes = 0
     for c in range(CHANNELS):
         lanes |= np.int64(data.lanes[c] != 0) << c
@@ -97,7 +78,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     x, order = st["x"], st["order"]
     base = anchor(samples, valid, p, st)
     seen = beside(reference, base, p)
-    count_repeats(samples, valid, reference, seen, p, st)
+    slow_faults.count_repeats(samples, valid, reference, seen, p, st)
     if p["weighted"]:
         keep_before(samples, valid, p, st)
     n = rank(samples, valid, base, p, st)
@@ -107,9 +88,9 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
         return vote_quiet(reference, second, n, p, st)
     st["whole"] = all_ranked(n, p, st)
     compared = to_compare(samples, valid, reference, base, n, p, st)
-    st["reference_threshold"] = reference_threshold(reference, p)
+    st["reference_threshold"] = reference_monitor.reference_threshold(reference, p)
     st["threshold"] = threshold(n, p)
-    limit = outlier_limit(n, p, st)
+    limit = slow_faults.outlier_limit(n, p, st)
     pattern = pattern_of(compared.values, compared.order, n, st["threshold"], limit, st["miscomparing"])
     st["together"] = is_singular(pattern) and p["filter_gain"] > 0.0 and come_together(compared.order, n, p, st)
     if pattern != st["pattern"]:
@@ -121,9 +102,9 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
     resolver, vote_before_fade = decide(ilm, reference, compared, n, p, st)
     keep_basis(resolver, st)
-    resolver = cut_pair(resolver, n, reference, p, st)
-    monitor_reference(reference, n, p, st)
-    resolver = watch_common(resolver, n, vote_before_fade, reference, second, p, st)
+    resolver = reference_monitor.cut_pair(resolver, n, reference, p, st)
+    reference_monitor.monitor_reference(reference, n, p, st)
+    resolver = reference_monitor.watch_common(resolver, n, vote_before_fade, reference, second, p, st)
     if p["filter_gain"] > 0.0:
         followed = vote_before_fade if np.isfinite(vote_before_fade) else st["vote"]
         st["smooth_vote"] = follow(st["smooth_vote"], followed, base, p)
@@ -136,8 +117,8 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
         st["agreed"][order[i]] = 0  # of a channel that this frame has failed
     st["accused"] = accused(resolver, ranked, p, st)
     count_miscompares(n, ranked, vote_before_fade, p, st)
-    m = middle(n, reference, st) if lasts(p) and n >= 2 else 0.0
-    slow = watch_sums(m, n, p, st) if resolver != Resolver.COMMON else NOBODY
+    m = slow_faults.middle(n, reference, st) if slow_faults.lasts(p) and n >= 2 else 0.0
+    slow = slow_faults.watch_sums(m, n, p, st) if resolver != Resolver.COMMON else slow_faults.NOBODY
     resolver = latch_all(resolver, slow, m, n, p, st)
     publish(vote_before_fade, p, st)
     return resolver
@@ -163,7 +144,7 @@ def to_compare(samples, valid, reference, base, n, p, st):
         values, order, reference = st["smooth"], st["smooth_order"], st["smooth_reference"]
     if p["bias_bound"] <= 0.0:
         return Compared(values, order, values, reference)
-    take_bias_off(values, order, n, st)
+    slow_faults.take_bias_off(values, order, n, st)
     return Compared(st["compared"], st["compared_order"], values, reference)
 
 
@@ -173,18 +154,11 @@ def come_together(order, n, p, st):
 
     order : (4,) of what is compared.  Such a frame settles nothing: it may be the rest of a burst.
     """
-    low, high = st["x"][order[(n - 1) // 2]], st["x"][order[n // 2]]
-    if n == 3:
-        return middle_agrees(order, p, st)
-    return abs(difference(high, low, p["wraps"])) <= st["threshold"]
-
-
-@kernel
-def middle_agrees(order, p, st):
-    """Return True if the middle one of three samples agrees with another."""
     x, within, wraps = st["x"], st["threshold"], p["wraps"]
-    low, middle_one, high = x[order[0]], x[order[1]], x[order[2]]
-    return abs(difference(low, middle_one, wraps)) <= within or abs(difference(high, middle_one, wraps)) <= within
+    if n == 3:
+        one = x[order[1]]
+        return abs(difference(x[order[0]], one, wraps)) <= within or abs(difference(x[order[2]], one, wraps)) <= within
+    return abs(difference(x[order[n // 2]], x[order[(n - 1) // 2]], wraps)) <= within
 
 
 @kernel
@@ -194,13 +168,13 @@ def latch_all(resolver, slow, m, n, p, st):
     slow : channel that the sums of small deviations fail, or NOBODY; m : the middle of the samples
     """
     level = st["level"]
-    if slow != NOBODY:
+    if slow != slow_faults.NOBODY:
         st["failed"][slow], resolver = True, Resolver.SLOW.value
     resolver = settle(resolver, p, st)
     if st["level"] != level:
-        begin_sums(st)
+        slow_faults.begin_sums(st)
     else:
-        learn_bias(m, n, p, st)
+        slow_faults.learn_bias(m, n, p, st)
     return resolver
 
 
@@ -208,18 +182,18 @@ def latch_all(resolver, slow, m, n, p, st):
 def vote_quiet(reference, second, n, p, st):
     """Vote a quiet signal, the rest of ``manage_signal`` without what nobody gave a reason for; same bits."""
     x, order = st["x"], st["order"]
-    st["reference_threshold"], st["threshold"] = reference_threshold(reference, p), threshold(n, p)
+    st["reference_threshold"], st["threshold"] = reference_monitor.reference_threshold(reference, p), threshold(n, p)
     st["pattern_frames"] += 1
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
     weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"]) if p["weighted"] else 0.5
     voted = vote.median(x, order, n, st["miscomparing"], weight)
-    monitor_reference(reference, n, p, st)
-    resolver = watch_common(Resolver.NONE.value, n, voted, reference, second, p, st)
+    reference_monitor.monitor_reference(reference, n, p, st)
+    resolver = reference_monitor.watch_common(Resolver.NONE.value, n, voted, reference, second, p, st)
     st["accused"] = 0
-    if lasts(p) or resolver != Resolver.NONE:
-        m = middle(n, reference, st)
-        slow = last_quiet(m, n, p, st) if resolver == Resolver.NONE else NOBODY
-        if resolver != Resolver.NONE or slow != NOBODY:
+    if slow_faults.lasts(p) or resolver != Resolver.NONE:
+        m = slow_faults.middle(n, reference, st)
+        slow = last_quiet(m, n, p, st) if resolver == Resolver.NONE else slow_faults.NOBODY
+        if resolver != Resolver.NONE or slow != slow_faults.NOBODY:
             resolver = latch_all(resolver, slow, m, n, p, st)
     publish(voted, p, st)
     return resolver
@@ -256,7 +230,7 @@ def keep_before(samples, valid, p, st):
     before, now = st["before"], st["now"]
     for c in range(p["fitted"]):
         before[c] = now[c]
-        there = comparable(samples[c], valid[c], p["low"], p["high"]) and not is_stale(c, st)
+        there = comparable(samples[c], valid[c], p["low"], p["high"]) and not slow_faults.is_stale(c, st)
         now[c] = samples[c] if there else np.nan
 
 
@@ -274,7 +248,7 @@ def decide(ilm, reference, compared, n, p, st):
     if is_singular(pattern):
         return resolve(ilm, reference, compared, n, p, st)
     if n == 1:
-        return check_last(ilm, reference, p, st)
+        return reference_monitor.check_last(ilm, reference, p, st)
     weight = 0.5
     if p["weighted"]:
         weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final, Literal, get_args
+from collections.abc import Mapping
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator, model_validator
 
 from rig.computer.analytic.references import Config as References
-from rig.computer.redundancy.box import MOST_BOXES
+from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
-from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.computer.redundancy.lowpass import gain
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS
+from rig.computer.redundancy.resets import Reset
 from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.core import settings
-from rig.core.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Resolver, S, to_frame
-from rig.core.settings import Settings
-from rig.core.text import choices, quoted, shorten
+from rig.core.frame import INDEX, SIGNALS, Resolver, S
+from rig.core.settings import Settings, in_frames, refuse_both
 
 ResolverName = Literal["ilm", "lane", "reference", "trend", "extremes", "middle"]
 RESOLVERS: Final = len(get_args(ResolverName))
@@ -31,16 +30,14 @@ class SignalConfig(Settings):
     """Monitor and vote of one signal: a ``[redundancy.signals.<name>]`` table."""
 
     threshold: float = Field(gt=0)  # two samples agree within this, unit of the signal
-    threshold_triplex: float | None = Field(
-        default=None, gt=0
-    )  # while three samples are compared; threshold if not given
+    # While three samples are compared; threshold if not given.
+    threshold_triplex: float | None = Field(default=None, gt=0)
     threshold_duplex: float | None = Field(default=None, gt=0)  # while two are
     # Where four (three) samples agree within the above: how far one may be from the majority; none when not given.
     outlier_threshold: float | None = Field(default=None, gt=0)
     outlier_threshold_triplex: float | None = Field(default=None, gt=0)
-    filter_s: float = Field(
-        default=0.0, ge=0
-    )  # time constant of a low-pass that comparisons see, and the vote does not
+    # Time constant of a low-pass that comparisons see, and the vote does not.
+    filter_s: float = Field(default=0.0, ge=0)
     persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
     persistence_s: float | None = Field(default=None, gt=0)  # the same as a time, in place of the frames
     singular_persistence: int = Field(default=10, ge=1)  # frames until a singular pattern is settled
@@ -54,14 +51,12 @@ class SignalConfig(Settings):
     trend_beside_reference: bool = False  # ask the trend of a signal with a reference that cannot be used, too
     reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
     # What lasts (slow_faults.py); each 0 or not given: off.
-    bias_bound: float = Field(
-        default=0.0, ge=0
-    )  # largest difference of a healthy channel that is learned, and compared without
+    # Largest difference of a healthy channel that is learned, and compared without.
+    bias_bound: float = Field(default=0.0, ge=0)
     bias_s: float = Field(default=10.0, gt=0)  # time constant of the learning
     slow_allowance: float | None = Field(default=None, gt=0)  # what a deviation may be for ever
-    slow_limit: float | None = Field(
-        default=None, gt=0
-    )  # sum of what exceeds it that fails a channel, unit times seconds
+    # Sum of what exceeds it that fails a channel, unit times seconds.
+    slow_limit: float | None = Field(default=None, gt=0)
     stale_frames: int = Field(default=0, ge=0)  # a sample repeated so often miscompares
     common_mode: CommonMode | None = None  # that of [redundancy] when not given
     mean: Literal["plain", "trend-weighted"] = "plain"
@@ -113,29 +108,6 @@ SignalConfigs = create_model(
 )
 
 
-class Reset(Settings):
-    """A reset command: failed channels that have agreed long enough are readmitted, the others stay out."""
-
-    at_s: float = Field(ge=0)
-    signal: str
-    channels: list[int] = Field(default=[1, 2, 3, 4], min_length=1)
-
-    @field_validator("signal")
-    @classmethod
-    def _known(cls, name: str) -> str:
-        names = (*INDEX, *DISCRETE_INDEX)
-        if name not in names:
-            raise ValueError(f"unknown signal, {choices(name, names, 'rig signals')}")
-        return name
-
-    @field_validator("channels")
-    @classmethod
-    def _numbered(cls, channels: list[int]) -> list[int]:
-        if any(not 1 <= channel <= CHANNELS for channel in channels):
-            raise ValueError(f"channels are numbers from 1 to {CHANNELS}, got {channels}")
-        return channels
-
-
 class Config(Settings):
     """The ``[redundancy]`` table of an aircraft or scenario."""
 
@@ -176,79 +148,113 @@ class Config(Settings):
         return rivals
 
 
-def box_of_signals(boxes: Mapping[str, Sequence[str]], signals: Sequence[str]) -> list[int]:
-    """Return the box of each of ``signals``, from 1; all are in box 1 where no ``boxes`` are named.
+class Param(NamedTuple):
+    """One number that the kernels read of a signal's settings, and what a unit under test reads of it."""
 
-    ValueError: an unknown signal, one in two boxes or in none, more boxes than MOST_BOXES.
-    """
-    if not boxes:
-        return [1] * len(signals)
-    if len(boxes) > MOST_BOXES:
-        raise ValueError(f"at most {MOST_BOXES} boxes, got {len(boxes)}")
-    found: dict[str, int] = {}
-    for number, (box, members) in enumerate(boxes.items(), 1):
-        for name in members:
-            if name not in signals:
-                raise ValueError(f"{shorten(box)}: unknown signal {quoted(name)}, {choices(name, signals)}")
-            if name in found:
-                other = list(boxes)[found[name] - 1]
-                raise ValueError(f"{name} is in two boxes, {shorten(other)} and {shorten(box)}; each is in one")
-            found[name] = number
-    if missing := [name for name in signals if name not in found]:
-        raise ValueError(f"{', '.join(missing)}: in no box; each signal is in one of {', '.join(map(shorten, boxes))}")
-    return [found[name] for name in signals]
+    name: str
+    base: str  # of its numpy type
+    meaning: str  # as a unit's header has it
+    part: Literal["signal", "lasting", "rules", ""] = "signal"  # record of a unit that holds it; "": none
+    shape: tuple[int, ...] = ()
 
 
-PARAMS: Final = np.dtype(
-    [
-        ("threshold", "f8"),
-        ("threshold_triplex", "f8"),
-        ("threshold_duplex", "f8"),
-        ("outlier_threshold", "f8"),  # 0: none
-        ("outlier_threshold_triplex", "f8"),
-        ("filter_gain", "f8"),  # share of a new sample in the low-pass of the comparison (lowpass.py); 0: none
-        ("bias_bound", "f8"),  # 0: no bias is learned (slow_faults.py)
-        ("bias_gain", "f8"),  # share of a new residual
-        ("slow_allowance", "f8"),
-        ("slow_limit", "f8"),  # unit times frames; 0: no sums
-        ("stale_frames", "i8"),  # 0: any sample may repeat
-        ("reference_threshold", "f8"),
-        ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_monitor.py)
-        ("second_threshold", "f8"),
-        ("common_persistence", "i8"),
-        ("common_fails", "u1"),
-        ("low", "f8"),
-        ("high", "f8"),
-        ("persistence", "i8"),
-        ("singular_persistence", "i8"),
-        ("trend_frames", "i8"),
-        ("readmit_frames", "i8"),
-        ("fade_frames", "i8"),
-        ("deviation", "f8"),
-        ("deviation_frames", "f8"),  # integral in unit times frames
-        ("fitted", "i8"),  # channels of the signal
-        ("resolvers", "i8", (RESOLVERS,)),  # in order, 0 where none
-        ("wraps", "u1"),
-        ("weighted", "u1"),
-        ("count_down", "f8"),  # 0: an agreeing frame sets the count to zero
-        ("unresolved_frames", "i8"),  # 0: a split may stay open
-        ("trend_small", "f8"),  # -1: the trend is always of trend_frames
-        ("trend_tumbles", "u1"),
-        ("trend_beside_reference", "u1"),
-        ("referred", "u1"),  # a reference is configured
-        ("tells", "i8"),  # the bit of a rate or a load factor, which the inertial unit measures too; 0: another signal
-        ("sources", "i8"),  # a bit for each such signal that one of its references reads
-        ("box", "i8"),  # from 1; 0: none (box.py)
-    ],
-    align=True,
+PARAM_FIELDS: Final = (
+    Param("threshold", "f8", "unit of the signal: two of four samples agree within it"),
+    Param("threshold_triplex", "f8", "unit of the signal: two of three samples"),
+    Param("threshold_duplex", "f8", "unit of the signal: two samples"),
+    Param("outlier_threshold", "f8", "unit of the signal: the narrower one for four samples that all agree; 0: none"),
+    Param("outlier_threshold_triplex", "f8", "unit of the signal: the same for three; 0: none"),
+    Param("filter_gain", "f8", "1: share of a new sample in the low-pass before the comparison; 0: no filter"),
+    Param(
+        "bias_bound", "f8", "unit of the signal: largest difference that is learned of a channel; 0: none is", "lasting"
+    ),
+    Param(
+        "bias_gain",
+        "f8",
+        "1: share of a new residual in a learned bias, once as many frames as its inverse have been seen",
+        "lasting",
+    ),
+    Param("slow_allowance", "f8", "unit of the signal: what a residual may be for ever", "lasting"),
+    Param(
+        "slow_limit",
+        "f8",
+        "unit of the signal times frames: sum of what exceeds it that fails a channel; 0: no sums",
+        "lasting",
+    ),
+    Param(
+        "stale_frames",
+        "i8",
+        "frames in which a sample repeats while others move until it is not compared; 0: any may",
+        "lasting",
+    ),
+    Param("reference_threshold", "f8", "unit of the signal: a sample and the reference agree within it"),
+    Param(
+        "reference_airspeed_m_s",
+        "f8",
+        "m/s: error of a reference that is a dynamic pressure, as an airspeed; 0: of none",
+    ),
+    Param("second_threshold", "f8", "unit of the signal: as reference_threshold, of the second reference"),
+    Param(
+        "common_persistence", "i8", "frames in a row of two references against all channels until it is a common mode"
+    ),
+    Param("common_fails", "u1", "1: a common mode fails all channels; 0: it is reported"),
+    Param(
+        "low", "f8", "unit of the signal: least sample of the sensor; of an angle that wraps where its circle begins"
+    ),
+    Param("high", "f8", "unit of the signal: largest sample of the sensor"),
+    Param("persistence", "i8", "frames in a row of miscompare until a channel is failed"),
+    Param("singular_persistence", "i8", "frames until a pattern without a majority is settled"),
+    Param("trend_frames", "i8", "bits of a trend byte, 1 to 8"),
+    Param("readmit_frames", "i8", "frames in a row of agreement before a reset readmits a failed channel"),
+    Param("fade_frames", "i8", "frames in which the vote fades after a change of level; 0: none"),
+    Param("deviation", "f8", "unit of the signal: tolerated deviation from the mean; manager selection alone"),
+    Param(
+        "deviation_frames",
+        "f8",
+        "unit of the signal times frames: integral of what exceeds it; manager selection alone",
+    ),
+    Param("fitted", "i8", "channels that there are, the first ones"),
+    Param("resolvers", "i8", "in their order, of Resolver; 0 behind the last", shape=(RESOLVERS,)),
+    Param("wraps", "u1", "1: an angle in rad on the circle, differences go the short way"),
+    Param("weighted", "u1", "1: means of the middle samples and of a good pair are weighted by their trend"),
+    Param(
+        "count_down", "f8", "frames that an agreeing one takes off the count of miscompares; 0: all of them", "rules"
+    ),
+    Param(
+        "unresolved_frames",
+        "i8",
+        "frames in a row that no rule answers until all channels are failed; 0: never",
+        "rules",
+    ),
+    Param(
+        "trend_small",
+        "f8",
+        "unit of the signal: changes of at most that are a trend after one frame; -1: none are",
+        "rules",
+    ),
+    Param(
+        "trend_tumbles",
+        "u1",
+        "1: trend bytes begin again every trend_frames frames, and what whole ones say stands",
+        "rules",
+    ),
+    Param("trend_beside_reference", "u1", "1: the trend is asked of a signal with a reference, too", "rules"),
+    Param("referred", "u1", "1: a reference is configured", "rules"),
+    Param(
+        "tells",
+        "i8",
+        "the signal's own bit, 1 shifted by its index, if the references of others read it; 0: they do not",
+        "rules",
+    ),
+    Param("sources", "i8", "bits of signals that its references read, of those that have their bit in tells", "rules"),
+    Param("box", "i8", "box of the signal, 1 to 16; 0: in none", "rules"),
 )
+PARAMS: Final = np.dtype([(each.name, each.base, each.shape) for each in PARAM_FIELDS], align=True)
 
-# What version 2 of a unit's records did not know.
-SINCE_3: Final = (
-    *("count_down", "unresolved_frames", "trend_small", "trend_tumbles", "trend_beside_reference", "referred"),
-    *("tells", "sources", "box"),
-)
-LASTING: Final = ("bias_bound", "bias_gain", "slow_allowance", "slow_limit", "stale_frames")  # of slow_faults.py
+
+def told(part: str) -> tuple[str, ...]:
+    """Return the fields of PARAMS that a record of a unit holds."""
+    return tuple(each.name for each in PARAM_FIELDS if each.part == part)
 
 
 def without_lanes(resolvers: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -276,20 +282,6 @@ def short_wait(unresolved_s: float, signals: Mapping[str, SignalConfig], rate_hz
                 f"singular_persistence of {name}; 0: never"
             )
     return ""
-
-
-def command(rows: Block, resets: Sequence[Reset], rate_hz: float) -> None:
-    """Add the reset commands to ``rows``, whose frames follow each other: each to the first frame not before it."""
-    for reset in resets:
-        k = to_frame(reset.at_s, rate_hz) - int(rows["frame"][0])
-        if 0 <= k < len(rows):
-            field, index = ("reset", INDEX) if reset.signal in INDEX else ("discrete_reset", DISCRETE_INDEX)
-            rows[field][k, index[reset.signal]] |= bits(reset.channels)
-
-
-def bits(channels: Iterable[int]) -> int:
-    """Return the byte of commanded channels, which count from 1."""
-    return sum(1 << (channel - 1) for channel in set(channels))
 
 
 def parameters(

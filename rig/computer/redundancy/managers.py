@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit
+from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit, weighted
 from rig.computer.redundancy.box import boxes
 from rig.computer.redundancy.manager import manage
 from rig.computer.redundancy.rivals import rival_settings as of_rivals
@@ -21,7 +21,6 @@ from rig.computer.redundancy.rivals.glr import GLR_STATE, glr
 from rig.computer.redundancy.rivals.parity import parity
 from rig.computer.redundancy.rivals.step import NOBODY, RIVAL_STATE
 from rig.computer.redundancy.rivals.sums import CUSUM_STATE, cusum, innovation
-from rig.computer.redundancy.rivals.weighted import weighted
 from rig.computer.redundancy.state import ManagerData, new_state
 from rig.core.frame import CHANNELS
 from rig.core.kernels import inlined, kernel

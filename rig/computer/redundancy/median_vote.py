@@ -38,14 +38,8 @@ def mean(low, high, weight_high):
 
 @kernel
 def between(a, b, share_b):
-    """Return a + share_b (b - a), never outside of the two."""
+    """Return a + share_b (b - a), never outside of the two; behind a filter ranks need not be in order."""
     return mean(b, a, 1.0 - share_b) if a > b else mean(a, b, share_b)
-
-
-@kernel
-def halfway(a, b):
-    """Return the plain mean of two values, never outside them; their ranks say a <= b but behind a filter."""
-    return mean(b, a, 0.5) if a > b else mean(a, b, 0.5)
 
 
 @kernel

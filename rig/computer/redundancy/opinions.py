@@ -65,22 +65,14 @@ def by_trend(track, p):
     Both halves are blamed only of the pair that extremes have left, by changes against each other (section 8).
     """
     says = track["trend_says"]
-    if p["trend_tumbles"] == 0:
-        says = trend_now(track, p)
+    if p["trend_tumbles"] == 0:  # over ``trend_frames`` or, of changes of at most ``trend_small``, over one
+        small = abs(track["rise_high"]) <= p["trend_small"] and abs(track["rise_low"]) <= p["trend_small"]
+        says = trend_verdict(track, 1 if small else p["trend_frames"])
     if says == BOTH_FALSE:
         return LOW_SIDE | HIGH_SIDE if track["after_extremes"] else NO_ANSWER
     if says == LARGER_TRUE:
         return LOW_SIDE
     return HIGH_SIDE if says == SMALLER_TRUE else NO_ANSWER
-
-
-@kernel
-def trend_now(track, p):
-    """Return the verdict of the bytes, over ``trend_frames`` or, of changes of at most ``trend_small``, over one."""
-    frames = p["trend_frames"]
-    if abs(track["rise_high"]) <= p["trend_small"] and abs(track["rise_low"]) <= p["trend_small"]:
-        frames = 1
-    return trend_verdict(track, frames)
 
 
 @kernel

@@ -53,7 +53,8 @@ def resolve_two_camps(ilm, reference, compared, n, p, st):
         if name == Resolver.ILM:
             sides = opinions.by_ilm(ilm, order, n)
         elif name == Resolver.TREND:
-            sides = opinions.by_trend(st, p) if may_ask_trend(p, st) else opinions.NO_ANSWER
+            if p["referred"] == 0 or p["trend_beside_reference"] != 0:  # a trend is less than a reference (ours)
+                sides = opinions.by_trend(st, p)
         elif name == Resolver.LANE:
             sides = opinions.by_lanes(st["lanes"], order, n)
         elif name == Resolver.REFERENCE and st["reference_usable"]:
@@ -67,12 +68,6 @@ def resolve_two_camps(ilm, reference, compared, n, p, st):
 
 
 @kernel
-def may_ask_trend(p, st):
-    """Return True if the trend may answer: always, or only where no reference is configured (ours; by measurement)."""
-    return p["referred"] == 0 or p["trend_beside_reference"] != 0
-
-
-@kernel
 def vote_of_sides(name, sides, order, n, p, st):
     """Return the vote when ``sides`` are blamed: the good pair's mean, by its changes where weighted (section 4).
 
@@ -80,7 +75,7 @@ def vote_of_sides(name, sides, order, n, p, st):
     """
     x, half = st["x"], n // 2
     if name == Resolver.TREND and sides == opinions.LOW_SIDE | opinions.HIGH_SIDE:
-        return vote.halfway(x[order[half - 1]], x[order[half]])
+        return vote.between(x[order[half - 1]], x[order[half]], 0.5)
     if p["weighted"] and name == Resolver.TREND and n == 2:
         share = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
         return vote.mean(x[st["order"][0]], x[st["order"][1]], share)  # the ranks whose changes these are
@@ -123,7 +118,7 @@ def resolve_by_rank(order, n, p, st):
         if p["resolvers"][place] == rule:
             low, high = order[(n - 1) // 2], order[n // 2]
             blame_all_but(low, high, order, n, st)
-            return rule, vote.halfway(x[low], x[high])
+            return rule, vote.between(x[low], x[high], 0.5)
     return Resolver.UNRESOLVED.value, hold(n, p, st)
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import permutations
-from typing import Any, Final, Literal, TypeGuard
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,11 +143,6 @@ LANE_PARTS: Final[dict[LanePart, np.dtype[Any]]] = {
 def parts_of(lanes: LaneBlock | None) -> LaneParts:
     """Return the parts that rows of lanes have."""
     return () if lanes is None else tuple(part for part in LANE_PARTS if part in (lanes.dtype.names or ()))
-
-
-def has_part(lanes: LaneBlock | None, part: LanePart) -> TypeGuard[LaneBlock]:
-    """Return True if there are rows of lanes, with a ``part``."""
-    return part in parts_of(lanes)
 
 
 def links(computer: NDArray[Any]) -> NDArray[Any]:

@@ -40,11 +40,6 @@ class Table:
         """beside : (n,) servos and lanes as one record a frame, as the loop fills them and the log packs them."""
         self.rows, self.beside, self.timing, self.clean = rows, beside, timing, clean
 
-    @classmethod
-    def of(cls, frames: Block | Table) -> Table:
-        """Return a table as it is, and rows alone as one without parts."""
-        return frames if isinstance(frames, Table) else cls(frames)
-
     def __len__(self) -> int:
         return len(self.rows)
 

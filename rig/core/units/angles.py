@@ -69,14 +69,10 @@ def near(angles: Floats, base: Floats) -> Floats:
         return base + (angles - base + pi) % TWO_PI - pi
 
 
-def unwrapped(angles: Floats, last: float = np.nan) -> Floats:
-    """Return ``angles`` (n,), rad, without jumps of a turn; what is no number stays.
-
-    last : the angle before them, which they go on from; NaN: there is none, and the first number stays
-    """
+def unwrapped(angles: Floats) -> Floats:
+    """Return ``angles`` (n,), rad, without jumps of a turn; the first number and what is no number stay."""
     out, finite = angles.copy(), np.isfinite(angles)
-    before = [last] if np.isfinite(last) else []
-    out[finite] = np.unwrap(np.concatenate([before, angles[finite]]))[len(before) :]
+    out[finite] = np.unwrap(angles[finite])
     return out
 
 

@@ -1,6 +1,7 @@
-"""The International Standard Atmosphere: air at an altitude, and altitude and density at a pressure.
+"""The International Standard Atmosphere: air at an altitude; altitude, density and airspeeds at two pressures.
 
-Source: ISO 2533 / U.S. Standard Atmosphere 1976, up to 20 km (the isothermal layer above the tropopause).
+Source: ISO 2533 / U.S. Standard Atmosphere 1976, up to 20 km (the isothermal layer above the tropopause); the dynamic
+pressure is rho V^2 / 2 = 0.7 p M^2, not the impact pressure of a pitot tube.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from rig.core.units.constants import (
     GRAVITY,
     HEAT_RATIO,
     LAPSE_RATE,
+    SEA_LEVEL_DENSITY,
     SEA_LEVEL_PRESSURE,
     SEA_LEVEL_TEMPERATURE,
     STRATOSPHERE_TEMPERATURE_PRINTED,
@@ -76,3 +78,21 @@ def air_density(static_pressure):
     p = max(static_pressure, LOWEST_PRESSURE)
     air = SEA_LEVEL_TEMPERATURE * math.pow(p / SEA_LEVEL_PRESSURE, TEMPERATURE_EXPONENT_PRINTED)
     return p / (GAS_CONSTANT * max(air, STRATOSPHERE_TEMPERATURE_PRINTED))
+
+
+@kernel
+def mach_number(static_pressure: float, dynamic_pressure: float) -> float:
+    """Return the Mach number from q = 0.7 p M^2, both pressures in Pa; a negative dynamic pressure counts as zero."""
+    return math.sqrt(max(dynamic_pressure, 0.0) / (0.7 * max(static_pressure, LOWEST_PRESSURE)))
+
+
+@kernel
+def true_airspeed(mach: float, air_temperature: float) -> float:
+    """Return the true airspeed [m/s] at ``mach`` in air of ``air_temperature`` [K]: V = M sqrt(1.4 R T)."""
+    return mach * math.sqrt(HEAT_RATIO * GAS_CONSTANT * air_temperature)
+
+
+@kernel
+def equivalent_airspeed(dynamic_pressure: float) -> float:
+    """Return the equivalent airspeed [m/s]: V_e = sqrt(2 q / rho_0), ``dynamic_pressure`` in Pa."""
+    return math.sqrt(2.0 * max(dynamic_pressure, 0.0) / SEA_LEVEL_DENSITY)

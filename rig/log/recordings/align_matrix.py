@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from rig.core.errors import BadInput
+from rig.log.recordings.offset_moves import median_of
 from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.stamps import Floats
 from rig.log.recordings.vote_config import RecordedSignal
@@ -56,34 +57,21 @@ def take_off_matrices(
         counts = [len(recording.signals[axis].channels) for axis in axes]
         if len(set(counts)) > 1:
             raise BadInput(f"--align-matrix: triad {triad}: its signals have {counts} channels, which must be alike")
-        x = np.array([_valid(recording.signals[axis], settings[axis]) for axis in axes])  # (3, C, n)
-        center = np.nan_to_num(_median(x))
+        x = np.array([recording.signals[axis].channels for axis in axes])  # (3, C, n)
+        low, high = np.array([settings[axis].limits for axis in axes]).T[..., None, None]
+        x[~((x >= low) & (x <= high))] = np.nan
+        center = np.nan_to_num([median_of(columns) for columns in x])  # (3, n) over the recorders
         for c in range(counts[0]):
             fit = _fit(triad, c + 1, x[:, c, start:end], center[:, start:end])
             shown = settings[axes[0]].shown
             fits.append(replace(fit, rms_before=shown(fit.rms_before), rms_after=shown(fit.rms_after)))
             if fit.applied:
-                x[:, c] = _applied(np.array(fit.matrix), x[:, c], center)
+                there = np.isfinite(x[:, c])
+                x[:, c] = np.where(there, np.array(fit.matrix) @ np.where(there, x[:, c], center), np.nan)
         for i, axis in enumerate(axes):
             turned = [fit.applied for fit in fits if fit.triad == triad]
             signals[axis] = _samples(recording.signals[axis], x[i], settings[axis], turned)
     return replace(recording, signals=signals), fits
-
-
-def _valid(samples: Samples, settings: RecordedSignal) -> list[Floats]:
-    low, high = settings.limits
-    return [np.where((column >= low) & (column <= high), column, np.nan) for column in samples.channels]
-
-
-def _median(x: Floats) -> Floats:
-    """(3, n) over the recorders; NaN where none has a sample."""
-    if np.isfinite(x).all():
-        return np.median(x, axis=1)
-    median = np.full((len(x), x.shape[2]), np.nan)
-    for axis, columns in enumerate(x):
-        some = np.isfinite(columns).any(axis=0)
-        median[axis, some] = np.nanmedian(columns[:, some], axis=0)
-    return median
 
 
 def _fit(triad: str, channel: int, v: Floats, m: Floats) -> Matrix:
@@ -109,11 +97,6 @@ def _smooth(x: Floats) -> Floats:
 
 def _rms(off: Floats) -> float:
     return float(np.sqrt((off**2).sum(axis=0).mean())) if off.size else 0.0
-
-
-def _applied(a: Floats, v: Floats, center: Floats) -> Floats:
-    there = np.isfinite(v)
-    return np.where(there, a @ np.where(there, v, center), np.nan)
 
 
 def _samples(before: Samples, columns: Floats, settings: RecordedSignal, turned: Sequence[bool]) -> Samples:

@@ -12,10 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from rig.core.errors import BadInput
-from rig.core.files import open_regular
 from rig.core.units.conversion import conversion
 from rig.log.mcap_messages import most_bytes
-from rig.log.recordings.csv_file import LARGEST_TABLE, Read, TableFormat, once_each, read_csv
+from rig.log.recordings.csv_file import Read, TableFormat, arrow_file, once_each, read_csv
 from rig.log.recordings.stamps import Floats
 
 TABLES: Final = (".csv", ".parquet")
@@ -79,7 +78,7 @@ def _in_ns(kind: Any) -> Any:
 
 
 def _parquet(path: Path, wanted: Callable[[str], bool], _: TableFormat) -> Read:
-    with open_regular(path, LARGEST_TABLE) as opened, pyarrow.parquet.ParquetFile(opened) as file:
+    with arrow_file(path) as opened, pyarrow.parquet.ParquetFile(opened) as file:
         header = list(file.schema_arrow.names)
         names = [name for name in header if wanted(name)]
         once_each(path, names)

@@ -8,9 +8,11 @@ set the first two.
 from __future__ import annotations
 
 import csv
+import os
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from io import BytesIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
@@ -129,8 +131,18 @@ def _read(path: Path, columns: dict[str, Any], separator: str, decimal: str) -> 
 
 def _columns(path: Path, *options: Any) -> Any:
     """Return the table in a file that is opened here: its name need not be UTF-8."""
-    with open_regular(path, LARGEST_TABLE) as file:
+    with arrow_file(path) as file:
         return pyarrow.csv.read_csv(file, *options)
+
+
+@contextmanager
+def arrow_file(path: Path) -> Iterator[pa.NativeFile]:
+    """Open a table as a file of Arrow's own; BadInput as of ``open_regular``.
+
+    A thread of Arrow lets go of its file after the table is read: of Python's when the process ends, that aborts it.
+    """
+    with open_regular(path, LARGEST_TABLE), pa.OSFile(os.fsencode(path)) as file:
+        yield file
 
 
 def _refusal(error: str, header: list[str], columns: dict[str, Any]) -> tuple[int, str]:

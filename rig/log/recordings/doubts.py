@@ -58,14 +58,10 @@ def _line(name: str, of: str, shares: list[tuple[float, float]], kind: int, sett
     if kind:
         return f"{samples} not numbers: look at the recorder, or leave the channel out"
     low, high = (f"{settings.shown(limit):.4g}" for limit in settings.limits)
-    return f"{samples} out of range [{low}, {high}] {settings.unit or ''}".rstrip() + f": {_way_out(settings)}"
-
-
-def _way_out(settings: RecordedSignal) -> str:
-    """Say what to do: the unit in which the file may be, or the range that the signal has."""
-    usual = next(iter(USUAL.get(settings.si, ())), "")
+    usual = next(iter(USUAL.get(settings.si, ())), "")  # the unit in which the file may be
     likely = f'if the file is in {usual}, unit = "{usual}"; else ' if usual and settings.scale == 1.0 else ""
-    return f"{likely}give the range that it has, in CONFIG"
+    out = f"{samples} out of range [{low}, {high}] {settings.unit or ''}".rstrip()
+    return f"{out}: {likely}give the range that it has, in CONFIG"
 
 
 def _whole_turn(samples: Samples, settings: RecordedSignal) -> str:

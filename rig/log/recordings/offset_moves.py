@@ -48,12 +48,12 @@ def _of_signal(samples: Samples, settings: RecordedSignal, step: int) -> list[Of
     off = (x[:, None] - x[None]) if settings.wraps else np.empty(0)
     if settings.wraps:  # against the median of the differences, which has no jump
         turned = short_way(off)
-        return [_move(_median(turned[c])) for c in range(len(x))]
-    center = _median(x)
+        return [_move(median_of(turned[c])) for c in range(len(x))]
+    center = median_of(x)
     return [_move(column - center) for column in x]
 
 
-def _median(x: Floats) -> Floats:
+def median_of(x: Floats) -> Floats:
     """Over the first axis, NaN where nobody has a number."""
     whole = np.isfinite(x)
     if whole.all():

@@ -6,22 +6,28 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.core.blocks import room
 from rig.core.errors import BadInput, BadLog
-from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, Block, Ilm, State
-from rig.log import Log, foreign, read_log
+from rig.core.frame import CHANNELS, DISCRETES, FLAT, SIGNALS, Ilm, State
+from rig.log import Log, LogFile, foreign
 from rig.log.foreign import Source
 from rig.log.recordings.recording import Bytes, Recording, Samples, on_clock
 from rig.log.recordings.stamps import clock
 from rig.log.schema import MESSAGES
 
 _READ: Final = ("channels", "valid", "ilm", "state", "reference")
+_COLUMNS: Final = {  # of a flight's rows, and their types in a recording
+    **dict.fromkeys(("channels", "reference", "second_reference", "discrete_channels"), np.float64),
+    **dict.fromkeys(("valid", "ilm", "discrete_valid", "discrete_ilm"), np.uint8),
+    "frame": np.int64,
+}
 _FIELDS: Final = {
-    message: {field.name for field in MESSAGES[message].fields if field.source.removeprefix("discrete_") in _READ}
+    message: {field.name for field in MESSAGES[message] if field.source.removeprefix("discrete_") in _READ}
     for message in ("rig.Signal", "rig.Discrete")
 }
 
@@ -30,7 +36,7 @@ def read_ours(path: Path, repair: bool = False) -> Recording:
     """Return a log of a flight, or the output of an earlier vote; BadInput in one line when it is neither."""
     topics = _topics(path)
     if "/flight" in topics:
-        return _flown(path, repair)
+        return of_log(LogFile.open(path), path, repair)
     ours = {topic: schema for topic, schema in topics.items() if schema in _FIELDS}
     if not ours:
         raise BadInput(f"{path}: not a log of this rig: CONFIG needs a [mapping] of its topics: {', '.join(topics)}")
@@ -46,31 +52,31 @@ def _topics(path: Path) -> dict[str, str]:
     try:
         return foreign.topics(path)
     except BadLog:
-        read_log(path)  # says more, if it is a log of a flight that was cut
+        LogFile.open(path)  # says more, if it is a log of a flight that was cut
         raise
 
 
-def _flown(path: Path, repair: bool) -> Recording:
-    return of_log(read_log(path), path, repair)
-
-
-def of_log(log: Log, path: Path, repair: bool = False) -> Recording:
-    """Return the log of a flight, read from ``path``, as a recording."""
-    rows = log.rows
-    accepted = clock(str(path), rows["frame"] / log.rate_hz, repair)
-    signals = {signal.name: _recorded(rows, "", i) for i, signal in enumerate(SIGNALS)}
-    discretes = {discrete.name: _recorded(rows, "discrete_", i) for i, discrete in enumerate(DISCRETES)}
+def of_log(log: Log | LogFile, path: Path, repair: bool = False) -> Recording:
+    """Return the log of a flight, read from ``path``, as a recording; it is gone through block by block."""
+    columns = {name: room((*FLAT[name].shape, log.frames), dtype) for name, dtype in _COLUMNS.items()}
+    states, done = np.empty(0, FLAT), 0
+    for block in log.blocks():
+        states = states if done else block.rows[:1].copy()
+        for name, column in columns.items():
+            column[..., done : done + len(block)] = np.moveaxis(block[name], 0, -1)
+        done += len(block)
+    accepted = clock(str(path), columns["frame"] / log.rate_hz, repair)
+    signals = {signal.name: _recorded(columns, states[0], "", i) for i, signal in enumerate(SIGNALS)}
+    discretes = {each.name: _recorded(columns, states[0], "discrete_", i) for i, each in enumerate(DISCRETES)}
     return replace(on_clock(accepted, signals, discretes), in_si=True)
 
 
-def _recorded(rows: Block, kind: str, i: int) -> Samples:
-    """Return the fitted channels of signal or discrete ``i``, whose fields begin with ``kind``."""
-    fitted = range(int((rows[f"{kind}state"][0, i] != State.ABSENT).sum()))
-    ilm, valid = ([rows[f"{kind}{name}"][:, i, c].copy() for c in fitted] for name in ("ilm", "valid"))
-    channels = [rows[f"{kind}channels"][:, i, c].astype(np.float64) for c in fitted]
-    references = () if kind else (rows["reference"], rows["second_reference"])
-    first, second = (columns[:, i].copy() for columns in references) if references else (None, None)
-    return Samples(channels, ilm, first, valid, second)
+def _recorded(columns: Mapping[str, NDArray[Any]], first: Any, kind: str, i: int) -> Samples:
+    """Return the channels of signal or discrete ``i``, whose fields begin with ``kind``, that the first row has."""
+    fitted = int((first[f"{kind}state"][i] != State.ABSENT).sum())
+    channels, ilm, valid = ([*columns[f"{kind}{name}"][i, :fitted]] for name in ("channels", "ilm", "valid"))
+    references = (None, None) if kind else (columns["reference"][i], columns["second_reference"][i])
+    return Samples(channels, ilm, references[0], valid, references[1])
 
 
 def _voted(path: Path, topics: Mapping[str, str], repair: bool) -> Recording:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS, Ilm
 from rig.core.text import shorten
-from rig.log.recordings.rate import rows_a_second
-from rig.log.recordings.stamps import TIME, Clock, Floats, Repair, clock, gaps
+from rig.log.recordings.stamps import TIME, Clock, Floats, Repair, clock, gaps, rows_a_second
 
 Bytes = NDArray[np.uint8]
 WAY_OUT: Final = "name other columns by time_column and [mapping] in CONFIG: docs/vote.md"
@@ -66,6 +65,12 @@ class Recording:
         """Return the row of the input, counted from 1, that became row ``k``, counted from 0."""
         k += self.first_row
         return (k if self.kept is None else int(self.kept[k])) + 1
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """(n,) rows of the input, as of ``row``."""
+        there = slice(self.first_row, self.first_row + len(self.time_s))
+        return (np.arange(there.start, there.stop) if self.kept is None else self.kept[there]) + 1
 
     @property
     def rate_hz(self) -> float:

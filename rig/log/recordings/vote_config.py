@@ -30,11 +30,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, field_validator
 
+from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.computer.redundancy.manager_config import Config as FlightConfig
-from rig.computer.redundancy.manager_config import Reset as FlightReset
-from rig.computer.redundancy.manager_config import SignalConfig, bits, box_of_signals, short_wait
+from rig.computer.redundancy.manager_config import SignalConfig, short_wait
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
+from rig.computer.redundancy.resets import Reset as FlightReset
+from rig.computer.redundancy.resets import bits
 from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.core.errors import BadInput
 from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS

@@ -20,13 +20,13 @@ class Log(log.Log):
 
     def plot(self, name: str) -> Figure:
         """Return channels, vote and truth of one signal over the flight; BadInput when there is no such signal."""
-        from rig.show.viewer.notebook import plot
+        from rig.show.notebook.log_shown import plot
 
         return plot(self, name)
 
     def __repr__(self) -> str:
         """Return one line: what was flown, and how it ended."""
-        from rig.show.viewer.notebook import line
+        from rig.show.notebook.log_shown import line
 
         return line(self)
 
@@ -34,7 +34,7 @@ class Log(log.Log):
         self, overrides: Sequence[str] = (), path: Path | None = None, conclusion: Sequence[str] | None = None
     ) -> str:
         """Return a small table for a notebook: scenario, verdict, failed channels, conclusion, digest."""
-        from rig.show.viewer.notebook import table
+        from rig.show.notebook.log_shown import table
         from rig.verdict.of_log import conclude
 
         return table(self, conclude(self) if conclusion is None else conclusion, overrides, path)

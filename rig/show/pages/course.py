@@ -1,24 +1,33 @@
-"""The course of a flight: which state each lane took when, which faults acted."""
+"""The course of a flight: which state each lane took when, which faults acted, and what of it a report shows."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.frame import INDEX, SIGNALS, Pattern, Source, State, Table
-from rig.flight.failures import became_failed
+from rig.core.units.quantities import quantity
+from rig.flight.failures import became_failed, decisive_s
+from rig.scenario.scenario import Scenario
 from rig.show.viewer import lanes_view as computers
 from rig.show.viewer import servo_series as servos
+from rig.show.viewer.series import threshold
 from rig.show.viewer.state_strips import Changes, changed, changes
+from rig.verdict.monitored_places import references_of
+from rig.verdict.of_log import Scored
+from rig.verdict.score_records import FaultScore
 
 # Of FLAT, that the pictures show.
 FIELDS: Final = (
     *("frame", "acting", "truth", "channels", "voted", "reference", "state", "level", "pattern", "resolver", "source"),
     *("discrete_state", "law", "surface", "actuator", "flight"),
 )
+LATEST_S: Final = 30.0  # an isolation later than this is not that of the first frame
+TOGETHER_S: Final = 2.0  # a fault that begins so shortly before a pattern is shown with it
 _LEVELS = {0: "no channel", 1: "1 channel", 2: "2 channels", 3: "3 channels", 4: "4 channels"}
 
 
@@ -67,3 +76,75 @@ class Course:
         for shown in (computers.SHOWN, servos.SHOWN):
             found += shown.changes(flight, None) if shown.part in flight.parts else ()
         return {change.path: change for change in found}
+
+
+class Limit(NamedTuple):
+    """How far a channel may be from the vote: ``value`` in SI, and which threshold of the signal that is."""
+
+    signal: str
+    name: str
+    value: float
+
+    @property
+    def text(self) -> str:
+        """Name and figure: ``outlier threshold 0.63 deg/s``."""
+        return f"{self.name} {quantity(self.value, SIGNALS[INDEX[self.signal]].unit)}"
+
+
+def limit(resolved: Mapping[str, Any], signal: str) -> Limit:
+    """Return the limit of a signal's monitor, by a scenario as plain data."""
+    value = threshold(resolved, signal)
+    other = value != resolved["redundancy"]["signals"][signal]["threshold"]
+    return Limit(signal, "outlier threshold" if other else "threshold", value)
+
+
+class Moment(NamedTuple):
+    """The frames of a signal in which it was decided; frames from 0."""
+
+    signal: str
+    first: int  # in which the error left the threshold, the fault began, the pattern was met, or it was suspect
+    isolated: int | None  # in which the first channel, or the reference, was failed for it
+    begin: int  # of what is shown
+    end: int  # the first that is not shown
+
+
+def affected(scored: Scored, course: Course) -> list[str]:
+    """Return the signals with a fault, a suspect or failed channel, a pattern or another source, the first first."""
+    first = dict(course.odd)
+    for fault in scored.score.faults:
+        for name in signals_of(fault, scored.scenario):
+            if fault.onset_frame is not None:
+                first[name] = min(first.get(name, course.frames), fault.onset_frame)
+    return sorted(first, key=lambda name: (first[name], INDEX[name]))
+
+
+def signals_of(fault: FaultScore, scenario: Scenario) -> list[str]:
+    """Return the signals that a scored fault acts on, or whose reference it does."""
+    if fault.signal in INDEX:
+        return [fault.signal]
+    return [SIGNALS[s].name for s in references_of(scenario.faults[fault.index], scenario.redundancy)]
+
+
+def moment(scored: Scored, course: Course, name: str) -> Moment | None:
+    """Return the moment of a signal: its first pattern without a majority, else its first fault; None: neither."""
+    rate_hz = scored.scenario.rate_hz
+    faults = [fault for fault in scored.score.faults if name in signals_of(fault, scored.scenario)]
+    begins = [fault.onset_frame if fault.exceeded_frame is None else fault.exceeded_frame for fault in faults]
+    known = [frame for frame in begins if frame is not None]
+    patterns = [episode.first_frame for episode in scored.score.episodes if episode.signal == name]
+    failures = course.failed(name)
+    if patterns:
+        known = [frame for frame in known if 0 <= patterns[0] - frame <= TOGETHER_S * rate_hz] + patterns[:1]
+    if not known and not failures:
+        return None
+    first = min(known) if known else course.suspected(name, min(failures))  # no fault on it: its computer is out
+    ends = [*failures, *(fault.failed_frame for fault in faults if fault.failed_frame is not None)]
+    isolated = min((frame for frame in ends if first <= frame <= first + LATEST_S * rate_hz), default=None)
+    return Moment(name, first, isolated, *decisive_frames(first, isolated, course.frames, rate_hz))
+
+
+def decisive_frames(first: int, decided: int | None, frames: int, rate_hz: float) -> tuple[int, int]:
+    """Return the decisive frames about ``first`` and what was ``decided``, of a flight of so many; end excluded."""
+    decided_s = None if decided is None else decided / rate_hz
+    begin_s, end_s = decisive_s(first / rate_hz, decided_s, (frames - 1) / rate_hz)
+    return round(begin_s * rate_hz), round(end_s * rate_hz) + 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -28,9 +28,8 @@ from rig.core.palette import (
 from rig.core.runs import runs_where
 from rig.core.units.angles import near, unwrapped
 from rig.core.units.quantities import quantity, unit_shown
-from rig.show.pages.gathered import SignalLines, SurfaceLines, signal_lines
-from rig.show.pages.lines import Array, Line, line
-from rig.show.pages.moments import Limit, Moment
+from rig.show.pages.course import Limit, Moment
+from rig.show.pages.lines import Array, Line, SignalLines, SurfaceLines, line, signal_lines
 from rig.show.pages.page import lay_out
 from rig.show.viewer.series import Series, limits, series
 from rig.verdict.patterns import SINGULAR
@@ -171,6 +170,15 @@ def _shade(figure: go.Figure, stretches: NDArray[np.intp], rate_hz: float, most:
 
 def _mark(figure: go.Figure, at_s: float, text: str, side: str) -> None:
     figure.add_vline(x=at_s, line=DOTTED, annotation_text=f"{text} {at_s:.2f} s", annotation_position=f"top {side}")
+
+
+def mark_panels(figure: go.Figure, time_s: Array, acts: NDArray[np.bool_], failed_s: Iterable[float]) -> None:
+    """Shade, in all panels, the time in which a fault acts (n,), and mark each failure."""
+    every: dict[str, Any] = {"row": "all", "col": 1}
+    for a, b in runs_where(acts):
+        figure.add_vrect(float(time_s[a]), float(time_s[b - 1]), fillcolor=ACTING, line_width=0, layer="below", **every)
+    for at_s in failed_s:
+        figure.add_vline(x=at_s, line=DOTTED, **every)
 
 
 def vote_errors(found: Mapping[str, Line], thresholds: Mapping[str, float]) -> go.Figure:

@@ -11,6 +11,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
+from rig.core.column import columns
 from rig.core.frame import INDEX, SIGNALS, SURFACES
 from rig.core.outputs import require_apart, require_page
 from rig.core.progress import tell
@@ -22,10 +23,8 @@ from rig.log.schema import SCHEMA_VERSION
 from rig.show.pages import flight_figures as draw
 from rig.show.pages import lane_figures as computers
 from rig.show.pages import servo_figures as actuators
-from rig.show.pages.course import FIELDS, Course
-from rig.show.pages.gathered import errors, of_signal, of_surface
-from rig.show.pages.lines import line
-from rig.show.pages.moments import Moment, affected, limit, moment, signals_of
+from rig.show.pages.course import FIELDS, Course, Moment, affected, limit, moment, signals_of
+from rig.show.pages.lines import errors, line, of_signal, of_surface
 from rig.show.pages.page import DASH, write_page
 from rig.show.pages.requirement_figures import Margins
 from rig.show.pages.timeline import MOST_GROUPS, groups, spans, timeline
@@ -34,7 +33,7 @@ from rig.verdict import score_tables as cells
 from rig.verdict.context import Context
 from rig.verdict.counting import another
 from rig.verdict.of_log import Scored, score_log
-from rig.verdict.requirements import plain
+from rig.verdict.requirements.along import plain
 from rig.verdict.score_records import Yardstick
 
 MOST_SIGNALS: Final = 8  # that are drawn
@@ -61,7 +60,7 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     drawn = _figures(log, scored, course, names, moments) | margins.figures()
     about = {
         **_about(log, scored, course, names, moments),
-        "requirements": margins.rows(),
+        "requirements": cells.violated_first(margins.verdicts),
         "unmeasured": margins.remark,
     }
     write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
@@ -172,8 +171,9 @@ def _about(
         "not_in_timeline": [name for one in alike[MOST_GROUPS:] for name in one],
         "left_out": names[MOST_SIGNALS:],
         "limits": _limits(scored, names[:MOST_SIGNALS]),
-        "tables": _tables(scored, rate_hz),
+        "tables": [table for table in cells.tables(score, rate_hz).values() if table.rows],
         "peaks": cells.peaks(score.flight),
+        "columns": {"requirements": cells.VERDICTS, "events": columns("time", "level", "event", "what")},
         "events": [(seconds(one.frame, rate_hz), one.level, one.name, one.text) for one in log.events],
         "most": MOST_ROWS,
         "flown_by": {key: text for key, text in log.metadata.items() if key.startswith(("version ", "git", "machine"))},
@@ -236,19 +236,3 @@ def _limits(scored: Scored, names: Sequence[str]) -> list[str]:
         own = f", {monitor.text}" if monitor.name != "threshold" else ""
         lines.append(f"{name} threshold {quantity(value, unit)}{own}")
     return lines
-
-
-def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], list[cells.Row]]]:
-    """Return title, heads and rows of the tables of the score; those without rows are left out."""
-    score = scored.score
-    found = [
-        ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
-        ("Channels of actuators", cells.ACTUATORS, cells.actuator_rows(score, rate_hz)),
-        ("Computers and links", cells.COMPUTERS, cells.computer_rows(score, rate_hz)),
-        ("The fault-tolerant law", cells.LAW, cells.law_rows(score, rate_hz)),
-        ("Suspect channels", cells.SUSPECTS, cells.suspect_rows(score)),
-        ("Healthy channels that were failed", cells.ISOLATIONS, cells.isolation_rows(score, rate_hz)),
-        ("Patterns without a majority", cells.RESOLVERS, cells.resolver_rows(score)),
-        ("Votes", cells.VOTES, cells.vote_rows(score, rate_hz)),
-    ]
-    return [(title, heads, rows) for title, heads, rows in found if rows]

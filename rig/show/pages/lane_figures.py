@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -12,15 +12,14 @@ from plotly.subplots import make_subplots
 from rig.core.event import Event
 from rig.core.frame import COMPUTERS, SURFACES, Table
 from rig.core.palette import CHANNELS, DASHES, VOTE
-from rig.core.runs import runs_where
 from rig.core.units.quantities import scale_shown, seconds, unit_of_name, unit_shown
 from rig.flight import lane_events as lanes
-from rig.flight.failures import decisive_s
-from rig.show.pages.course import Course
-from rig.show.pages.flight_figures import ACTING, DOTTED, draw_line
+from rig.show.pages.course import Course, decisive_frames
+from rig.show.pages.flight_figures import DOTTED, draw_line, mark_panels
 from rig.show.pages.page import lay_out
 from rig.show.pages.timeline import Span, eventful, spans_of
 from rig.show.viewer import lanes_view as computers
+from rig.show.viewer.state_strips import acting
 from rig.verdict.of_log import Scored
 from rig.world.faults.places import OF_LANES, site
 
@@ -42,7 +41,7 @@ class Happened(NamedTuple):
 
 def happened(scored: Scored, events: Sequence[Event]) -> Happened | None:
     """Return what became of the computers; None where nothing failed and no fault sat on them."""
-    rate_hz, last = scored.scenario.rate_hz, scored.score.flight.frames - 1
+    rate_hz, frames = scored.scenario.rate_hz, scored.score.flight.frames
     onsets = [
         fault.onset_frame
         for fault in scored.score.faults
@@ -53,16 +52,8 @@ def happened(scored: Scored, events: Sequence[Event]) -> Happened | None:
         return None
     decided = min(failed, default=None)
     first = max((onset for onset in onsets if decided is None or onset <= decided), default=decided or 0)
-    begin_s, end_s = decisive_s(first / rate_hz, None if decided is None else decided / rate_hz, last / rate_hz)
-    return Happened(list(_said(events, rate_hz)), round(begin_s * rate_hz), round(end_s * rate_hz) + 1)
-
-
-def _said(events: Sequence[Event], rate_hz: float) -> Iterator[str]:
-    told = [event for event in events if event.name in _TOLD]
-    for event in told:
-        yield f"{seconds(event.frame, rate_hz)}: {event.name}, {event.text}"
-    if not told:
-        yield "no lane and no link failed"
+    told = [f"{seconds(e.frame, rate_hz)}: {e.name}, {e.text}" for e in events if e.name in _TOLD]
+    return Happened(told or ["no lane and no link failed"], *decisive_frames(first, decided, frames, rate_hz))
 
 
 def states(course: Course, rate_hz: float, count: int) -> list[Span]:
@@ -94,7 +85,7 @@ def commands(kept: Table, scored: Scored, one: Happened) -> go.Figure:
             figure.add_scatter(x=time_s, y=limit, mode="lines", line=DOTTED, row=s + 1, col=1, showlegend=False)
         unit = unit_shown(unit_of_name(name))
         figure.update_yaxes(title=f"{name.removesuffix('_rad')}{unit and f', {unit}'}", row=s + 1, col=1)
-    _mark(figure, kept, scored, time_s)
+    _mark(figure, kept, scored)
     lay_out(figure, "commands of the lanes", _HEIGHT)
     figure.update_xaxes(title="time, s", row=len(SURFACES), col=1)
     return figure
@@ -108,15 +99,12 @@ def _voted(table: Table) -> Any:
     return np.where((leading == computers.BACKUP)[:, None], np.nan, output)
 
 
-def _mark(figure: go.Figure, kept: Table, scored: Scored, time_s: Any) -> None:
+def _mark(figure: go.Figure, kept: Table, scored: Scored) -> None:
     """Shade the time in which a fault on computers or links acts, and mark each lane's failure."""
-    every: dict[str, Any] = {"row": "all", "col": 1}
-    of = [i for i, fault in enumerate(scored.scenario.faults) if site(fault.signal) in OF_LANES]
-    acting = np.asarray(np.unpackbits(kept["acting"], axis=1, bitorder="little")[:, of].any(axis=1))
-    for a, b in runs_where(acting):
-        figure.add_vrect(float(time_s[a]), float(time_s[b - 1]), fillcolor=ACTING, line_width=0, layer="below", **every)
-    finder = lanes.ComputerFinder(scored.scenario.rate_hz)
+    faults, rate_hz = scored.scenario.faults, scored.scenario.rate_hz
+    of = [i for i, fault in enumerate(faults) if site(fault.signal) in OF_LANES]
+    acts = np.asarray(acting(kept.rows, len(faults))[:, of].any(axis=1))
+    finder = lanes.ComputerFinder(rate_hz)
     finder.find(kept)
-    for failure in finder.failures:
-        if failure.frame > kept["frame"][0]:
-            figure.add_vline(x=failure.frame / scored.scenario.rate_hz, line=DOTTED, **every)
+    failed = [failure.frame for failure in finder.failures if failure.frame > kept["frame"][0]]
+    mark_panels(figure, kept["frame"] / rate_hz, acts, [frame / rate_hz for frame in failed])

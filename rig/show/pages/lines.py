@@ -1,12 +1,17 @@
-"""What is drawn of a line: all of a short one, the extremes of each stretch of a long one."""
+"""The lines that the pictures of a flight show: all of a short one, the extremes of each stretch of a long one."""
 
 from __future__ import annotations
 
 from itertools import pairwise
+from math import degrees
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rig.core.frame import FLIGHT_INDEX, INDEX, SIGNALS, SURFACES, Table
+from rig.core.units.angles import near
+from rig.show.viewer.series import Series, limits, series
 
 Array = NDArray[np.float64]
 MOST_POINTS: Final = 2000  # of one line; of more, the smallest and largest of each stretch are drawn
@@ -40,3 +45,49 @@ def thinned(values: Array) -> NDArray[np.intp]:
     low, high = np.nan_to_num(values, nan=np.inf), np.nan_to_num(values, nan=-np.inf)
     found = [[a + low[a:b].argmin(), a + high[a:b].argmax()] for a, b in pairwise(edges)]
     return np.unique(np.array(found, np.intp))
+
+
+class SignalLines(NamedTuple):
+    """A signal as it is drawn, in the unit that people read; ends : of the axis."""
+
+    voted: Line
+    truth: Line
+    channels: list[Line]
+    ends: tuple[float, float]
+
+
+def signal_lines(shown: Series, ends: tuple[float, float]) -> SignalLines:
+    """Return the lines of a signal over some rows."""
+    voted, truth, *channels = (line(shown.time_s, of) for of in (shown.voted, shown.truth, *shown.channels.T))
+    return SignalLines(voted, truth, channels, ends)
+
+
+def of_signal(flight: Table, rate_hz: float, name: str, limit: float) -> SignalLines:
+    """Return a signal over a whole flight; limit : SI, what channels may be off the vote."""
+    shown = series(flight.rows, rate_hz, name)
+    return signal_lines(shown, limits(shown, limit))
+
+
+def errors(flight: Table, name: str) -> Array:
+    """Return vote less truth (n,) of a signal, SI, angles the short way round; NaN where either is no number."""
+    voted, truth = flight["voted"][:, INDEX[name]], flight["truth"][:, INDEX[name]]
+    with np.errstate(invalid="ignore"):
+        return (near(voted, truth) if SIGNALS[INDEX[name]].wraps else voted) - truth
+
+
+class SurfaceLines(NamedTuple):
+    """A surface, degrees, or the throttle; changed : a fault changed what reached the actuator."""
+
+    command: Line
+    actuated: Line
+    position: Line
+    changed: bool
+
+
+def of_surface(flight: Table, rate_hz: float, i: int) -> SurfaceLines:
+    """Return surface ``i`` over a whole flight."""
+    scale, time_s = degrees(1.0) if SURFACES[i].endswith("_rad") else 1.0, flight["frame"] / rate_hz
+    command, actuated = flight["surface"][:, i], flight["actuator"][:, i]
+    position = flight["flight"][:, FLIGHT_INDEX[SURFACES[i]]]
+    lines = [line(time_s, values * scale) for values in (command, actuated, position)]
+    return SurfaceLines(*lines, changed=not np.array_equal(command, actuated, equal_nan=True))

@@ -11,6 +11,7 @@ import jinja2
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
+from rig.core.column import COUNT, INSTANT, PLAIN, RATE, SECONDS, SHARE, Column
 from rig.core.files import NOT_WHOLE, reported, write_text
 from rig.core.palette import CSS
 from rig.core.versions import versions
@@ -51,7 +52,7 @@ def write_page(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "percent": percent, "rate": rate, **filters}
+    environment.filters |= {"number": number, "percent": percent, "rate": rate, "cell": cell, **filters}
     drawn = {name: json.loads(figure.to_json() or "null") for name, figure in figures.items()}
     text = json.dumps(drawn, allow_nan=False).replace("<", "\\u003c")  # nothing in it can end the script element
     about = {"plotly": get_plotlyjs(), "versions": versions(), "palette": CSS}
@@ -80,3 +81,19 @@ def rate(share: Mapping[str, Any]) -> str:
 def number(value: float | None, digits: int = 3) -> str:
     """Return a number as a reader would say it."""
     return DASH if value is None else f"{value:.{digits}g}"
+
+
+def cell(row: Any, column: Column) -> str:
+    """Return what a column shows of a row."""
+    value = column.of(row)
+    return DASH if value is None and column.format else column.text(value, _WORDS)
+
+
+_WORDS: Final[dict[str, Callable[[Any], str]]] = {
+    SHARE: rate,
+    COUNT: rate,
+    RATE: lambda rate: f"{number(rate['value'])} ({number(rate['low'])} to {number(rate['high'])})",
+    SECONDS: number,
+    INSTANT: lambda value: number(value, 4),
+    PLAIN: str,
+}

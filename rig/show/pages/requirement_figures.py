@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
 from typing import Final, Self
 
 import numpy as np
@@ -12,13 +11,14 @@ import plotly.graph_objects as go
 
 from rig.core.errors import BadInput
 from rig.core.palette import series_colour
-from rig.core.units.quantities import quantity
 from rig.log import LogFile
 from rig.scenario.scenario import Scenario
 from rig.show.pages.flight_figures import DOTTED
 from rig.show.pages.lines import Line, line
-from rig.show.pages.page import DASH, lay_out
-from rig.verdict.requirements import Verdict, load_requirements, margin_text, recorder_of
+from rig.show.pages.page import lay_out
+from rig.verdict.requirements.measure import recorder_of
+from rig.verdict.requirements.requirement import load_requirements
+from rig.verdict.requirements.requirement_recorder import Verdict
 
 CUT: Final = 3.0  # a margin beyond is drawn here
 MOST: Final = 12  # lines
@@ -52,7 +52,7 @@ class Margins:
             return cls(remark=remark)
         recorder = recorder_of(scenario, alone, twin=False, lines=True)
         for block in log.blocks():
-            recorder.record(block.rows)
+            recorder.record(block)
         verdicts = recorder.finish()
         time_s = np.arange(log.frames) / log.rate_hz
         drawn = [
@@ -74,15 +74,3 @@ class Margins:
         figure.update_xaxes(title="time, s")
         figure.update_yaxes(title="margin", range=[-1.1 * CUT, 1.1 * CUT])
         return {"requirements": figure}
-
-    def rows(self) -> list[tuple[str, ...]]:
-        """Return the rows of the table, the violated first."""
-        order = ("violated", "met", "not applicable")
-        return [_row(one) for one in sorted(self.verdicts, key=lambda one: order.index(one.status))]
-
-
-def _row(one: Verdict) -> tuple[str, ...]:
-    if not isfinite(one.margin):
-        return one.requirement, one.signal, one.status, DASH, DASH, ""
-    there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in one.values.items())
-    return one.requirement, one.signal, one.status, margin_text(one.margin) or DASH, f"{one.instant_s:.2f} s", there

@@ -12,17 +12,16 @@ from plotly.subplots import make_subplots
 
 from rig.core.frame import MOVED, Table
 from rig.core.palette import CHANNELS, DASHES, INK, TRUTH
-from rig.core.runs import runs_where
 from rig.core.units.quantities import scale_shown, seconds
-from rig.flight.failures import decisive_s
 from rig.flight.stages import actuator_monitors
-from rig.show.pages.course import Course
-from rig.show.pages.flight_figures import ACTING, DOTTED, draw_line
+from rig.show.pages.course import Course, decisive_frames
+from rig.show.pages.flight_figures import DOTTED, draw_line, mark_panels
 from rig.show.pages.page import lay_out
 from rig.show.pages.timeline import Span, eventful, spans_of
 from rig.show.viewer.servo_series import of_surface
+from rig.show.viewer.state_strips import acting
 from rig.verdict.of_log import Scored
-from rig.verdict.score_records import ActuatorFailure, ActuatorScore
+from rig.verdict.score_records import ActuatorScore
 from rig.verdict.servo_sentence import bypass_text
 from rig.world.faults.places import number, site
 
@@ -43,7 +42,7 @@ class Happened(NamedTuple):
 
 def happened(scored: Scored) -> list[Happened]:
     """Return the surfaces of which a channel was shut off, or on whose actuator a fault acted."""
-    found = []
+    found, rate_hz, frames = [], scored.scenario.rate_hz, scored.score.flight.frames
     for name, one in scored.score.actuators.items():
         onsets = [
             fault.onset_frame
@@ -52,32 +51,24 @@ def happened(scored: Scored) -> list[Happened]:
         ]
         first = min([*onsets, *(failure.frame for failure in one.failures)], default=one.bypassed_frame)
         if first is not None:
-            found.append(_happened(name, one, first, scored))
+            decided = [failure.frame for failure in one.failures] + [one.bypassed_frame or first]
+            last = max(frame for frame in decided if frame - first <= _LATEST_S * rate_hz)
+            begin, end = decisive_frames(first, last if last > first else None, frames, rate_hz)
+            found.append(Happened(name, begin, end, list(_said(one, frames, rate_hz))))
     return found
-
-
-def _happened(name: str, one: ActuatorScore, first: int, scored: Scored) -> Happened:
-    rate_hz, frames = scored.scenario.rate_hz, scored.score.flight.frames
-    decided = [failure.frame for failure in one.failures] + [one.bypassed_frame or first]
-    last = max(frame for frame in decided if frame - first <= _LATEST_S * rate_hz)
-    begin_s, end_s = decisive_s(first / rate_hz, last / rate_hz if last > first else None, (frames - 1) / rate_hz)
-    return Happened(name, round(begin_s * rate_hz), round(end_s * rate_hz) + 1, list(_said(one, frames, rate_hz)))
 
 
 def _said(one: ActuatorScore, frames: int, rate_hz: float) -> Iterator[str]:
     for failure in one.failures:
         at = seconds(failure.frame, rate_hz)
-        yield f"channel {failure.channel} shut off at {at} by {failure.monitor}{_for(failure)}"
+        why = "" if failure.cause == "own fault" else f": {failure.cause}"
+        yield f"channel {failure.channel} shut off at {at} by {failure.monitor}{why}"
     for channel, frame in one.valves_differ.items():
         yield f"valve of channel {channel} not as commanded from {seconds(frame, rate_hz)} on"
     if text := bypass_text(one, frames, rate_hz):
         yield text
     if not one.failures:
         yield "no channel was shut off"
-
-
-def _for(failure: ActuatorFailure) -> str:
-    return "" if failure.cause == "own fault" else f": {failure.cause}"
 
 
 def states(course: Course, rate_hz: float) -> list[Span]:
@@ -97,15 +88,18 @@ def of_actuator(kept: Table, scored: Scored, one: Happened) -> go.Figure:
     """
     i = MOVED.index(one.surface)
     rows, time_s = kept.servo[:, i], kept["frame"] / scored.scenario.rate_hz
-    acting = np.unpackbits(kept["acting"], axis=1, bitorder="little")
     figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04)
     _positions(figure, rows, time_s)
     for panel, (title, values, limit) in enumerate(_compared(rows, i, scored), 2):
-        _panel(figure, time_s, values, panel)
+        for c, column in enumerate(values.T):
+            held: dict[str, Any] = {"row": panel, "col": 1, "showlegend": False, "line_shape": "hv"}  # for its frame
+            draw_line(figure, time_s, column, f"channel {c + 1}", (CHANNELS[c], 1.3, DASHES[c]), **held)
         for level in (-limit, limit):
             figure.add_hline(y=level, line=DOTTED, row=panel, col=1)  # pyright: ignore[reportArgumentType]
         figure.update_yaxes(title=title, row=panel, col=1)
-    _mark(figure, scored, one, _acts(acting, scored, one.surface), time_s)
+    failed = [failure.frame for failure in scored.score.actuators[one.surface].failures]
+    failed_s = [frame / scored.scenario.rate_hz for frame in failed if one.begin <= frame < one.end]
+    mark_panels(figure, time_s, _acts(kept, scored, one.surface), failed_s)
     lay_out(figure, f"{one.surface}, the actuator", _HEIGHT)
     figure.update_xaxes(title="time, s", row=4, col=1)
     return figure
@@ -133,28 +127,13 @@ def _compared(rows: NDArray[Any], i: int, scored: Scored) -> list[tuple[str, Arr
     return [(title, np.where(out, np.nan, values), limit) for title, values, limit in compared]
 
 
-def _panel(figure: go.Figure, time_s: Array, values: Array, panel: int) -> None:
-    for c, column in enumerate(values.T):
-        look = CHANNELS[c], 1.3, DASHES[c]
-        held: dict[str, Any] = {"row": panel, "col": 1, "showlegend": False, "line_shape": "hv"}  # for its frame
-        draw_line(figure, time_s, column, f"channel {c + 1}", look, **held)
-
-
-def _acts(acting: NDArray[np.uint8], scored: Scored, surface: str) -> NDArray[np.bool_]:
+def _acts(kept: Table, scored: Scored, surface: str) -> NDArray[np.bool_]:
     """Return (n,) whether a fault on the surface's actuator, or on the hydraulics, acts."""
+    faults = scored.scenario.faults
     of = [
         i
-        for i, fault in enumerate(scored.scenario.faults)
+        for i, fault in enumerate(faults)
         if (where := site(fault.signal)) == "hydraulics"
         or (where == "actuator" and number(fault.signal) == MOVED.index(surface))
     ]
-    return np.asarray(acting[:, of].any(axis=1))
-
-
-def _mark(figure: go.Figure, scored: Scored, one: Happened, acts: NDArray[np.bool_], time_s: Array) -> None:
-    every: dict[str, Any] = {"row": "all", "col": 1}
-    for a, b in runs_where(acts):
-        figure.add_vrect(float(time_s[a]), float(time_s[b - 1]), fillcolor=ACTING, line_width=0, layer="below", **every)
-    for failure in scored.score.actuators[one.surface].failures:
-        if one.begin <= failure.frame < one.end:
-            figure.add_vline(x=failure.frame / scored.scenario.rate_hz, line=DOTTED, **every)
+    return np.asarray(acting(kept.rows, len(faults))[:, of].any(axis=1))

@@ -9,13 +9,13 @@ from typing import Any, Final, NamedTuple
 import plotly.graph_objects as go
 
 from rig.core.frame import COMPUTERS, DISCRETES, INDEX
-from rig.core.palette import BLUE, CHANNELS, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, SOFT, VIOLET, YELLOW
+from rig.core.palette import BLUE, CHANNELS, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, SOFT, UNUSED, VIOLET, YELLOW
 from rig.show.pages.course import Course, level_path
 from rig.show.pages.page import lay_out
 from rig.show.viewer.lanes_view import HEALTH
 from rig.show.viewer.servo_series import LANES as SERVOS
 from rig.show.viewer.state_strips import LANES, LAW, Changes, Lane, fault_path
-from rig.show.viewer.style import STATE_LOOKS
+from rig.show.viewer.style import STATE_LOOKS, plain
 
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
 MOST_GROUPS: Final = 8  # of signals that are alike
@@ -28,13 +28,8 @@ _COLOURS: Final = {
     **dict.fromkeys(("lost", "unresolved", "no channel", "back-up", "bypassed"), INK),
     **dict.fromkeys((label for label in _LABELS if label.startswith(("failed", "shut off"))), RED),
     **dict(zip(COMPUTERS, CHANNELS, strict=True)),  # the leading lane
-    **{
-        "missing": YELLOW,
-        "a frame old": LIGHT_BLUE,
-        "runs again, not engaged": MID_BLUE,
-        "off by command": SOFT,
-        _UNUSED: "#b4bec8",
-    },
+    **{"missing": YELLOW, "a frame old": LIGHT_BLUE, "runs again, not engaged": MID_BLUE, "off by command": SOFT},
+    _UNUSED: UNUSED,
     **{"suspect": YELLOW, "failed": RED, "acting": ORANGE, "isolated": LIGHT_BLUE},
     **{"3 channels": LIGHT_BLUE, "2 channels": MID_BLUE, "1 channel": BLUE},
 }
@@ -121,9 +116,8 @@ def used(span: Span, level: Sequence[Span]) -> Iterator[Span]:
 def _named(path: str) -> str:
     """Return a lane as people read it: ``pitch_rate channel 3``."""
     _, of, *lane = path.split("/")
-    return (
-        " ".join([of, *(_NAMES.get(part, part.replace("_", " ")) for part in lane)]) if lane else of.replace("_", " ")
-    )
+    words = [_NAMES.get(part, plain(part)) for part in lane]
+    return " ".join([of, *words]) if words else plain(of)
 
 
 def spans_of(change: Changes, lane: Lane, frames: int, rate_hz: float) -> list[Span]:
@@ -137,9 +131,9 @@ def _spans(name: str, change: Changes, lane: Lane | None, frames: int, rate_hz: 
         yield Span(name, row / rate_hz, end / rate_hz, _label(state, lane))
 
 
-def _label(state: str | None, lane: Lane | None) -> str:
+def _label(state: str, lane: Lane | None) -> str:
     """Return a state in words; "" for what is not drawn: a fault that does not act, a channel that is not fitted."""
-    if state is None or state == "ABSENT":
+    if state == "ABSENT":
         return ""
     looks = STATE_LOOKS if state in STATE_LOOKS or lane is None else lane.looks
     return looks[state][0] if state in looks else state.lower()

@@ -21,7 +21,7 @@ from rich.console import Console
 from rig.core.console import Screen
 from rig.core.errors import BadInput
 from rig.core.event import Event
-from rig.core.frame import Block, Table, to_frame
+from rig.core.frame import Table, to_frame
 from rig.core.settings import LONGEST_S
 from rig.log import Log
 from rig.show.terminal.draw import Drawer, InPipe, InProcess, OnTerminal
@@ -60,9 +60,8 @@ class Watch:
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
         self._thread.start()
 
-    def __call__(self, table: Table | Block, rate_hz: float, events: Sequence[Event]) -> None:
+    def __call__(self, table: Table, rate_hz: float, events: Sequence[Event]) -> None:
         """Take a block; never waits for the terminal."""
-        table = Table.of(table)
         kept = table.copy() if self._factor else table[-1:].copy()
         with self._changed:
             self._queue.append((kept, rate_hz, events))

@@ -6,7 +6,7 @@ A channel is marked in words as well as in colour: ``?`` suspect, ``x`` failed.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -17,12 +17,17 @@ from rich.text import Text
 from rig.core.event import Event
 from rig.core.frame import (
     CHANNELS,
+    COMPUTERS,
     DISCRETES,
+    LINKS,
     MOVED,
     SIGNALS,
+    SURFACES,
     ActuatorMonitor,
     End,
+    Health,
     Law,
+    LinkState,
     Pattern,
     Resolver,
     Source,
@@ -31,15 +36,26 @@ from rig.core.frame import (
 from rig.core.frame import Table as FlightTable
 from rig.core.text import plain
 from rig.core.units.angles import short_way
-from rig.core.units.quantities import scale_shown, unit_shown
+from rig.core.units.quantities import scale_shown, unit_of_name, unit_shown
+from rig.flight.lane_events import test_name
 from rig.flight.servo_events import monitor_name
-from rig.show.terminal import cells
-from rig.show.terminal.lanes_page import computer_rows
 
 EVENTS: Final = 6  # shown, of those so far
 _LEVELS: Final = {"info": "", "warning": "yellow", "error": "bold red"}
 _NUMBERS: Final = ("ch 1 ", "ch 2 ", "ch 3 ", "ch 4 ", "vote", "level")
 _LEGEND: Final = "? suspect, x failed, - not fitted; by: who decided, or control's other source"
+# How a channel, its mark and what needs attention look.
+_LOOKS: Final = {
+    State.OK: ("green", " "),
+    State.SUSPECT: ("bold yellow", "?"),
+    State.FAILED: ("bold red", "x"),
+    State.ABSENT: ("dim", " "),
+}
+_NOBODY: Final = -1
+_MOST_LINKS: Final = 2  # that are named
+# Of a lane as that of a channel; others are failed.
+_LANE_STATES: Final = {Health.ABSENT: State.ABSENT, Health.ENGAGED: State.OK, Health.SUSPECT: State.SUSPECT}
+_NOTES: Final = {Health.RESTARTING: "restarting", Health.OFF: "off by command"}
 
 
 class Page:
@@ -55,7 +71,6 @@ class Page:
 
     def draw(self, frame: FlightTable, rate_hz: float) -> RenderableType:
         """Draw the page of one frame (1,)."""
-        frame = FlightTable.of(frame)
         row, servo, lane = frame.rows[0], frame.servo, frame.lane
         table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
         table.add_column("signal")  # the one that a narrow terminal cuts
@@ -70,7 +85,7 @@ class Page:
             table.add_row(*_discrete(row, d))
         for surface, one in zip(MOVED, servo[0], strict=True) if servo is not None else ():
             table.add_row(*_servo(surface, one))
-        for cells_of_row in computer_rows(lane[0]) if lane is not None else ():
+        for cells_of_row in _computers(lane[0]) if lane is not None else ():
             table.add_row(*cells_of_row)
         lines = [event_line(time_s, event) for time_s, event in self._events]
         blank = [Text("")] * (EVENTS - len(lines))  # or the page would jump
@@ -104,11 +119,11 @@ def _signal(row: Any, s: int) -> list[RenderableType]:
         values = turned + np.append(short_way(row["channels"][s] - vote), 0.0)
     shown = values * scale_shown(signal.unit)
     return [
-        cells.name(signal.name),
+        _name(signal.name),
         unit_shown(signal.unit),
-        *(cells.channel(shown[c], states[c], cells.number) for c in range(4)),
-        Text(cells.number(shown[4])),
-        cells.level(int(row["level"][s]), signal.channels),
+        *(_channel(shown[c], states[c], _number) for c in range(4)),
+        Text(_number(shown[4])),
+        _level(int(row["level"][s]), signal.channels),
         Text(pattern.label, style="dim" if pattern == Pattern.NORMAL else "bold yellow"),
         Text("; ".join(_notes(row, s)), style="yellow"),
     ]
@@ -126,11 +141,11 @@ def _notes(row: Any, s: int) -> Iterator[str]:
 def _discrete(row: Any, d: int) -> list[RenderableType]:
     values, states = row["discrete_channels"][d], row["discrete_state"][d]
     return [
-        cells.name(DISCRETES[d].name),
+        _name(DISCRETES[d].name),
         "",
-        *(cells.channel(values[c], states[c], lambda value: f"{int(value)}") for c in range(4)),
+        *(_channel(values[c], states[c], lambda value: f"{int(value)}") for c in range(4)),
         Text(str(int(row["discrete_voted"][d]))),
-        cells.level(int(row["discrete_level"][d]), DISCRETES[d].channels),
+        _level(int(row["discrete_level"][d]), DISCRETES[d].channels),
     ]
 
 
@@ -141,11 +156,111 @@ def _servo(surface: str, servo: Any) -> list[RenderableType]:
     states = [State.FAILED if each else State.OK for each in out]
     notes = (f"{c + 1} {monitor_name(by) if by else 'computer'}" for c, by in enumerate(failed_by) if out[c])
     return [
-        cells.name(f"{surface} servo"),
+        _name(f"{surface} servo"),
         unit_shown("rad"),
-        *(cells.channel(servo["lvdt"][c] * scale, states[c], cells.number) for c in range(CHANNELS)),
-        Text(cells.number(servo["ram"] * scale)),
-        cells.level(states.count(State.OK), CHANNELS),
+        *(_channel(servo["lvdt"][c] * scale, states[c], _number) for c in range(CHANNELS)),
+        Text(_number(servo["ram"] * scale)),
+        _level(states.count(State.OK), CHANNELS),
         Text("bypassed" if servo["bypassed"] else "", style="bold red"),
         Text("; ".join(notes), style="yellow"),
     ]
+
+
+def _computers(lanes: Any) -> Iterator[list[RenderableType]]:
+    """Yield the cells of the rows of several computers; lanes : (4,) COMPUTER."""
+    leads = int(lanes["leads"].argmax()) if lanes["leads"].any() else _NOBODY
+    states = [_LANE_STATES.get(Health(health), State.FAILED) for health in lanes["health"]]
+    yield [
+        _name("computers"),
+        "",
+        *(_channel(name, state, str) for name, state in zip(COMPUTERS, states, strict=True)),
+        Text(COMPUTERS[leads]) if leads != _NOBODY else Text("none", style="bold red"),
+        _engaged(states),
+        Text("") if leads != _NOBODY else Text("back-up", style="bold red"),
+        Text("; ".join(_whys(lanes)), style="yellow"),
+    ]
+    yield _links(lanes)
+    for s, name in enumerate(SURFACES):
+        yield _command(name, lanes, s, states, leads)
+
+
+def _engaged(states: list[State]) -> Text:
+    out, absent = states.count(State.FAILED), states.count(State.ABSENT)
+    return _level(len(states) - absent - out, len(states) - absent)
+
+
+def _whys(lanes: Any) -> Iterator[str]:
+    """Yield the lanes that are out, and for what."""
+    for name, lane in zip(COMPUTERS, lanes, strict=True):
+        health = Health(lane["health"])
+        if health == Health.FAILED:
+            yield f"{name} {test_name(lane['failed_for'])}"
+        elif health in _NOTES:
+            yield f"{name} {_NOTES[health]}"
+
+
+def _links(lanes: Any) -> list[RenderableType]:
+    """Return how many of the others have each lane's message in this frame, and the links that have not."""
+    links = lanes["link"]
+    fitted = int((lanes["health"] != Health.ABSENT).sum())
+    good = (links == LinkState.FRESH).sum(axis=0)
+    states = [
+        State.ABSENT if j >= fitted else State.FAILED if (links[:, j] == LinkState.FAILED).any()
+        else State.OK if good[j] == fitted - 1 else State.SUSPECT
+        for j in range(len(COMPUTERS))
+    ]  # fmt: skip
+    failed = [
+        f"{COMPUTERS[sender]} to {COMPUTERS[receiver]} {LinkState(links[receiver, sender]).name.lower()}"
+        for sender, receiver in LINKS
+        if links[receiver, sender] > LinkState.FRESH
+    ]
+    more = f" and {len(failed) - _MOST_LINKS} more" if len(failed) > _MOST_LINKS else ""
+    return [
+        _name("messages, to others"),
+        "",
+        *(_channel(count, state, str) for count, state in zip(good, states, strict=True)),
+        "",
+        "",
+        "",
+        Text(", ".join(failed[:_MOST_LINKS]) + more, style="yellow"),
+    ]
+
+
+def _command(name: str, lanes: Any, s: int, states: list[State], leads: int) -> list[RenderableType]:
+    """Return what each lane commands of a surface, and what the leading one puts out after its vote."""
+    unit, whose = unit_of_name(name), lanes[max(leads, 0)]
+    pattern, resolver = Pattern(whose["command_pattern"][s]), Resolver(whose["command_resolver"][s])
+    scale, each = scale_shown(unit), zip(lanes, states, strict=True)
+    quiet = pattern == Pattern.NORMAL or leads == _NOBODY
+    return [
+        _name(f"{name.removesuffix('_rad')} command"),
+        unit_shown(unit),
+        *(_channel(lane["surface"][s] * scale, state, _number) for lane, state in each),
+        Text("" if leads == _NOBODY else _number(whose["output"][s] * scale)),
+        _engaged(states),
+        Text(pattern.label if leads != _NOBODY else "", style="dim" if quiet else "bold yellow"),
+        Text(resolver.name.lower() if leads != _NOBODY and resolver != Resolver.NONE else "", style="yellow"),
+    ]
+
+
+def _name(text: str) -> Text:
+    return Text(text, no_wrap=True, overflow="ellipsis")
+
+
+def _channel(value: Any, state: Any, write: Callable[[Any], str]) -> Text:
+    """Return a channel's value with the mark of its state."""
+    style, mark = _LOOKS[State(state)]
+    return Text("-" if state == State.ABSENT else write(value) + mark, style=style)
+
+
+def _number(value: float) -> str:
+    """Return a number with what the sensors resolve: three decimals below 100, none above 10,000."""
+    if not np.isfinite(value):
+        return "nan"
+    return f"{value:.{0 if abs(value) >= 10_000 else 1 if abs(value) >= 1_000 else 2 if abs(value) >= 100 else 3}f}"
+
+
+def _level(left: int, channels: int) -> Text:
+    """Return how many are ``left`` of so many channels."""
+    style = "" if left == channels else "bold red" if left == 0 else "yellow"
+    return Text(str(left), style=style)

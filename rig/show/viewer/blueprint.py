@@ -16,8 +16,8 @@ from rig.flight.failures import decisive_s
 from rig.show.viewer import charts, derived
 from rig.show.viewer import rerun_columns as columns
 from rig.show.viewer import state_strips as lanes
-from rig.show.viewer.computers_tab import tab as computers_tab
-from rig.show.viewer.facts import Layout, Shown
+from rig.show.viewer.beside_tabs import computers_tab, servo_tab
+from rig.show.viewer.facts import Layout, Shown, Span, drawn_range
 from rig.show.viewer.plots import (
     Axes,
     Line,
@@ -40,7 +40,6 @@ from rig.show.viewer.plots import (
     track,
 )
 from rig.show.viewer.scene import TIMELINE
-from rig.show.viewer.servo_tab import tab as servo_tab
 from rig.show.viewer.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED, plain
 
 OVERVIEW: Final = "overview"  # the first tab
@@ -75,7 +74,7 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
         OVERVIEW: _overview(main_signal(shown), shown),
         **{group: _group_tab(group, [s for s in SIGNALS if s.group == group], shown) for group in GROUPS},
         "discretes": _discretes_tab(shown),
-        "surfaces": _surfaces_tab(shown),
+        "surfaces": rrb.Grid(*(chart(content, shown) for content in charts.SURFACE), grid_columns=2, name="surfaces"),
         **({SERVOS: servo_tab(SERVOS, moved)} if moved else {}),
         **({COMPUTERS: computers_tab(COMPUTERS, several)} if several else {}),
         "control": _control_tab(shown),
@@ -139,7 +138,7 @@ def _decisive(signal: Signal, shown: Sequence[Shown], span: tuple[float, float])
     )
 
 
-def decisive_span(shown: Sequence[Shown]) -> tuple[float, float] | None:
+def decisive_span(shown: Sequence[Shown]) -> Span:
     """Return the decisive seconds of the topmost flight that has any; under way, those after its first fault begins."""
     for flight in reversed(shown):
         if flight.facts.seen is not None:
@@ -162,7 +161,7 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
         rrb.Horizontal(
             _signal_plot(s, shown),
             _deviation_plot(s, shown),
-            _signal_lanes(s, shown, faults=s.name),
+            state_lanes(lanes.title(s), lanes.of_signal(s), shown, faults=s.name),
             column_shares=[3, 3, 2] if len(shown) == 1 else [3, 2, 3],
         )
         for s in signals
@@ -170,17 +169,15 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
     return rrb.Vertical(legend(), *rows, row_shares=[0.15, *[1.0] * len(rows)], name=group)
 
 
-def _signal_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, float] | None = None) -> Any:
+def _signal_plot(signal: Signal, shown: Sequence[Shown], span: Span = None) -> Any:
     """Draw the signal in the unit that people read; in its decisive seconds, on a scale of their own."""
     lines = _lines(signal, "", ("low", "high", "voted", *_CHANNELS, "reference", "truth"))
-    key = signal.name if span is None else "zoom"
-    ranges = [seen.ranges[key] for flight in shown if (seen := flight.facts.seen) is not None and key in seen.ranges]
-    values = (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
+    values = drawn_range(shown, signal.name if span is None else "zoom")
     name = ", ".join(filter(None, (plain(signal.name), unit_shown(signal.unit))))
     return over_time(_zoomed(name, span), list_series(derived.NAMES, lines, shown), shown, Axes(span, values))
 
 
-def _difference_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, float] | None = None) -> Any:
+def _difference_plot(signal: Signal, shown: Sequence[Shown], span: Span = None) -> Any:
     """Draw channels and truth less the vote, in thresholds; without a threshold, less truth."""
     if not any(signal.name in flight.facts.thresholds for flight in shown):
         return _deviation_plot(signal, shown)
@@ -190,7 +187,7 @@ def _difference_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, 
     return over_time(_zoomed(name, span), list_series(derived.NAMES, lines, shown), shown, axes)
 
 
-def _zoomed(name: str, span: tuple[float, float] | None) -> str:
+def _zoomed(name: str, span: Span) -> str:
     return name if span is None else f"zoom: {name}"
 
 
@@ -223,10 +220,6 @@ def _lines(signal: Signal, prefix: str, names: Sequence[str]) -> list[Line]:
     return lines
 
 
-def _signal_lanes(signal: Signal, shown: Sequence[Shown], faults: str) -> Any:
-    return state_lanes(lanes.title(signal), lanes.of_signal(signal), shown, faults)
-
-
 def _discretes_tab(shown: Sequence[Shown]) -> rrb.Container:
     rows = []
     for discrete in DISCRETES:
@@ -241,17 +234,9 @@ def _discrete_plot(discrete: Discrete, shown: Sequence[Shown]) -> rrb.TimeSeries
         Line(discrete.topic, "rig.Discrete", name, f"channel {name[3:]}", CHANNEL_COLORS[c], below=False)
         for c, name in enumerate(_CHANNELS[: discrete.channels])
     ]
-    lines = [
-        Line(discrete.topic, "rig.Discrete", "voted", "voted", VOTED, 3.5),
-        *channels,
-        Line(discrete.topic, "rig.Discrete", "truth", "truth", TRUTH),
-    ]
-    return plot(plain(discrete.name), lines, shown, Axes(values=(-0.1, 1.1)))
-
-
-def _surfaces_tab(shown: Sequence[Shown]) -> rrb.Container:
-    """Draw command, actuator input (another only while a fault is between) and true position of each surface."""
-    return rrb.Grid(*(chart(content, shown) for content in charts.SURFACE), grid_columns=2, name="surfaces")
+    voted = Line(discrete.topic, "rig.Discrete", "voted", "voted", VOTED, 3.5)
+    truth = Line(discrete.topic, "rig.Discrete", "truth", "truth", TRUTH)
+    return plot(plain(discrete.name), [voted, *channels, truth], shown, Axes(values=(-0.1, 1.1)))
 
 
 def _control_tab(shown: Sequence[Shown]) -> rrb.Container:
@@ -262,10 +247,7 @@ def _control_tab(shown: Sequence[Shown]) -> rrb.Container:
 def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
     figures = rrb.Vertical(attitude(shown), *map(numbers, shown), row_shares=[5, *[2] * len(shown)])
     above = rrb.Horizontal(path(shown), track(shown), *([map_view(shown)] if map_tiles else []), figures)
-    below = rrb.Horizontal(
-        *(chart(content, shown) for content in charts.FLOWN),
-        events(shown),
-    )
+    below = rrb.Horizontal(*(chart(content, shown) for content in charts.FLOWN), events(shown))
     return rrb.Vertical(above, below, row_shares=[3, 2], name="flight")
 
 

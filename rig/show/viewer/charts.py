@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import COMMANDS, DEMANDS, FLIGHT_INDEX, SURFACES, Block
+from rig.core.frame import DEMANDS, SURFACES, Block
+from rig.log.columns import COLUMNS
 from rig.show.viewer.derived import DEGREE_NAMES, degrees
 from rig.show.viewer.style import plain
 
@@ -66,7 +67,14 @@ FLOWN: Final = (
     ),
 )
 CHARTS: Final = (*CONTROL, *SURFACE, *FLOWN)
-_TABLES: Final = {"command": COMMANDS, "surface": SURFACES, "actuator": SURFACES, "demand": DEMANDS}
+_COLUMNS: Final = {column.path: column for column in COLUMNS}
+
+
+def place(name: str) -> tuple[str, str]:
+    """Return topic and field in the log of a name of a chart."""
+    where, _, field = name.partition("_")
+    topics = {"flight": "/flight", "position": "/flight", "demand": "/demand"}
+    return (topics[where], field) if where in topics else ("/control", name)
 
 
 def label(name: str, chart: Chart) -> str:
@@ -84,7 +92,11 @@ def ranges(rows: Block) -> dict[str, tuple[float, float]]:
     turned = degrees(rows)
     ranges_by_name = {}
     for chart in CHARTS:
-        columns = [turned[:, DEGREE_NAMES.index(n)] if n in DEGREE_NAMES else _column(rows, n) for n in chart.names]
+        columns = [
+            turned[:, DEGREE_NAMES.index(name)] if name in DEGREE_NAMES
+            else _COLUMNS[".".join(place(name))[1:]].of(rows)
+            for name in chart.names
+        ]  # fmt: skip
         ranges_by_name[chart.name] = spanned(np.concatenate(columns), chart.span)
     return ranges_by_name
 
@@ -95,10 +107,3 @@ def spanned(values: NDArray[np.float64], span: float) -> tuple[float, float]:
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
     middle, half = (low + high) / 2, max(0.6 * (high - low), span / 2)
     return middle - half, middle + half
-
-
-def _column(rows: Block, name: str) -> NDArray[np.float64]:
-    where, _, field = name.partition("_")
-    if where == "flight":
-        return rows["flight"][:, FLIGHT_INDEX[field]]
-    return rows[where][:, _TABLES[where].index(field)]

@@ -16,6 +16,8 @@ from rig.core.frame import INDEX, MOST_FAULTS, SIGNALS
 from rig.log import scenario_of, unit_of
 from rig.show.viewer.series import threshold
 
+Span = tuple[float, float] | None  # seconds, or the ends of an axis
+
 
 @dataclass(frozen=True, slots=True)
 class FaultFact:
@@ -61,9 +63,9 @@ class Seen:
     survived: bool | None = None
     end_s: float = 0.0
     isolated_s: float | None = None
-    zoom_s: tuple[float, float] | None = None
-    coils_s: tuple[float, float] | None = None
-    lanes_s: tuple[float, float] | None = None
+    zoom_s: Span = None
+    coils_s: Span = None
+    lanes_s: Span = None
     main: str = ""
     noted: tuple[str, ...] = ()
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -132,6 +134,12 @@ def together(facts: Sequence[Facts]) -> list[Shown]:
     return [Shown(len(facts) - 1 - i, f"/{TAGS[i]}", TAGS[i], each) for i, each in enumerate(facts)]
 
 
+def drawn_range(shown: Sequence[Shown], name: str) -> Span:
+    """Return the axis that holds what all flights that are over show by this name; None: there is none."""
+    ranges = [seen.ranges[name] for flight in shown if (seen := flight.facts.seen) and name in seen.ranges]
+    return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
+
+
 class Layout(NamedTuple):
     """What the viewer is to open with; see blueprint.blueprint."""
 
@@ -165,11 +173,7 @@ def _fault(fault: Mapping[str, Any], several: bool) -> FaultFact:
 
 
 def _lanes(place: str) -> tuple[int, ...]:
-    from rig.world.faults.places import (  # the kernels of faults take half a second to be imported
-        OF_LANES,
-        senders,
-        site,
-    )
+    from rig.world.faults.places import OF_LANES, senders, site  # whose kernels take half a second to be imported
 
     return tuple(senders(place)) if site(place) in OF_LANES else ()
 

@@ -9,7 +9,6 @@ truth, the band of the threshold, angles without jumps) is Rerun's alone.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -63,7 +62,7 @@ def layout(shown: Shown, text: str) -> dict[str, Any]:
     facts, signal, span = shown.facts, main_signal([shown]), decisive_span([shown])
     tabs = {
         "overview": _overview(panels, shown, signal, span, text),
-        **{group: _group(panels, facts, [s for s in SIGNALS if s.group == group]) for group in GROUPS},
+        **{group: _group(panels, facts, group) for group in GROUPS},
         "discretes": panel.split("column", [(_discrete(panels, each), 1) for each in DISCRETES]),
         "surfaces": panel.grid([_chart(panels, facts, each) for each in charts.SURFACE], 2),
         **beside_tabs(panels, facts),
@@ -102,7 +101,8 @@ def _overview(panels: panel.Panels, shown: Shown, signal: Signal, span: panel.Sp
     return panel.split("column", [(panels.add("Markdown", "", markdown=text), 1.35), (panel.split("row", columns), 10)])
 
 
-def _group(panels: panel.Panels, facts: Facts, signals: Sequence[Signal]) -> panel.Node:
+def _group(panels: panel.Panels, facts: Facts, group: str) -> panel.Node:
+    signals = [signal for signal in SIGNALS if signal.group == group]
     pairs = [[(_signal_plot(panels, facts, s), 3), (_signal_states(panels, facts, s), 2)] for s in signals]
     return panel.split("column", [(panel.split("row", pair), 1) for pair in pairs])
 
@@ -152,21 +152,13 @@ def _discrete(panels: panel.Panels, discrete: Discrete) -> panel.Node:
 
 
 def _chart(panels: panel.Panels, facts: Facts, chart: charts.Chart) -> str:
-    """Draw numbers of one unit."""
     lines = []
     for i, name in enumerate(chart.names):
-        path = _chart_path(name)
+        path = ".".join(charts.place(name))
         unit = unit_of(path.removeprefix("/"))
         lines.append(panel.line(path, unit, charts.label(name, chart), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0))
     values = None if "command_heading_rad" in chart.names else _range(facts, chart.name)
     return panels.plot(chart.name, unit_shown(chart.unit), lines, values)
-
-
-def _chart_path(name: str) -> str:
-    """Return the path of a name of a chart."""
-    where, _, field = name.partition("_")
-    topics = {"flight": "/flight", "position": "/flight", "demand": "/demand"}
-    return f"{topics[where]}.{field}" if where in topics else f"/control.{name}"
 
 
 def _control(panels: panel.Panels, facts: Facts) -> panel.Node:
@@ -177,14 +169,8 @@ def _control(panels: panel.Panels, facts: Facts) -> panel.Node:
 def _flight(panels: panel.Panels, facts: Facts) -> panel.Node:
     """Arrange the aircraft in space and on a map over height, speed and events."""
     pose, position = (topic.name for topic in POSE_TOPICS)
-    sea = {
-        "layerId": "foxglove.Grid",
-        "instanceId": "sea",
-        "frameId": WORLD,
-        "visible": True,
-        "size": 1e5,
-        "divisions": 100,
-    }
+    of = {"layerId": "foxglove.Grid", "instanceId": "sea", "frameId": WORLD}
+    sea = {**of, "visible": True, "size": 1e5, "divisions": 100}
     camera = {"distance": 30.0, "perspective": True, "phi": 70.0, "thetaOffset": 60.0, "fovy": 45.0, "far": 1e5}
     scene = {"transforms": {"axisSize": 5.0, "showLabel": True, "enablePreloading": True}}
     follow = {"fixedFrame": WORLD, "followTf": AIRCRAFT, "followMode": "follow-position"}

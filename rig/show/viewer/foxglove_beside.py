@@ -22,18 +22,16 @@ _TESTS: Final = {
 
 def beside_tabs(panels: panel.Panels, facts: Facts) -> dict[str, panel.Node]:
     """Return the tabs that the flight has of servos and of several computers, by their names in the viewer."""
-    return {
-        **({"actuators": _actuators(panels)} if facts.servos else {}),
-        **({"computers": _computers(panels, facts)} if facts.computers > 1 else {}),
-    }
-
-
-def _actuators(panels: panel.Panels) -> panel.Node:
-    """Arrange a row for each surface: positions, currents, and by which monitor a channel was shut off."""
-    return panel.split("column", [(_actuator(panels, surface), 1) for surface in MOVED])
+    tabs: dict[str, panel.Node] = {}
+    if facts.servos:
+        tabs["actuators"] = panel.split("column", [(_actuator(panels, surface), 1) for surface in MOVED])
+    if facts.computers > 1:
+        tabs["computers"] = _computers(panels, facts)
+    return tabs
 
 
 def _actuator(panels: panel.Panels, surface: str) -> panel.Node:
+    """Arrange positions, currents, and by which monitor a channel was shut off."""
     topic = servos.topic(surface)
     channels = [(f"_{c + 1}", CHANNEL_COLORS[c]) for c in range(CHANNELS)]
     positions = [panel.line(f"{topic}.lvdt{end}", "rad", f"LVDT{plain(end)}", color) for end, color in channels]

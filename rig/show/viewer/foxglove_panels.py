@@ -16,9 +16,9 @@ Span = tuple[float, float] | None
 
 # The path of each number of FRAME, by its field and its place in it.
 PATHS: Final = {
-    (field.source, field.index if topic.item is None else (topic.item, *field.index)): f"{topic.name}.{field.name}"
+    (field.source, topic.at(field)): f"{topic.name}.{field.name}"
     for topic in TOPICS_OF_ROWS
-    for field in MESSAGES[topic.message].fields
+    for field in MESSAGES[topic.message]
 }
 _ON_WHITE: Final = {VOTED: PALETTE[6]}  # Foxglove's ground is dark or white, as its user likes
 DRAWN: Final = {"enabled": True, "timestampMethod": "receiveTime"}

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from rig.core.frame import COMPUTERS, LINKS, SURFACES, Health, LaneTest, LinkState, Pattern, Resolver, Table
 from rig.core.units.quantities import scale_shown, unit_of_name
 from rig.flight.lane_events import test_name
-from rig.show.viewer.beside import Beside, Entity
 from rig.show.viewer.charts import spanned
-from rig.show.viewer.state_strips import Lane
+from rig.show.viewer.state_strips import Beside, Entity, Lane
 from rig.show.viewer.style import (
     ALL_FAILED,
     CHANNEL_COLORS,
@@ -31,7 +30,7 @@ from rig.show.viewer.style import (
     PALETTE,
     QUIET,
     REFERENCE,
-    STATE_LOOKS,
+    SUSPECT,
     VOTED,
     Looks,
     attention,
@@ -44,7 +43,7 @@ LEGEND: Final = "/legend/computers"
 LEGEND_LINES: Final = (
     *((f"lane {name}", color) for name, color in zip(COMPUTERS, CHANNEL_COLORS, strict=True)),
     ("to the surface", VOTED),
-    ("suspect", STATE_LOOKS["SUSPECT"][1]),
+    ("suspect", SUSPECT),
     ("failed", FAILED),
 )
 BACKUP: Final = len(COMPUTERS)
@@ -53,7 +52,6 @@ _TEST_BITS: Final = 4  # below the health, what a lane was failed for
 _OUTVOTED: Final = 8  # above the state of a link
 _UNRESOLVED: Final = 16  # above the pattern of a vote
 _NOT_FITTED: Final = ("not fitted", ENDED)
-_SUSPECT: Final = STATE_LOOKS["SUSPECT"][1]
 
 
 def topic(lane: int) -> str:
@@ -66,7 +64,7 @@ def _health(lane: int) -> Lane:
     looks: Looks = {
         "ABSENT": _NOT_FITTED,
         "ENGAGED": ("engaged", CHANNEL_COLORS[lane]),
-        "SUSPECT": ("?", _SUSPECT),
+        "SUSPECT": ("?", SUSPECT),
         "RESTARTING": ("runs again, not engaged", PALETTE[6]),
         "OFF": ("off by command", PALETTE[7]),
     }
@@ -86,7 +84,7 @@ def _accused(lane: int) -> Lane:
         for accusers in combinations(range(len(COMPUTERS)), n):
             names = [COMPUTERS[i] for i in accusers]
             states[sum(1 << i for i in accusers)] = name = f"BY_{''.join(names)}"
-            looks[name] = f"by {', '.join(names)}", _SUSPECT
+            looks[name] = f"by {', '.join(names)}", SUSPECT
     return Lane(f"/lane_{COMPUTERS[lane]}/accused", "accuses", (lane,), states, looks)
 
 
@@ -108,7 +106,7 @@ _LINK_LOOKS: Final[Looks] = {
     "ABSENT": _NOT_FITTED,
     "FRESH": ("fresh", QUIET),
     "OLD": ("a frame old", PALETTE[6]),
-    "MISSING": ("missing", _SUSPECT),
+    "MISSING": ("missing", SUSPECT),
     "FAILED": ("failed", FAILED),
     "OUTVOTED": ("outvoted", REFERENCE),
 }

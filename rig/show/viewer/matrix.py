@@ -61,15 +61,6 @@ def colors(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return _COLORS[np.minimum(states, State.ABSENT)].reshape(len(states), -1, 3).astype(np.uint8)
 
 
-def changed(rows: Block, before: Block | None) -> NDArray[np.intp]:
-    """Return the rows in which a state is not that of the row before; the first row of a flight is one."""
-    moved = np.empty(len(rows), bool)
-    states = rows["state"]
-    moved[0] = before is None or bool((states[0] != before["state"][0]).any())
-    moved[1:] = (states[1:] != states[:-1]).any(axis=(1, 2))
-    return np.flatnonzero(moved)
-
-
 def columns(rows: Block, at: NDArray[np.intp]) -> Any:
     """Return the cells as they are in the rows ``at``."""
     shades = colors(rows["state"][at])

@@ -18,7 +18,7 @@ from rig.core.files import replaced, reported
 from rig.core.text import plain
 from rig.log import Log, read_log, scenario_of
 from rig.show.viewer import viewer
-from rig.show.viewer.facts import TAGS, Facts, Layout, of_log, together
+from rig.show.viewer.facts import TAGS, Layout, of_log, together
 from rig.show.viewer.sink import SERVER_MEMORY, About, Sink, open_sink
 from rig.show.viewer.story import look
 
@@ -59,21 +59,18 @@ def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) 
     for path, log in zip(paths, logs, strict=True):
         if not len(log.rows):
             raise BadLog(f"{path}: has no frames")
-    facts_and_headlines = [_looked(log) for log in logs]
-    shown, names = together([facts for facts, _ in facts_and_headlines]), _names(paths)
+    looked = []
+    for log in logs:
+        facts = replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any()))
+        looked.append(look(facts, log.table, log.rate_hz, log.result is not None))
+    shown, names = together([facts for facts, _ in looked]), _names(paths)
     mark = "#" if len(logs) == 1 else "##"
     lines = [
         f"{mark} {flight.prefix}{headline}\n\n{_words(flight.prefix + name, log)}"
-        for flight, (_, headline), name, log in zip(shown, facts_and_headlines, names, logs, strict=True)
+        for flight, (_, headline), name, log in zip(shown, looked, names, logs, strict=True)
     ]
     title = ", ".join(flight.prefix + name for flight, name in zip(shown, names, strict=True))
     return Opened(logs, About(title, "\n\n".join(lines), Layout(shown, tab, map_tiles)))
-
-
-def _looked(log: Log) -> tuple[Facts, str]:
-    """Return the facts of a log, and its headline."""
-    facts = replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any()))
-    return look(facts, log.table, log.rate_hz, log.result is not None)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:

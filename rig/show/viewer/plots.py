@@ -15,9 +15,9 @@ from rerun.blueprint.components import LinkAxis
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
 from rig.show.viewer import matrix
-from rig.show.viewer.charts import Chart, label
+from rig.show.viewer.charts import Chart, label, place
 from rig.show.viewer.derived import DEGREE_NAMES, DEGREES
-from rig.show.viewer.facts import Shown
+from rig.show.viewer.facts import Shown, Span, drawn_range
 from rig.show.viewer.rerun_columns import Bars
 from rig.show.viewer.scene import ABOUT, HORIZON, MARGIN, NUMBERS, TIMELINE, WORLD
 from rig.show.viewer.state_strips import ENDS, Lane, fault_path
@@ -44,8 +44,8 @@ class Line(NamedTuple):
 class Axes(NamedTuple):
     """What a plot shows: seconds of its flight, None: those of all; lowest and highest, None: what there is."""
 
-    time_s: tuple[float, float] | None = None
-    values: tuple[float, float] | None = None
+    time_s: Span = None
+    values: Span = None
 
 
 FITTED: Final = Axes()
@@ -115,7 +115,7 @@ def over_time(name: str, series: _Series, shown: Sequence[Shown], axes: Axes = F
     )
 
 
-def time_axis(shown: Sequence[Shown], span_s: tuple[float, float] | None = None) -> rrb.TimeAxis:
+def time_axis(shown: Sequence[Shown], span_s: Span = None) -> rrb.TimeAxis:
     """Return the axis of the part ``span_s``; None: the whole of the longest flight, or the latest of one under way.
 
     The axis that Rerun's views share by themselves would show a minute around the cursor, no more.
@@ -131,7 +131,7 @@ def time_axis(shown: Sequence[Shown], span_s: tuple[float, float] | None = None)
 def chart(content: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     """Draw numbers of one unit; the colours are named in the title."""
     lines = [
-        Line(*_place(name), label(name, content), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
+        Line(*_drawn(name), label(name, content), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
         for i, name in enumerate(content.names)
     ]
     listed = [line for line in lines if line.archetype == DEGREES]
@@ -139,22 +139,15 @@ def chart(content: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     for path, drawn in line_series([line for line in lines if line.archetype != DEGREES], shown).items():
         series[path] = [*series.get(path, []), *drawn]
     colours = ", ".join(f"{line.label} {COLOR_NAMES[i % len(PALETTE)]}" for i, line in enumerate(lines))
-    ranges = [seen.ranges[content.name] for flight in shown if (seen := flight.facts.seen) is not None]
-    return over_time(f"{content.title}: {colours}", series, shown, Axes(values=_around(ranges)))
+    return over_time(f"{content.title}: {colours}", series, shown, Axes(values=drawn_range(shown, content.name)))
 
 
-def _around(ranges: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """Return the range that holds all of these; None when there are none."""
-    return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
-
-
-def _place(name: str) -> tuple[str, str, str]:
+def _drawn(name: str) -> tuple[str, str, str]:
     """Return entity, archetype and field of a name of a chart."""
     if name in DEGREE_NAMES:
         return "/control", DEGREES, name
-    where, _, field = name.partition("_")
-    topics = {"flight": ("/flight", "rig.Flight", field), "demand": ("/demand", "rig.Demand", field)}
-    return topics.get(where, ("/control", "rig.Control", name))
+    topic, field = place(name)
+    return topic, f"rig.{topic[1:].title()}", field
 
 
 def status_lanes(lanes: Sequence[Lane], shown: Sequence[Shown]) -> rrb.StateTimelineView:
@@ -174,7 +167,7 @@ def state_lanes(
     lanes: Sequence[Lane],
     shown: Sequence[Shown],
     faults: str | None = None,
-    span_s: tuple[float, float] | None = None,
+    span_s: Span = None,
 ) -> Any:
     """Build lanes of states, a view for each flight, side by side.
 

@@ -25,7 +25,7 @@ Each field of FRAME has one place in one struct, so a signal or a command added 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
 from typing import Any, Final, NamedTuple
@@ -36,21 +36,19 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from rig.core.event import Event
-from rig.core.frame import TIMING, Block, End, Table
-from rig.core.frame.fields import FIELD, Field, places
+from rig.core.frame import Block, End, Table
 from rig.flight.time_histogram import BINS, EDGES_US, binned
-from rig.log.schema import TOPICS_OF_ROWS, Topic
+from rig.log.schema import BOOL, FRAME_TOPICS, LANE_MESSAGES, MESSAGES, TOPICS_OF_ROWS, Field, Topic
 from rig.show.viewer import derived, matrix
 from rig.show.viewer import lanes_view as computers
 from rig.show.viewer import servo_series as servos
 from rig.show.viewer import state_strips as lanes
-from rig.show.viewer.beside import Beside
 from rig.show.viewer.facts import UNKNOWN, Facts
 from rig.show.viewer.scene import Scene, time_column
 from rig.show.viewer.style import OVER, PALETTE, VOTED, Color
 
-CLOCK: Final = "/timing"
-CLOCK_TYPE: Final = "rig.Timing"
+_TIMED: Final = next(topic for topic in FRAME_TOPICS if topic not in TOPICS_OF_ROWS)
+CLOCK, CLOCK_TYPE = _TIMED.name, _TIMED.message
 BESIDE: Final = (servos.SHOWN, computers.SHOWN)
 _BARE: Final = ("fault", "lane", "leading lane", "link", "back-up")  # names of events whose texts need them
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
@@ -82,11 +80,7 @@ class Times:
 
     def send(self, timing: NDArray[Any], nanoseconds: NDArray[np.float64]) -> None:
         """Send ``timing`` (n,) of TIMING at these times of the flight, and histograms so far at the last of them."""
-        arrays = {name: pa.array(np.ascontiguousarray(timing[name])) for name in TIMING.names or ()}
-        fields = [pa.field(name, pa.float64(), nullable=False) for name in arrays]
-        structs = pa.StructArray.from_arrays(list(arrays.values()), fields=fields)
-        columns = rr.DynamicArchetype.columns(archetype=CLOCK_TYPE, components={"message": structs})
-        self._send(CLOCK, [time_column(nanoseconds)], columns)
+        self._send(CLOCK, [time_column(nanoseconds)], _message(CLOCK_TYPE, struct(timing, _TIMED)))
         for bars, counts in self._counts.items():
             counts += binned(timing[bars.field])
             if timing[bars.field].any():
@@ -120,9 +114,8 @@ class Columns:
         self._scene = Scene(recording, root, color)
         self._times = Times(self._columns) if facts.unit else None
 
-    def send(self, table: Table | Block, events: Sequence[Event] = ()) -> None:
+    def send(self, table: Table, events: Sequence[Event] = ()) -> None:
         """Send every frame and the events among them, one batch an entity; timing if a unit is tested."""
-        table = Table.of(table)
         rows, timing = table.rows, table.timing
         if not len(rows):
             return
@@ -152,14 +145,13 @@ class Columns:
         if rows["end"][-1] != End.FLYING:
             self._ends(End(rows["end"][-1]).name, rows["frame"][-1:])
 
-    def _lanes(self, of: Beside, table: Table, nanoseconds: NDArray[np.float64]) -> None:
-        """Send servos or lanes."""
+    def _lanes(self, of: lanes.Beside, table: Table, nanoseconds: NDArray[np.float64]) -> None:
         if self._last is None:
             rr.log(of.legend, matrix.strip(of.legend_lines), static=True, recording=self._recording)
         for entity in of.entities(table):
             components = [*_values(entity.archetype, entity.values.astype(np.float32))]
-            if entity.message:
-                components += _message(entity.message, _struct(entity.columns))
+            if entity.topic is not None:
+                components += _message(entity.topic.message, struct(table.part(of.part), entity.topic))
             self._columns(entity.path, [time_column(nanoseconds)], components)
         for change in of.changes(table, self._last):
             states = rr.StateChange.columns(state=change.states)
@@ -168,7 +160,7 @@ class Columns:
     def _matrix(self, rows: Block, nanoseconds: NDArray[np.float64]) -> None:
         if self._before is None:
             rr.log(self._root + matrix.NAMES, matrix.names(), static=True, recording=self._recording)
-        changed = matrix.changed(rows, self._before)
+        changed = lanes.moved(rows["state"], None if self._before is None else self._before["state"])
         if len(changed):
             self._columns(matrix.PATH, [time_column(nanoseconds[changed])], matrix.columns(rows, changed))
 
@@ -218,14 +210,8 @@ def words(event: Event) -> str:
 
 def struct(rows: Block, topic: Topic) -> pa.StructArray:
     """Return the fields of a topic's message in every row, one struct each."""
-    item = () if topic.item is None else (topic.item,)
-    values = lambda place: rows[place.field][(slice(None), *item, *place.index)]  # noqa: E731 # of one number
-    return _struct((place.name, FIELD[place.field], values(place)) for place in places(topic.message))
-
-
-def _struct(columns: Iterable[tuple[str, Field, NDArray[Any]]]) -> pa.StructArray:
-    """Return one struct a row of its numbers: name, field, values (n,)."""
-    arrays = {name: _array(field, values) for name, field, values in columns}
+    message = {**MESSAGES, **LANE_MESSAGES}[topic.message]
+    arrays = {field.name: _array(field, rows[field.source][(slice(None), *topic.at(field))]) for field in message}
     fields = [pa.field(name, array.type, nullable=False) for name, array in arrays.items()]
     return pa.StructArray.from_arrays(list(arrays.values()), fields=fields)
 
@@ -234,7 +220,7 @@ def _array(field: Field, values: NDArray[Any]) -> pa.Array:
     values = np.ascontiguousarray(values)
     if field.enum is not None:
         return _members(field.enum, values)
-    if field.kind == "flag":
+    if field.kind == BOOL:
         return pa.array(values != 0)
     return pa.array(values if values.dtype.kind == "f" else values.astype(np.uint32))
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rig.core.frame import FLIGHT_INDEX, INDEX, Block
 from rig.show.viewer import matrix
-from rig.show.viewer.style import Color
+from rig.show.viewer.style import FIN, FUSELAGE, HORIZON_LINE, Color
 
 TIMELINE: Final = "message_log_time"  # the importer's name for the log time of a message
 WORLD: Final = "world"
@@ -90,10 +90,10 @@ class Scene:
             [[-7, 2.5, 0], [-5, 0, 0], [-7, -2.5, 0]],  # tailplane
             [[-5, 0, 0], [-7, 0, 3], [-7, 0, 0]],  # fin
         ]
-        colors = [(230, 230, 230), self._color, self._color, (230, 159, 0)]
+        colors = [FUSELAGE, self._color, self._color, FIN]
         figure = rr.LineStrips3D(strips, colors=colors, radii=0.15)
         self._static("/aircraft", figure, rr.CoordinateFrame(f"attitude{self._root}"))
-        self._static("/horizon", *_compass(), rr.CoordinateFrame(HORIZON))
+        self._static("/horizon", _compass(), rr.CoordinateFrame(HORIZON))
         mark = rr.Points3D([[0, 0, 0]], colors=[self._color], radii=[_MARK])
         self._static("/here", mark, rr.CoordinateFrame(f"aircraft{self._root}"))
         self._static("/path", rr.CoordinateFrame(WORLD))
@@ -157,19 +157,17 @@ def _places(rows: Block) -> NDArray[np.float64]:
     return places
 
 
-def _compass() -> tuple[rr.LineStrips3D, ...]:
+def _compass() -> rr.LineStrips3D:
     """Return the horizon as a circle with its four directions named."""
     turn = np.linspace(0.0, 2 * np.pi, 73)
     circle = 12.0 * np.column_stack([np.sin(turn), np.cos(turn), 0 * turn])
     spokes = [np.array([0.85 * circle[i], circle[i]]) for i in (0, 18, 36, 54)]
-    return (
-        rr.LineStrips3D(
-            [circle, *spokes],
-            colors=[(120, 126, 132)],
-            radii=rr.Radius.ui_points(1.0),
-            labels=["", "N", "E", "S", "W"],
-            show_labels=True,
-        ),
+    return rr.LineStrips3D(
+        [circle, *spokes],
+        colors=[HORIZON_LINE],
+        radii=rr.Radius.ui_points(1.0),
+        labels=["", "N", "E", "S", "W"],
+        show_labels=True,
     )
 
 

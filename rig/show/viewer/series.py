@@ -33,18 +33,15 @@ class Series(NamedTuple):
     truth: Array  # (n,)
 
 
-def series(rows: Block, rate_hz: float, name: str, last: float = np.nan) -> Series:
-    """Return the signal ``name`` of ``rows`` (n,); BadInput when there is none.
-
-    last : the truth in the rows before, as shown, which an angle goes on from; NaN: there are none
-    """
+def series(rows: Block, rate_hz: float, name: str) -> Series:
+    """Return the signal ``name`` of ``rows`` (n,); BadInput when there is none."""
     if name not in INDEX:
         raise BadInput(f"unknown signal {quoted(name)}, {choices(name, INDEX, 'rig signals')}")
     signal, s = SIGNALS[INDEX[name]], INDEX[name]
     truth, voted, channels = rows["truth"][:, s], rows["voted"][:, s], rows["channels"][:, s, : signal.channels]
     scale = scale_shown(signal.unit)
     if signal.wraps:
-        truth = unwrapped(truth, last / scale)
+        truth = unwrapped(truth)
         voted, channels = near(voted, truth), near(channels, truth[:, None])
     values = (channels * scale, rows["state"][:, s, : signal.channels] != State.FAILED, voted * scale, truth * scale)
     return Series(name, unit_shown(signal.unit), scale, rows["frame"] / rate_hz, *values)
@@ -55,23 +52,13 @@ def limits(shown: Series, threshold: float) -> tuple[float, float]:
 
     So a hardover leaves the picture, and does not flatten the others.
     """
-    return ends_of(*reach(shown, threshold))
-
-
-def ends_of(low: float, high: float) -> tuple[float, float]:
-    """Return the ends of an axis that shows ``low`` to ``high``; of one where nothing is a number, low > high."""
-    return (low, high) if low <= high else (-1.0, 1.0)
-
-
-def reach(shown: Series, threshold: float) -> tuple[float, float]:
-    """Return ``limits`` of what is a number; inf, -inf where nothing is."""
     unit = threshold * shown.scale
     with np.errstate(invalid="ignore"):
         close = shown.used & (np.abs(shown.channels - shown.voted[:, None]) <= NEAR * unit)
     drawn = [shown.voted - ROOM * unit, shown.voted + ROOM * unit, shown.truth - ROOM * unit, shown.truth + ROOM * unit]
     values = np.concatenate([*drawn, shown.channels[close] - unit, shown.channels[close] + unit])
     values = values[np.isfinite(values)]
-    return float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
+    return (float(values.min()), float(values.max())) if len(values) else (-1.0, 1.0)
 
 
 def threshold(resolved: Mapping[str, Any], name: str) -> float:

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.frame import CHANNELS, LANE_FIELDS, MOVED, ActuatorMonitor, Table
-from rig.core.frame.fields import Field, elements
+from rig.core.frame.fields import elements
 from rig.core.units.quantities import scale_shown
-from rig.show.viewer.beside import Beside, Entity
+from rig.log.schema import LANE_TOPICS
 from rig.show.viewer.charts import spanned
-from rig.show.viewer.state_strips import Lane
+from rig.show.viewer.state_strips import Beside, Entity, Lane
 from rig.show.viewer.style import (
     ALL_FAILED,
     CHANNEL_COLORS,
@@ -27,7 +27,7 @@ from rig.show.viewer.style import (
     PALETTE,
     QUIET,
     REFERENCE,
-    STATE_LOOKS,
+    SUSPECT,
     VOTED,
     Color,
     Looks,
@@ -35,7 +35,6 @@ from rig.show.viewer.style import (
 )
 
 VALUES: Final = "rig.Servo"
-MESSAGE: Final = "rig.Actuator"
 DRAWN: Final = ("spool", "ram", "asked", "spool_model", "ram_model", "lvdt", "current", "pressure")  # the first below
 FIELD: Final = {field.name: field for field in LANE_FIELDS}
 NAMES: Final = tuple(name for field in DRAWN for name, _ in elements(FIELD[field]))
@@ -47,8 +46,8 @@ _MONITORS: Final[Looks] = {
 _WITH_COMPUTER: Final = 1 + max(ActuatorMonitor)
 _HELD: Final[Looks] = {
     "HELD_0": ("no channel", ALL_FAILED),
-    "HELD_1": ("1 channel", STATE_LOOKS["SUSPECT"][1]),
-    **{f"HELD_{n}": (f"{n} channels", STATE_LOOKS["SUSPECT"][1]) for n in range(2, CHANNELS)},
+    "HELD_1": ("1 channel", SUSPECT),
+    **{f"HELD_{n}": (f"{n} channels", SUSPECT) for n in range(2, CHANNELS)},
     f"HELD_{CHANNELS}": ("all channels", QUIET),
     "BYPASSED": ("bypassed", ALL_FAILED),
 }
@@ -107,14 +106,6 @@ def ranges(table: Table, part: slice = slice(None)) -> dict[str, tuple[float, fl
     return {topic(surface): spanned(values(table[part], i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
 
 
-def columns(table: Table, i: int) -> Iterator[tuple[str, Field, NDArray[Any]]]:
-    """Yield every number of the message of surface ``i``: its name, its field, its values (n,)."""
-    rows = table.servo[:, i]
-    for field in LANE_FIELDS:
-        for name, index in elements(field):
-            yield name, field, rows[field.name][(slice(None), *index)]
-
-
 def of_surface(surface: str) -> list[Lane]:
     """Return the lanes of a surface: its channels, and how many of them move it."""
     i = MOVED.index(surface)
@@ -128,8 +119,8 @@ LANES: Final = tuple(lane for surface in MOVED for lane in of_surface(surface))
 
 def entities(table: Table) -> Iterator[Entity]:
     """Yield what is drawn of each surface."""
-    for i, surface in enumerate(MOVED):
-        yield Entity(topic(surface), VALUES, values(table, i), MESSAGE, columns(table, i))
+    for i, of in enumerate(LANE_TOPICS["actuator"]):
+        yield Entity(of.name, VALUES, values(table, i), of)
 
 
 def _codes(table: Table, lane: Lane) -> NDArray[Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -14,7 +15,6 @@ from rig.core.files import reported
 from rig.core.frame import Table
 from rig.show.viewer import viewer
 from rig.show.viewer.facts import Facts, Layout
-from rig.show.viewer.piped import DESCRIPTORS, PipedFile
 from rig.show.viewer.story import Story
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ GRPC_PORT: Final = 9876  # Rerun's own default ports, when they are free
 WEB_PORT: Final = 9090
 SERVER_MEMORY: Final = "512MB"  # what late viewers can still be sent; the oldest data go first
 WORDS: Final = ("off", "save", "serve", "spawn")
+DESCRIPTORS: Final = Path("/dev/fd")  # where a pipe has a name; not on Windows
+_CHUNK: Final = 1 << 20  # bytes
 _ADDRESS: Final = re.compile(r"rerun\+http://(?:127\.0\.0\.1|localhost):(\d{1,5})/proxy")
 
 
@@ -91,13 +93,7 @@ class Sink:
         send_about(self._recording, text, static=self._live is None)
         send_frame(self._recording)
 
-    def send(
-        self,
-        table: Table,
-        rate_hz: float,
-        events: Sequence[Event],
-        flight: int = 0,
-    ) -> None:
+    def send(self, table: Table, rate_hz: float, events: Sequence[Event], flight: int = 0) -> None:
         """Hand frames and events of ``flight``, a number into the layout's ``shown``, to Rerun."""
         from rig.show.viewer.rerun_columns import Columns
         from rig.show.viewer.style import FLIGHT_COLORS
@@ -209,3 +205,41 @@ def _listen(recording: rr.RecordingStream, layout: rrb.Blueprint, server_memory:
         if viewer.opened(port):
             return server.uri
     raise RigError("another process took every port that was free")
+
+
+class PipedFile:
+    """A file that gets what is written to ``pipe``; after an error the rest is read and dropped.
+
+    Rerun's own writer would wait for ever once a disk is full.
+    ``writing`` is the descriptor of the pipe's other end: close it once the writer has opened ``pipe``.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open the file, and begin to read.  OSError: it cannot be opened."""
+        self._path, self._file = path, path.open("wb", buffering=0)
+        self._error: OSError | None = None
+        self._reading, self.writing = os.pipe()
+        self.pipe = DESCRIPTORS / str(self.writing)
+        self._thread = threading.Thread(target=self._copy, name="recording", daemon=True)
+        self._thread.start()
+
+    def check(self) -> None:
+        """Raise the OSError of a file that could not be written."""
+        if self._error is not None:
+            raise self._error
+
+    def close(self) -> None:
+        """Wait until the writer has closed its end; OSError as ``check``: the file is removed."""
+        self._thread.join()
+        if self._error is not None:
+            self._path.unlink(missing_ok=True)
+        self.check()
+
+    def _copy(self) -> None:
+        with self._file, open(self._reading, "rb", buffering=0) as pipe:  # noqa: PTH123 # a descriptor, no path
+            while data := pipe.read(_CHUNK):
+                try:
+                    while self._error is None and data:
+                        data = data[self._file.write(data) :]
+                except OSError as error:
+                    self._error = error

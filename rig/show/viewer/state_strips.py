@@ -12,7 +12,7 @@ A flight that ends before the picture does says so in its lanes: why it was lost
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import product
 from typing import Any, Final, NamedTuple
@@ -27,18 +27,21 @@ from rig.core.frame import (
     Block,
     Discrete,
     End,
+    LanePart,
     Law,
     Pattern,
     Resolver,
     Signal,
     Source,
     State,
+    Table,
 )
 from rig.core.frame.fields import FIELD
-from rig.show.viewer.style import ACTING, ALL_FAILED, ENDED, OVER, STATE_LOOKS, Looks, attention, plain
+from rig.log.schema import Topic
+from rig.show.viewer.style import ACTING, ALL_FAILED, ENDED, OVER, STATE_LOOKS, SUSPECT, Color, Looks, attention, plain
 
 # A suspect is one for some frames, where there is room for one letter.
-_SHORT_LOOKS: Final[Looks] = {**STATE_LOOKS, "SUSPECT": ("?", STATE_LOOKS["SUSPECT"][1])}
+_SHORT_LOOKS: Final[Looks] = {**STATE_LOOKS, "SUSPECT": ("?", SUSPECT)}
 
 
 class Lane(NamedTuple):
@@ -155,22 +158,19 @@ def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterato
             place = (slice(None), *lane.at)
             yield from changed(lane.path, lane.states, values[place], None if last is None else last[place])
         if field == "state":
-            yield from _together_changes(codes(values), None if last is None else codes(last))
+            together, before_them = codes(values), None if last is None else codes(last)
+            for s, lane in enumerate(STATUS):
+                last_of = None if before_them is None else before_them[:, s]
+                yield from changed(lane.path, lane.states, together[:, s], last_of)
     acts, last_acts = acting(rows, len(faults)), None if before is None else acting(before, len(faults))
     for i in range(len(faults)):
         last = np.zeros(1, np.uint8) if last_acts is None else last_acts[:, i]
         yield from changed(fault_path(i), {0: "", 1: ACTING}, acts[:, i], last)
 
 
-def _together_changes(values: NDArray[np.uint8], last: NDArray[np.uint8] | None) -> Iterator[Changes]:
-    """Yield the changes of the lanes of all channels of each signal: ``values`` (n, S) of codes."""
-    for s, lane in enumerate(STATUS):
-        yield from changed(lane.path, lane.states, values[:, s], None if last is None else last[:, s])
-
-
 def changed(path: str, states: dict[int, str], values: NDArray[Any], last: NDArray[Any] | None) -> Iterator[Changes]:
     """Yield the changes in ``values`` (n,) of one lane after ``last`` (1,), if there are any."""
-    where = _where(values, last)
+    where = moved(values, last)
     if len(where):
         yield Changes(path, where, [states.get(int(value), "?") for value in values[where]])
 
@@ -181,9 +181,34 @@ def ends(how: str, faults: Sequence[Any]) -> Iterator[tuple[str, str]]:
     yield from ((fault_path(i), "") for i in range(len(faults)))
 
 
-def _where(values: NDArray[Any], last: NDArray[Any] | None) -> NDArray[np.intp]:
-    """Return the rows whose value is not the one before; with no ``last`` (1,) the first row is such a one."""
-    moved = np.empty(len(values), bool)
-    moved[0] = last is None or values[0] != last[0]
-    np.not_equal(values[1:], values[:-1], out=moved[1:])
-    return np.flatnonzero(moved)
+def moved(values: NDArray[Any], last: NDArray[Any] | None) -> NDArray[np.intp]:
+    """Return the rows whose value, or one of them, is not that before; with no ``last`` (1,) the first row is one."""
+    first = True if last is None else bool((values[0] != last[0]).any())
+    differs = (values[1:] != values[:-1]).any(axis=tuple(range(1, values.ndim)))
+    return np.flatnonzero(np.concatenate([[first], differs]))
+
+
+class Entity(NamedTuple):
+    """What an entity has in every row: one list of numbers, and the message of the log where it is sent too."""
+
+    path: str
+    archetype: str  # of the list
+    values: NDArray[np.float64]  # (n, m)
+    topic: Topic | None = None
+
+
+class Beside(NamedTuple):
+    """A part of the second row, and how it is drawn; functions of rows (n,) that have the part."""
+
+    part: LanePart
+    legend: str  # entity
+    legend_lines: Sequence[tuple[str, Color]]
+    lanes: Sequence[Lane]
+    codes: Callable[[Table, Lane], NDArray[Any]]  # the state of a lane in each row
+    entities: Callable[[Table], Iterator[Entity]]
+
+    def changes(self, rows: Table, before: Table | None) -> Iterator[Changes]:
+        """Yield the changes in ``rows`` of any lane, after the row ``before`` (1,); None: all lanes begin here."""
+        for lane in self.lanes:
+            last = None if before is None else self.codes(before, lane)
+            yield from changed(lane.path, lane.states, self.codes(rows, lane), last)

@@ -59,9 +59,11 @@ class Story:
         self.end = End.FLYING
         self.last = 0  # frame
 
-    def add(self, table: Table | Block) -> bool:
-        """Take in the next frames; return True if the headline may have changed."""
-        table = Table.of(table)
+    def add(self, table: Table) -> bool:
+        """Take in the next frames; return True if the headline may have changed.
+
+        Block by block, for a stream shows the headline of a flight so far.
+        """
         rows = table.rows
         acts = acting(rows, len(self._facts.faults))
         onsets_before = list(self._onsets)
@@ -197,9 +199,8 @@ def _text(place: str, channels: Sequence[int]) -> str:
     return f"{plain(place)}, channel{'s' if len(channels) > 1 else ''} {', '.join(map(str, channels))},"
 
 
-def look(facts: Facts, table: Table | Block, rate_hz: float, ended: bool) -> tuple[Facts, str]:
+def look(facts: Facts, table: Table, rate_hz: float, ended: bool) -> tuple[Facts, str]:
     """Return ``facts`` with what a whole flight has shown, and its headline; ``ended``: its loop has ended it."""
-    table = Table.of(table)
     story, rows = Story(facts, rate_hz), table.rows
     story.add(table)
     lost = story.end != End.FLYING

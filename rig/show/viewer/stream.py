@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from urllib.parse import urlsplit
 
 from rig.core.event import Event, StreamReport
-from rig.core.frame import Block, Table
+from rig.core.frame import Table
 from rig.show.viewer import viewer
 from rig.show.viewer.facts import UNKNOWN, Facts, Layout, Shown, of_resolved
 from rig.show.viewer.sink import About, check_where, open_sink
@@ -34,30 +34,23 @@ class SinkLike(Protocol):
     browser: str
 
     def begin(self) -> None: ...  # noqa: D102
-    def send(  # noqa: D102
-        self,
-        table: Table,
-        rate_hz: float,
-        events: Sequence[Event],
-    ) -> None: ...
+    def send(self, table: Table, rate_hz: float, events: Sequence[Event]) -> None: ...  # noqa: D102
     def flush(self, timeout_s: float) -> None: ...  # noqa: D102
     def close(self) -> None: ...  # noqa: D102
 
 
-def open_stream(
-    where: str, title: str, rate_hz: float, out_path: Path, facts: Facts = UNKNOWN, text: str = ""
-) -> Stream | None:
+def open_stream(where: str, title: str, rate_hz: float, out_path: Path, facts: Facts = UNKNOWN) -> Stream | None:
     """Open the stream of ``where``; None for "off".
 
     where : off | save | serve | spawn | rerun+http://127.0.0.1:PORT/proxy
     out_path : the log's; "save" writes beside it, with the suffix .rrd
-    facts, text : what the viewer shows of the scenario: thresholds and faults; in words
+    facts : what the viewer shows of the scenario: thresholds and faults
     BadInput: an unknown word, another machine, no display, nobody listens, no place to write.
     """
     check_where(where)
     if where == "off":
         return None
-    about = About(title, text or f"**{title}**", Layout([Shown(facts=facts)]))
+    about = About(title, f"**{title}**", Layout([Shown(facts=facts)]))
     return Stream(open_sink(where, about, out_path.with_suffix(".rrd")), rate_hz)
 
 
@@ -73,9 +66,6 @@ class Streams:
         return open_stream(where, scenario.title or log.stem, scenario.rate_hz, log, facts)
 
 
-_Item = tuple[Table, "Sequence[Event]"]
-
-
 class Stream:
     """Takes blocks from the frame loop and sends them to a sink from a thread of its own."""
 
@@ -86,7 +76,7 @@ class Stream:
         self._rate_hz = rate_hz
         self._queue_bytes = queue_bytes
         self._changed = threading.Condition()  # guards all below
-        self._queue: deque[_Item] = deque()
+        self._queue: deque[tuple[Table, Sequence[Event]]] = deque()
         self._closing = False
         self._frames = 0  # given to put
         self._pending = 0  # of these, queued or being sent
@@ -95,9 +85,8 @@ class Stream:
         self._worker = threading.Thread(target=self._run, name="rerun stream", daemon=True)
         self._worker.start()
 
-    def put(self, table: Table | Block, events: Sequence[Event] = ()) -> None:
+    def put(self, table: Table, events: Sequence[Event] = ()) -> None:
         """Queue frames, which the caller no longer touches, and their events.  Never waits for the sink."""
-        table = Table.of(table)
         with self._changed:
             self._frames += len(table)
             if not self._closing and (self._pending + len(table)) * table.rows.itemsize <= self._queue_bytes:
@@ -146,7 +135,7 @@ class Stream:
         self._try(lambda: self._sink.flush(FLUSH_S))
         self._try(self._sink.close)
 
-    def _next(self) -> _Item | None:
+    def _next(self) -> tuple[Table, Sequence[Event]] | None:
         """Wait for the next block; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)

@@ -22,12 +22,15 @@ FAULT: Final[Color] = (110, 66, 10)  # the ground under the vote while a fault a
 FAULT_LANE: Final[Color] = (200, 115, 0)
 FAILED: Final[Color] = (214, 50, 50)
 ALL_FAILED: Final[Color] = (140, 20, 30)
-PALETTE: Final[tuple[Color, ...]] = (*CHANNEL_COLORS, VOTED, REFERENCE, (0, 114, 178), (170, 170, 170))
+OK: Final[Color] = (0, 114, 178)
+SUSPECT: Final[Color] = (240, 228, 66)
+PALETTE: Final[tuple[Color, ...]] = (*CHANNEL_COLORS, VOTED, REFERENCE, OK, (170, 170, 170))
 COLOR_NAMES: Final = ("sky blue", "green", "violet", "brown", "white", "magenta", "blue", "grey")  # of PALETTE
 QUIET: Final[Color] = (70, 76, 82)  # a state that needs no attention
+FUSELAGE, FIN, HORIZON_LINE = (230, 230, 230), (230, 159, 0), (120, 126, 132)  # of the aircraft in space
 STATE_LOOKS: Final[Looks] = {
-    "OK": ("ok", (0, 114, 178)),
-    "SUSPECT": ("suspect", (240, 228, 66)),
+    "OK": ("ok", OK),
+    "SUSPECT": ("suspect", SUSPECT),
     "FAILED": ("failed", FAILED),
 }
 ACTING: Final = "ACTING"

@@ -197,12 +197,13 @@ def _frame(made: Cell, unit: Batch, trials: Trials, columns: dict[str, Any]) -> 
         "faults": len(made.scenario.faults),
         "size": _sizes(made, trials),
     }
-    return (
-        pl.DataFrame({**common, **columns})
-        .cast(pl.Schema(SCHEMA))
-        .select(list(SCHEMA))
-        .with_columns(pl.col("size", "delay_s").fill_nan(None))
-    )
+    return typed({**common, **columns})
+
+
+def typed(rows: Any, schema: dict[str, Any] = SCHEMA) -> pl.DataFrame:
+    """Return rows, or columns by name, as a table of ``schema``; what is no number is empty."""
+    made = pl.DataFrame(rows).cast(pl.Schema(schema)).select(list(schema))
+    return made.with_columns(pl.col("size", "delay_s").fill_nan(None))
 
 
 def _sizes(made: Cell, trials: Trials) -> NDArray[np.float64]:

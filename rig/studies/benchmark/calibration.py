@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.manager_config import SignalConfig
+from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.runs import cluster_starts
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
@@ -42,6 +43,7 @@ Floats = NDArray[np.float64]
 WIDE: Final = 2.0 ** np.arange(-9.0, 7.0)  # of a level's default
 FINE: Final = 24  # levels of the fine grid
 _KEYS: Final = set(SignalConfig.model_fields) - {"persistence_s", "singular_persistence_s"}
+_AMOUNTS: Final = ("threshold", "outlier_threshold", "bias_bound", "slow_")  # that are told in thresholds
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,14 @@ class Calibrated:
     three_flights: int | None = None  # which can be more
     others: list[tuple[float, dict[str, Any]]] = field(default_factory=list)  # other budgets, and values for them
     notes: list[str] = field(default_factory=list)
+
+
+LEVELS: Final = (
+    *(Column("signal"), Column("manager", "entrant")),
+    Column("told", lambda row: ", ".join(f"{name} {value:.4g}" for name, value in row["shown"].items())),
+    *(Column("events", "clusters", worth=7), Column("extrapolated", "extrapolation", ".3g", "times", worth=8)),
+    Column("seen", worth=6),
+)
 
 
 def require_time(budget_per_h: float, hours: float) -> None:
@@ -119,11 +129,6 @@ def _levels(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
     return Calibrated(entrant.name, signal.name, values, values, **made)
 
 
-def _stream(entrant: Entrant, signal: OfSignal, *place: int) -> np.random.Generator:
-    keys = (zlib.crc32(entrant.name.encode()), zlib.crc32(signal.name.encode()), *place)
-    return np.random.default_rng(np.random.SeedSequence(0, spawn_key=keys))
-
-
 def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
     """Return ours as ``rig thresholds`` designs it, with the scenario's persistence and filter."""
     made = [_designed(entrant, signal, healthy, budget) for budget in budgets]
@@ -133,12 +138,13 @@ def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
     settings, notes = chosen.settings(signal.given), list[str]()
     if entrant.name == BIASED and not chosen.outliers:
         notes.append(f"{signal.name}: a learned bias does not lower the threshold: without")
+    amounts = [(name, value) for name, value in chosen.keys().items() if name.startswith(_AMOUNTS)]
     pairs = zip(budgets[1:], made[1:], strict=True)
     return Calibrated(
         entrant.name,
         signal.name,
         designed_values(signal, settings),
-        _shown(chosen, signal),
+        {name: float(value) / signal.threshold for name, value in amounts},
         settings.model_dump(include=_KEYS, exclude_none=True),
         chosen.single.clusters,
         chosen.single.shape,
@@ -171,11 +177,6 @@ def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h
     return made[-1] if made else None
 
 
-def _shown(chosen: Design, signal: OfSignal) -> dict[str, float]:
-    amounts = ("threshold", "outlier_threshold", "bias_bound", "slow_")
-    return {name: float(value) / signal.threshold for name, value in chosen.keys().items() if name.startswith(amounts)}
-
-
 def too_few(signal: OfSignal, hours: float, clusters: int, entrant: str) -> BadInput:
     """Return the error of data that hold too few events."""
     needed = f"about {hours * LEAST / clusters:.3g} h are needed" if clusters else "record more"
@@ -189,14 +190,15 @@ def _level(
 ) -> dict[float, Threshold]:
     """Return one level by budget: of all choices of so many channels that may be in use the largest."""
     found: dict[float, list[Threshold]] = {budget: [] for budget in budgets}
+    names = zlib.crc32(entrant.name.encode()), zlib.crc32(signal.name.encode())
     for choice, channels in enumerate(in_use(signal.fitted, level.channels)):
         flights = [each._replace(samples=each.samples[:, list(channels)]) for each in healthy.flights[signal.name]]
         series = _fine(entrant, signal, level, flights, healthy.hours, budgets[0])
         for budget in list(found):
             tail = peaks(series, [signal.rate_hz] * len(series), budget)
             if tail.clusters >= LEAST:
-                stream = _stream(entrant, signal, level.channels, choice)
-                found[budget].append(from_tail(tail, budget, level.channels, stream))
+                of = np.random.SeedSequence(0, spawn_key=(*names, level.channels, choice))
+                found[budget].append(from_tail(tail, budget, level.channels, np.random.default_rng(of)))
             elif level.least > 0.0 and not tail.clusters:  # it cannot alarm more often
                 found[budget].append(Threshold(level.channels, level.least, level.least, 0, 0.0))
             elif budget == budgets[0]:
@@ -212,7 +214,8 @@ def _fine(
     """Return the series of each flight on a grid between the level that nothing exceeds and one often exceeded."""
     wide = np.unique(np.maximum(level.default * WIDE, level.least))
     coarse = _series(entrant, signal, level, flights, wide)
-    counts = np.array([sum(_events(each, at, signal) for each in coarse) for at in wide])
+    gap = round(GAP_S * signal.rate_hz)
+    counts = np.array([sum(len(cluster_starts(np.flatnonzero(each > at), gap)) for each in coarse) for at in wide])
     if counts[-1] > budget_per_h * hours:
         raise BadInput(
             f"--budget {budget_per_h:g}: {entrant.name}: {signal.name}: no {level.name} reaches it: "
@@ -222,10 +225,6 @@ def _fine(
     high = int(np.flatnonzero(counts == 0)[0]) if (counts == 0).any() else len(wide) - 1
     grid = np.geomspace(wide[low], max(wide[high], 2.0 * wide[low]), FINE)
     return _series(entrant, signal, level, flights, grid)
-
-
-def _events(series: Floats, at: float, signal: OfSignal) -> int:
-    return len(cluster_starts(np.flatnonzero(series > at), round(GAP_S * signal.rate_hz)))
 
 
 def _series(entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[Flight], grid: Floats) -> list[Floats]:

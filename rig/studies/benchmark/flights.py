@@ -23,7 +23,7 @@ from rig.core.units.angles import differences
 from rig.scenario import aircraft
 from rig.scenario.overrides import set_key
 from rig.scenario.scenario import Scenario
-from rig.studies.benchmark.benchmark_trials import SCHEMA, STATES, Told, became, of_cell, streams_of
+from rig.studies.benchmark.benchmark_trials import SCHEMA, STATES, Told, became, of_cell, streams_of, typed
 from rig.studies.benchmark.calibration import Calibrated
 from rig.studies.benchmark.entrants import Entrant, OfSignal, flown_by
 from rig.studies.benchmark.own_class import with_values
@@ -58,8 +58,7 @@ class Flier:
         fault = made.scenario.faults[made.tested]
         common = {"combination": unit.number, "signal": fault.signal, "kind": fault.kind, "size": None}
         told = {"faults": len(made.scenario.faults), "reference": STATES[0], "budget_per_h": self._told.budget_per_h}
-        frame = pl.DataFrame([{**common, **told, **row} for row in rows])
-        return frame.cast(pl.Schema(FLOWN)).select(list(FLOWN)).with_columns(pl.col("delay_s").fill_nan(None))
+        return typed([{**common, **told, **row} for row in rows], FLOWN)
 
 
 def shared_out(units: Sequence[Batch], flights: int) -> list[Batch]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import RIVALS
+from rig.core.column import Column
 from rig.core.runs import cluster_starts
 from rig.core.threads import heed
 from rig.studies.benchmark.calibration_data import Flight
@@ -161,6 +162,20 @@ def _burst(
     return {"bursts": sum(len(at) for at in begins), "failed": failed}
 
 
+SECOND: Final = (
+    *(Column("signal"), Column("manager", "entrant"), Column("false isolations", "counted")),
+    Column("budget", "expected", ".2g"),
+    Column("an hour, 95 %", lambda row: f"{row['low_per_h']:.2g} to {row['high_per_h']:.2g}"),
+    *(
+        Column(title, lambda row, n=n, of=of: None if row[n] is None else f"{row[n]} of {row[of]}", worth=worth)
+        for title, n, of, worth in (
+            ("flights over the level of three", "three", "flights", 7),
+            ("of it, calibration", "three_before", "of", 6),
+        )
+    ),
+)
+
+
 def counted(rows: Sequence[dict[str, Any]], budget_per_h: float) -> list[dict[str, Any]]:
     """Return counts in a second campaign, ``counted`` in ``hours`` of each row, pooled over its signals as well."""
     found: list[dict[str, Any]] = []
@@ -171,12 +186,11 @@ def counted(rows: Sequence[dict[str, Any]], budget_per_h: float) -> list[dict[st
             known = [row[key] for row in mine if row[key] is not None]
             together[key] = sum(known) if len(known) == len(mine) else None
         found += [*mine, together] if len(mine) > 1 else mine
-    return [{**row, **_rate(row, budget_per_h)} for row in found]
-
-
-def _rate(row: dict[str, Any], budget_per_h: float) -> dict[str, float | None]:
-    rate = poisson(row["counted"], row["hours"])
-    return {"expected": budget_per_h * row["hours"], "low_per_h": rate.low, "high_per_h": rate.high}
+    rates = [poisson(row["counted"], row["hours"]) for row in found]
+    return [
+        {**row, "expected": budget_per_h * row["hours"], "low_per_h": rate.low, "high_per_h": rate.high}
+        for row, rate in zip(found, rates, strict=True)
+    ]
 
 
 def second_counts(

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS
-from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
-from rig.studies.benchmark.benchmark_trials import SCHEMA
+from rig.log.recordings.vote_config import VoteConfig
+from rig.studies.benchmark.benchmark_trials import typed
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
 from rig.studies.benchmark.entrants import (
     BIASED,
@@ -63,7 +63,8 @@ def league(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[
         )
     found, told = list[pl.DataFrame](), list[dict[str, Any]]()
     for place, (name, blocks) in enumerate(data.signals.items()):
-        signal = _of_signal(name, data.settings[name], blocks, config)
+        given, fitted, rate_hz = data.settings[name], len(blocks[0].samples), blocks[0].rate_hz
+        signal = OfSignal(name, parameters(given, fitted, rate_hz), given, config.rivals, rate_hz)
         for half in (0, 1):
             calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
             values = {entrant.name: _chosen(entrant, signal, calibrating) for entrant in entrants}
@@ -76,11 +77,6 @@ def league(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[
         raise BadInput(f"--recordings: all are shorter than the {BEFORE_S + LATER_S:g} s of a trial")
     trials = pl.concat(found)
     return {"hours": data.hours, "levels": told, "table": table(trials), "differences": differences(trials)}
-
-
-def _of_signal(name: str, given: RecordedSignal, blocks: Sequence[DataBlock], config: VoteConfig) -> OfSignal:
-    count, rate_hz = len(blocks[0].samples), blocks[0].rate_hz
-    return OfSignal(name, parameters(given, count, rate_hz), given, config.rivals, rate_hz)
 
 
 def _flights(blocks: Sequence[DataBlock]) -> list[Flight]:
@@ -105,13 +101,9 @@ def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> 
             faults = [samples for _, samples in _with_faults(cut, blocks[1 - half :: 2], signal)]
             for name, values in _candidates(entrant, signal, others):
                 if name in count:
-                    count[name] += sum(_isolated(entrant, signal, values, cut, samples) for samples in faults)
+                    outcomes = [_became(entrant, signal, values, cut, samples)[0] for samples in faults]
+                    count[name] += sum(int((outcome == "isolated").sum()) for outcome in outcomes)
     return found[max(found, key=count.__getitem__)]
-
-
-def _isolated(entrant: Entrant, signal: OfSignal, values: dict[str, Any], cut: Pieces, samples: Any) -> int:
-    """Return in how many pieces the fault is isolated."""
-    return int((_became(entrant, signal, values, cut, samples)[0] == "isolated").sum())
 
 
 def _candidates(
@@ -248,8 +240,7 @@ def _trials(
                 **{"signal": signal.name, "kind": name, "faults": 1, "size": None, "reference": "absent"},
                 **{"budget_per_h": 0.0, "entrant": entrant.name, "outcome": outcome, "delay_s": delay_s, "peak": None},
             }
-            made = pl.DataFrame(columns).cast(pl.Schema(SCHEMA)).select(list(SCHEMA))
-            yield made.with_columns(pl.col("delay_s").fill_nan(None))
+            yield typed(columns)
 
 
 def _faults(motion: float) -> Faults:

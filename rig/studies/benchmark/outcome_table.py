@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
+from rig.core.column import Column
 from rig.studies.benchmark.benchmark_trials import STATES
 from rig.studies.benchmark.entrants import BIASED, LASTING, OURS
 from rig.studies.campaign.statistics import detectable, mcnemar, paired_difference
@@ -23,22 +24,41 @@ BINS: Final = 8
 _TRIAL: Final = ["combination", "trial", "reference"]
 
 
+def _percent(title: str, word: str, **more: Any) -> Column:
+    """Return the column of an outcome's share of the trials."""
+    return Column(title, lambda row: 100 * row[word] / row["trials"], ".1f", "%", **more)
+
+
+OUTCOMES: Final = (
+    *(Column("faults"), Column("manager", "entrant")),
+    *(_percent(word, word) for word in ("isolated", "wrong channel", "missed")),
+    _percent("before", PRIOR, worth=8),
+    *(Column("delay", "delay_median_s", ".2f", "s"), Column("95 %", "delay_95_s", ".2f", "s", worth=7)),
+    *(
+        Column(f"{100 * of:g} %", lambda row, i=i: row["sizes"] and row["sizes"][i]["value"], ".2f", worth=7)
+        for i, of in enumerate(SIZES)
+    ),
+    *(Column("vote off", "peak_median", ".2f", worth=6), Column("most", "peak_largest", ".3g", worth=5)),
+)
+LOSSES: Final = (*OUTCOMES, Column("aircraft lost", "lost"))  # of flights in closed loop
+DIFFERENCES: Final = (
+    *(Column("signal"), Column("manager", "entrant"), Column("trials")),
+    Column("isolated, less ours", lambda row: 100 * row["value"], "+.1f", "points"),
+    Column("95 %", lambda row: f"{100 * row['low']:.1f} to {100 * row['high']:.1f}"),
+)
+
+
 def table(rows: pl.DataFrame) -> list[dict[str, Any]]:
     """Return one row for each group and entrant, groups in order, entrants as they were given.
 
     outcomes are counts; delays of the isolated, s; ``peak``: largest vote error, thresholds, median over the trials;
     ``lost``: aircraft lost, of flights; ``sizes``: with the reference as flown, see the function
     """
-    found = _counts(rows)
-    for row in found:
-        row["sizes"] = None
+    key, by_key = (*GROUP, "entrant"), dict[tuple[Any, ...], Any]()
     if "lost" not in rows.columns:
         sized = rows.filter(pl.col("size").is_not_null() & (pl.col("reference") == STATES[0]))
-        groups = sized.group_by([*GROUP, "entrant"], maintain_order=True)
-        by_key = {key: sizes(part) for key, part in groups}
-        for row in found:
-            row["sizes"] = by_key.get(tuple(row[name] for name in (*GROUP, "entrant")))
-    return found
+        by_key = {of: sizes(part) for of, part in sized.group_by(key, maintain_order=True)}
+    return [{**row, "sizes": by_key.get(tuple(row[name] for name in key))} for row in _counts(rows)]
 
 
 def sizes(rows: pl.DataFrame) -> list[dict[str, Any]] | None:

@@ -14,38 +14,56 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import polars as pl
 
 from rig.core import sealed
 from rig.core.errors import BadInput
-from rig.core.files import is_file, is_unused, read_bytes, sweep
+from rig.core.files import is_file, read_bytes, sweep
 from rig.core.outputs import LEAGUE
 from rig.core.progress import tell
 from rig.studies.benchmark import flights
-from rig.studies.benchmark.benchmark_trials import STATES, Runner, Told, joined, of_signals, shared_out
+from rig.studies.benchmark.benchmark_trials import STATES, Runner, joined, of_signals, shared_out
 from rig.studies.benchmark.calibration import require_time
 from rig.studies.benchmark.calibration_data import Healthy, read
 from rig.studies.benchmark.entrants import OfSignal, fails_nobody
 from rig.studies.benchmark.outcome_table import LOST, by_size, curve, differences, table
 from rig.studies.benchmark.prepared import Asked, costs, prepare, told
 from rig.studies.benchmark.ranking import verdict
-from rig.studies.campaign.campaign_file import from_what
-from rig.studies.campaign.folder import difference, locked, write_whole
 from rig.studies.campaign.manager_source import sources
 from rig.studies.campaign.plan import SOURCES, Plan, rig_identity
-from rig.studies.campaign.pool import context, each
+from rig.studies.campaign.pool import by_workers
+from rig.studies.campaign.study_folder import Study, write_whole
 from rig.studies.reliability.cell_trials import Batch
 
 FORMAT: Final = 3
 UNITS, FLIGHTS = "units", "flights"  # folders
 LEVELS: Final = "levels.json"
-Where = Literal["units", "flights"]
-Work = Callable[[Batch], pl.DataFrame]
+_AGAIN: Final = "remove it, and the same command"
+
+
+class _League(Study):
+    """Its mark has no checksum: all of it is compared."""
+
+    def read(self, out: Path, name: str = "") -> dict[str, Any]:
+        """Return what was asked of a folder.  BadInput: it cannot be read."""
+        path = out / self.mark
+        try:
+            was = json.loads(read_bytes(path, sealed.MOST_BYTES).decode())
+        except (ValueError, RecursionError) as error:
+            raise BadInput(f"{path}: cannot be read: {' '.join(str(error).split())[:120]}") from None
+        return was if isinstance(was, dict) else {}
+
+    def written(self, about: dict[str, Any]) -> bytes:
+        """Return ``league.json``."""
+        return _json(about)
+
+
+STUDY: Final = _League(LEAGUE, "a league's folder", "another league", "rig league is writing")
 
 
 def run(plan: Plan, asked: Asked, out: Path, workers: int = 1) -> dict[str, Any]:
@@ -55,25 +73,30 @@ def run(plan: Plan, asked: Asked, out: Path, workers: int = 1) -> dict[str, Any]
     """
     if not (isfinite(asked.budget_per_h) and asked.budget_per_h > 0.0):
         raise BadInput(f"--budget: false isolations an hour and signal, above 0, got {asked.budget_per_h:g}")
-    _require_ours(out)
+    STUDY.require(out)
     aircraft, signals = of_signals(plan)
     tell("reading the healthy flights")
     healthy = read(asked.healthy, aircraft, signals)
     require_time(asked.budget_per_h, healthy.hours)
     second = None if asked.second is None else read(asked.second, aircraft, signals, "--second")
-    about = _about(plan, asked, healthy, second)
-    of = sealed.identity(_json(about))
-    begun = _begun(out, about)
-    prepared = _levels(out, of) if begun else prepare(asked, signals, healthy, second, workers)
+    about = json.loads(_json(_about(plan, asked, healthy, second)))
+    STUDY.require(out, about)
+    of, levels = sealed.identity(_json(about)), out / LEVELS
+    if STUDY.is_begun(out) and is_file(levels):
+        prepared = sealed.read_json(levels, f"{_AGAIN} computes it again: {_remove(levels)}", of)
+    else:
+        prepared = prepare(asked, signals, healthy, second, workers)
     # What is flown is what the file says: a number that is written and read is the same.
     prepared, units = json.loads(_json(prepared)), shared_out(plan, asked.trials, asked.seed)
-    with locked(out, "rig league is writing"):
-        _sweep(out)
-        write_whole(out / LEAGUE, _json(about))
-        write_whole(out / LEVELS, sealed.to_json(prepared, of))
-        orders, of = told(asked, prepared), sealed.identity(_json(about), _json(prepared))
-        rows = _all(plan, orders, out, UNITS, units, workers, of)
-        flown = _all(plan, orders, out, FLIGHTS, flights.shared_out(units, asked.flights), workers, of)
+    orders = told(asked, prepared)
+    with STUDY.held(out, about):
+        for folder in (out / UNITS, out / FLIGHTS):
+            sweep(folder)
+        write_whole(levels, sealed.to_json(prepared, of))
+        of = sealed.identity(_json(about), _json(prepared))
+        rows = _all("trials", units, out / UNITS, of, Runner, (plan, orders), workers)
+        flying = flights.shared_out(units, asked.flights)
+        flown = _all(FLIGHTS, flying, out / FLIGHTS, of, flights.Flier, (plan, orders), workers)
         result = _result(asked, signals, prepared, rows, flown)
         write_whole(out / "result.json", _json(result))
     return {**result, "microseconds": costs(asked, signals, orders, healthy)}
@@ -96,100 +119,46 @@ def _about(plan: Plan, asked: Asked, healthy: Healthy, second: Healthy | None) -
     }
 
 
-def _require_ours(out: Path) -> None:
-    """Raise BadInput unless ``out`` is new, empty, or a league's."""
-    if not is_file(out / LEAGUE) and not is_unused(out):
-        raise BadInput(f"--out {out}: not a league's folder, and not empty")
-
-
-def _begun(out: Path, about: dict[str, Any]) -> bool:
-    """Return whether the folder holds the levels of the same league.  BadInput: it holds another."""
-    path = out / LEAGUE
-    if not is_file(path):
-        return False
-    try:
-        was = json.loads(read_bytes(path, sealed.MOST_BYTES).decode())
-    except (ValueError, RecursionError) as error:
-        raise BadInput(f"{path}: cannot be read: {' '.join(str(error).split())[:120]}") from None
-    differs = difference(was if isinstance(was, dict) else {}, json.loads(_json(about)))
-    if differs:
-        raise BadInput(f"--out {out}: holds another league: {differs[0]}")
-    return is_file(out / LEVELS)
-
-
-def _levels(out: Path, of: str) -> dict[str, Any]:
-    path = out / LEVELS
-    return sealed.read_json(path, f"remove it, and the same command computes it again: rm {shlex.quote(str(path))}", of)
-
-
-def _sweep(out: Path) -> None:
-    for folder in (out, out / UNITS, out / FLIGHTS):
-        sweep(folder)
-
-
 def _json(data: Any) -> bytes:
     return json.dumps(data, indent=1, allow_nan=False).encode()
 
 
 def _all(
-    plan: Plan, orders: Told, out: Path, where: Where, units: Sequence[Batch], workers: int, of: str
+    what: str,
+    units: Sequence[Batch],
+    folder: Path,
+    of: str,
+    worker: Callable[..., Callable[[Batch], pl.DataFrame]],
+    about: tuple[Any, ...],
+    workers: int,
 ) -> pl.DataFrame:
-    """Return the rows of all units, those that are kept read, the others run and kept.
+    """Return the rows of all units, those that ``folder`` holds read, the others run and kept.
 
-    of : the league's identity, with which its files are marked
+    of : the league's identity, with which its files are marked;  worker, about : as of ``pool.by_workers``
     """
-    folder = out / where
     if units:
         folder.mkdir(exist_ok=True)
-    done = [unit for unit in units if is_file(_path(folder, unit))]
+    paths = {unit: folder / f"{unit.number:06d}-{unit.chunk:06d}.parquet" for unit in units}
+
+    def kept(unit: Batch) -> pl.DataFrame:
+        path = paths[unit]
+        return sealed.read_table(path, place(path), f"{_AGAIN} runs it again: {_remove(path)}")
+
+    def place(path: Path) -> str:
+        return f"{of} {folder.name}/{path.name}"
+
+    done = [unit for unit in units if is_file(paths[unit])]
     for unit in done:
-        _unit(_path(folder, unit), of)  # one that is damaged is refused before others are run
+        kept(unit)  # one that is damaged is refused before others are run
     todo = [unit for unit in units if unit not in done]
-    for unit, rows in zip(todo, _flown(plan, orders, where, todo, workers), strict=True):
-        tell("trials" if where == UNITS else where, sum(is_file(_path(folder, of)) for of in units), len(units))
-        path = _path(folder, unit)
-        write_whole(path, sealed.table(rows, _place(of, path)))
-    return joined([_unit(_path(folder, unit), of) for unit in units])
+    for i, rows in enumerate(by_workers(worker, about, todo, workers)):
+        tell(what, len(done) + i, len(units))
+        write_whole(paths[todo[i]], sealed.table(rows, place(paths[todo[i]])))
+    return joined([kept(unit) for unit in units])
 
 
-def _path(folder: Path, unit: Batch) -> Path:
-    return folder / f"{unit.number:06d}-{unit.chunk:06d}.parquet"
-
-
-def _place(of: str, path: Path) -> str:
-    return f"{of} {path.parent.name}/{path.name}"
-
-
-def _unit(path: Path, of: str) -> pl.DataFrame:
-    remedy = f"remove it, and the same command runs it again: rm {shlex.quote(str(path))}"
-    return sealed.read_table(path, _place(of, path), remedy)
-
-
-def _work(plan: Plan, orders: Told, where: Where) -> Work:
-    return Runner(plan, orders) if where == UNITS else flights.Flier(plan, orders)
-
-
-def _flown(plan: Plan, orders: Told, where: Where, units: Sequence[Batch], workers: int) -> Iterator[pl.DataFrame]:
-    """Return the units' rows in their order, by ``workers`` processes or, for one, by this."""
-    if workers == 1 or len(units) < 2:
-        return map(_work(plan, orders, where), units)
-    initargs = (plan.campaign.what(), plan.source, orders, where)
-    begin = {"initializer": _begin, "initargs": initargs, "mp_context": context()}
-    return each(_fly, units, workers, **begin)
-
-
-def _begin(what: dict[str, Any], source: str, orders: Told, where: Where) -> None:
-    """Begin a worker."""
-    global _runner
-    _runner = _work(Plan(from_what(what, source), source), orders, where)
-
-
-_runner: Work | None = None  # of a worker
-
-
-def _fly(unit: Batch) -> pl.DataFrame:
-    assert _runner is not None
-    return _runner(unit)
+def _remove(path: Path) -> str:
+    return f"rm {shlex.quote(str(path))}"
 
 
 def _result(

@@ -232,7 +232,7 @@ def _names(given: Any, source: str) -> list[str]:
 
 def _requirements(names: list[str], homes: Sequence[Path]) -> list[dict[str, Any]]:
     """Return the requirements of sets and files, which may also lie in ``homes``, as tables: a campaign keeps them."""
-    from rig.verdict.requirements import load_requirements
+    from rig.verdict.requirements.requirement import load_requirements
 
     places = (Path(), *homes)
     paths = [next((place / name for place in places if is_file(place / name)), name) for name in names]

@@ -14,10 +14,10 @@ import polars as pl
 
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS
-from rig.core.palette import INK, LINE, SERIES, SHARE_SCALE, series_colour
+from rig.core.palette import INK, LINE, SERIES, SHARE_SCALE, WHITE, series_colour
 from rig.core.units.quantities import number, unit_shown
 from rig.show.pages.page import DASH, lay_out, write_page
-from rig.studies.campaign.campaign_summary import summary
+from rig.studies.campaign.campaign_summary import RANKED, TABLES, summary
 from rig.studies.campaign.folder import Folder
 from rig.studies.campaign.group_rates import OF_RUN, acted, groups
 from rig.world.faults.scenario_faults import KINDS
@@ -37,14 +37,19 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
     maps = {f"map-{i}": figure for i, figure in enumerate(heat_maps(results["by_place"]))}
     delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables, ["manager"])))}
     replies = {} if results["replies"] is None else {"replies-0": reply_times(results["replies"])}
-    filters = {
-        "magnitude": lambda *of: magnitude_shown(*of) or DASH,
-        "magnitude_unit": magnitude_unit,
-        "level": lambda row: level_shown(row["key"], row["level"], folder.tables["faults"]),
+    filters = {"magnitude": lambda *of: magnitude_shown(*of) or DASH, "magnitude_unit": magnitude_unit}
+    levels = [
+        {**row, "level": level_shown(row["key"], row["level"], folder.tables["faults"])} for row in results["by_varied"]
+    ]
+    names = results["by_name"]
+    several = {"by_kind": bool(names), "by_varied": "manager" in names}  # whether there is something to tell apart
+    columns = {
+        name: [column for column in of if column.name != "of" or several.get(name, True)] for name, of in TABLES.items()
     }
     figures = {**maps, **delays, **replies}
     widths = {name: _LABELS_PX + _CELL_PX * len(figure.to_dict()["data"][0]["x"]) for name, figure in maps.items()}
-    write_page(out, "campaign.html", figures, filters, results=results, maps=widths, delays=list(delays))
+    shown = {"columns": columns, "ranked": RANKED, "levels": levels, "maps": widths, "delays": list(delays)}
+    write_page(out, "campaign.html", figures, filters, results=results, **shown)
     return results
 
 
@@ -96,7 +101,7 @@ def _counts(rows: Rows, signal: str, kind: str) -> dict[str, Any]:
         "y": [row["place"] or "" for row in rows],
         "text": [_counted(row) for row in rows],
         "mode": "text",
-        "textfont": {"color": ["#ffffff" if each else INK for each in dark]},
+        "textfont": {"color": [WHITE if each else INK for each in dark]},
         "hoverinfo": "skip",
         "showlegend": False,
     }

@@ -8,32 +8,90 @@ from typing import Any, Final
 
 import polars as pl
 
+from rig.core.column import COUNT, INSTANT, LEVEL, RATE, SECONDS, SHARE, Column
 from rig.core.errors import BadInput
 from rig.core.files import is_file
-from rig.studies.campaign.folder import Folder, difference
+from rig.studies.campaign.folder import Folder, not_flown
 from rig.studies.campaign.group_rates import (
     DELAYS,
     Tables,
     acted,
     alarm_rate,
+    by_kind,
+    by_requirement,
     by_resolver,
     delays,
     false_alarms,
     flown,
     rates,
+    replies,
     resolvers,
     share_of,
     smallest,
 )
-from rig.studies.campaign.groups import by_kind, by_requirement, replies
 from rig.studies.campaign.statistics import mcnemar, median_interval, paired_difference
-from rig.studies.campaign.tables import COUNTED, SUSPECTS
-from rig.studies.campaign.unflown import not_flown
+from rig.studies.campaign.study_folder import difference
+from rig.studies.campaign.tables import COUNTED, RUNS, SUSPECTS
 from rig.studies.campaign.varied import by_name, by_varied, varied
-from rig.studies.campaign.voters import named, voters
 from rig.unit.unit_file import voted_by
 
 WORST: Final = 10
+# By what the worst flights are ranked.
+RANKED: Final = [RUNS[key] for key in ("wrong_isolations", "false_alarms", "missed", "vote_above_threshold_s")]
+# The columns of the tables of a report, by their names in ``summary``.
+TABLES: Final[dict[str, tuple[Column, ...]]] = {
+    "by_kind": (
+        *(Column("signal", type=str), Column("kind", type=str), Column("of", type=str), Column("acted")),
+        Column("detected of the detectable", "detection", SHARE),
+        Column("correctly isolated", "right_isolation", SHARE),
+        Column("wrongly isolated", "wrong_isolation", SHARE),
+    ),
+    "by_pattern": (
+        *(Column("pattern", type=str, empty="None"), Column("acted"), Column("detected", "detection", SHARE)),
+        Column("wrongly isolated", "wrong_isolation", SHARE),
+    ),
+    "by_resolver": (
+        *(Column("decided by", "resolver", type=str), Column("faulty failed", "faulty")),
+        *(Column("healthy failed", "healthy"), Column("correct", "right", SHARE)),
+    ),
+    "by_varied": (
+        Column("what varies", "key", type=str, page="key"),
+        *(Column("level", format=LEVEL, type=str), Column("of", worth=8, type=str, page="manager")),
+        Column("runs", worth=5),
+        Column("detected of acted", "detection_of_all", COUNT),
+        Column("of detectable", "detection", COUNT, page="detected of the detectable"),
+        Column("delay, median s", "delay_from_onset_s.median", SECONDS),
+        Column("95 %, s", "delay_from_onset_s.p95", SECONDS, worth=0),
+        Column("survived", "survival", COUNT, worth=7),
+        Column("false alarms an h", "false_alarms", RATE, worth=6, page="false alarms a channel hour"),
+    ),
+    "false_alarms_by_signal": (Column("what", "kind", type=str), Column("signal", type=str), Column("count")),
+    "resolvers": (
+        *(Column("resolver", type=str), Column("pattern", type=str), Column("asked", worth=4)),
+        *(Column("answered", worth=6), Column("correct", "right", worth=7), Column("wrong", worth=8)),
+        *(Column("open", worth=5), Column("answered of asked", "answered_share", SHARE, worth=0)),
+        Column("correct of decided", "right_share", SHARE),
+    ),
+    "coverage": (
+        *(Column("signal", type=str), Column("patterns", lambda row: ", ".join(row["patterns"]), type=str)),
+        *(Column("of", "possible.patterns"), Column("levels", lambda row: ", ".join(row["levels"]), type=str)),
+        Column("of", "possible.levels"),
+        *(
+            Column(title, lambda row, name=name: f"{len(row[name])} of {row['possible'][name]}")
+            for title, name in (("transitions of patterns", "pattern_transitions"), ("of levels", "level_transitions"))
+        ),
+    ),
+    "requirements": (
+        *(Column("requirement", type=str, hint="text"), Column("met", format=SHARE, page="runs that meet it")),
+        *(Column("least margin", format=".3g"), Column("in run", "least_run")),
+        *(Column("on", "signal", worth=5, type=str), Column("at s", "instant_s", INSTANT, worth=4, page="at, s")),
+    ),
+    "servos": (
+        *(Column("fault of an actuator", "kind"), Column("acted", worth=4), Column("found", format=SHARE)),
+        *(Column("by", worth=7), Column("median s", format=SECONDS, worth=6)),
+        Column("longest s", format=SECONDS, worth=5),
+    ),
+}
 _SEEN: Final = ("patterns", "levels", "pattern_transitions", "level_transitions")
 # What is compared of two campaigns, by run and by fault.
 _BY_RUN: Final = {
@@ -60,8 +118,8 @@ def summary(folder: Folder) -> dict[str, Any]:
         "title": plan.campaign.title or str(folder.path),
         "folder": str(folder.path),
         "runs": len(plan),
-        "managers": voters(folder),
-        "by": named(voters(folder)),
+        "managers": folder.voters(),
+        "by": folder.by,
         "set": [f"{key}={value}" for key, value in plan.campaign.set.items()],
         "varied": varied(plan),
         "by_name": names,
@@ -134,19 +192,15 @@ def worst(folder: Folder) -> list[dict[str, Any]]:
     order = [
         pl.col("outcome") != "flown",
         ~pl.col("survived").fill_null(value=True),
-        *(pl.col(name).fill_null(0) for name in ("wrong_isolations", "false_alarms", "missed")),
-        pl.col("vote_above_threshold_s").fill_null(0.0),
+        *(pl.col(column.key).fill_null(0) for column in RANKED),
     ]
     ranked = runs.sort([*order, pl.col("run")], descending=[True] * len(order) + [False])
-    return [
-        _worst_flight(folder, row) for row in ranked.drop("coverage", "digest", "requirements").head(WORST).to_dicts()
-    ]
-
-
-def _worst_flight(folder: Folder, row: dict[str, Any]) -> dict[str, Any]:
-    log = folder.logs / f"run_{row['run']:06d}.mcap"
-    fly = f"rig campaign fly {folder.path} --run {row['run']}"
-    return {**row, "fly": fly, "log": str(log) if is_file(log) else None}
+    flights = ranked.drop("coverage", "digest", "requirements").head(WORST).to_dicts()
+    for row in flights:
+        log = folder.logs / f"run_{row['run']:06d}.mcap"
+        row["fly"] = f"rig campaign fly {folder.path} --run {row['run']}"
+        row["log"] = str(log) if is_file(log) else None
+    return flights
 
 
 def compare(first: Folder, second: Folder) -> dict[str, Any]:
@@ -163,7 +217,7 @@ def compare(first: Folder, second: Folder) -> dict[str, Any]:
         raise BadInput(f"{first.path} and {second.path} were not flown on the same seeds; nothing can be paired")
     faults = faults.join(other_faults, on=["run", "fault", "channel"], suffix="_second")
     faults = faults.filter((pl.col("outcome") != "not executed") & (pl.col("outcome_second") != "not executed"))
-    by = {"first": named(voters(first)), "second": named(voters(second))}
+    by = {"first": first.by, "second": second.by}
     whole = faults.group_by("run").agg(pl.col("fault detected", "fault detected_second").all())
     whole = whole.rename({"fault detected": _ALL, "fault detected_second": f"{_ALL}_second"})
     found = faults.filter(pl.col("fault detected") & pl.col("fault detected_second"))

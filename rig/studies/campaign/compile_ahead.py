@@ -26,12 +26,12 @@ from rig.core.errors import RigError
 from rig.core.files import reported
 from rig.core.frame import Table
 from rig.core.interrupt import at_once
-from rig.core.kernel_cache import folder, reached
+from rig.core.kernel_cache import reached
 from rig.core.kernel_locks import give_back, take
-from rig.core.kernels import cache_root, compile_inner
+from rig.core.kernels import compile_inner, kernel_folder
 from rig.core.threads import cores
 from rig.flight import loop
-from rig.log import LogWriter
+from rig.log.writer import LogWriter
 from rig.scenario.scenario import load
 from rig.verdict.of_log import FlightConclusion
 from rig.verdict.row_kernel import add_rows
@@ -55,7 +55,7 @@ class Ahead:
         """Have ``path``, the compiled ``function``, made with all others if it belongs to a flight; once."""
         if self._tried or _name(function) not in _of_flight():
             return
-        self._tried, kernels = True, folder(cache_root())
+        self._tried, kernels = True, kernel_folder()
         with at_once():
             self._show(0, len(_of_flight()))
             if not take(kernels, _LOCK):

@@ -19,8 +19,8 @@ from rig.flight.events import Event
 from rig.flight.recorder import Findings, end_reason
 from rig.flight.summary import Verdict
 from rig.flight.unit_loop import UnitComputer
-from rig.log import LogWriter
 from rig.log.of_flight import metadata
+from rig.log.writer import LogWriter
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
 

@@ -1,19 +1,17 @@
-"""A campaign's output folder: whose it is, its parts, what is done.
+"""A campaign's output folder: whose it is, its parts, what is done, what could not be flown, who voted.
 
     campaign.json               the campaign and the rig that flies it
     runs/000010-000019.parquet  a part, and the same name in faults/, alarms/, episodes/ and signals/
     logs/run_000012.mcap        the logs that are kept
 
-A part is written beside and renamed, the one in ``runs`` last: a run is done when its row is there.
+A part is written beside and renamed, the one in ``runs`` last: a run is done when its row is there.  A run that could
+not be flown has a row that tells why; it does not count as done, and the next command flies it again.
 Every file but the logs has a checksum of its bytes (core/sealed.py); those of format 1, an earlier version, have none.
-One command flies into a folder at a time, on every system: it holds the file ``lock``.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -23,8 +21,8 @@ from typing import Any, Final
 import polars as pl
 
 from rig.core import sealed
-from rig.core.errors import BadInput, RigError
-from rig.core.files import DRAFT, LOCK, is_file, is_unused, replaced, reported, sweep
+from rig.core.errors import BadInput
+from rig.core.files import DRAFT
 from rig.core.notes import note
 from rig.core.outputs import BESIDE_RUNS, CAMPAIGN
 from rig.core.trust import Trust
@@ -33,13 +31,30 @@ from rig.studies.campaign import tables as table
 from rig.studies.campaign.campaign_file import from_what
 from rig.studies.campaign.plan import Plan, rig_identity
 from rig.studies.campaign.searched import SearchedPlan
+from rig.studies.campaign.study_folder import FORMAT, UNSEALED, Study, write_whole
 from rig.studies.campaign.tables import TABLES, Rows
-from rig.unit.unit_file import Unit
+from rig.unit.unit_file import Unit, voted_by
 
-_FORMAT: Final = 2
-_UNSEALED: Final = 1  # its files have no checksum
-_REMEDY: Final = "take it from a copy, or fly into another folder"
-_FLAGS: Final = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)  # no child process inherits what os.open gives
+NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")  # outcomes of a run
+
+
+class _Campaign(Study):
+    def read(self, out: Path, name: str = "") -> dict[str, Any]:
+        """Return ``campaign.json``; BadInput when it is nothing of ours."""
+        content = super().read(out, name)
+        if not isinstance(content.get("campaign"), dict):
+            raise BadInput(f"{out / self.mark}: is damaged: it has no table 'campaign'; {self.remedy}")
+        return content
+
+
+STUDY: Final = _Campaign(
+    mark=CAMPAIGN,
+    folder="a campaign's folder",
+    other="runs of another campaign",
+    busy="rig campaign run is flying",
+    remedy="take it from a copy, or fly into another folder",
+    beside=BESIDE_RUNS,
+)
 
 
 class Folder:
@@ -62,32 +77,31 @@ class Folder:
 
         BadInput: the folder is another campaign's, or something else's; the difference is named.
         """
-        folder, file = cls(path, plan, unit), path / CAMPAIGN
-        if is_file(file):
-            was = _read(file)
-            if was["format"] == _UNSEALED:
-                raise BadInput(f"--out {path}: was flown by an earlier version of the rig; fly into another folder")
-            differs = difference(was, folder.about())
-            if differs:
-                raise BadInput(f"--out {path}: holds runs of another campaign: {differs[0]}")
-            return folder
-        if not is_unused(path):
-            raise BadInput(f"--out {path}: not a campaign's folder, and not empty")
+        folder = cls(path, plan, unit)
+        if folder.is_begun and folder.kept["format"] == UNSEALED:
+            raise BadInput(f"--out {path}: was flown by an earlier version of the rig; fly into another folder")
+        STUDY.require(path, folder.about)
         return folder
 
+    @property
+    def is_begun(self) -> bool:
+        """Return whether there is a campaign in the folder."""
+        return STUDY.is_begun(self.path)
+
+    @cached_property
     def about(self) -> dict[str, Any]:
-        """Return the content of ``campaign.json``."""
+        """Return the content of ``campaign.json`` of what is to be flown."""
         unit = {} if self.unit is None else {"unit": self.unit.identity()}
-        return {"format": _FORMAT, "rig": rig_identity(), **self.plan.identity(), **unit}
+        return {"format": FORMAT, "rig": rig_identity(), **self.plan.identity(), **unit}
 
     @property
     def kept(self) -> dict[str, Any]:
         """Return the content of ``campaign.json``, as it was when the first run was flown.  BadInput."""
-        return _read(self.path / CAMPAIGN)
+        return STUDY.read(self.path)
 
     def require(self, unit: Unit | None) -> None:
         """Raise BadInput when the campaign was flown with another unit than ``unit``, or another build of it."""
-        was = _read(self.path / CAMPAIGN).get("unit")
+        was = self.kept.get("unit")
         if was is None and unit is not None:
             raise BadInput(f"{self.path}: was flown without a unit under test")
         if was is not None and (unit is None or unit.build() != was.get("sha256")):
@@ -97,16 +111,13 @@ class Folder:
     @contextmanager
     def held(self) -> Iterator[None]:
         """Make the folder when there is none, and hold it alone; before and after, what was half written is removed."""
-        with locked(self.path):
+        with STUDY.held(self.path, self.about):
             self._sweep()
-            if not is_file(self.path / CAMPAIGN):
-                write_whole(self.path / CAMPAIGN, sealed.to_json(self.about()))
             yield
             self._sweep()  # a worker that died leaves its draft
 
     def _sweep(self) -> None:
         """Remove drafts, and files of parts whose ``runs`` is not there; nothing else, and nothing behind a link."""
-        sweep(self.path, *([CAMPAIGN, *BESIDE_RUNS] if is_file(self.path / CAMPAIGN) else []))
         whole = set(parts.names(self.path))
         for name in (*TABLES, "logs"):
             folder = self.path / name
@@ -129,8 +140,8 @@ class Folder:
     @cached_property
     def _identity(self) -> str | None:
         """Return what the parts of this campaign are marked with; None where they have no checksum."""
-        about = _read(self.path / CAMPAIGN)
-        if about["format"] == _UNSEALED:
+        about = self.kept
+        if about["format"] == UNSEALED:
             note(f"{self.path}: was flown by an earlier version of the rig: its tables have no checksum")
             return None
         return sealed.identity(json.dumps(about, sort_keys=True).encode())
@@ -146,6 +157,42 @@ class Folder:
     def tables(self) -> dict[str, pl.DataFrame]:
         """Read all tables, sorted by run; a part whose ``runs`` is missing does not count. BadInput as ``done``."""
         return self.read()
+
+    def take_out(self, below: int) -> set[int]:
+        """Take the runs that were not flown out of the tables, those ``below`` a number; return the runs that stay.
+
+        The folder is held.  A part that has others too is written again with the others; a kill between the two costs
+        the time of these.  BadInput as ``done``.
+        """
+        tables = self.read()
+        runs = tables["runs"]
+        again = set(runs.filter((pl.col("outcome") != "flown") & (pl.col("run") < below))["run"].to_list())
+        for name in parts.names(self.path) if again else ():
+            path = self.path / "runs" / f"{name}.parquet"
+            there = set(pl.read_parquet(path.read_bytes(), columns=["run"])["run"].to_list())
+            if there & again:
+                path.unlink()
+                if kept := there - again:
+                    self.write({kind: tables[kind].filter(pl.col("run").is_in(kept)).to_dicts() for kind in TABLES})
+        return set(runs["run"].to_list()) - again
+
+    def voters(self) -> list[str]:
+        """Return the managers that voted, or a unit under test and its build.  BadInput.
+
+        In an older folder the unit is that of ``campaign.json``.
+        """
+        unit = self.kept.get("unit")
+        managers = sorted(self.tables["runs"]["manager"].drop_nulls().unique().to_list())
+        if unit is None or any("unit " in name for name in managers):
+            return managers
+        return sorted({voted_by(name, unit) for name in managers or [""]})
+
+    @property
+    def by(self) -> str:
+        """Return who voted as a line: ``manager mean, median``, ``unit mvs 0a1b2c3d4e5f``.  BadInput."""
+        voters = self.voters()
+        of_units = any("unit " in name for name in voters)
+        return ", ".join(voters) if of_units or not voters else f"manager {', '.join(voters)}"
 
     def status(self) -> dict[str, Any]:
         """Return how far the campaign is: runs, what is done, the result, the hash of the tables so far."""
@@ -168,9 +215,9 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
     allow_code : a manager class that it names may be run
     """
     file = path / CAMPAIGN
-    if not is_file(file):
+    if not STUDY.is_begun(path):
         raise BadInput(f"{path}: not a campaign's folder: {CAMPAIGN} is missing")
-    held, trust = _read(file), Trust(str(file), allow_code)
+    held, trust = STUDY.read(path), Trust(str(file), allow_code)
     plan: Plan = Plan(from_what(held["campaign"], str(file)), str(file), trust)
     search = held.get("search")
     if search is not None:
@@ -181,100 +228,8 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
     return folder
 
 
-def _read(path: Path) -> dict[str, Any]:
-    """Read ``campaign.json``; BadInput when it is nothing of ours."""
-    content = sealed.read_json(path, _REMEDY, formats=(_FORMAT, _UNSEALED))
-    if not isinstance(content.get("campaign"), dict):
-        raise BadInput(f"{path}: is damaged: it has no table 'campaign'; {_REMEDY}")
-    return content
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write beside, onto the disk, and rename: after any interruption all of it is there or nothing.  RigError."""
-    try:
-        with reported(path):
-            path.parent.mkdir(exist_ok=True)
-            with replaced(path) as draft, draft.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-    except BadInput as error:
-        raise RigError(str(error)) from None
-
-
-def difference(was: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """Return what two identities differ in, a line each."""
-    before, after = dict(_flat(was)), dict(_flat(now))
-    return [
-        f"{key} was {_shown(before, key)}, is {_shown(after, key)}"
-        for key in sorted({*before, *after})
-        if before.get(key, _NOTHING) != after.get(key, _NOTHING)
-    ]
-
-
-_NOTHING: Final = object()
-
-
-def _shown(flat: dict[str, Any], key: str) -> str:
-    return json.dumps(flat[key]) if key in flat else "not there"
-
-
-def _flat(data: Any, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every leaf of plain data with its dotted key."""
-    if isinstance(data, dict | list):
-        items = data.items() if isinstance(data, dict) else enumerate(data)
-        for key, value in items:
-            yield from _flat(value, f"{above}.{key}" if above else str(key))
-    else:
-        yield above, data
-
-
-@contextmanager
-def locked(folder: Path, who: str = "rig campaign run is flying") -> Iterator[None]:
-    """Make the folder and hold its file ``lock``, which is not written to, and not followed when it is a link.
-
-    who : holds it, in the words of a message to another
-    The system releases the lock of a process that ends, whatever ends it.
-    BadInput: another process holds the lock, it is a link, or the folder is not writable.
-    """
-    file = _opened(folder, folder / LOCK)
-    try:
-        try:
-            _lock(file, hold=True)
-            now = (folder / LOCK).lstat()
-        except OSError:  # held by another, or removed since
-            raise BadInput(f"--out {folder}: another {who} into it") from None
-        if not os.path.samestat(now, os.fstat(file)):  # another has removed it, and a third has made a new one
-            raise BadInput(f"--out {folder}: another {who} into it")
-        try:
-            yield
-        finally:
-            _lock(file, hold=False)
-    finally:
-        os.close(file)
-
-
-def _opened(folder: Path, path: Path) -> int:
-    """Return a descriptor of the lock file; BadInput as ``locked``."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if not path.is_symlink():  # made a link since: O_NOFOLLOW, where the system has it
-            return os.open(path, _FLAGS, 0o666)
-    except OSError as error:
-        raise BadInput(f"--out {folder}: cannot be written: {error.strerror}") from None
-    raise BadInput(f"{path}: is a link, and is not followed: remove it")
-
-
-def _lock(file: int, hold: bool) -> None:
-    """Lock the file for this descriptor, at once or not at all, or unlock it. OSError: somebody holds it.
-
-    Closing the descriptor unlocks it too, but on Windows only some time later.
-    """
-    if sys.platform == "win32":
-        import msvcrt
-
-        msvcrt.locking(file, msvcrt.LK_NBLCK if hold else msvcrt.LK_UNLCK, 1)  # the first byte, which need not be there
-    else:
-        import fcntl
-
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB if hold else fcntl.LOCK_UN)
+def not_flown(runs: pl.DataFrame) -> dict[str, Any]:
+    """Return how many runs of a table were not flown, and of the first its number, outcome and reason."""
+    rows = runs.filter(pl.col("outcome").is_in(NOT_FLOWN)).sort("run")  # an open-loop trial is none
+    first = None if rows.is_empty() else f"run {rows['run'][0]}: {rows['outcome'][0]}: {rows['reason'][0]}"
+    return {"not_flown": len(rows), "first_reason": first}

@@ -73,7 +73,9 @@ def _files(manager: str) -> Iterator[tuple[str, str]]:
     root = None if top is None else _root(top)
     if root is None:
         raise BadInput(f"redundancy.manager: {manager!r}: no module {module!r} in this folder, nor installed")
-    only = module.partition(".")[0] if _is_installed(root) else None
+    # What lies beside an installed package was installed there: its neighbours are none of the manager's.
+    installed = root.resolve() in {Path(sysconfig.get_path(name)).resolve() for name in _INSTALLED}
+    only = module.partition(".")[0] if installed else None
     seen: set[str] = set()
     waiting = [module]
     while waiting:
@@ -106,11 +108,6 @@ def _root(spec: ModuleSpec) -> Path | None:
     if folders:
         return Path(folders[0]).absolute().parent
     return Path(spec.origin).absolute().parent if spec.origin and spec.has_location else None
-
-
-def _is_installed(root: Path) -> bool:
-    """Return whether what lies in a folder was installed there, so that its neighbours are none of the manager's."""
-    return root.resolve() in {Path(sysconfig.get_path(name)).resolve() for name in _INSTALLED}
 
 
 def _is_followed(module: str, only: str | None) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -15,12 +16,13 @@ from rig.core.settings import build
 from rig.core.trust import Trust
 from rig.core.versions import versions
 from rig.scenario import aircraft
-from rig.scenario.overrides import set_key
+from rig.scenario.overrides import named_manager, parse_set, set_key
 from rig.scenario.scenario import Scenario
-from rig.studies.campaign.campaign_file import Campaign, Levels
+from rig.studies.campaign.campaign_file import Campaign, Levels, find, read
 from rig.studies.campaign.manager_source import sources, try_import
 from rig.studies.campaign.sampling import Choice, choices, seed_of
-from rig.verdict.requirements import Requirement, recorder_of
+from rig.verdict.requirements.measure import recorder_of
+from rig.verdict.requirements.requirement import Requirement
 
 SOURCES: Final = "sources"  # of an identity: the user's own managers, file by file
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
@@ -79,6 +81,10 @@ class Plan:
 
     def __len__(self) -> int:
         return len(self.choices)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how a process that is handed the plan makes it: what is kept at hand stays here."""
+        return type(self), (self.campaign, self.source, self.trust)
 
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
@@ -189,6 +195,15 @@ class Plan:
             key = names if all(type(name) is str for name in names) else json.dumps(names, default=str)
             firsts.setdefault(key, number)
         return list(firsts.values())
+
+
+def read_plan(name: str | Path, sets: Iterable[str] | None = None, allow_code: bool = False) -> Plan:
+    """Return the plan of a campaign's file or bundled name.  BadInput says what is wrong.
+
+    sets : KEY=VALUE, laid over the file's own; a manager class that they name may be run, others with ``allow_code``
+    """
+    given, source = dict(map(parse_set, sets or ())), str(find(name))
+    return Plan(read(name, given), source, Trust(source, allow_code, named_manager(given.items())))
 
 
 @cache

@@ -189,15 +189,39 @@ def each(
             executor.shutdown(cancel_futures=True)
 
 
+def by_workers(
+    worker: Callable[..., Callable[[Item], Result]],
+    about: tuple[Any, ...],
+    items: Sequence[Item],
+    workers: int,
+    chunk: int = 1,
+) -> Iterator[Result]:
+    """Yield what ``worker(*about)`` makes of every item, in their order, by several processes or, for one, by this.
+
+    Each process makes its worker once.  None inherits a lock that a thread of this process holds, as polars'.
+    """
+    if workers == 1 or len(items) < 2:
+        return map(worker(*about), items)
+    get_ready()
+    context = multiprocessing.get_context(_METHOD)
+    return each(_work, items, workers, chunk, initializer=_make, initargs=(worker, about), mp_context=context)
+
+
+_made: Callable[[Any], Any]  # of this process, by ``_make``
+
+
+def _make(worker: Callable[..., Callable[[Any], Any]], about: tuple[Any, ...]) -> None:
+    global _made
+    _made = worker(*about)
+
+
+def _work(item: Any) -> Any:
+    return _made(item)
+
+
 def _every(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
     """Do in a worker what is handed out at once."""
     return [function(item) for item in items]
-
-
-def context() -> Any:
-    """Return how workers are started that must not inherit a lock which a thread of this process holds, as polars'."""
-    get_ready()
-    return multiprocessing.get_context(_METHOD)
 
 
 def leave_interrupts_to_parent() -> None:

@@ -17,14 +17,13 @@ from typing import Any, Final
 import polars as pl
 
 from rig.core.errors import BadInput, RigError
-from rig.core.interrupt import Stop, interruptible
+from rig.core.interrupt import FLIES_AGAIN, GOES_ON, Stop, interruptible
 from rig.flight.fly import Flight, fly
 from rig.studies.campaign import tables as table
-from rig.studies.campaign.folder import Folder
+from rig.studies.campaign.folder import NOT_FLOWN, Folder, not_flown
 from rig.studies.campaign.plan import SOURCES, Plan, Run, rig_identity
 from rig.studies.campaign.pool import Cluster, Local, Pool
 from rig.studies.campaign.tables import Rows
-from rig.studies.campaign.unflown import OUTCOMES, not_flown, take_out
 from rig.studies.campaign.worker import Orders, check_rig, fly_alone, fly_batch
 from rig.unit.unit_file import Unit
 from rig.verdict.of_log import FlightConclusion
@@ -57,21 +56,31 @@ class Progress:
         """Return the rate of this call, of runs that could not be flown too."""
         return (self.flown + self.not_flown) / max(time.perf_counter() - self.began, 1e-9)
 
-    def add(self, rows: Rows) -> None:
+    def count(self, runs: list[dict[str, Any]]) -> None:
         """Count the runs of a batch."""
-        flown = sum(row["outcome"] == "flown" for row in rows["runs"])
+        flown = sum(run["outcome"] == "flown" for run in runs)
         self.done += flown
         self.flown += flown
-        self.not_flown += len(rows["runs"]) - flown
-        self.outcomes.update(row["outcome"] for row in rows["runs"])
-        self.outcomes["lost"] += sum(row.get("survived") is False for row in rows["runs"])
+        self.not_flown += len(runs) - flown
+        self.outcomes.update(run["outcome"] for run in runs)
+        self.outcomes["lost"] += sum(run.get("survived") is False for run in runs)
 
 
 Report = Callable[[Progress], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ending:
+    """How a call that flies many runs ended."""
+
+    interrupted: bool = False
+    signal: int = 0  # that interrupted it
+    not_flown: int = 0  # of all runs in the tables, and why the first was not
+    first_reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result(Ending):
     """The outcome of a call of ``run``."""
 
     out: Path
@@ -79,13 +88,9 @@ class Result:
     done: int  # of these runs: those that were flown, now or before
     flown: int
     outcomes: dict[str, int]  # of all runs in the tables
-    not_flown: int  # of all runs in the tables, and why the first was not
-    first_reason: str | None
     table_sha256: str
     flights_per_s: float
     wall_s: float
-    interrupted: bool
-    signal: int = 0  # that interrupted it
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data, as ``rig campaign run --json`` prints it."""
@@ -93,7 +98,7 @@ class Result:
             "out": str(self.out),
             **{name: getattr(self, name) for name in ("runs", "done")},
             "not_flown": self.not_flown,
-            **{name.replace(" ", "_"): self.outcomes.get(name, 0) for name in OUTCOMES},
+            **{name.replace(" ", "_"): self.outcomes.get(name, 0) for name in NOT_FLOWN},
             "first_reason": self.first_reason,
             "table_sha256": self.table_sha256,
             "flown_now": self.flown,
@@ -128,13 +133,13 @@ def run(
         orders = orders_of(folder, logs)
         pool.everywhere(check_rig, orders)
         with folder.held(), interruptible(again=True) as stop:
-            done = take_out(folder, count)
+            done = folder.take_out(count)
             missing = [number for number in range(count) if number not in done]
             progress = Progress(count, count - len(missing))
             try:
                 Flying(plan, pool, folder, orders, progress).fly(missing, plan.campaign.run.batch, stop, report)
             except RigError as error:
-                raise RigError(f"{error}; {progress.done} of {count} runs done, the same command goes on") from None
+                raise RigError(f"{error}; {progress.done} of {count} runs done, {GOES_ON}") from None
             kill = stop.insisted
             return _result(folder, count, progress, done, stop)
     finally:
@@ -250,7 +255,7 @@ class Flying:
                 raise RigError(f"a worker failed: {type(error).__name__}: {text}") from error
             else:
                 self.folder.write(rows)
-                self.progress.add(rows)
+                self.progress.count(rows["runs"])
                 self.deaths = 0
         return lost
 
@@ -266,7 +271,7 @@ def _result(folder: Folder, count: int, progress: Progress, before: set[int], st
     lost = told - len(runs)
     if lost:
         text = f"{lost} of {told} runs that were flown are no longer in the tables"
-        raise RigError(f"{folder.path}: {text}; the same command flies them again")
+        raise RigError(f"{folder.path}: {text}; {FLIES_AGAIN}")
     return Result(
         out=folder.path,
         runs=count,

@@ -125,7 +125,8 @@ class _Logistic:
     def __init__(self, x: NDArray[np.float64], n: NDArray[np.float64], k: NDArray[np.float64]) -> None:
         self.x, self.n, self.k = x, n, k
         self.middle = (float(x[k > 0].min()) + float(x[k < n].max())) / 2.0  # of the gap between separated trials
-        self.best = self._climb()
+        best = _least(lambda m: self.profile(m, 0.0), np.linspace(x[0], x[-1], 41), xatol=1e-9)
+        self.best = float(best.x), float(self._slope(float(best.x), 0.0).x)  # ln m50, ln slope: most likely
 
     def loss(self, at: float, steepness: float, shift: float) -> float:
         """Return minus the log likelihood; ``shift`` is the logit of the probability that is reached at ``at``."""
@@ -138,11 +139,6 @@ class _Logistic:
 
     def _slope(self, at: float, shift: float) -> Any:
         return _least(lambda s: self.loss(at, s, shift), np.linspace(_FLATTEST, _STEEPEST, 25))
-
-    def _climb(self) -> tuple[float, float]:
-        """Return (ln m50, ln slope) of the largest likelihood."""
-        best = _least(lambda m: self.profile(m, 0.0), np.linspace(self.x[0], self.x[-1], 41), xatol=1e-9)
-        return float(best.x), float(self._slope(float(best.x), 0.0).x)
 
     @property
     def least(self) -> float:

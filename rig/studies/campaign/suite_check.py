@@ -1,18 +1,24 @@
-"""A suite checked: every case flown or read, its requirements measured, its decisions compared with the reference."""
+"""A suite checked: every case flown or read, its requirements measured, its decisions compared with the reference.
+
+The results are also written as JUnit XML, which continuous integration reads.
+"""
 
 from __future__ import annotations
 
 import json
 import shlex
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
+from xml.etree import ElementTree as Xml
 
 from rig.core.errors import BadInput, RigError
 from rig.core.event import Event
+from rig.core.files import write_text
+from rig.core.text import plain
 from rig.core.units.quantities import quantity, seconds
 from rig.flight.events import NOT_EXECUTED
 from rig.flight.fly import managed
@@ -25,7 +31,10 @@ from rig.studies.campaign.plan import Plan, rig_identity
 from rig.studies.campaign.suite import Case, Suite
 from rig.studies.campaign.worker import Orders, flown_with, fly_run
 from rig.unit.unit_file import Unit
-from rig.verdict.requirements import Requirement, Verdict, check_log, check_rows, margin_text, number_of
+from rig.verdict.requirements.margins import margin_text, number_of
+from rig.verdict.requirements.measure import check_log, check_rows
+from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.requirement_recorder import Verdict
 
 Result = Literal["met", "violated", "not applicable", "equal", "differs", "no reference", "failed", "did not act"]
 GOOD: Final = ("met", "not applicable", "equal", "no reference")
@@ -235,3 +244,45 @@ def _command(case: Case, names: list[str], unit: Unit | None) -> str:
         seed = [] if case.seed is None else ["--seed", str(case.seed)]
         words = ["rig", "fly", str(case.path), *sets, *seed, *with_unit, *asked]
     return shlex.join(words)
+
+
+def write_junit(path: Path, title: str, results: Sequence[CaseResult]) -> None:
+    """Write one <testsuite> for each case and one <testcase> for each requirement and for the decisions."""
+    counts = _counts([checked for each in results for checked in each.tests])
+    root = Xml.Element("testsuites", {"name": plain(title), **counts})
+    root.set("time", f"{sum(each.seconds for each in results):.3f}")
+    for each in results:
+        attributes = {"name": plain(each.name), "time": f"{each.seconds:.3f}", **_counts(each.tests)}
+        suite = Xml.SubElement(root, "testsuite", attributes)
+        for checked in each.tests:
+            _test(suite, checked, each.seconds / len(each.tests))
+    Xml.indent(root)
+    write_text(path, Xml.tostring(root, encoding="unicode", xml_declaration=True) + "\n")
+
+
+def _counts(tests: Sequence[Checked]) -> dict[str, str]:
+    failed = sum(not checked.good and checked.result != "failed" for checked in tests)
+    errors = sum(checked.result == "failed" for checked in tests)
+    skipped = sum(_is_skipped(checked) for checked in tests)
+    return {"tests": str(len(tests)), "failures": str(failed), "errors": str(errors), "skipped": str(skipped)}
+
+
+def _is_skipped(checked: Checked) -> bool:
+    return checked.result in ("not applicable", "no reference")
+
+
+def _test(suite: Xml.Element, checked: Checked, seconds: float) -> None:
+    """Add a <testcase>: id and signal, the margin as a property, the command as its output."""
+    named = f"{checked.id} {checked.signal}".rstrip()
+    test = Xml.SubElement(suite, "testcase", name=plain(named), classname=plain(checked.case), time=f"{seconds:.3f}")
+    properties = Xml.SubElement(test, "properties")
+    Xml.SubElement(properties, "property", name="id", value=plain(checked.id))
+    if checked.margin is not None:
+        Xml.SubElement(properties, "property", name="margin", value=repr(checked.margin))
+    Xml.SubElement(properties, "property", name="command", value=plain(checked.command))
+    if _is_skipped(checked):
+        Xml.SubElement(test, "skipped", message=plain(checked.text or checked.result))
+    elif not checked.good:
+        kind = "error" if checked.result == "failed" else "failure"
+        Xml.SubElement(test, kind, message=plain(f"{named}: {checked.text}"), type=checked.result)
+    Xml.SubElement(test, "system-out").text = plain(checked.command)

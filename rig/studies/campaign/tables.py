@@ -19,15 +19,17 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, get_args
 
 import polars as pl
 
+from rig.core.column import Column
 from rig.core.frame import CHANNELS, COMPUTERS, INDEX, SIGNALS
 from rig.flight.summary import Peaks
 from rig.flight.time_histogram import binned
 from rig.log import unit_of
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.plan import Plan
-from rig.verdict import Score
-from rig.verdict.requirements import Verdict, number_of, plain, violated
-from rig.verdict.score_records import Outcome
+from rig.verdict.requirements.along import plain, violated
+from rig.verdict.requirements.margins import number_of
+from rig.verdict.requirements.requirement_recorder import Verdict
+from rig.verdict.score_records import Outcome, Score
 from rig.verdict.words import PUBLIC
 from rig.world.faults import Fault
 from rig.world.faults.places import site
@@ -41,7 +43,6 @@ Rows = dict[str, list[Row]]  # by table
 OUTCOMES: Final = {outcome: outcome.replace(" ", "_") for outcome in get_args(Outcome)}  # and their columns in ``runs``
 COUNTED: Final = ("failed_with_box", "failed_by_rule")  # healthy channels, for a fault elsewhere
 SUSPECTS: Final = "suspect_channels"
-INT, REAL, TEXT, FLAG = pl.Int64, pl.Float64, pl.String, pl.Boolean
 
 
 class Source(NamedTuple):
@@ -55,139 +56,142 @@ class Source(NamedTuple):
     verdicts: Sequence[Verdict] = ()
 
 
-class Column(NamedTuple):
-    """A column.
-
-    value : of a Source, or the path of its attributes; empty where a part of the path is None
-    hashed : None: only where a run has a value
-    added : parts of older versions lack it; it is then empty
-    """
-
-    type: Any
-    value: str | Callable[[Source], Any] = ""
-    hashed: bool | None = True
-    added: bool = False
-
-    def of(self, source: Source) -> Any:
-        """Return its value."""
-        if callable(self.value):
-            return self.value(source)
-        value: Any = source
-        for name in self.value.split(".") if self.value else ():
-            value = None if value is None else getattr(value, name)
-        return value if self.value else None
+def _named(*columns: Column) -> dict[str, Column]:
+    return {column.key: column for column in columns}
 
 
-def _time(path: str) -> Column:
+def _time(name: str, path: str, **more: Any) -> Column:
     """Return the column of a time, from the frame at the end of ``path``."""
-    frame = Column(INT, path)
-    return Column(REAL, lambda s: None if (k := frame.of(s)) is None else k * (1.0 / s.scenario.rate_hz))
+    frame = Column(name, path)
+    time_s = lambda s: None if (k := frame.of(s)) is None else k * (1.0 / s.scenario.rate_hz)  # noqa: E731
+    return Column(name, time_s, type=float, **more)
 
 
-def _same(where: str, **types: Any) -> dict[str, Column]:
+def _same(where: str, **types: Any) -> list[Column]:
     """Return columns that are called as in the score."""
-    return {name: Column(type_, f"{where}.{name}") for name, type_ in types.items()}
+    return [Column(name, f"{where}.{name}", type=type_) for name, type_ in types.items()]
 
 
-def _levels(name: str, type_: Any) -> dict[str, Column]:
-    return {f"{name}_level_{4 - i}": Column(type_, lambda s, i=i: getattr(s.of[1], name)[i]) for i in range(CHANNELS)}
+def _levels(name: str, type_: Any) -> list[Column]:
+    return [
+        Column(f"{name}_level_{4 - i}", lambda s, i=i: getattr(s.of[1], name)[i], type=type_) for i in range(CHANNELS)
+    ]
 
 
-RUNS: Final[dict[str, Column]] = {
-    "run": Column(INT, "number"),
-    **_same("scenario", seed=INT, aircraft=TEXT),
-    "flight_point": Column(TEXT, lambda s: s.scenario.airframe.point(s.scenario.flight_point).name),
-    "manager": Column(TEXT, "scenario.redundancy.manager"),
-    "outcome": Column(TEXT, lambda _: "flown"),  # or crashed, timed out, failed, unit dead, unit refused
-    "reason": Column(TEXT),  # of one that was not flown
-    **_same("flight.verdict", digest=TEXT, frames=INT),
-    "duration_s": Column(REAL, lambda s: s.flight.verdict.frames / s.scenario.rate_hz),
-    "survived": Column(FLAG, "flight.verdict.survived"),
-    "end_reason": Column(TEXT, "flight.end_reason"),
-    **{
-        peak.name: Column(REAL, lambda s, name=peak.name: _finite(s.flight.verdict.peaks, name))
+RUNS: Final = _named(
+    Column("run", "number", type=int),
+    *_same("scenario", seed=int, aircraft=str),
+    Column("flight_point", lambda s: s.scenario.airframe.point(s.scenario.flight_point).name, type=str),
+    Column("manager", "scenario.redundancy.manager", type=str),
+    Column("outcome", lambda _: "flown", type=str),  # or crashed, timed out, failed, unit dead, unit refused
+    Column("reason", lambda _: None, type=str),  # of one that was not flown
+    *_same("flight.verdict", digest=str, frames=int),
+    Column("duration_s", lambda s: s.flight.verdict.frames / s.scenario.rate_hz, type=float),
+    *(Column("survived", "flight.verdict.survived", type=bool), Column("end_reason", "flight.end_reason", type=str)),
+    *(
+        Column(peak.name, lambda s, name=peak.name: _finite(s.flight.verdict.peaks, name), type=float)
         for peak in fields(Peaks)
-    },
-    **{
-        column: Column(INT, lambda s, o=o: sum(fault.outcome == o for fault in s.scored.faults))
-        for o, column in OUTCOMES.items()
-    },
-    "false_alarms": Column(INT, lambda s: len(s.scored.false_alarms)),
-    "wrong_isolations": Column(INT, lambda s: len(s.scored.wrong_isolations)),
-    "channel_hours": Column(REAL, lambda s: channel_hours(s.scenario, s.flight.verdict.frames, s.scored)),
-    "vote_above_threshold_s": Column(REAL, lambda s: sum(e.above_threshold_s for e in s.scored.vote_error.values())),
-    "unresolved": Column(INT, "scored.unresolved"),  # episodes
-    "out_of_limits_s": Column(REAL, "scored.flight.transients.out_of_limits_s"),  # where the twin was flown
-    "coverage": Column(TEXT, lambda s: _coverage(s.scored)),  # JSON
-    "wall_s": Column(REAL, hashed=False),
-    "replies": Column(  # reply times of a unit under test in each bin of flight/time_histogram.py
-        pl.List(INT),
+    ),
+    *(
+        Column(name, lambda s, o=o: sum(fault.outcome == o for fault in s.scored.faults), type=int)
+        for o, name in OUTCOMES.items()
+    ),
+    Column("false_alarms", lambda s: len(s.scored.false_alarms), type=int, page="alarms"),
+    Column("wrong_isolations", lambda s: len(s.scored.wrong_isolations), type=int, page="wrong"),
+    Column("channel_hours", lambda s: channel_hours(s.scenario, s.flight.verdict.frames, s.scored), type=float),
+    Column(
+        "vote_above_threshold_s",
+        lambda s: sum(e.above_threshold_s for e in s.scored.vote_error.values()),
+        type=float,
+        page="bad vote, s",
+    ),
+    Column("unresolved", "scored.unresolved", type=int),  # episodes
+    Column("out_of_limits_s", "scored.flight.transients.out_of_limits_s", type=float),  # where the twin was flown
+    Column("coverage", lambda s: _coverage(s.scored), type=str),  # JSON
+    Column("wall_s", lambda _: None, type=float, hashed=False),
+    Column(  # reply times of a unit under test in each bin of flight/time_histogram.py
+        "replies",
         lambda s: binned(s.flight.table.timing["reply_us"]).tolist() if s.flight.unit else None,
-        False,
-        True,
+        type=list[int],
+        hashed=False,
+        added=True,
     ),
-    **{  # in ``alarms``, hashed there
-        name: Column(INT, lambda s, name=name: len(getattr(s.scored, name)), False, True) for name in COUNTED
-    },
-    SUSPECTS: Column(INT, lambda s: sum(each.lasting for each in s.scored.suspects), False, True),  # never failed
-    **{  # channels of servos that were shut off; in ``digest`` too
-        name: Column(INT, lambda s, i=i: (_shut_off(s) or (None, None))[i], False, True)
+    *(  # in ``alarms``, hashed there
+        Column(name, lambda s, name=name: len(getattr(s.scored, name)), type=int, hashed=False, added=True)
+        for name in COUNTED
+    ),
+    Column(  # never failed
+        SUSPECTS, lambda s: sum(each.lasting for each in s.scored.suspects), type=int, hashed=False, added=True
+    ),
+    *(  # channels of servos that were shut off; in ``digest`` too
+        Column(name, lambda s, i=i: (_shut_off(s) or (None, None))[i], type=int, hashed=False, added=True)
         for i, name in enumerate(("coils_failed", "healthy_coils_failed"))
-    },
-    "violated": Column(INT, lambda s: len(violated(s.verdicts)) if s.verdicts else None, None, True),  # verdicts
-    "least_margin": Column(
-        REAL, lambda s: min((m for v in s.verdicts if (m := number_of(v.margin)) is not None), default=None), None, True
     ),
-    "requirements": Column(  # JSON: requirement, signal, status, margin (of a state +-1000), instant_s of verdicts
-        TEXT, lambda s: json.dumps(_verdicts(s), sort_keys=True) if s.verdicts else None, None, True
+    Column(  # verdicts
+        "violated", lambda s: len(violated(s.verdicts)) if s.verdicts else None, type=int, hashed=None, added=True
     ),
-}
-FAULTS: Final[dict[str, Column]] = {
-    "run": Column(INT, "number"),
-    "fault": Column(INT, "of.index"),  # its place in the scenario, from 0
-    **_same("of", id=TEXT, signal=TEXT, channel=INT, kind=TEXT),
-    "magnitude": Column(REAL, lambda s: magnitude(s.scenario.faults[s.of.index], s.scenario)),
-    **{f"{name}_s": _time(f"of.{name}_frame") for name in ("onset", "exceeded", "failed")},
-    "outcome": Column(TEXT, "of.outcome"),  # detected, missed, undetectable, not executed
-    **{f"{name}_s": _time(f"of.{name}_frames") for name in ("delay_from_onset", "delay_from_exceeded")},
-    "isolation": Column(TEXT, lambda s: PUBLIC["campaign"][s.of.word]),  # right, wrong, none
-    **_same("of", resolver=TEXT, pattern=TEXT),
-    **_same("of.window", good_before=INT, latent_before=INT),
-    "vote_above_threshold_s": Column(REAL, "of.window.above_threshold_s"),  # these five from its onset to the next one
-    "vote_error_max": Column(REAL, "of.window.error_max"),
-    "vote_kept": Column(FLAG, "of.window.kept"),
-    "lost_s": Column(REAL, "of.window.lost_s"),
-    "wrong_vote_first": Column(FLAG, "of.window.wrong_vote_first", added=True),  # before it was declared lost
-    "law_s": _time("of.law_frame")._replace(added=True),  # the fault-tolerant law found it
-}
-ALARMS: Final[dict[str, Column]] = {
-    "run": Column(INT, "number"),
-    "kind": Column(TEXT, lambda s: s.of[0]),  # false alarm, wrong isolation, failed with its box, failed by rule
-    **{n: Column(t, lambda s, n=n: getattr(s.of[1], n)) for n, t in (("signal", TEXT), ("channel", INT))},
-    "time_s": Column(REAL, lambda s: s.of[1].frame * (1.0 / s.scenario.rate_hz)),
-    "resolver": Column(TEXT, lambda s: s.of[1].resolver),
-}
-EPISODES: Final[dict[str, Column]] = {
-    "run": Column(INT, "number"),
-    **_same("of", signal=TEXT, pattern=TEXT),
-    "begin_s": Column(REAL, lambda s: s.of.first_frame / s.scenario.rate_hz),
-    "frames": Column(INT, "of.frames"),
-    "asked": Column(pl.List(TEXT), lambda s: list(s.of.asked)),
-    "resolver": Column(TEXT, "of.resolver"),  # whose answer stood at its end; unresolved where none did
-    "failed": Column(pl.List(INT), lambda s: list(s.of.failed)),
-    "verdict": Column(TEXT, "of.verdict"),  # right, wrong, open
-}
-OF_SIGNALS: Final[dict[str, Column]] = {
-    "run": Column(INT, "number"),
-    "signal": Column(TEXT, lambda s: s.of[0]),
-    "vote_above_threshold_s": Column(REAL, lambda s: s.scored.vote_error[s.of[0]].above_threshold_s),
-    "vote_error_max": Column(REAL, lambda s: s.scored.vote_error[s.of[0]].peak),
-    "level_at_end": Column(INT, lambda s: s.of[1].level_at_end),
-    "lost_s": Column(REAL, lambda s: s.of[1].lost_s),
-    "unresolved_s": Column(REAL, lambda s: s.of[1].unresolved_s),
-    **_levels("channel_hours", REAL),
-    **_levels("false_isolations", INT),
-}
+    Column(
+        "least_margin",
+        lambda s: min((m for v in s.verdicts if (m := number_of(v.margin)) is not None), default=None),
+        type=float,
+        hashed=None,
+        added=True,
+    ),
+    Column(  # JSON: requirement, signal, status, margin (of a state +-1000), instant_s of verdicts
+        "requirements",
+        lambda s: json.dumps(_verdicts(s), sort_keys=True) if s.verdicts else None,
+        type=str,
+        hashed=None,
+        added=True,
+    ),
+)
+FAULTS: Final = _named(
+    Column("run", "number", type=int),
+    Column("fault", "of.index", type=int),  # its place in the scenario, from 0
+    *_same("of", id=str, signal=str, channel=int, kind=str),
+    Column("magnitude", lambda s: magnitude(s.scenario.faults[s.of.index], s.scenario), type=float),
+    *(_time(f"{name}_s", f"of.{name}_frame") for name in ("onset", "exceeded", "failed")),
+    Column("outcome", "of.outcome", type=str),  # detected, missed, undetectable, not executed
+    *(_time(f"{name}_s", f"of.{name}_frames") for name in ("delay_from_onset", "delay_from_exceeded")),
+    Column("isolation", lambda s: PUBLIC["campaign"][s.of.word], type=str),  # right, wrong, none
+    *_same("of", resolver=str, pattern=str),
+    *_same("of.window", good_before=int, latent_before=int),
+    Column("vote_above_threshold_s", "of.window.above_threshold_s", type=float),  # these five: to the next onset
+    Column("vote_error_max", "of.window.error_max", type=float),
+    Column("vote_kept", "of.window.kept", type=bool),
+    Column("lost_s", "of.window.lost_s", type=float),
+    Column("wrong_vote_first", "of.window.wrong_vote_first", type=bool, added=True),  # before it was declared lost
+    _time("law_s", "of.law_frame", added=True),  # the fault-tolerant law found it
+)
+ALARMS: Final = _named(
+    Column("run", "number", type=int),
+    Column("kind", lambda s: s.of[0], type=str),  # false alarm, wrong isolation, failed with its box, failed by rule
+    Column("signal", lambda s: s.of[1].signal, type=str),
+    Column("channel", lambda s: s.of[1].channel, type=int),
+    Column("time_s", lambda s: s.of[1].frame * (1.0 / s.scenario.rate_hz), type=float),
+    Column("resolver", lambda s: s.of[1].resolver, type=str),
+)
+EPISODES: Final = _named(
+    Column("run", "number", type=int),
+    *_same("of", signal=str, pattern=str),
+    Column("begin_s", lambda s: s.of.first_frame / s.scenario.rate_hz, type=float),
+    Column("frames", "of.frames", type=int),
+    Column("asked", lambda s: list(s.of.asked), type=list[str]),
+    Column("resolver", "of.resolver", type=str),  # whose answer stood at its end; unresolved where none did
+    Column("failed", lambda s: list(s.of.failed), type=list[int]),
+    Column("verdict", "of.verdict", type=str),  # right, wrong, open
+)
+OF_SIGNALS: Final = _named(
+    Column("run", "number", type=int),
+    Column("signal", lambda s: s.of[0], type=str),
+    Column("vote_above_threshold_s", lambda s: s.scored.vote_error[s.of[0]].above_threshold_s, type=float),
+    Column("vote_error_max", lambda s: s.scored.vote_error[s.of[0]].peak, type=float),
+    Column("level_at_end", lambda s: s.of[1].level_at_end, type=int),
+    Column("lost_s", lambda s: s.of[1].lost_s, type=float),
+    Column("unresolved_s", lambda s: s.of[1].unresolved_s, type=float),
+    *_levels("channel_hours", float),
+    *_levels("false_isolations", int),
+)
 
 
 class Table(NamedTuple):
@@ -293,19 +297,19 @@ def varied_columns(plan: Plan) -> dict[str, Any]:
 
 def _type(types: set[type]) -> Any:
     if types <= {int, float}:
-        return INT if types == {int} else REAL
-    return FLAG if types == {bool} else TEXT
+        return pl.Int64 if types == {int} else pl.Float64
+    return pl.Boolean if types == {bool} else pl.String
 
 
 @lru_cache(maxsize=16)
 def schema(plan: Plan, table: str) -> dict[str, Any]:
     """Return column names and types of one table; ``runs`` has what varies behind its number and seed."""
     types = _types(table)
-    return types if table != "runs" else {"run": INT, "seed": INT, **varied_columns(plan), **types}
+    return types if table != "runs" else {"run": pl.Int64, "seed": pl.Int64, **varied_columns(plan), **types}
 
 
 def _types(table: str) -> dict[str, Any]:
-    return {name: column.type for name, column in OF[table].columns.items()}
+    return dict(pl.Schema({name: column.type for name, column in OF[table].columns.items()}))
 
 
 def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
@@ -318,7 +322,7 @@ def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
 
 def cell(value: Any, kind: Any) -> Any:
     """Convert a value of a column; one that varies may be of several kinds, and is then written as JSON."""
-    as_it_is = value is None or isinstance(value, str) or kind != TEXT
+    as_it_is = value is None or isinstance(value, str) or kind != pl.String
     return value if as_it_is else json.dumps(value, sort_keys=True)
 
 
@@ -334,13 +338,9 @@ def sha256(tables: dict[str, pl.DataFrame]) -> str:
     digest = hashlib.sha256()
     for name in TABLES:
         columns, given = OF[name].columns, tables[name]
-        gone = [n for n in given.columns if n in columns and not _is_hashed(columns[n], given[n])]
-        hashed = given.drop(gone)
+        unhashed = [n for n in given.columns if n in columns and not columns[n].hashed]
+        hashed = given.drop(n for n in unhashed if columns[n].hashed is False or given[n].is_null().all())
         digest.update(json.dumps([name, hashed.columns, [str(t) for t in hashed.dtypes]]).encode())
         for row in hashed.iter_rows():
             digest.update(json.dumps(row, allow_nan=False).encode())
     return digest.hexdigest()
-
-
-def _is_hashed(column: Column, values: pl.Series) -> bool:
-    return not values.is_null().all() if column.hashed is None else column.hashed

@@ -40,8 +40,10 @@ from rig.studies.campaign.pool import leave_interrupts_to_parent
 from rig.studies.campaign.tables import TABLES, Rows, rows
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.unit_file import Unit, voted_by
-from rig.verdict import fly_twin, score
-from rig.verdict.requirements import Requirement, check_rows
+from rig.verdict.requirements.measure import check_rows
+from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.scoring import score
+from rig.verdict.transients import fly_twin
 
 READY: Final = "ready"
 _CHILD: Final = "from rig.studies.campaign.worker import fly_for_parent; fly_for_parent()"

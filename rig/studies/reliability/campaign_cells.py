@@ -22,6 +22,7 @@ from rig.core.frame import CHANNELS
 from rig.core.notes import note
 from rig.core.outputs import TRIALS
 from rig.studies.campaign.folder import open_folder
+from rig.studies.campaign.study_folder import FORMAT, UNSEALED
 from rig.studies.reliability.tally import (
     CELL,
     COUNTS,
@@ -32,12 +33,11 @@ from rig.studies.reliability.tally import (
     TESTED,
     Cells,
     counted,
+    declared_lost,
     of_kinds,
 )
 
-FORMAT: Final = 2
 _SUMS: Final = ("trials", *OUTCOMES, "announced", "level", "channel_hours", "events")
-_UNSEALED: Final = 1  # of an earlier version: its files have no checksum
 _REMEDY: Final = "the trials are run again into another folder"
 TABLES: Final = {"cells": COUNTS, "false_isolations": FALSE_ISOLATIONS}
 
@@ -74,7 +74,7 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
         faults.filter(pl.col("id") == name)
         .sort("run", "channel")
         .group_by("run", maintain_order=True)
-        .agg(*first, lost=_declared_lost().first(), settle=_settled())
+        .agg(*first, lost=declared_lost().first(), settle=_settled())
         for name in (TESTED, SECOND)
     )
     second = second.select("run", kept2="vote_kept", lost2="lost", settle2="settle")
@@ -89,11 +89,6 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
         .when(pl.col("settle").is_not_null() & pl.col("settle2").is_not_null())
         .then(pl.max_horizontal("settle", "settle2")),
     ).filter(pl.col("good_before").is_between(1, CHANNELS))
-
-
-def _declared_lost() -> pl.Expr:
-    """Return whether the signal was declared lost with its vote kept until then: what came first counts."""
-    return (pl.col("lost_s") > 0) & ~pl.col("wrong_vote_first").fill_null(value=False)
 
 
 def _settled() -> pl.Expr:
@@ -131,10 +126,10 @@ def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
 def read_trials(folder: Path) -> Cells:
     """Read the cells of a folder of trials.  BadInput names the file that is damaged or missing."""
     path = folder / TRIALS
-    about = sealed.read_json(path, _REMEDY, formats=(FORMAT, _UNSEALED))
+    about = sealed.read_json(path, _REMEDY, formats=(FORMAT, UNSEALED))
     if not isinstance(about.get("manager"), str):
         raise BadInput(f"{path}: is damaged: it names no manager; {_REMEDY}")
-    if about["format"] == _UNSEALED:
+    if about["format"] == UNSEALED:
         note(f"{folder}: was written by an earlier version of the rig: its tables have no checksum")
     return Cells(about["manager"], *(_table(folder, about, name, columns) for name, columns in TABLES.items()))
 
@@ -148,7 +143,7 @@ def _table(folder: Path, about: dict[str, Any], name: str, columns: dict[str, An
     path = folder / f"{name}.parquet"
     if not is_file(path):
         raise BadInput(f"{path}: is missing; {_REMEDY}")
-    table = sealed.read_table(path, place(about, name), _REMEDY, under_seal=about["format"] != _UNSEALED)
+    table = sealed.read_table(path, place(about, name), _REMEDY, under_seal=about["format"] != UNSEALED)
     if dict(table.schema) != {name: kind() if isinstance(kind, type) else kind for name, kind in columns.items()}:
         raise BadInput(f"{path}: its columns are not those of trials; {_REMEDY}")
     if absent := [column for column in (*CELL, *_SUMS) if column in columns and table[column].null_count()]:

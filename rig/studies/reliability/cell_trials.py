@@ -21,8 +21,7 @@ from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS, D, S
 from rig.studies.campaign.plan import Plan
 from rig.studies.reliability.drawn import Cell, cell, draw, refill
-from rig.studies.reliability.held_flight import Recording, recording
-from rig.studies.reliability.one_signal import ROW, setting_key
+from rig.studies.reliability.one_signal import ROW, Recording, recording, setting_key
 from rig.studies.reliability.tally import AT_ONCE, CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, Cells, of_kind
 from rig.verdict.monitored_places import allowed_frames, blank_records, lingers
 from rig.verdict.signal_kernels import LEVELS, NEVER

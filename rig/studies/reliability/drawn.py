@@ -22,8 +22,7 @@ from rig.scenario.scenario import Scenario
 from rig.studies.campaign.campaign_file import Distribution, Levels, Vary
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.sampling import valuer
-from rig.studies.reliability.held_flight import Recording
-from rig.studies.reliability.one_signal import OneSignal, faults_of, one_signal, setting_key
+from rig.studies.reliability.one_signal import OneSignal, Recording, faults_of, one_signal, setting_key
 from rig.studies.reliability.tally import SECOND, TESTED
 from rig.verdict.monitored_places import allowed_frames, lingers
 from rig.world.faults import KINDS, Faults
@@ -172,13 +171,10 @@ def records(made: Cell, drawn: Drawn) -> tuple[NDArray[Any], NDArray[Any]]:
     for i, fault in enumerate(made.scenario.faults):
         if fault.effect.act == Act.RANGE_END and fault.effect.value == 0.0:
             mine, up = made.faults.targets["fault"] == i, drawn.up[:, i, None]
-            ends = (np.pi, -np.pi) if targets[0, mine]["act"][0] == Act.ADD_ANGLE else _ends(targets[0, mine])
+            first = targets[0, mine][0]
+            ends = (np.pi, -np.pi) if first["act"] == Act.ADD_ANGLE else (first["high"], first["low"])
             targets["value"][:, mine] = np.where(up, *ends)
     return schedule, targets
-
-
-def _ends(targets: NDArray[Any]) -> tuple[float, float]:
-    return float(targets["high"][0]), float(targets["low"][0])
 
 
 class _Patch(NamedTuple):

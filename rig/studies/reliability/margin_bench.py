@@ -15,8 +15,7 @@ from rig.core.frame import INDEX, SIGNALS, D
 from rig.core.units.angles import step_sizes
 from rig.scenario.scenario import Scenario
 from rig.studies.reliability.channel_errors import COUNTS_FROM, Ends, ends
-from rig.studies.reliability.held_flight import Recording
-from rig.studies.reliability.one_signal import ROW, one_signal
+from rig.studies.reliability.one_signal import ROW, Recording, one_signal
 from rig.world.sensors.kernel import MEMORY
 from rig.world.sensors.params import calibrate
 

@@ -10,9 +10,9 @@ from rig.core.errors import BadInput
 from rig.core.frame import INDEX
 from rig.core.text import choices, quoted
 from rig.scenario.scenario import load
-from rig.studies.reliability.held_flight import recording
 from rig.studies.reliability.margin import Effort, Margin, estimate, margin
 from rig.studies.reliability.margin_bench import Bench
+from rig.studies.reliability.one_signal import recording
 
 CLOSE: Final = 0.01  # of the threshold: the search ends
 NEAR: Final = 0.5  # of the target: it ends too

@@ -1,4 +1,4 @@
-"""One signal of a flight on its own, for the kernels of the flight: rows with that signal alone, its fault's targets.
+"""What open-loop trials run on: one signal of a flight on its own, and truth and references of a healthy one, held.
 
 Kernels take the fields of a row by name and loop over as many signals as their parameters have, so a row in which
 the tested signal is the only one runs through the same code.
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind
 from rig.core.errors import BadInput
-from rig.core.frame import INDEX, rows
+from rig.core.frame import INDEX, Block, rows
 from rig.flight import loop
 from rig.scenario.scenario import Scenario
 from rig.world import sensors
@@ -96,3 +96,26 @@ def faults_of(scenario: Scenario, name: str) -> Faults:
             raise BadInput(f"faults: {fault.label}: in open-loop trials a fault begins at a time, or after another")
     made.targets["row"] = made.targets["source"] = 0
     return made
+
+
+class Recording(NamedTuple):
+    """A healthy flight, of every signal, (N, S), frame by frame."""
+
+    truth: NDArray[np.float64]
+    reference: NDArray[np.float64]
+    second_reference: NDArray[np.float64]
+
+
+def recording(scenario: Scenario, seed: int) -> Recording:
+    """Fly ``scenario`` without its faults, with ``seed``.  BadInput when the aircraft does not last to the end."""
+    flown = loop.fly_rows(scenario.model_copy(update={"faults": [], "seed": seed}).trusted(scenario.trust))
+    if len(flown) < scenario.frames:
+        raise BadInput(
+            f"the healthy flight ends after {len(flown)} of {scenario.frames} frames: nothing to try faults on"
+        )
+    return of_rows(flown)
+
+
+def of_rows(flown: Block) -> Recording:
+    """Return the recording of a flight's rows."""
+    return Recording(*(np.ascontiguousarray(flown[name]) for name in Recording._fields))

@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import polars as pl
 
+from rig.core.column import PLAIN, Column
 from rig.studies.reliability.chain import Floats
 from rig.studies.reliability.model import Given, after_flights, one_flight, perfect, rates
 from rig.studies.reliability.next_fault import BAD_LOST, KEPT, CellKey, Outcomes, outcomes
@@ -228,6 +229,38 @@ def decided_by(result: Result) -> str:
     """Return what makes a result, the largest first, and what would make its interval narrower."""
     parts = [_part(contribution) for contribution in result.contributions if contribution.share >= WORTH_SAYING]
     return "; ".join(parts[:MOST]) if parts else "all channels failing"
+
+
+_OF: Final = (Column("manager", type=str), Column("channels", "case.channels"))
+DECIDED: Final = (
+    *_OF,
+    *(Column("per hour", "case.per_hour", PLAIN, worth=0), Column("common mode", "case.beta", PLAIN, worth=0)),
+    Column("decided by", decided_by, type=str),
+)
+
+
+def numbers(results: Sequence[Result]) -> list[Column]:
+    """Return the columns of results: the case, the estimates that there are, perfect isolation, the targets."""
+    every = lambda n: f"every {n}" if n > 1 else "each flight"  # noqa: E731
+    shown = {what: title for what, title in TITLES.items() if any(what in result.estimates for result in results)}
+    return [
+        *(*_OF, Column("per hour", "case.per_hour", PLAIN)),
+        Column("common", lambda result: f"{100 * result.case.beta:g} %", page=None),
+        Column("checks", lambda result: every(result.case.flights_between_checks), page=None),
+        Column("common mode", "case.beta", PLAIN, worth=0),
+        Column("flights between checks", "case.flights_between_checks", worth=0),
+        *(
+            Column(
+                title.partition(",")[0].removesuffix(" of the signal"),
+                lambda result, what=what: interval(result.estimates[what]) if what in result.estimates else "",
+                worth=8 - i,
+                page=title,
+            )
+            for i, (what, title) in enumerate(shown.items())
+        ),
+        Column("perfect", format=".2e", worth=5, page="perfect isolation"),
+        *(Column(name, f"standing.{name}", page=f"{name}, {target}") for name, target in TARGETS.items()),
+    ]
 
 
 def _part(of: Contribution) -> str:

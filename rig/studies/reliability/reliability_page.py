@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 
 from rig.core.palette import SERIES, SOFT
 from rig.show.pages.page import lay_out, write_page
-from rig.studies.reliability.per_hour import TARGETS, TARGETS_EXPLAINED, TITLES, WHAT, Result, decided_by, interval
+from rig.studies.reliability.per_hour import DECIDED, TARGETS, TARGETS_EXPLAINED, TITLES, WHAT, Result, numbers
 
 
 def write_report(results: Sequence[Result], assumptions: Sequence[str], path: Path) -> None:
@@ -21,11 +21,11 @@ def write_report(results: Sequence[Result], assumptions: Sequence[str], path: Pa
         path,
         "reliability.html",
         pictures,
-        {"interval": interval, "decided_by": decided_by},
+        {},
         signal=results[0].signal,
         results=results,
-        titles={name: title for name, title in TITLES.items() if any(name in each.estimates for each in results)},
-        targets=TARGETS,
+        alone=[each for each in results if each.case.flights_between_checks == 1],
+        columns={"numbers": numbers(results), "decided": DECIDED},
         explained=TARGETS_EXPLAINED,
         assumptions=assumptions,
         pictures=list(pictures),

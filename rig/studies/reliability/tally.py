@@ -76,6 +76,11 @@ def of_kinds(faults: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
     return faults.with_columns(kind=pl.Series(kinds, dtype=pl.String))
 
 
+def declared_lost() -> pl.Expr:
+    """Return whether a fault's signal was declared lost with its vote kept until then: what came first counts."""
+    return (pl.col("lost_s") > 0) & ~pl.col("wrong_vote_first").fill_null(value=False)
+
+
 def counted(trials: pl.DataFrame) -> pl.DataFrame:
     """Count trials: CELL, ``lost`` and ``off`` (bool), ``survived`` (bool or null), ``settle`` (s or null)."""
     kept, known, bad = vote_flags(pl.col("lost"), pl.col("off")).values()

@@ -4,29 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rig.core import sealed
 from rig.core.errors import BadInput
 from rig.core.files import LOCK, is_file, is_unused, new_folder, reported, sweep
 from rig.core.outputs import TRIALS
-from rig.studies.campaign.campaign_file import from_what
-from rig.studies.campaign.folder import locked, write_whole
+from rig.core.progress import tell
 from rig.studies.campaign.plan import Plan, rig_identity
-from rig.studies.campaign.pool import each
-from rig.studies.reliability.campaign_cells import FORMAT, TABLES, place
-from rig.studies.reliability.cell_trials import Batch, Tally, TrialRunner, added_up, shared_out
-from rig.studies.reliability.tally import Cells
+from rig.studies.campaign.pool import by_workers
+from rig.studies.campaign.study_folder import FORMAT, locked, write_whole
+from rig.studies.reliability.campaign_cells import TABLES, place
+from rig.studies.reliability.cell_trials import TrialRunner, added_up, shared_out
 
-Report = Callable[[int, int], None]  # trials done, of how many
+_FILES: Final = {name: f"{name}.parquet" for name in TABLES}
 
 
-def fly_trials(
-    plan: Plan, out: Path, runs: int, seed: int, workers: int, good: list[int], report: Report | None = None
-) -> dict[str, Any]:
+def fly_trials(plan: Plan, out: Path, runs: int, seed: int, workers: int, good: list[int]) -> dict[str, Any]:
     """Run trials and write their folder, whole or not at all; return the content of ``trials.json``.
 
     BadInput before the first trial; RigError: the disk.
@@ -35,42 +32,27 @@ def fly_trials(
     units = shared_out(plan, runs, seed, good)
     manager = plan[units[0].number].scenario().redundancy.manager
     count, done, tallies = sum(unit.trials for unit in units), 0, []
+    what = json.dumps(plan.identity(), sort_keys=True).encode()
+    about = {
+        "format": FORMAT,
+        "campaign": plan.campaign.title,
+        "campaign_sha256": hashlib.sha256(what).hexdigest(),
+        "seed": seed,
+        "rig": rig_identity(),
+        "manager": manager,
+        "trials": count,
+        "good_before": good,
+    }
     with _held(out):
-        for unit, tally in zip(units, _tallies(plan, units, workers), strict=True):
+        for unit, tally in zip(units, by_workers(TrialRunner, (plan,), units, workers, 4), strict=True):
             tallies.append(tally)
             done += unit.trials
-            if report is not None:
-                report(done, count)
-        about = {"format": FORMAT, **_identity(plan, seed), "manager": manager, "trials": count, "good_before": good}
-        _write(out, added_up(tallies, manager), about)
+            tell("trials", done, count)
+        cells = added_up(tallies, manager)
+        for name, table in zip(_FILES, (cells.counts, cells.false_isolations), strict=True):
+            write_whole(out / _FILES[name], sealed.table(table, place(about, name)))
+        write_whole(out / TRIALS, sealed.to_json(about))  # the last: without it there is nothing
     return about
-
-
-def _tallies(plan: Plan, units: Sequence[Batch], workers: int) -> Iterator[Tally]:
-    """Return the units' tallies in their order, by ``workers`` processes or, for one, by this; Ctrl-C ends it."""
-    if workers == 1:
-        return map(TrialRunner(plan), units)
-    return each(_fly, units, workers, 4, initializer=_begin, initargs=(plan.campaign.what(), plan.source))
-
-
-def _begin(what: dict[str, Any], source: str) -> None:
-    """Begin a worker."""
-    global _flight
-    _flight = TrialRunner(Plan(from_what(what, source), source))
-
-
-_flight: Callable[[Batch], Tally] | None = None  # of a worker
-
-
-def _fly(unit: Batch) -> Tally:
-    assert _flight is not None
-    return _flight(unit)
-
-
-def _identity(plan: Plan, seed: int) -> dict[str, Any]:
-    what = json.dumps(plan.identity(), sort_keys=True).encode()
-    sha256 = hashlib.sha256(what).hexdigest()
-    return {"campaign": plan.campaign.title, "campaign_sha256": sha256, "seed": seed, "rig": rig_identity()}
 
 
 def _require_new(out: Path) -> None:
@@ -81,7 +63,7 @@ def _require_new(out: Path) -> None:
 
 def _is_left(path: Path) -> bool:
     """Return True for a table of trials, whole."""
-    return path.stem in TABLES and path.suffix == ".parquet" and is_file(path) and not sealed.fault(path.read_bytes())
+    return path.name in _FILES.values() and is_file(path) and not sealed.fault(path.read_bytes())
 
 
 @contextmanager
@@ -94,7 +76,7 @@ def _held(out: Path) -> Iterator[None]:
         mine = [LOCK]
         try:
             _require_new(out)  # another command may have been faster
-            mine += map(_file, TABLES)
+            mine += _FILES.values()
             sweep(out)
             yield
         except BaseException:
@@ -102,14 +84,3 @@ def _held(out: Path) -> Iterator[None]:
                 with suppress(OSError):  # of a system that does not remove what is open
                     (out / name).unlink(missing_ok=True)
             raise
-
-
-def _file(name: str) -> str:
-    return f"{name}.parquet"
-
-
-def _write(out: Path, cells: Cells, about: dict[str, Any]) -> None:
-    """Write tables first, ``trials.json`` last."""
-    for name, table in zip(TABLES, (cells.counts, cells.false_isolations), strict=True):
-        write_whole(out / _file(name), sealed.table(table, place(about, name)))
-    write_whole(out / TRIALS, sealed.to_json(about))

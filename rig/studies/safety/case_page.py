@@ -8,12 +8,11 @@ from typing import Any, NamedTuple
 
 from rig.core.errors import BadInput
 from rig.show.pages.page import write_page
-from rig.studies.safety.confirm_sets import read_rows, read_sets
+from rig.studies.safety.confirm_sets import CONFIRMED_ROWS, read_rows, read_sets
 from rig.studies.safety.cutset_plan import read_asked
-from rig.studies.safety.fmea import Line
-from rig.studies.safety.fmea_file import groups, shown
+from rig.studies.safety.fmea import Row, groups, shown
 from rig.studies.safety.tree_picture import picture
-from rig.studies.safety.tree_result import TreeResult
+from rig.studies.safety.tree_result import AT, TreeResult
 
 
 class Flown(NamedTuple):
@@ -32,7 +31,7 @@ def read_flown(sets: Path, signal: str) -> Flown:
     return Flown(f"{signal}, {asked.aircraft}", read_sets(sets), read_rows(sets))
 
 
-def write_case(sets: Flown, tree: TreeResult, lines: Sequence[Line], assumptions: Sequence[str], out: Path) -> None:
+def write_case(sets: Flown, tree: TreeResult, lines: Sequence[Row], assumptions: Sequence[str], out: Path) -> None:
     """Write the page."""
     flown = ", ".join(
         f"{name}: {of['flights']} flights of {of['sequences']} sequences" for name, of in sets.found["flown"].items()
@@ -48,8 +47,9 @@ def write_case(sets: Flown, tree: TreeResult, lines: Sequence[Line], assumptions
         sets=sets.found["sets"],
         tree=tree,
         picture=picture(tree.tree, tree.at[0].hours),
-        lines=[line.as_dict() for line in lines],
+        lines=lines,
         groups=groups(),
         shown=shown(lines),
         rows=sets.again,
+        columns={"at": AT, "again": CONFIRMED_ROWS},
     )

@@ -16,15 +16,16 @@ from typing import Any, Final
 from scipy.stats import fisher_exact
 
 from rig.core import sealed
+from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.files import is_file
 from rig.core.outputs import CONFIRMED, SETS
 from rig.core.trust import Trust
-from rig.studies.campaign.folder import locked, write_whole
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.run_campaign import Result
 from rig.studies.campaign.statistics import jeffreys
-from rig.studies.safety.cutset_plan import FORMAT, NO_CODE, Asked, Report, fly_all, plan, read_json
+from rig.studies.campaign.study_folder import FORMAT, locked, write_whole
+from rig.studies.safety.cutset_plan import NO_CODE, STUDY, Asked, fly_all, plan
 from rig.studies.safety.cutsets import Counted, of_campaign
 from rig.studies.safety.sequences import CONDITIONS, Modes
 
@@ -56,9 +57,24 @@ class Row:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        names = ("aircraft", "point", "condition", "p_value", "agrees", "shows")
-        lists = {name: list(getattr(self, name)) for name in ("modes", "of_set", "before", "again")}
-        return {**{name: getattr(self, name) for name in names}, **lists}
+        given = {name: getattr(self, name) for name in _KEYS}
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
+
+
+_KEYS: Final = (
+    *("aircraft", "point", "condition", "p_value", "agrees", "shows"),
+    *("modes", "of_set", "before", "again"),
+)
+CONFIRMED_ROWS: Final = (  # of ``as_dict``
+    Column("", lambda row: "" if row["agrees"] else "disagrees", type=str),
+    Column("aircraft", lambda row: f"{row['aircraft']} {row['point']}".strip(), page=None),
+    Column("aircraft", lambda row: f"{row['aircraft']} {row['point']}", worth=0, type=str),
+    *(Column("condition", worth=7, type=str), Column("modes by onset", lambda row: ", ".join(row["modes"]), type=str)),
+    Column("enumerated", lambda row: "{} of {}".format(*row["before"])),
+    Column("again", lambda row: "{} of {}".format(*row["again"])),
+    Column("shows", worth=8, type=str, page="the new flights show"),
+    Column("Fisher", "p_value", ".2g", worth=8, page="p-value"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +96,7 @@ def read_sets(out: Path) -> dict[str, Any]:
     path = out / SETS
     if not is_file(path):
         raise BadInput(f"{out}: {SETS} is missing: rig reliability cutsets --out {out} was not flown to its end")
-    data = read_json(path)
+    data = STUDY.read(out, SETS)
     lacking = [key for key, kind in (("flown", dict), ("sets", list)) if not isinstance(data.get(key), kind)]
     lacking += [key for each in data.get("sets", []) for key in SHOWN if not isinstance(each, dict) or key not in each]
     if lacking:
@@ -91,9 +107,8 @@ def read_sets(out: Path) -> dict[str, Any]:
 def read_rows(out: Path) -> list[dict[str, Any]]:
     """Read how the sets were flown again; none where they were not.  BadInput: the file is damaged."""
     path = out / CONFIRMED
-    rows = read_json(path).get("rows") if is_file(path) else []
-    keys = ("aircraft", "point", "condition", "p_value", "agrees", "shows", "modes", "of_set", "before", "again")
-    if not isinstance(rows, list) or not all(isinstance(row, dict) and set(keys) <= set(row) for row in rows):
+    rows = STUDY.read(out, CONFIRMED).get("rows") if is_file(path) else []
+    if not isinstance(rows, list) or not all(isinstance(row, dict) and set(_KEYS) <= set(row) for row in rows):
         raise BadInput(f"{path}: is damaged: its rows are not those of rig reliability confirm")
     return rows
 
@@ -150,10 +165,10 @@ def _folder(aircraft: str, point: str, condition: str) -> str:
     return "-".join(filter(None, (_NO_NAME.sub("_", aircraft), point, condition)))
 
 
-def fly(out: Path, made: dict[str, Plan], workers: int, report: Report | None = None) -> list[Result]:
+def fly(out: Path, made: dict[str, Plan], workers: int) -> list[Result]:
     """Fly what is missing of the campaigns, in folders below ``out``/confirm."""
-    with locked(out, "rig reliability command is flying"):
-        return fly_all(made, out / "confirm", workers, report)
+    with locked(out, STUDY.busy):
+        return fly_all(made, out / "confirm", workers)
 
 
 def rows(out: Path, signal: str, found: Sequence[Claim], made: dict[str, Plan]) -> list[Row]:

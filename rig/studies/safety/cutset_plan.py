@@ -6,32 +6,28 @@ DIR/<condition>-<gap>/        that campaign (campaign/folder.py)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rig.core import sealed
 from rig.core.errors import BadInput, RigError
-from rig.core.files import is_file, is_unused, sweep
 from rig.core.frame import INDEX
 from rig.core.notes import note
 from rig.core.outputs import CUTSETS
+from rig.core.progress import tell
 from rig.core.text import choices, quoted
 from rig.core.trust import Trust
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.campaign_file import Campaign, from_what
-from rig.studies.campaign.folder import locked, write_whole
 from rig.studies.campaign.plan import Plan, rig_identity
-from rig.studies.campaign.run_campaign import Result, run
+from rig.studies.campaign.run_campaign import Progress, Result, run
+from rig.studies.campaign.study_folder import FORMAT, UNSEALED, Study
 from rig.studies.campaign.tables import Rows
 from rig.studies.campaign.worker import Orders, fly_alone
 from rig.studies.safety.sequences import CONDITIONS, Condition, Modes, flights, sequences
 from rig.verdict.monitored_places import allowed_frames, settings_of
 
-FORMAT: Final = 2
-_UNSEALED: Final = 1  # of an earlier version: its files have no checksum
 BATCH: Final = 40
 LATERAL: Final = ("roll_rate", "yaw_rate", "lateral_load_factor", "angle_of_sideslip", "stick_roll", "pedal",
                   "roll_angle", "heading")  # fmt: skip
@@ -43,7 +39,21 @@ _TYPES: Final = {
     "set": dict,
 }
 NO_CODE: Final = Trust("cutsets")
-Report = Callable[[int, int], None]  # flights done, of how many
+
+
+class _Cutsets(Study):
+    def differences(self, was: dict[str, Any], now: dict[str, Any]) -> list[str]:
+        """Return what was asked otherwise, by the names of ``Asked``."""
+        return [f"{key} was {was.get(key)}, is {value}" for key, value in now.items() if was.get(key) != value]
+
+
+STUDY: Final = _Cutsets(
+    mark=CUTSETS,
+    folder="a folder of cut sets",
+    other="other flights",
+    busy="rig reliability command is flying",
+    remedy="the command that wrote it writes it again once it is removed",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +111,7 @@ def refuse_lost(asked: Asked, out: Path, trust: Trust) -> None:
 
     A folder that is begun has passed.  RigError: such a flight cannot be flown.
     """
-    if is_file(out / CUTSETS):
+    if STUDY.is_begun(out):
         return
     for name in asked.conditions:
         healthy = _healthy(asked, CONDITIONS[name], trust)
@@ -143,7 +153,7 @@ def _campaign(
     return from_what({**what, "seed": asked.seed, "cases": {"sequence": cases}, "run": {"batch": BATCH}}, source)
 
 
-def fly(asked: Asked, out: Path, workers: int, report: Report | None = None, trust: Trust = NO_CODE) -> list[Result]:
+def fly(asked: Asked, out: Path, workers: int, trust: Trust = NO_CODE) -> list[Result]:
     """Fly what is missing of every condition; a call that is interrupted ends the list.
 
     trust : which manager classes may be run
@@ -151,16 +161,18 @@ def fly(asked: Asked, out: Path, workers: int, report: Report | None = None, tru
     """
     plans = {condition: plan(asked, condition, trust) for condition in asked.conditions}
     refuse_lost(asked, out, trust)
-    with begun(out, asked.as_dict()):
-        return fly_all(plans, out, workers, report)
+    with STUDY.held(out, asked.as_dict()):
+        return fly_all(plans, out, workers)
 
 
-def fly_all(plans: Mapping[str, Plan], out: Path, workers: int, report: Report | None) -> list[Result]:
+def fly_all(plans: Mapping[str, Plan], out: Path, workers: int) -> list[Result]:
     """Fly several campaigns in folders below ``out``, one after the other."""
     count, before, results = sum(map(len, plans.values())), 0, []
     for name, each in plans.items():
-        past = before
-        told = None if report is None else (lambda progress, past=past: report(past + progress.done, count))
+
+        def told(progress: Progress, before: int = before) -> None:
+            tell("flights", before + progress.done, count)
+
         results.append(run(each, out / name, workers=workers, report=told))
         before += len(each)
         if results[-1].interrupted:
@@ -168,48 +180,16 @@ def fly_all(plans: Mapping[str, Plan], out: Path, workers: int, report: Report |
     return results
 
 
-@contextmanager
-def begun(out: Path, about: dict[str, Any]) -> Iterator[None]:
-    """Make the folder, or find that it was asked the same before, and hold it alone.  BadInput names what differs."""
-    path = out / CUTSETS
-    _require_same(out, about)
-    with locked(out, "rig reliability command is flying"):
-        _require_same(out, about)  # another command may have been faster
-        sweep(out)
-        if not is_file(path):
-            write_whole(path, sealed.to_json(about))
-        yield
-
-
-def _require_same(out: Path, about: dict[str, Any]) -> None:
-    """Raise BadInput unless nothing is in the folder, or what was asked the same."""
-    path = out / CUTSETS
-    if is_file(path):
-        was = read_json(path)
-        for key, value in about.items():
-            if was.get(key) != value:
-                raise BadInput(f"--out {out}: holds other flights: {key} was {was.get(key)}, is {value}")
-    elif not is_unused(out):
-        raise BadInput(f"--out {out}: not a folder of cut sets, and not empty")
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON file of a folder of cut sets.  BadInput: it is damaged, or of another version."""
-    remedy = "the command that wrote it writes it again once it is removed"
-    return sealed.read_json(path, remedy, formats=(FORMAT, _UNSEALED))
-
-
 def read_asked(out: Path) -> Asked:
     """Return what a folder of cut sets was asked.  BadInput: it is none, or its file is damaged."""
-    path = out / CUTSETS
-    if not is_file(path):
+    if not STUDY.is_begun(out):
         raise BadInput(f"{out}: no folder of cut sets: {CUTSETS} is missing; rig reliability cutsets --out makes one")
-    about = read_json(path)
+    path, about = out / CUTSETS, STUDY.read(out)
     for key, kind in _TYPES.items():
         if not isinstance(about.get(key), kind) or isinstance(about.get(key), bool):
             raise BadInput(f"{path}: is damaged: {key} is missing, or not a {kind.__name__}")
     asked = Asked(**{**{key: about[key] for key in _TYPES}, "conditions": tuple(map(str, about["conditions"]))})
     require(asked, str(path))
-    if about["format"] == _UNSEALED:
+    if about["format"] == UNSEALED:
         note(f"{out}: was written by an earlier version of the rig: its files have no checksum")
     return asked

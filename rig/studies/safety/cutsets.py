@@ -8,8 +8,9 @@ Source: docs/safety.md, 'Cut sets'; Jeffreys' interval as in Brown, Cai and DasG
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import combinations
+from operator import add
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from rig.core.files import is_file
 from rig.core.outputs import CAMPAIGN
 from rig.studies.campaign.folder import open_folder
 from rig.studies.campaign.statistics import jeffreys
+from rig.studies.reliability.tally import declared_lost
 from rig.studies.safety.cutset_plan import Asked, read_asked
 from rig.studies.safety.sequences import CONDITIONS, Modes
 
@@ -41,12 +43,7 @@ class Counted:
         return self.wrong_vote + self.announced
 
     def __add__(self, other: Counted) -> Counted:
-        return Counted(
-            self.flown + other.flown,
-            self.wrong_vote + other.wrong_vote,
-            self.announced + other.announced,
-            self.aircraft_lost + other.aircraft_lost,
-        )
+        return Counted(*map(add, astuple(self), astuple(other)))
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -107,24 +104,21 @@ def of_campaign(folder: Path, signal: str) -> Counts:
     flown = lost_flights(open_folder(folder).tables, signal)
     grouped = flown.group_by("sequence").agg(
         flown=pl.len(),
-        wrong=(pl.col("first") == WRONG).sum(),
+        wrong_vote=(pl.col("first") == WRONG).sum(),
         announced=(pl.col("first") == ANNOUNCED).sum(),
-        aircraft=(~pl.col("survived")).sum(),
+        aircraft_lost=(~pl.col("survived")).sum(),
     )
-    return {
-        tuple(name.split(", ")): Counted(*map(int, counts)) for name, *counts in grouped.sort("sequence").iter_rows()
-    }
+    return {tuple(row.pop("sequence").split(", ")): Counted(**row) for row in grouped.sort("sequence").to_dicts()}
 
 
 def lost_flights(tables: Mapping[str, pl.DataFrame], signal: str) -> pl.DataFrame:
     """Return run, sequence, survived and ``first``: what lost the signal first, null where it was kept."""
     runs = tables["runs"].filter(pl.col("outcome") == "flown").select("run", "sequence", "survived")
     windows = tables["faults"].filter((pl.col("signal") == signal) & pl.col("vote_kept").is_not_null())
-    declared = (pl.col("lost_s") > 0) & ~pl.col("wrong_vote_first").fill_null(value=False)
     wrong = ~pl.col("vote_kept") | pl.col("wrong_vote_first").fill_null(value=False)
     last = pl.col("onset_s") == pl.col("onset_s").max().over("run")
     # A window that ends with the next onset may end within the time that a monitor has: only the last one is asked.
-    word = pl.when(declared).then(pl.lit(ANNOUNCED)).when(wrong & last).then(pl.lit(WRONG))
+    word = pl.when(declared_lost()).then(pl.lit(ANNOUNCED)).when(wrong & last).then(pl.lit(WRONG))
     of_windows = (
         windows.with_columns(word=word).filter(pl.col("word").is_not_null()).sort("run", "onset_s")
         .group_by("run", maintain_order=True).agg(first=pl.col("word").first())

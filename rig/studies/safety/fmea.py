@@ -1,22 +1,28 @@
 """A failure mode and effects analysis whose lines are measured: one an item, mode and phase, with its flights.
 
 Lines are of the single faults of flown campaigns; what no campaign flew is `not flown`, never a number.  Cause and
-severity between the two measured ends, aircraft lost and within the transient limits, are the user's.
+severity between the two measured ends, aircraft lost and within the transient limits, are the user's.  Written as CSV
+for a spreadsheet, or as one HTML page.
 Sources: docs/safety.md; IEC 60812:2018, clause 5 and MIL-STD-1629A, task 101, for the columns.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
 
+from rig.core.column import Column
 from rig.core.errors import BadInput
+from rig.core.files import write_text
 from rig.core.frame import INDEX, SIGNALS
+from rig.show.pages.page import write_page
 from rig.studies.campaign.folder import Folder, open_folder
 from rig.studies.campaign.statistics import proportion
 from rig.studies.reliability.rates_file import Rates, kind_of_fault
@@ -54,40 +60,47 @@ LAYERS: Final = {
     "actuator": "servos",
     "hydraulics": "hydraulics",
 }
+ENDINGS: Final = (".csv", ".html", ".htm")
+Row = dict[str, str]  # a line: its texts as they are printed
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """One line; texts as they are printed, in the order of the columns."""
+@dataclass(frozen=True)
+class Mode:
+    """A failure mode of an item in a phase, and the flights that show it, none of one that no campaign flew.
 
-    id: str
+    rows : a row a flight, with the columns of ``runs``, of the fault and of its signal at the end
+    """
+
     item: str
-    function: str
     mode: str
-    cause: str
-    rate: str
-    source: str
-    phase: str
-    exposure: str
-    local_effect: str
-    next_effect: str
-    end_effect: str
-    severity: str
-    detection: str
-    time_to_detection: str
-    latent_share: str
-    compensating_provision: str
-    remarks: str
-    flights: str
-    not_kept: str
-    worst_flight: str
+    kind: str
+    rates: Rates
+    phase: str = NOT_FLOWN
+    folder: Path = Path()
+    rows: pl.DataFrame = field(default_factory=pl.DataFrame)
 
-    def as_dict(self) -> dict[str, str]:
-        """Return the columns by name."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+    @property
+    def lost(self) -> int:
+        """Return in how many flights the aircraft was lost."""
+        return int((~self.rows["survived"]).sum())
+
+    @property
+    def beyond_s(self) -> pl.Series:
+        """Return the times beyond the transient limits, of the flights whose twin was flown."""
+        return self.rows["out_of_limits_s"].drop_nulls()
+
+    @property
+    def isolated(self) -> list[str]:
+        """Return how each flight's fault was isolated: right, wrong, none."""
+        return self.rows["isolation"].drop_nulls().to_list()
+
+    @property
+    def latent(self) -> int:
+        """Return in how many flights no channel was failed for it."""
+        return self.isolated.count("none")
 
 
-def lines(folders: Sequence[Path], rates: Rates, source: str) -> list[Line]:
+def lines(folders: Sequence[Path], rates: Rates, source: str) -> list[Row]:
     """Return the lines of all items: what was flown first, then what was not.
 
     BadInput: a folder is damaged or foreign, no single fault was flown in it, several rates for one signal.
@@ -97,37 +110,15 @@ def lines(folders: Sequence[Path], rates: Rates, source: str) -> list[Line]:
             raise BadInput(
                 f"{source}: {name}.per_hour: a line has one rate, got {len(given.per_hour)}: {given.per_hour}"
             )
-    groups = [group for path in folders for group in _groups(open_folder(path))]
-    made = [
-        _flown(group, rates)
-        for group in sorted(groups, key=lambda group: (_place(group.item), group.mode, group.phase))
-    ]
-    made += list(_absent({(line.item, line.mode.partition(",")[0]) for line in made}, rates))
-    return [_numbered(i, line) for i, line in enumerate(made, 1)]
+    flown = [mode for path in folders for mode in _modes(open_folder(path), rates)]
+    modes = sorted(flown, key=lambda mode: (INDEX.get(mode.item, len(INDEX)), mode.item, mode.mode, mode.phase))
+    modes += _absent({(mode.item, mode.mode.partition(",")[0]) for mode in modes}, rates)
+    made = [{column.key: column.of(mode) for column in COLUMNS} for mode in modes]
+    return [{**line, "id": f"F{i:04d}"} for i, line in enumerate(made, 1)]
 
 
-def _numbered(number: int, line: Line) -> Line:
-    values = {**line.as_dict(), "id": f"F{number:04d}"}
-    return Line(**values)
-
-
-def _place(item: str) -> tuple[int, str]:
-    return INDEX.get(item, len(INDEX)), item
-
-
-@dataclass(frozen=True)
-class _Group:
-    """Flights of one line: a row each, with the columns of ``runs``, of the fault and of its signal at the end."""
-
-    folder: Path
-    item: str
-    mode: str
-    kind: str
-    phase: str
-    rows: pl.DataFrame
-
-
-def _groups(folder: Folder) -> Iterator[_Group]:
+def _modes(folder: Folder, rates: Rates) -> Iterator[Mode]:
+    """Yield what a campaign's flights with a single fault show."""
     tables = folder.tables
     faults = of_kinds(tables["faults"], tables["runs"]).filter(pl.col("outcome") != "not executed")
     single = faults.group_by("run").agg(count=pl.col("fault").n_unique()).filter(pl.col("count") == 1)
@@ -143,7 +134,7 @@ def _groups(folder: Folder) -> Iterator[_Group]:
     rows = rows.with_columns(pl.Series("band", _bands(folder, rows), dtype=pl.String))
     for (item, kind, band, name), part in rows.group_by("signal", "kind", "band", "phase"):
         mode = f"{kind}, {band}" if band else str(kind)
-        yield _Group(folder.path, str(item), mode, str(kind), str(name), part.sort("run"))
+        yield Mode(str(item), mode, str(kind), rates, str(name), folder.path, part.sort("run"))
 
 
 def _bands(folder: Folder, rows: pl.DataFrame) -> list[str]:
@@ -160,39 +151,17 @@ def _band(magnitude: float | None, kind: str, settings: Any, signal: str) -> str
     return "small" if magnitude <= SMALL * float(getattr(settings, signal).threshold) else "large"
 
 
-def _flown(group: _Group, rates: Rates) -> Line:
-    rows, n = group.rows, len(group.rows)
-    lost = int((~rows["survived"]).sum())
-    not_kept = rows["vote_kept"].drop_nulls()
-    beyond = rows["out_of_limits_s"].drop_nulls()
-    detected = rows["isolation"].drop_nulls().to_list()
-    latent = sum(word == "none" for word in detected)
-    levels = rows["level_at_end"].drop_nulls().to_list()
-    rate, source = _rate(group.item, group.kind, rates)
-    return Line(
-        id="",
-        item=group.item,
-        function=_function(group.item),
-        mode=group.mode,
-        cause=_cause(group, rates),
-        rate=rate,
-        source=source,
-        phase=group.phase,
-        exposure=_exposure(group, latent),
-        local_effect=f"pattern {_most(rows['pattern'])}, resolver {_most(rows['resolver'])}",
-        next_effect=f"level {_most(rows['level_at_end'])} at the end; {_beyond(beyond)}",
-        end_effect=f"aircraft lost in {lost} of {n}" if lost else f"flight goes on in {n} of {n}",
-        severity=_severity(lost, beyond, rates),
-        detection=f"{_share(sum(word == 'right' for word in detected), len(detected))} isolated"
-        + (f", {sum(word == 'wrong' for word in detected)} wrongly" if "wrong" in detected else ""),
-        time_to_detection=_times(rows["delay_from_onset_s"].drop_nulls()),
-        latent_share=_share(latent, len(detected)),
-        compensating_provision=_provision(group.item, levels),
-        remarks=_remarks(group.item),
-        flights=str(n),
-        not_kept=_share(int((~not_kept).sum()), len(not_kept)) if len(not_kept) else "no vote of a signal",
-        worst_flight=_worst(group),
-    )
+def _absent(flown: set[tuple[str, str]], rates: Rates) -> Iterator[Mode]:
+    """Yield every item and mode that no campaign flew.
+
+    Modes: of signals the kinds of the rates file, of references those of cut sets, of all else the catalogue's.
+    """
+    of_signals = sorted({kind for given in rates.signals.values() for kind in given.kinds})
+    items = {signal.name: of_signals for signal in SIGNALS}
+    items |= {f"reference.{signal.name}": [mode.split()[-1] for mode in REFERENCE] for signal in SIGNALS}
+    items |= {where: [k for k, model in KINDS.items() if where in getattr(model, "sites", ())] for where in SYSTEMS}
+    seen = flown | {(site(item), kind) for item, kind in flown}
+    return (Mode(i, kind, kind, rates) for i, kinds in items.items() for kind in kinds if (i, kind) not in seen)
 
 
 def _function(item: str) -> str:
@@ -201,12 +170,9 @@ def _function(item: str) -> str:
     return FUNCTIONS.get(item.partition(".")[0], FUNCTIONS["discrete"])
 
 
-def _cause(group: _Group, rates: Rates) -> str:
-    return rates.causes.get(group.kind, ASSIGN)
-
-
-def _rate(item: str, kind: str, rates: Rates) -> tuple[str, str]:
+def _rate(mode: Mode) -> tuple[str, str]:
     """Return rate and source; of a signal its share of the kind, of a computer or servo its layer's, undivided."""
+    item, kind, rates = mode.item, mode.kind, mode.rates
     if item in rates.signals:
         given = rates.signals[item]
         if kind not in given.kinds:
@@ -219,35 +185,43 @@ def _rate(item: str, kind: str, rates: Rates) -> tuple[str, str]:
     )
 
 
-def _exposure(group: _Group, latent: int) -> str:
-    if not latent:
+def _exposure(mode: Mode) -> str:
+    if not mode.latent:
         return "flight"
-    hidden = kind_of_fault(group.kind) in HIDDEN and group.phase != "manoeuvre"
+    hidden = kind_of_fault(mode.kind) in HIDDEN and mode.phase != "manoeuvre"
     return "to the next manoeuvre" if hidden else "to the check"
 
 
-def _beyond(beyond: pl.Series) -> str:
-    if beyond.is_empty():
+def _beyond(beyond_s: pl.Series) -> str:
+    if beyond_s.is_empty():
         return "transients not flown"
-    over = int((beyond > 0.0).sum())
-    return f"beyond transient limits in {over} of {len(beyond)}"
+    return f"beyond transient limits in {int((beyond_s > 0.0).sum())} of {len(beyond_s)}"
 
 
-def _severity(lost: int, beyond: pl.Series, rates: Rates) -> str:
+def _end(lost: int, flights: int) -> str:
+    return f"aircraft lost in {lost} of {flights}" if lost else f"flight goes on in {flights} of {flights}"
+
+
+def _severity(mode: Mode) -> str:
     """Return a measured end, or the user's word for the time beyond the transient limits."""
-    if lost:
+    if mode.lost:
         return "aircraft lost"
-    if beyond.is_empty():
+    if mode.beyond_s.is_empty():
         return ASSIGN
-    longest = float(beyond.max())  # type: ignore[arg-type]
+    longest = float(mode.beyond_s.max())  # type: ignore[arg-type]
     if longest == 0.0:
         return "within transient limits"
-    words = [
-        each.name
-        for each in sorted(rates.severity, key=lambda each: each.beyond_limits_s)
-        if longest > each.beyond_limits_s
-    ]
-    return words[-1] if words else ASSIGN
+    exceeded = [each for each in mode.rates.severity if longest > each.beyond_limits_s]
+    return sorted(exceeded, key=lambda each: each.beyond_limits_s)[-1].name if exceeded else ASSIGN
+
+
+def _detection(isolated: Sequence[str]) -> str:
+    wrongly = f", {isolated.count('wrong')} wrongly" if "wrong" in isolated else ""
+    return f"{_share(isolated.count('right'), len(isolated))} isolated{wrongly}"
+
+
+def _not_kept(kept: pl.Series) -> str:
+    return "no vote of a signal" if kept.is_empty() else _share(int((~kept).sum()), len(kept))
 
 
 def _share(count: int, of: int) -> str:
@@ -264,10 +238,10 @@ def _times(delays: pl.Series) -> str:
     return f"{delays.median():.3g} s, 95 % {delays.quantile(0.95, 'higher'):.3g} s"
 
 
-def _provision(item: str, levels: Sequence[int]) -> str:
-    if item not in INDEX:
+def _provision(mode: Mode) -> str:
+    if mode.item not in INDEX:
         return "see its page of the rig"
-    least = min(levels, default=0)
+    least = min(mode.rows["level_at_end"].drop_nulls().to_list(), default=0)
     return f"{least} other channels voted" if least else "signal lost: substitute and back-up law"
 
 
@@ -282,32 +256,77 @@ def _most(column: pl.Series) -> str:
     return min(values, key=lambda value: (-values[value], value)) if values else "none"
 
 
-def _worst(group: _Group) -> str:
+def _worst(mode: Mode) -> str:
     """Return the command that flies the worst flight again: lost first, then the longest beyond the limits."""
-    order = group.rows.select(
+    order = mode.rows.select(
         "run",
         "survived",
         beyond=pl.col("out_of_limits_s").fill_null(0.0),
         error=pl.col("vote_error_max").fill_null(0.0),
     ).sort("survived", "beyond", "error", "run", descending=[False, True, True, False])
-    return f"rig campaign fly {group.folder} --run {order['run'][0]}"
+    return f"rig campaign fly {mode.folder} --run {order['run'][0]}"
 
 
-def _absent(flown: set[tuple[str, str]], rates: Rates) -> Iterator[Line]:
-    """Yield a line for every item and mode that no campaign flew.
-
-    Modes: of signals the kinds of the rates file, of references those of cut sets, of all else the catalogue's.
-    """
-    of_signals = sorted({kind for given in rates.signals.values() for kind in given.kinds})
-    items = {signal.name: of_signals for signal in SIGNALS}
-    items |= {f"reference.{signal.name}": [mode.split()[-1] for mode in REFERENCE] for signal in SIGNALS}
-    items |= {where: [k for k, model in KINDS.items() if where in getattr(model, "sites", ())] for where in SYSTEMS}
-    seen = flown | {(site(item), kind) for item, kind in flown}
-    return (_unflown(item, kind, rates) for item, kinds in items.items() for kind in kinds if (item, kind) not in seen)
+def _of_flights(name: str, value: Callable[[Mode], str], page: str) -> Column:
+    """Return a column of what flights show."""
+    return Column(name, lambda mode: NOT_FLOWN if mode.rows.is_empty() else value(mode), page=page)
 
 
-def _unflown(item: str, kind: str, rates: Rates) -> Line:
-    nothing = dict.fromkeys((field.name for field in fields(Line)), NOT_FLOWN)
-    rate, source = _rate(item, kind, rates)
-    said = {"item": item, "function": _function(item), "mode": kind, "rate": rate, "source": source, "flights": "0"}
-    return Line(**{**nothing, **said, "cause": rates.causes.get(kind, ASSIGN), "severity": ASSIGN, "remarks": ""})
+_MODE, _CAUSE, _EFFECTS, _DETECTION, _FLIGHTS = "item and mode", "cause and rate", "effects", "detection", "flights"
+COLUMNS: Final = (  # ``page``: the column of the page in which some of a line's texts stand under each other
+    *(Column("id", lambda _: "", page=_MODE), Column("item", page=_MODE)),
+    *(Column("function", lambda mode: _function(mode.item), page=_MODE), Column("mode", page=_MODE)),
+    Column("cause", lambda mode: mode.rates.causes.get(mode.kind, ASSIGN), page=_CAUSE),
+    Column("rate", lambda mode: _rate(mode)[0], page=_CAUSE),
+    *(Column("source", lambda mode: _rate(mode)[1], page=_CAUSE), Column("phase", page=_CAUSE)),
+    _of_flights("exposure", _exposure, _CAUSE),
+    _of_flights(
+        "local effect", lambda m: f"pattern {_most(m.rows['pattern'])}, resolver {_most(m.rows['resolver'])}", _EFFECTS
+    ),
+    _of_flights(
+        "next effect", lambda m: f"level {_most(m.rows['level_at_end'])} at the end; {_beyond(m.beyond_s)}", _EFFECTS
+    ),
+    _of_flights("end effect", lambda mode: _end(mode.lost, len(mode.rows)), _EFFECTS),
+    Column("severity", lambda mode: ASSIGN if mode.rows.is_empty() else _severity(mode), page=_EFFECTS),
+    _of_flights("detection", lambda mode: _detection(mode.isolated), _DETECTION),
+    _of_flights("time to detection", lambda mode: _times(mode.rows["delay_from_onset_s"].drop_nulls()), _DETECTION),
+    _of_flights("latent share", lambda mode: _share(mode.latent, len(mode.isolated)), _DETECTION),
+    _of_flights("compensating provision", _provision, _DETECTION),
+    Column("remarks", lambda mode: "" if mode.rows.is_empty() else _remarks(mode.item), page=_FLIGHTS),
+    Column("flights", lambda mode: str(len(mode.rows)), page=_FLIGHTS),
+    _of_flights("not kept", lambda mode: _not_kept(mode.rows["vote_kept"].drop_nulls()), _FLIGHTS),
+    _of_flights("worst flight", _worst, _FLIGHTS),
+)
+
+
+def require_ending(out: Path) -> None:
+    """Raise BadInput unless the name says whether a table or a page is wanted."""
+    if out.suffix.lower() not in ENDINGS:
+        raise BadInput(f"--out {out}: its name must end with .csv or .html")
+
+
+def write(lines: Sequence[Row], out: Path) -> None:
+    """Write the lines.  BadInput or RigError: the file cannot be written."""
+    if out.suffix.lower() != ".csv":
+        write_page(out, "fmea.html", {}, {}, lines=lines, shown=shown(lines), groups=groups())
+        return
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [column.key for column in COLUMNS], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+    write_text(out, text.getvalue())
+
+
+def groups() -> dict[str, dict[str, str]]:
+    """Return the titles of a line's texts by their names, in the columns of the page, remarks last."""
+    found: dict[str, dict[str, str]] = {}
+    for column in sorted(COLUMNS, key=lambda column: column.name == "remarks"):
+        found.setdefault(column.page or "", {})[column.key] = column.name
+    return found
+
+
+def shown(lines: Sequence[Row]) -> str:
+    """Return how many of the lines rest on flights."""
+    flown = sum(line["flights"] != "0" for line in lines)
+    share = 100 * flown / max(len(lines), 1)
+    return f"{flown} of {len(lines)} lines are flown ({share:.0f} %), the others say {NOT_FLOWN!r}"

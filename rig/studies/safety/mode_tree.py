@@ -7,7 +7,7 @@ and the reference are in neither.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import permutations, product
 from pathlib import Path
@@ -97,7 +97,7 @@ def mode_chain(model: ModeModel) -> Transitions:
     """Return the transitions by the sequence of modes so far; from order 3 on only the number of channels counts."""
     steps: Transitions = []
     for length in range(model.channels):
-        for so_far in _states(model, length):
+        for so_far in product(model.per_hour, repeat=min(length, MOST)):
             for mode, rate in model.per_hour.items():
                 order = (*so_far, mode)
                 chance = 1.0 if length + 1 == model.channels else model.orders.get(order, 0.0)
@@ -106,10 +106,6 @@ def mode_chain(model: ModeModel) -> Transitions:
                 lost = [(_name(so_far), LOST, per_hour * chance)] if chance > 0.0 else []
                 steps += kept + lost
     return steps
-
-
-def _states(model: ModeModel, length: int) -> Sequence[Modes]:
-    return list(product(model.per_hour, repeat=min(length, MOST)))
 
 
 def _name(modes: Modes) -> str:

@@ -57,18 +57,15 @@ def _signal(tree: FaultTree, model: SignalModel) -> str:
     n = model.channels
     single = [_channel(tree, model, i) for i in range(1, n + 1)]
     pairs = _pairs(tree, model)
-    lost = _in_turn(tree, "", n, single, {g: _not_kept(model, g) for g in range(n, 1, -1)})
+    # A near fault of the first one is an event of its own.
+    not_kept = {g: model.single[g] if g == n else model.next_fault(g) for g in range(n, 1, -1)}
+    lost = _in_turn(tree, "", n, single, not_kept)
     lost += _near(tree, model)
     if pairs:
         lost += _common(tree, model, single, pairs)
     failed = [_failed(tree, i, single[i - 1], pairs) for i in range(1, n + 1)]
     lost.append(tree.all_of("all_failed", failed, f"all {n} channels failed"))
     return tree.any_of("signal_lost", lost, f"{model.signal}: one of the ways to lose it")
-
-
-def _not_kept(model: SignalModel, good: int) -> float:
-    """Return the event's probability; a near fault of the first one is an event of its own."""
-    return model.single[good] if good == model.channels else model.next_fault(good)
 
 
 def _channel(tree: FaultTree, model: SignalModel, i: int) -> str:

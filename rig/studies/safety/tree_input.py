@@ -1,4 +1,7 @@
-"""What a fault tree is made of: one manager's counts and one rate, by the posterior means of the cells."""
+"""What a fault tree is made of: one manager's counts and one rate, by the posterior means of the cells.
+
+And what a safety case rests on beside its flights; docs/safety.md explains it.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,15 @@ from pathlib import Path
 import polars as pl
 
 from rig.core.errors import BadInput
+from rig.studies.reliability.compute_results import assumptions as of_chain
 from rig.studies.reliability.compute_results import by_manager, require
 from rig.studies.reliability.model import Given
 from rig.studies.reliability.next_fault import KEPT, Outcomes, outcomes
 from rig.studies.reliability.rates_file import Rates
 from rig.studies.reliability.tally import Cells, together
-from rig.studies.safety.open_psa import require_name
+from rig.studies.safety.fault_tree import require_name
 from rig.studies.safety.signal_tree import SignalModel
+from rig.studies.safety.tree_result import TreeResult
 
 
 def read_model(
@@ -69,3 +74,18 @@ def not_kept(known: Outcomes) -> Mapping[str, dict[int, float]]:
         design: {good: 1.0 - float(given.of(design, good)[0, KEPT]) for good in levels}
         for design in ("single", "alike", "near")
     }
+
+
+def assumptions(rates: Rates, signal: str, result: TreeResult) -> list[str]:
+    """Return the conditions under which tree, chain and sets hold, a line each."""
+    given = rates.signals[signal]
+    most = max(abs(each.differs) for each in result.at)
+    box = f"; its box fails {given.box_per_hour:g} times an hour ({given.box_source})" if given.box_per_hour else ""
+    return [
+        *of_chain(rates, signal, []),
+        f"common mode hits one of the fixed pairs of channels, each as often; never three at once{box}",
+        f"the static tree is {result.static}: it differs from the chain by at most {100 * most:.2g} %, as an order of "
+        "faults is an event of probability p x P(order)",
+        "false isolations are not in the tree; every flight begins without a fault",
+        "sizes, moments and channels of faults are drawn as docs/safety.md says: others give other chances",
+    ]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Final
 
-from rig.core.palette import INK, SERIES, SOFT
+from rig.core.palette import INK, SERIES, SOFT, WHITE
 from rig.studies.safety.fault_tree import FaultTree
 
 WIDTH, HEIGHT, COLUMN, ROW, GAP = 150, 46, 186, 58, 14  # of a box; from one to the next
@@ -72,7 +72,7 @@ class _Drawing:
             for each in inputs
         ]
         self.parts.append(
-            f'<rect x="{left}" y="{middle - HEIGHT / 2:g}" width="{WIDTH}" height="{HEIGHT}" rx="4" fill="#ffffff" '
+            f'<rect x="{left}" y="{middle - HEIGHT / 2:g}" width="{WIDTH}" height="{HEIGHT}" rx="4" fill="{WHITE}" '
             f'stroke="{colour}" stroke-width="1.5"/>'
         )
         self.parts += [

@@ -7,13 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from rig.core.column import Column
 from rig.core.files import write_text
-from rig.studies.safety.fault_tree import FaultTree, cut_sets, direct_sum, probability
-from rig.studies.safety.open_psa import open_psa
+from rig.studies.safety.fault_tree import FaultTree, cut_sets, direct_sum, open_psa, probability
 from rig.studies.safety.signal_chain import Transitions, chain_file, lost
 from rig.studies.safety.tree_picture import picture
 
 EXACT: Final = 1e-4  # of the chain: a tree that differs by less is called exact
+AT: Final = (
+    *(Column("hours", format="g"), Column("tree", format=".6g"), Column("chain", format=".6g")),
+    Column("tree differs", lambda at: f"{100 * at.differs:+.4f} %"),
+    Column(
+        "direct sum of the sets", lambda at: f"{at.direct_sum:.6g} ({100 * at.sum_differs:+.2f} %)", worth=7, page=None
+    ),
+    Column("direct sum", format=".6g", worth=0),
+)
 
 
 @dataclass(frozen=True, slots=True)

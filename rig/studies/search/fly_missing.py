@@ -1,22 +1,34 @@
-"""Flights of a plan that grows: those that its folder lacks are flown, all others read."""
+"""Flights of a plan that grows: those that its folder lacks are flown, all others read.
+
+Before a search one flight of each arm is flown without its faults, with the set of ``--against`` too, in a folder that
+is removed: what these violate, no fault is needed for, and a search that is refused writes nothing.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, Final
 
-from rig.core.errors import RigError
-from rig.core.files import is_file
-from rig.core.interrupt import Stop
-from rig.core.outputs import CAMPAIGN
+from rig.core.errors import BadInput, RigError
+from rig.core.interrupt import GOES_ON, Stop
+from rig.core.progress import tell
+from rig.scenario.overrides import parse_set, set_key
 from rig.studies.campaign.folder import Folder
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.pool import Pool
 from rig.studies.campaign.run_campaign import Batch, Flying, Progress, orders_of
 from rig.studies.campaign.tables import Rows
 from rig.studies.campaign.worker import fly_batch
+from rig.studies.search.confirm_worst import SEEDS, new_seeds
+from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
+from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
+from rig.verdict.requirements.margins import margin_text
+
+_LATER: Final = 2 * SEEDS + SHRINK_SEEDS  # seeds that confirming and shrinking take
 
 
 class Interrupted(Exception):
@@ -59,7 +71,7 @@ class Flown:
 def require_known(plan: Plan, out: Path) -> None:
     """Raise BadInput unless ``out`` is a new folder, or one of the same plan whose parts are whole.  Writes nothing."""
     folder = Folder.of(out, plan)
-    if is_file(out / CAMPAIGN):
+    if folder.is_begun:
         folder.done()
 
 
@@ -73,4 +85,59 @@ def flown(plan: Plan, out: Path, pool: Pool, stop: Stop, batch: Batch = fly_batc
         try:
             yield made
         except RigError as error:
-            raise RigError(f"{error}; {len(folder.runs)} flights done, the same command goes on") from None
+            raise RigError(f"{error}; {len(folder.runs)} flights done, {GOES_ON}") from None
+
+
+def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None:
+    """Raise BadInput for a requirement that a flight without faults violates; it names arm and margin.
+
+    A folder that is begun has passed.  Interrupted: asked to stop; RigError: such a flight cannot be flown.
+    """
+    if Folder.of(out, plan).is_begun:  # another's is refused before anything is flown
+        return
+    tell("flying without faults")
+    cases = list(_cases(plan))
+    confirming = ConfirmPlan(plan)
+    numbers = confirming.add([table for _, table in cases])
+    with (
+        TemporaryDirectory() as folder,
+        flown(confirming, Path(folder) / "healthy", pool, stop) as flights,
+    ):
+        rows = flights.rows(numbers)
+    for (name, _), row in zip(cases, rows, strict=True):
+        if row["outcome"] != "flown":
+            raise RigError(f"{name} without faults: {row['outcome']}: {row['reason']}")
+        told = json.loads(row.get("requirements") or "[]")
+        violated = [
+            one for one in told if one["status"] == "violated" and one["requirement"] in plan.asked.requirements
+        ]
+        if violated:
+            least = min(violated, key=lambda one: one["margin"])
+            which = ", ".join(dict.fromkeys(one["requirement"] for one in violated))
+            shown = margin_text(least["margin"])
+            margin = f", margin {shown}" if shown else ""
+            raise BadInput(
+                f"--requirement {which}: violated without any fault{margin} at {least['instant_s']:.2f} s ({name}): "
+                "there is nothing to search for; change the requirement or leave it out"
+            )
+
+
+def _cases(plan: SearchPlan) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield name and scenario of each arm's first draw without its faults, all with one seed that no flight has."""
+    seed = new_seeds(plan.campaign, len(plan) + _LATER, 1)[0]
+    there: set[str] = set()
+    arms: set[int] = set()
+    for i, draw in enumerate(plan.draws):
+        if draw.arm in arms:
+            continue
+        arms.add(draw.arm)
+        of_arm = [(plan.arms[draw.arm].name or plan.source, plan.data(i * plan.of_one_draw))]
+        if plan.asked.against is not None:
+            key, value = parse_set(plan.asked.against)
+            of_arm.append((f"with {plan.asked.against}", set_key(of_arm[0][1], key, value, "--against")))
+        for name, table in of_arm:
+            healthy = {**table, "faults": [], "seed": seed}
+            text = json.dumps(healthy, sort_keys=True)
+            if text not in there:
+                there.add(text)
+                yield name, healthy

@@ -8,8 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from rig.core.errors import BadInput
 from rig.core.text import choices, quoted
-from rig.verdict.requirements import Requirement, find_requirements, load_requirements
-from rig.verdict.requirements.requirement import names
+from rig.verdict.requirements.requirement import Requirement, find_requirements, load_requirements, names
 
 TIE: Final = 1e-6  # of the margin of the vote, which is at most 1000: less than any margin that matters
 NONE: Final = 1000.0  # margin where no requirement applies, or nothing was flown

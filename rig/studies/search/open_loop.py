@@ -14,7 +14,6 @@ import numpy as np
 from numpy.random import SFC64, Generator
 
 from rig.bench.drive import Stages, run
-from rig.computer.redundancy.state import ManagerData
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS, INDEX, Block, rows
 from rig.studies.campaign.campaign_file import Levels
@@ -22,10 +21,11 @@ from rig.studies.campaign.plan import Plan, Run
 from rig.studies.campaign.tables import TABLES, Rows, measured
 from rig.studies.campaign.worker import Orders, check_rig
 from rig.studies.reliability.drawn import KEYS, Cell, Drawn, records
-from rig.studies.reliability.held_flight import Recording, recording
-from rig.studies.reliability.one_signal import faults_of, one_signal
-from rig.verdict.requirements import Requirement, RequirementsRecorder, Subject, check_rows, of_flight
-from rig.verdict.requirements.subject import WITH_TRUTH
+from rig.studies.reliability.one_signal import Recording, faults_of, one_signal, recording
+from rig.verdict.requirements.measure import check_rows
+from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.requirement_recorder import RequirementsRecorder
+from rig.verdict.requirements.subject import WITH_TRUTH, Subject, of_flight
 from rig.world.faults import FaultData
 from rig.world.faults.effects import RANDOM
 from rig.world.faults.fault_records import FOREVER, KEPT, Trigger
@@ -124,11 +124,9 @@ def _trial(place: Place, data: dict[str, Any]) -> Block:
     block["truth"][:, 0] = flown.truth[:, one.signal]
     block["reference"][:, 0] = flown.reference[:, one.signal]
     block["second_reference"][:, 0] = flown.second_reference[:, one.signal]
-    rng = Generator(SFC64(data["seed"]))
-    stages = Stages(
-        sensors=_sensors(cell, rng, n), faults=_faults(cell, data["faults"], rng, n), manager=_manager(cell)
-    )
-    run(rows(1).nested(block), stages)
+    rng, manager = Generator(SFC64(data["seed"])), one.manager
+    sensors, faults = _sensors(cell, rng, n), _faults(cell, data["faults"], rng, n)
+    run(rows(1).nested(block), Stages(sensors, faults, manager=manager.data._replace(state=manager.new_state())))
     return block
 
 
@@ -164,9 +162,3 @@ def _faults(cell: Cell, tables: Sequence[dict[str, Any]], rng: Generator, n: int
         normal=rng.standard_normal((n, noisy)),
         clean=data.clean[:0],
     )
-
-
-def _manager(cell: Cell) -> ManagerData:
-    """Return the manager at its first frame."""
-    manager = cell.one.manager
-    return manager.data._replace(state=manager.new_state())

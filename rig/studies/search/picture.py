@@ -16,7 +16,7 @@ from rig.core.units.quantities import unit_of_name
 from rig.show.pages.page import lay_out, write_page
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_plan import SearchPlan
-from rig.verdict.requirements import margin_text
+from rig.verdict.requirements.margins import margin_text
 from rig.world.faults import KINDS
 
 MOST: Final = 30.0  # drawn of a margin

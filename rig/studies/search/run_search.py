@@ -23,38 +23,33 @@ from rig.core.outputs import BESIDE_RUNS
 from rig.core.progress import tell
 from rig.scenario.overrides import parse_set, set_key
 from rig.studies.campaign import tables as table
-from rig.studies.campaign.folder import write_whole
-from rig.studies.campaign.run_campaign import pool_of
-from rig.studies.campaign.unflown import not_flown
+from rig.studies.campaign.folder import not_flown
+from rig.studies.campaign.run_campaign import Ending, pool_of
+from rig.studies.campaign.study_folder import write_whole
 from rig.studies.campaign.worker import fly_batch
 from rig.studies.search import open_loop as bench
 from rig.studies.search import picture
 from rig.studies.search import search_result as result
-from rig.studies.search.confirm_worst import SEEDS, Confirmed, Table, confirm, least_apart, new_seeds, worst
-from rig.studies.search.fly_missing import Flown, Interrupted, flown, require_known
+from rig.studies.search.confirm_worst import SEEDS, Confirmed, Fly, Table, confirm, least_apart, new_seeds, worst
+from rig.studies.search.fly_missing import Flown, Interrupted, flown, refuse_violated, require_known
 from rig.studies.search.objective import Measured, deciding, measured
 from rig.studies.search.rounds import schedule
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.studies.search.shrink import shrink, simplest
-from rig.studies.search.without_faults import refuse_violated
-from rig.verdict.requirements import margin_text
+from rig.verdict.requirements.margins import margin_text
 
 CONFIRMED: Final = "confirmed"
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class Ended(Ending):
     """How a call of ``run`` ended."""
 
     figures: dict[str, Any]  # as ``--json`` prints them; empty when interrupted
     table_sha256: str
     flights: int  # in the folder
     wall_s: float
-    interrupted: bool = False
-    signal: int = 0
-    not_flown: int = 0  # of the flights, and why the first was not
-    first_reason: str | None = None
 
 
 def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: str | None = None) -> Ended:
@@ -76,16 +71,16 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
                 kill = stop.insisted
                 return Ended({}, "", 0, perf_counter() - began, interrupted=True, signal=stop.signal)
             with flown(plan, out, pool, stop, batch) as flights:
-                found, figures = None, {}
+                figures: dict[str, Any] = {}
                 with suppress(Interrupted):  # what was flown is in the folder; the same command goes on
                     found = _searched(plan, flights)
                     with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop) as others:  # open loop or not
                         figures = _finished(plan, found, others, out)
                 kill = stop.insisted
                 tables = flights.folder.tables
-                end = stop.requested and not figures, stop.signal
             runs, took_s = tables["runs"], perf_counter() - began
-            return Ended(figures, table.sha256(tables), len(runs), took_s, *end, **not_flown(runs))
+            end: dict[str, Any] = {"interrupted": stop.requested and not figures, "signal": stop.signal}
+            return Ended(figures, table.sha256(tables), len(runs), took_s, **end, **not_flown(runs))
     finally:
         pool.close(kill)
 
@@ -132,7 +127,7 @@ def _searched(plan: SearchPlan, flights: Flown) -> _Found:
 def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> dict[str, Any]:
     """Confirm, shrink, write scenario and picture; return the figures."""
     tell("confirming on new seeds")
-    fly, found = _Fly(plan, others, searched.ids), searched.results
+    fly, found = _flying(plan, others, searched.ids), searched.results
     places = least_apart(plan.draws, [each.value for each in found])
     first = len(plan)
     seeds = new_seeds(plan.campaign, first, SEEDS)
@@ -154,21 +149,17 @@ def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> d
     return figures
 
 
-class _Fly:
-    """Flies scenario tables that are none of the search's own, each in both settings where it is against another."""
+def _flying(plan: SearchPlan, others: Flown, ids: tuple[str, ...]) -> Fly:
+    """Return what flies tables that are none of the search's own, each in both settings where it is against another."""
+    confirming, against = others.plan, plan.asked.against
+    assert isinstance(confirming, ConfirmPlan)
 
-    def __init__(self, plan: SearchPlan, flights: Flown, ids: tuple[str, ...]) -> None:
-        self._plan, self._flights, self._confirming, self._ids = plan, flights, flights.plan, ids
-        assert isinstance(self._confirming, ConfirmPlan)
-
-    def __call__(self, tables: Sequence[Table]) -> list[Measured]:
-        """Return what each is worth."""
-        asked, plan = self._plan.asked, self._confirming
-        assert isinstance(plan, ConfirmPlan)
+    def fly(tables: Sequence[Table]) -> list[Measured]:
         pairs = [[each] for each in tables]
-        if asked.against is not None:
-            key, value = parse_set(asked.against)
+        if against is not None:
+            key, value = parse_set(against)
             pairs = [[each, set_key(each, key, value, "--against")] for each in tables]
-        rows = self._flights.rows(plan.add([each for pair in pairs for each in pair]))
-        count = self._plan.of_one_draw
-        return [measured(rows[i : i + count], self._ids) for i in range(0, len(rows), count)]
+        rows = others.rows(confirming.add([each for pair in pairs for each in pair]))
+        return [measured(rows[i : i + plan.of_one_draw], ids) for i in range(0, len(rows), plan.of_one_draw)]
+
+    return fly

@@ -16,7 +16,7 @@ from rig.studies.campaign.searched import types_of
 from rig.studies.search.objective import VOTE
 from rig.studies.search.rounds import Draw, Method, random_count, random_draws
 from rig.studies.search.space import arms
-from rig.verdict.requirements import Requirement
+from rig.verdict.requirements.requirement import Requirement
 
 MOST_CONFIRMING: Final = 100_000
 SEARCH: Final = "search"  # of campaign.json
@@ -123,10 +123,10 @@ class ConfirmPlan(Plan):
     def __len__(self) -> int:
         return MOST_CONFIRMING
 
-    def add(self, tables: list[dict[str, Any]]) -> list[int]:
-        """Add flights of whole scenario tables, with their seeds; return their numbers."""
+    def add(self, scenarios: list[dict[str, Any]]) -> list[int]:
+        """Add flights of whole scenarios, with their seeds; return their numbers."""
         before = len(self.choices)
-        self.choices += [{SCENARIO: json.dumps(table, sort_keys=True)} for table in tables]
+        self.choices += [{SCENARIO: json.dumps(scenario, sort_keys=True)} for scenario in scenarios]
         return list(range(before, len(self.choices)))
 
     def value_types(self) -> dict[str, set[type]]:

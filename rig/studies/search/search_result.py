@@ -9,13 +9,13 @@ from typing import Any
 import tomli_w
 
 from rig.core.outputs import BESIDE_RUNS
-from rig.studies.campaign.folder import write_whole
 from rig.studies.campaign.statistics import at_most
+from rig.studies.campaign.study_folder import write_whole
 from rig.studies.search.confirm_worst import SEEDS, Confirmed
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_plan import SearchPlan
-from rig.verdict.requirements import load_requirements, number_of
-from rig.verdict.requirements.requirement import names
+from rig.verdict.requirements.margins import number_of
+from rig.verdict.requirements.requirement import load_requirements, names
 
 FIGURES, SCENARIO, PICTURE = BESIDE_RUNS
 

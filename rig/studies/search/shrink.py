@@ -101,12 +101,9 @@ def _sizes(table: Table) -> list[tuple[int, str]]:
     found = []
     for i, fault in enumerate(table.get("faults", [])):
         sizes = KINDS[fault["kind"]].sizes if fault.get("kind") in KINDS else ()
-        found += [(i, key) for key, value in fault.items() if isinstance(value, float) and _is_size(key, sizes)]
+        numbers = [key for key, value in fault.items() if isinstance(value, float)]
+        found += [(i, key) for key in numbers if key in sizes or "thresholds" in key]
     return found
-
-
-def _is_size(key: str, sizes: Sequence[str]) -> bool:
-    return key in sizes or "thresholds" in key
 
 
 def _changed(table: Table, fault: int, key: str, value: Any) -> Table:

@@ -48,17 +48,13 @@ def arms(campaign: Campaign, source: str) -> list[Arm]:
     count = _count(campaign)
     if count > MOST_ARMS:
         raise BadInput(f"{source}: {count} combinations of cases and listed values, at most {MOST_ARMS} are searched")
-    found = [_arm(campaign, dict(zip(campaign.cases, chosen, strict=True))) for chosen in _cases(campaign)]
-    made = [arm for of_cases in found for arm in of_cases]
+    combinations = product(*campaign.cases.values())
+    made = [arm for chosen in combinations for arm in _arm(campaign, dict(zip(campaign.cases, chosen, strict=True)))]
     for arm in made:
         if not arm.dimensions:
             where = f" with {arm.name}" if arm.fixed else ""
             raise BadInput(f"{source}: vary: no number varies{where}: a search needs a range (low, high)")
     return made
-
-
-def _cases(campaign: Campaign) -> list[tuple[Case, ...]]:
-    return list(product(*campaign.cases.values()))
 
 
 def _count(campaign: Campaign) -> int:

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.durations import in_frames
+from rig.core.settings import in_frames
 from rig.core.threads import heed
 from rig.log.recordings.vote_config import RecordedSignal
 from rig.studies.thresholds.distances import DUPLEX, exceeded_each, in_use, near_first, nearest

@@ -189,14 +189,11 @@ def _blocks(name: str, flights: list[DataBlock], notes: list[str]) -> Sequence[D
         return flights
     flight = flights[0]
     count = min(STRETCHES, int(flight.hours * 3600.0 / _SHORTEST_S))
-    notes.append(f"{name}: only one flight{_parts(count)}: record at least {FEW} flights")
+    parts = ", too short to be split" if count < 2 else f": split into {count} parts, which differ less than flights do"
+    notes.append(f"{name}: only one flight{parts}: record at least {FEW} flights")
     if count < 2:
         return flights
     return [DataBlock(flight.name, part, flight.rate_hz) for part in np.array_split(flight.samples, count, axis=1)]
-
-
-def _parts(count: int) -> str:
-    return f": split into {count} parts, which differ less than flights do" if count > 1 else ", too short to be split"
 
 
 def _stands_out(name: str, flight: str, suspect: Suspect, keep: bool) -> str:

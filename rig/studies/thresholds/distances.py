@@ -68,7 +68,8 @@ def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: boo
 def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -> Iterator[Floats]:
     chosen = near_first(samples) if wraps else samples
     if len(chosen) == DUPLEX:
-        apart = _apart(chosen)
+        # 0 where one of them is not comparable, as it is failed without a pattern
+        apart = np.nan_to_num(np.abs(chosen[0] - chosen[1]), nan=0.0, posinf=np.inf)
         yield from (sliding_minimum(apart, singular) for _, singular in frames)
         return
     of_each = nearest(chosen)
@@ -104,11 +105,6 @@ def nearest(samples: Floats) -> list[Floats]:
             distance = np.where(present[c], np.nan_to_num(distance, nan=0.0, posinf=np.inf), np.inf)
         distances.append(distance)
     return distances
-
-
-def _apart(pair: Floats) -> Floats:
-    """Return the distance of two channels: 0 where one of them is not comparable, as it is failed without a pattern."""
-    return np.nan_to_num(np.abs(pair[0] - pair[1]), nan=0.0, posinf=np.inf)
 
 
 def middle_two(samples: Floats) -> tuple[Floats, Floats]:

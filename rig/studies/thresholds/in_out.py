@@ -11,9 +11,8 @@ from typing import Any, Final
 
 import tomli_w
 
-from rig.computer.redundancy.durations import in_frames
 from rig.core.errors import BadInput
-from rig.core.settings import read_toml
+from rig.core.settings import in_frames, read_toml
 from rig.core.text import plain
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, read_config
 from rig.studies.thresholds.design import FIELDS, Design

@@ -131,14 +131,10 @@ def alarms(samples: Floats, settings: RecordedSignal, rate_hz: float, allowances
 
 def stale_frames(flights: Sequence[Floats], rate_hz: float) -> int:
     """Return the count for healthy flights (C, n); 0 where a channel repeats for STILL_S."""
-    longest = max((_longest(column) for samples in flights for column in samples), default=0)
+    spans = [runs(column) for samples in flights for column in samples]
+    longest = max((int((each[:, 1] - each[:, 0]).max()) - 1 for each in spans if len(each)), default=0)
     count = max(LEAST_FRAMES, MARGIN * longest)
     return count if longest < STILL_S * rate_hz else 0
-
-
-def _longest(column: Floats) -> int:
-    spans = runs(column)
-    return int((spans[:, 1] - spans[:, 0]).max()) - 1 if len(spans) else 0
 
 
 def _rows(samples: Floats, wraps: bool) -> Floats:

@@ -14,10 +14,10 @@ from rig.core.units.quantities import quantity
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
 from rig.verdict.of_log import FlightConclusion, Scored
+from rig.verdict.requirements.margins import margin_text, number_of
 from rig.verdict.requirements.measure import check_log, recorder_of
 from rig.verdict.requirements.requirement import Requirement, load_requirements
 from rig.verdict.requirements.requirement_recorder import RequirementsRecorder, Verdict
-from rig.verdict.requirements.shown import margin_text, number_of
 
 VIOLATED: Final = "requirement violated"  # name of an event
 
@@ -55,7 +55,7 @@ class MeasuredConclusion(FlightConclusion):
         return [each for each in self.requirements if not each.names_twin]
 
     def add(self, table: Table) -> None:
-        """Take the next frames, as the conclusion does."""
+        """Take the next frames, block by block as the conclusion does."""
         super().add(table)
         if self._recorder is not None:
             self._recorder.record(table)

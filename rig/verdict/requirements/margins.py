@@ -14,6 +14,7 @@ and of the unbounded until from a on.  The rule for a lost aircraft is ours.
 from __future__ import annotations
 
 from functools import lru_cache
+from math import isfinite
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ from rig.world.faults.grammar import Op
 Floats = NDArray[np.float64]
 MOST: Final = 1000.0  # JSON has no infinity; that of a state, which has no distance
 LEAST: Final = 1e-9  # a margin is never nearer below 0: met is 0 and above, violated is below 0
+_TINY: Final = 1e-6  # below which a margin under 0 is shown as that of a strict comparison of equals
 _STRICT: Final = (Op.LESS, Op.GREATER, Op.NOT_EQUAL)
 _ARITHMETIC: Final[dict[Op, Any]] = {
     **{Op.NEGATE: np.negative, Op.ABS: np.abs, Op.ADD: np.add, Op.SUBTRACT: np.subtract, Op.MULTIPLY: np.multiply},
@@ -287,3 +289,16 @@ def _decisive_until(node: Node, k: int, held: Held) -> int:
     if q[j] <= before[j]:
         return decisive(node.parts[1], k + j, held)
     return decisive(node.parts[0], k + int(np.argmin(p[:j])), held)
+
+
+def number_of(margin: float) -> float | None:
+    """Return a margin, None where it has no number: decided by a state alone, beyond the bound, not applicable."""
+    return margin if isfinite(margin) and abs(margin) < MOST else None
+
+
+def margin_text(margin: float) -> str:
+    """Return a margin for a table: ``0.42``, ``<0`` of a strict comparison of equals, "" where it has no number."""
+    number = number_of(margin)
+    if number is None:
+        return ""
+    return "<0" if -_TINY < number < 0.0 else f"{number:.3g}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rig.core.blocks import cuts
 from rig.core.errors import BadInput
-from rig.core.frame import Block
+from rig.core.frame import Block, Table
 from rig.core.trust import Trust
 from rig.flight import loop
 from rig.flight.unit_loop import UnitComputer
@@ -83,7 +83,7 @@ def check_rows(
     else:
         recorder = RequirementsRecorder(requirements, subject)
     for part in cuts(len(rows)):
-        recorder.record(rows[part])
+        recorder.record(Table(rows[part]))
     return recorder.finish()
 
 
@@ -116,7 +116,7 @@ def check_log(
     try:
         recorder = recorder_of(scenario, requirements, twin, unit)
         for block in log.blocks():
-            recorder.record(block.rows)
+            recorder.record(block)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     return recorder.finish()

@@ -166,9 +166,9 @@ class RequirementsRecorder:
         """Return whether a formula names ``twin.``"""
         return any(q.parts.twin for q in self.quantities)
 
-    def record(self, table: Table | Block) -> None:
+    def record(self, table: Table) -> None:
         """Take the next frames (n,), of a flight or of a bench."""
-        rows = Table.of(table).rows
+        rows = table.rows
         if not len(rows) or not self.measured:
             return
         columns = np.empty((len(self.quantities), len(rows)))

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import cmath
 from math import ceil, exp
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,23 +62,6 @@ def transition(spool_rad_s: float, damping: float, substep_s: float) -> NDArray[
     # The spool's equation, integrated once.
     integral = np.array([0.0, 0.0, t]) - (v - [0.0, 1.0, 0.0]) / (w * w) - 2.0 * z / w * (x - [1.0, 0.0, 0.0])
     return np.array([x, v, integral])
-
-
-def describe(
-    row: Any,
-    lag_s: float,
-    rate_limit_rad_s: float,
-    stops_rad: tuple[float, float],
-    spool: tuple[float, float],
-    bypass: tuple[float, float],
-    substep_s: float,
-) -> None:
-    """Fill a SERVO record; ``spool``: rad/s and damping, ``bypass``: s and rad."""
-    row["gain"], row["rate_limit"] = 1.0 / (lag_s * rate_limit_rad_s), rate_limit_rad_s
-    row["low"], row["high"] = stops_rad
-    row["substep_s"] = substep_s
-    row["bypass_share"], row["bypass_rad"] = 1.0 - exp(-substep_s / bypass[0]), bypass[1]
-    row["transition"] = transition(*spool, substep_s).ravel()
 
 
 @kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import exp
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from rig.core.frame import CHANNELS, MOVED, SURFACES, SYSTEMS, lane_rows
 from rig.core.kernels import clamp, kernel
 from rig.world.actuators.actuators_table import Config
-from rig.world.actuators.servo import RAM, SERVO, SPOOL, asked_current, describe, move_ram, move_spool, substeps
+from rig.world.actuators.servo import RAM, SERVO, SPOOL, asked_current, move_ram, move_spool, substeps, transition
 from rig.world.faults.servo_parts import Part, whole_parts
 from rig.world.plant.airframe import Actuator
 
@@ -82,13 +83,15 @@ class Actuators:
         step_s = 1.0 / (rate_hz * steps_per_frame)
         count = substeps(step_s)
         built, designed, parts = _draw(config, surfaces, step_s / count, calibration)
+        state = np.zeros(len(MOVED), STATE)
+        state["moves"][:, RAM], state["model"][:, :, RAM], state["stuck_at"] = trim_rad, trim_rad[:, None], np.nan
         self.data = ActuatorData(
             built=built,
             designed=designed,
             parts=parts,
             broken=whole_parts(),
             whole=whole_parts(),
-            state=_at_rest(trim_rad),
+            state=state,
             monitors=monitors,
             noise=np.zeros((0, len(MOVED), CHANNELS), np.float32),
             rows=lane_rows(2)["actuator"],  # of two: of one the view would count as contiguous
@@ -108,21 +111,20 @@ def _draw(
     config: Config, surfaces: Mapping[str, Actuator], substep_s: float, rng: Generator
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return (3,) SERVO as built and as designed, and (3,) PARTS; all errors are drawn, whatever their tolerance."""
-    built, parts = (np.zeros(len(MOVED), dtype) for dtype in (SERVO, PARTS))
-    for i, name in enumerate(MOVED):
-        surface, stops = surfaces[name], (surfaces[name].min_rad, surfaces[name].max_rad)
-        stroke = stops[1] - stops[0]
+    designed, parts = as_designed(config, surfaces, substep_s), np.zeros(len(MOVED), PARTS)
+    built = designed.copy()
+    for servo, part in zip(built, parts, strict=True):
+        stroke = servo["high"] - servo["low"]
         bias, scale, coil, (rate, frequency, damping, _) = rng.uniform(-1.0, 1.0, (4, CHANNELS))
-        bypass, spool = (config.bypass_s, config.bypass_rad), (config.spool_rad_s, config.spool_damping)
-        actual = tuple(np.array(spool) * (1 + config.spool_tolerance * np.array([frequency, damping])))
-        lag_s, limit = surface.lag_s, surface.rate_limit_rad_s
-        describe(built[i], lag_s, limit, stops, actual, bypass, substep_s)
-        built[i]["rate_limit"] = limit * (1 + config.rate_tolerance * rate)
-        parts[i]["lvdt_bias"] = config.lvdt_bias_tolerance * stroke * bias
-        parts[i]["lvdt_scale"] = config.lvdt_scale_tolerance * scale
-        parts[i]["lvdt_noise"], parts[i]["middle"] = config.lvdt_noise_std * stroke, sum(stops) / 2
-        parts[i]["coil"] = 1 + config.coil_tolerance * coil
-    return built, as_designed(config, surfaces, substep_s), parts
+        spool_rad_s = config.spool_rad_s * (1 + config.spool_tolerance * frequency)
+        spool_damping = config.spool_damping * (1 + config.spool_tolerance * damping)
+        servo["transition"] = transition(spool_rad_s, spool_damping, substep_s).ravel()
+        servo["rate_limit"] *= 1 + config.rate_tolerance * rate
+        part["lvdt_bias"] = config.lvdt_bias_tolerance * stroke * bias
+        part["lvdt_scale"] = config.lvdt_scale_tolerance * scale
+        part["lvdt_noise"], part["middle"] = config.lvdt_noise_std * stroke, (servo["low"] + servo["high"]) / 2
+        part["coil"] = 1 + config.coil_tolerance * coil
+    return built, designed, parts
 
 
 def as_designed(config: Config, surfaces: Mapping[str, Actuator], substep_s: float) -> NDArray[Any]:
@@ -130,23 +132,17 @@ def as_designed(config: Config, surfaces: Mapping[str, Actuator], substep_s: flo
     designed = np.zeros(len(MOVED), SERVO)
     for row, name in zip(designed, MOVED, strict=True):
         surface = surfaces[name]
-        spool, bypass = (config.spool_rad_s, config.spool_damping), (config.bypass_s, config.bypass_rad)
-        lag_s, limit, stops = surface.lag_s, surface.rate_limit_rad_s, (surface.min_rad, surface.max_rad)
-        describe(row, lag_s, limit, stops, spool, bypass, substep_s)
+        row["gain"] = 1.0 / (surface.lag_s * surface.rate_limit_rad_s)
+        row["rate_limit"], row["substep_s"] = surface.rate_limit_rad_s, substep_s
+        row["low"], row["high"] = surface.min_rad, surface.max_rad
+        row["bypass_share"], row["bypass_rad"] = 1.0 - exp(-substep_s / config.bypass_s), config.bypass_rad
+        row["transition"] = transition(config.spool_rad_s, config.spool_damping, substep_s).ravel()
     return designed
 
 
 def stops_of(surfaces: Mapping[str, Actuator]) -> NDArray[np.float64]:
     """Return (3, 2) of each surface, rad."""
     return np.array([(surfaces[name].min_rad, surfaces[name].max_rad) for name in MOVED])
-
-
-def _at_rest(trim_rad: NDArray[np.float64]) -> NDArray[Any]:
-    state = np.zeros(len(MOVED), STATE)
-    state["moves"][:, RAM] = trim_rad
-    state["model"][:, :, RAM] = trim_rad[:, None]
-    state["stuck_at"] = np.nan
-    return state
 
 
 @kernel
@@ -208,16 +204,17 @@ def coil_current(asked, ram, c, gain, state):
 def fly_frame(row, i, data):
     """Move valves, spool, ram and models of surface ``i`` through all steps of the plant in this frame."""
     state, broken, servo, positions = data.state[i], data.broken[i], data.built[i], data.positions
-    shut, held, share = state["shut"], 0, 0.0
+    moves, shut, held, share = state["moves"], state["shut"], 0, 0.0
     for c in range(CHANNELS):
-        if shut[c] != 0 and row["valve"][c] == 0:
-            start_models(c, state)
+        if shut[c] != 0 and row["valve"][c] == 0:  # its computer is engaged again: models begin where everything is
+            for part in range(len(moves)):
+                state["model"][c, part] = state["valve_model"][c, part] = moves[part]
         if broken[Part.VALVE_STUCK, c] == 0.0:
             shut[c] = row["valve"][c]
         held += shut[c] == 0
         share += (row["valve"][c] == 0) / CHANNELS
     pressure = (row["pressure"][0] + row["pressure"][1]) / SYSTEMS if held > 0 else 0.0
-    moves, left, jammed = state["moves"], broken[Part.LEFT, 0], broken[Part.JAMMED, 0] != 0.0
+    left, jammed = broken[Part.LEFT, 0], broken[Part.JAMMED, 0] != 0.0
     for step in range(len(positions)):
         for _ in range(data.substeps):
             total, stray = drive(row["asked"], row["valve"], servo["gain"], state)
@@ -226,13 +223,6 @@ def fly_frame(row, i, data):
             move_ram(moves, servo, opened, pressure * left)
         positions[step, i] = moves[RAM]
     row["ram"], row["bypassed"] = moves[RAM], pressure * left <= 0.0
-
-
-@kernel
-def start_models(c, state):
-    """Let the models of channel ``c``, whose computer is engaged again, begin where everything is."""
-    for part in range(len(state["moves"])):
-        state["model"][c, part] = state["valve_model"][c, part] = state["moves"][part]
 
 
 @kernel

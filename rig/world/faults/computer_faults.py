@@ -19,6 +19,7 @@ from rig.world.faults.places import FLIGHT, Places, Point, Site, lanes_of
 from rig.world.faults.servo_parts import ComputerPart
 
 _TOLERANCE_OF_TESTS = 0.02  # of full scale: a converter that is off by less is within its tolerance
+_STOPPED = Effect(Act.SET, 1.0, part=ComputerPart.STOPPED, seen_by_test=LaneTest.WATCHDOG)
 _BY_ITS_TEST = "the test of its own did not see it, by its coverage, or it was within the tolerance"
 SurfaceName = Literal["elevator", "aileron", "rudder", "throttle"]
 
@@ -49,16 +50,11 @@ class ComputerStop(_OnComputer):
     When it ends the lane starts again, with what the first engaged lane has, and waits to be readmitted.
     """
 
-    takes_channels = True
+    act, takes_channels = _STOPPED, True
     sentence = "{where} stopped at {at}"
     example = "f16_computer_stop"
 
     kind: Literal["computer_stop"]
-
-    @property
-    def effect(self) -> Effect:
-        """It stands."""
-        return Effect(Act.SET, 1.0, part=ComputerPart.STOPPED, seen_by_test=LaneTest.WATCHDOG)
 
 
 class ClockDrift(_OnComputer):
@@ -246,7 +242,7 @@ class Adc(_OfItsChannels):
     def effect_on(self, point: Point) -> Effect:
         """Return what it does to a channel; of the lane, which test sees it."""
         if FLIGHT.site(point.place) != "computer":
-            return self._of_samples
+            return self.effect
         if self.says in ("zero", "last"):
             return Effect(Act.SET, 1.0, part=ComputerPart.INPUT, seen_by_test=LaneTest.WRAP_AROUND)
         off = abs((self.factor or 0.0) - 1.0) if self.says == "scale" else abs(self.offset or 0.0)
@@ -256,10 +252,6 @@ class Adc(_OfItsChannels):
     @property
     def effect(self) -> Effect:
         """Return what it does to a channel."""
-        return self._of_samples
-
-    @property
-    def _of_samples(self) -> Effect:
         if self.says == "zero":
             return Effect(Act.SET, 0.0)
         if self.says == "last":
@@ -276,28 +268,20 @@ class PowerLoss(_OfItsChannels):
     """
 
     sites: ClassVar[tuple[Site, ...]] = ("bus",)
+    act = Effect(Act.NO_NUMBER, invalid=True)
     sentence = "{where} lost power at {at}"
     example = "f16_power_loss"
 
     kind: Literal["power_loss"]
-
-    @model_validator(mode="after")
-    def _whose(self) -> PowerLoss:
-        return self
 
     @property
     def points(self) -> list[Point]:
         """The channels of its lanes, of all signals and discretes."""
         return [Point(one.name, lane + 1) for lane in lanes_of(self.signal) for one in (*SIGNALS, *DISCRETES)]
 
-    @property
-    def effect(self) -> Effect:
-        """No number, flagged by the sensor."""
-        return Effect(Act.NO_NUMBER, invalid=True)
-
     def effect_on(self, point: Point) -> Effect:
         """Return what it does to a channel, or to a lane."""
         where = FLIGHT.site(point.place)
         if where == "computer":
-            return Effect(Act.SET, 1.0, part=ComputerPart.STOPPED, seen_by_test=LaneTest.WATCHDOG)
+            return _STOPPED
         return Effect(Act.VALID_ONLY, invalid=True) if where == "discrete" else self.effect

@@ -84,7 +84,7 @@ class Delay(Corrupted):
     @property
     def effect(self) -> Effect:
         """The schedule makes frames of the time, rounded up."""
-        return self.sized(self.act, whole_frames=True)
+        return self.sized(Act.DELAY, whole_frames=True)
 
 
 class FrameSkew(Corrupted):
@@ -123,7 +123,7 @@ class CrossTalk(Ramped):
     @property
     def effect(self) -> Effect:
         """From the source."""
-        return self.sized(self.act, source_place=self.source)
+        return self.sized(Act.CROSS_TALK, source_place=self.source)
 
     def check_fitted(self, fitted: Mapping[str, int], places: Places = FLIGHT) -> None:
         """Raise ValueError, too, unless it comes from another place of the same sort, on channels a fitted one."""

@@ -30,7 +30,7 @@ class Execution:
         self._last: Block | None = None  # the last row seen
 
     def add(self, rows: Block) -> None:
-        """Take in the next rows."""
+        """Take in the next rows: block by block, for a flight is not kept until its end tells what did nothing."""
         acted = np.unpackbits(np.bitwise_or.reduce(rows["acting"], axis=0), bitorder="little")
         self._acted |= acted
         for i in np.flatnonzero(acted & self._waiting):

@@ -64,7 +64,7 @@ class Triggered(Settings):
     settings are its size, how a report says that it acted, and the bundled scenario that shows it.
     """
 
-    act: ClassVar[Act]
+    act: ClassVar[Act | Effect]  # done by its size, or an effect that no setting changes
     sizes: ClassVar[tuple[str, ...]] = ()  # settings that say how large it is: the one that is given does
     trials_draw: ClassVar[bool] = False  # whether open-loop trials may draw the size: it is the kernel's ``value``
     found_at_once: ClassVar[bool] = False  # whether its error is beyond any threshold from the onset on
@@ -168,8 +168,8 @@ class Triggered(Settings):
 
     @property
     def effect(self) -> Effect:
-        """The effect for the kernel: ``act``, by the size."""
-        return self.sized(self.act)
+        """The effect for the kernel: ``act``, an operation by the size."""
+        return self.act if isinstance(self.act, Effect) else self.sized(self.act)
 
     def effect_on(self, point: Point) -> Effect:
         """Return the effect on one of its ``targets``: the same on all."""

@@ -13,6 +13,7 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
 from rig.core.frame import Block, LaneTest, to_frame
+from rig.core.settings import record
 from rig.world.faults import scenario_faults as together
 from rig.world.faults.effects import OF_A_COIL, RANDOM, REMEMBERING, Act, Effect
 from rig.world.faults.expression import DEEPEST, STEP, parse, reads_votes
@@ -34,16 +35,11 @@ from rig.world.faults.servo_parts import ComputerPart
 from rig.world.faults.trigger import DutyCycle
 
 _COPIED: Final = tuple(field.name for field in fields(Effect) if field.name in (TARGET.names or ()))
-_SORTS: Final = (
-    ("channel", "inertial"),
-    ("discrete",),
-    ("reference",),
-    ("surface",),
-    OF_SERVOS,
-    ("ccdl",),
-    ("computer",),
-)
-_ENDS: Final = ("samples", "discretes", "references", "surfaces", "parts", "links", "computers")
+# The sorts of targets, and the fields of PARAM where each ends.
+_SORTS: Final = {
+    **{"samples": ("channel", "inertial"), "discretes": ("discrete",), "references": ("reference",)},
+    **{"surfaces": ("surface",), "parts": OF_SERVOS, "links": ("ccdl",), "computers": ("computer",)},
+}
 _OF_SURFACES: Final = (ComputerPart.COMMAND, ComputerPart.OUTPUT)
 
 
@@ -102,42 +98,33 @@ class Faults:
             self.schedule[i]["turn"] = turn
             self._schedule(i)
         self.targets = self._targets()
-        self.program, self.times = np.concatenate(self._programs), np.array(self._times, np.int64)
-        self.kept, self.seen = np.zeros(len(self.targets), KEPT), np.zeros(1, SEEN)
-        self.memory, self.stack = np.zeros(max(self._memory, 1)), np.zeros(DEEPEST)
-        self.param = self._param()
-        self._uniform, self._normal = np.zeros((1, 1)), np.zeros((1, 1))
         self.clean = np.empty(keep_clean, CLEAN)
-        self._of_block = self.clean[:0]
-        self._grow(1)
-
-    @property
-    def data(self) -> FaultData:
-        """Data of the kernels besides the row; the same arrays until the next ``prepare``."""
-        return FaultData(
-            param=self.param,
+        # Of the kernels besides the row; the same arrays until the next ``prepare``.
+        self.data = FaultData(
+            param=self._param(),
             schedule=self.schedule,
             state=self.state,
             targets=self.targets,
-            kept=self.kept,
-            program=self.program,
-            stack=self.stack,
-            times=self.times,
-            memory=self.memory,
-            seen=self.seen,
-            uniform=self._uniform,
-            normal=self._normal,
-            clean=self._of_block,
+            kept=np.zeros(len(self.targets), KEPT),
+            program=np.concatenate(self._programs),
+            stack=np.zeros(DEEPEST),
+            times=np.array(self._times, np.int64),
+            memory=np.zeros(max(self._memory, 1)),
+            seen=np.zeros(1, SEEN),
+            uniform=np.zeros((1, max(1, len(self._uniform_from)))),
+            normal=np.zeros((1, max(1, len(self._normal_from)))),
+            clean=self.clean[:0],
         )
 
     def prepare(self, block: Block) -> None:
         """Draw for the rows of ``block``; no stream depends on the block's length, nor on other faults."""
-        self._grow(len(block))
-        self._of_block = self.clean_of(block)
+        rows, drawn = len(block), (self.data.uniform, self.data.normal)
+        uniform, normal = (held if len(held) >= rows else np.zeros((rows, held.shape[1])) for held in drawn)
+        self.data = self.data._replace(uniform=uniform, normal=normal, clean=self.clean_of(block))
         for column, rng in enumerate(self._uniform_from):
-            self._uniform[: len(block), column] = rng.random(len(block))
+            uniform[:rows, column] = rng.random(rows)
         for column, rng in enumerate(self._normal_from):
-            self._normal[: len(block), column] = rng.standard_normal(len(block))
+            normal[:rows, column] = rng.standard_normal(rows)
 
     def clean_of(self, rows: Block) -> NDArray[Any]:
         """Return what is kept of ``rows``, a whole block or its first rows; no rows where nothing is kept."""
@@ -232,11 +219,11 @@ class Faults:
     def _targets(self) -> NDArray[np.void]:
         """Return a TARGET record for every value that a fault acts on, sorted by sort, then as in the scenario."""
         targets: list[NDArray[np.void]] = []
-        self._ends, site = [], self._places.site
-        for sites in _SORTS:
+        self._ends, site = dict[str, int](), self._places.site
+        for sort, sites in _SORTS.items():
             for i, fault in enumerate(self._faults):
                 targets += [self._target(i, point) for point in fault.targets if site(point.place) in sites]
-            self._ends.append(len(targets))
+            self._ends[sort] = len(targets)
         return np.array(targets, TARGET) if targets else np.zeros(0, TARGET)
 
     def _target(self, i: int, point: Point) -> NDArray[np.void]:
@@ -298,12 +285,8 @@ class Faults:
                 row["value"] = -effect.value
         elif where == "computer":
             row["row"], row["column"] = at, (point.channel or 1) - 1
-            row["seen_by_test"] = self._seen_by_test(i, effect.seen_by_test)
-
-    def _seen_by_test(self, i: int, test: int) -> int:
-        """Return the computer's test if the draw for this fault lets it see."""
-        coverage = self._test_coverage.get(LaneTest(test), 1.0)
-        return test if test and self._generator(i, "test").random() < coverage else 0
+            test, coverage = effect.seen_by_test, self._test_coverage.get(LaneTest(effect.seen_by_test), 1.0)
+            row["seen_by_test"] = test if test and self._generator(i, "test").random() < coverage else 0
 
     def _measure(self, row: Any, i: int, point: Point) -> None:
         """Let the monitor of a stick's coils see a fault of a coil, if the draw puts it ahead of the sum."""
@@ -314,18 +297,5 @@ class Faults:
             row["tolerance"], row["frames"] = coils.tolerance, coils.frames
 
     def _param(self) -> NDArray[np.void]:
-        param = np.zeros(1, PARAM)
-        row = param[0]
-        row["dt_s"] = 1.0 / self._rate_hz
-        for name, end in zip(_ENDS, self._ends, strict=True):
-            row[name] = end
-        voting = self.schedule["needs_votes"] != 0
-        row["watches"] = voting.any() or (self.schedule["trigger"] == Trigger.TRANSITION).any()
-        return param
-
-    def _grow(self, rows: int) -> None:
-        """Make room for the draws of so many rows."""
-        if len(self._uniform) < rows or self._uniform.shape[1] < len(self._uniform_from):
-            self._uniform = np.zeros((rows, max(1, len(self._uniform_from))))
-        if len(self._normal) < rows or self._normal.shape[1] < len(self._normal_from):
-            self._normal = np.zeros((rows, max(1, len(self._normal_from))))
+        watches = self.schedule["needs_votes"].any() or (self.schedule["trigger"] == Trigger.TRANSITION).any()
+        return record(PARAM, dt_s=1.0 / self._rate_hz, watches=watches, **self._ends)

@@ -80,7 +80,7 @@ class Hardover(Ramped):
     @property
     def effect(self) -> Effect:
         """The direction as +1, -1, or 0 for what is still to be drawn."""
-        return Effect(self.act, {"high": 1.0, "low": -1.0, "either": 0.0}[self.direction])
+        return Effect(Act.RANGE_END, {"high": 1.0, "low": -1.0, "either": 0.0}[self.direction])
 
 
 class Scale(Ramped):
@@ -102,16 +102,11 @@ class Scale(Ramped):
 class SignReversal(Corrupted):
     """y = -x. Wires or pneumatic lines swapped in maintenance, crossed control cables."""
 
-    sites, act = WITH_SURFACE, Act.SCALE
+    sites, act = WITH_SURFACE, Effect(Act.SCALE, -1.0)
     sentence = "{where} had the wrong sign from {at} on, an error of up to {error}"
     example = "f16_lateral_load_factor_sign_reversal"
 
     kind: Literal["sign_reversal"]
-
-    @property
-    def effect(self) -> Effect:
-        """A scale of -1."""
-        return Effect(self.act, -1.0)
 
 
 class Stuck(Ramped):

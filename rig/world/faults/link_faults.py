@@ -18,18 +18,12 @@ class _OnLink(Placed):
     """A fault of a link."""
 
     sites: ClassVar[tuple[Site, ...]] = ("ccdl",)
-    act, changes_samples, takes_channels = Act.SET, False, True
-    part: ClassVar[LinkPart]
+    changes_samples, takes_channels = False, True
 
     @property
     def targets(self) -> list[Point]:
         """One record for each way."""
         return [Point(way) for way in one_way_links(self.signal)]
-
-    @property
-    def effect(self) -> Effect:
-        """The part is broken."""
-        return Effect(Act.SET, 1.0, part=self.part)
 
 
 class LinkLoss(_OnLink):
@@ -38,7 +32,7 @@ class LinkLoss(_OnLink):
     The receiver reads the last message for ``max_age_frames``, then the sender's samples are missing.
     """
 
-    part = LinkPart.SILENT
+    act = Effect(Act.SET, 1.0, part=LinkPart.SILENT)
     sentence = "{where} was silent from {at} on"
     example = "f16_link_loss"
 
@@ -51,7 +45,7 @@ class LinkFrozen(_OnLink):
     The number of its frame shows its age, so it is as good as none.
     """
 
-    part = LinkPart.FROZEN
+    act = Effect(Act.SET, 1.0, part=LinkPart.FROZEN)
     sentence = "{where} repeated its last message from {at} on"
     example = "f16_link_frozen"
 
@@ -64,7 +58,7 @@ class LinkCorrupt(_OnLink):
     The sender's samples are missing at once.
     """
 
-    part = LinkPart.DAMAGED
+    act = Effect(Act.SET, 1.0, part=LinkPart.DAMAGED)
     sentence = "{where} was damaged from {at} on"
     example = "f16_link_corrupt"
 
@@ -77,7 +71,7 @@ class LinkLie(_OnLink):
     A node may tell each receiver something else: that parts lanes that believe what arrives.
     """
 
-    part = LinkPart.LIE
+    act = Act.SET
     sizes = ("offset",)
     sentence = "{where} told wrong samples from {at} on"
     example = "f16_link_lie"
@@ -90,4 +84,4 @@ class LinkLie(_OnLink):
     @property
     def effect(self) -> Effect:
         """Off by so many thresholds of each signal's monitor."""
-        return Effect(Act.SET, self.offset_thresholds, part=self.part, different=self.different)
+        return Effect(Act.SET, self.offset_thresholds, part=LinkPart.LIE, different=self.different)

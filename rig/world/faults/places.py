@@ -16,15 +16,10 @@ Site = Literal[
 ]
 OF_SERVOS: Final[tuple[Site, ...]] = ("actuator", "hydraulics")  # there with servo actuators alone
 OF_LANES: Final[tuple[Site, ...]] = ("ccdl", "computer", "bus")  # with several computers alone
-_HEADS: Final[dict[str, Site]] = {
-    head: head for head in ("inertial", "reference", "surface", *OF_SERVOS, *OF_LANES)
-}  # before the dot
+_BEFORE_DOT: Final[tuple[Site, ...]] = ("inertial", "reference", "surface", *OF_SERVOS, *OF_LANES)
+_HEADS: Final[dict[str, Site]] = {head: head for head in _BEFORE_DOT}
 CHANNELLED: Final[tuple[Site, ...]] = ("channel", "discrete")  # where a fault sits on numbered channels
-WITH_THRESHOLD: Final[tuple[Site, ...]] = (
-    "channel",
-    "reference",
-    "ccdl",
-)  # may have magnitudes in thresholds
+WITH_THRESHOLD: Final[tuple[Site, ...]] = ("channel", "reference", "ccdl")  # may have magnitudes in thresholds
 # One-way links of the lanes, from A to B first, and all that leave a lane, its node.
 _WAYS: Final = tuple(f"ccdl.{COMPUTERS[sender]}-{COMPUTERS[receiver]}" for sender, receiver in LINKS)
 LINK_NAMES: Final = (*_WAYS, *(f"ccdl.{name}" for name in COMPUTERS))

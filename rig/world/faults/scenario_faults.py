@@ -44,21 +44,17 @@ def check(faults: Sequence[Fault], fitted: Mapping[str, int], places: Places = F
 
     fitted : number of channels of each signal and discrete
     """
-    _check_labels(faults)
+    labels: set[str] = set()
+    for i, fault in enumerate(faults):
+        if fault.id is not None and fault.id in labels:
+            raise ValueError(f"faults.{i}.id: {fault.id!r} is used twice")
+        labels.add(fault.label)
     for i, fault in enumerate(faults):
         try:
             fault.check_fitted(fitted, places)
         except ValueError as error:
             raise ValueError(f"faults.{i}.{error}") from None
     order(faults)
-
-
-def _check_labels(faults: Sequence[Fault]) -> None:
-    labels: set[str] = set()
-    for i, fault in enumerate(faults):
-        if fault.id is not None and fault.id in labels:
-            raise ValueError(f"faults.{i}.id: {fault.id!r} is used twice")
-        labels.add(fault.label)
 
 
 def order(faults: Sequence[Fault]) -> list[int]:

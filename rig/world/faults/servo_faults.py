@@ -36,15 +36,11 @@ class CoilOpen(_OfChannels):
     The monitor of the wire sees it by its coverage; the one of the current does while much is asked for.
     """
 
+    act = Effect(Act.SET, 0.0, part=Part.ADDED, uncommanded=True, seen_by_wire=True)
     sentence = "{where} had an open coil from {at} on"
     example = "f16_elevator_coil_open"
 
     kind: Literal["coil_open"]
-
-    @property
-    def effect(self) -> Effect:
-        """No current."""
-        return Effect(Act.SET, 0.0, part=Part.ADDED, uncommanded=True, seen_by_wire=True)
 
 
 class CoilHardover(_OfChannels):
@@ -101,16 +97,12 @@ class Lvdt(_OfChannels):
 class SovStuck(_OfChannels):
     """A channel's shut-off valve stays where it is: once failed, the channel drives the spool on. A stuck solenoid."""
 
+    act = Effect(Act.SET, 1.0, part=Part.VALVE_STUCK)
     sentence = "{where} had a stuck shut-off valve from {at} on"
     unseen = "nobody shut the channel off"
     example = "b747_rudder_sov_stuck"
 
     kind: Literal["sov_stuck"]
-
-    @property
-    def effect(self) -> Effect:
-        """The valve stays."""
-        return Effect(Act.SET, 1.0, part=Part.VALVE_STUCK)
 
 
 class OscillatoryFailure(_OfChannels):
@@ -138,15 +130,11 @@ class OscillatoryFailure(_OfChannels):
 class SpoolJam(_OfAll):
     """The spool stays where it is, and the ram moves at its opening. A chip, ice."""
 
+    act = Effect(Act.SET, 1.0, part=Part.JAMMED)
     sentence = "{where} had a jammed spool from {at} on"
     example = "f16_elevator_spool_jam"
 
     kind: Literal["spool_jam"]
-
-    @property
-    def effect(self) -> Effect:
-        """The spool stays."""
-        return Effect(Act.SET, 1.0, part=Part.JAMMED)
 
 
 class Leak(_OfAll):

@@ -118,7 +118,7 @@ class PitotIcing(_Weather):
         """Finite rates for the lines that are closed."""
         pitot = math.nan if self.blocked == "static" else self.pitot_rate_pa_s
         static = math.nan if self.blocked == "pitot" else self.static_rate_pa_s
-        return Effect(self.act, pitot, static_rate_pa_s=static, source_place="dynamic_pressure")
+        return Effect(Act.PITOT_STATIC_ICE, pitot, static_rate_pa_s=static, source_place="dynamic_pressure")
 
 
 class VaneIcing(_Weather):

@@ -46,6 +46,11 @@ _OF_DISCRETE: Final = ("level", "state")
 _LABELS: Final = {pattern.label: pattern for pattern in Pattern}
 
 
+_Resolver = Literal[
+    "none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box", "common", "slow", "lane", "given_up"
+]
+
+
 class Watched(NamedTuple):
     """A number of the frame, by its place among those that are watched, and the value that it must change to."""
 
@@ -63,23 +68,7 @@ class Transition(Settings):
     signal: str | None = None
     level: int | None = Field(default=None, ge=0, le=CHANNELS)
     pattern: Literal["normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost"] | None = None
-    resolver: (
-        Literal[
-            "none",
-            "ilm",
-            "trend",
-            "reference",
-            "extremes",
-            "middle",
-            "unresolved",
-            "box",
-            "common",
-            "slow",
-            "lane",
-            "given_up",
-        ]
-        | None
-    ) = None
+    resolver: _Resolver | None = None
     source: Literal["voted", "reference", "degraded"] | None = None
     channel: int | None = Field(default=None, ge=1, le=CHANNELS)
     state: Literal["ok", "suspect", "failed"] | None = None

@@ -147,7 +147,7 @@ Output = Literal[
     "roll_angle",
 ]
 OUTPUTS: Final[tuple[Output, ...]] = get_args(Output)
-LONGITUDINAL, LATERAL = OUTPUTS[:4], OUTPUTS[4:]  # a linear model must have the first four; others rest at zero
+LONGITUDINAL: Final = OUTPUTS[:4]  # a linear model must have these; others rest at zero
 Input = Literal["elevator_rad", "aileron_rad", "rudder_rad", "throttle"]
 
 
@@ -221,11 +221,7 @@ Airframe = Config | LinearConfig
 # The same as a field of another model: the table's ``plant`` chooses.
 AirframeField = Annotated[
     Annotated[Config, Tag("jsbsim")] | Annotated[LinearConfig, Tag("linear")],
-    Discriminator(
-        _plant,
-        custom_error_type="plant",
-        custom_error_message='plant must be "jsbsim" or "linear"',
-    ),
+    Discriminator(_plant, custom_error_type="plant", custom_error_message='plant must be "jsbsim" or "linear"'),
 ]
 
 

@@ -73,7 +73,10 @@ class Plant:
         positions = [*(surface.position for surface in surfaces), actuated.THROTTLE_POSITION]
         nodes = [_node(fdm, name) for name in (*truth.READ.values(), *positions, *truth.SLOW.values())]
         struct.pack_into(f"={len(nodes)}d", self._raw_bytes, 0, *map(_VALUE, nodes))
-        self._nodes = nodes[: -len(truth.SLOW)] if self._stands_still() else nodes
+        air = self._wind
+        changes = air.steps or air.gusts or air.down_m_s or self._severity.exceedance_index
+        # Mass and wind may be those of the first frame throughout the flight.
+        self._nodes = nodes[: -len(truth.SLOW)] if airframe.freeze_fuel and not changes else nodes
         self._pack = struct.Struct(f"={len(self._nodes)}d").pack_into
         self._elevator, self._aileron, self._rudder, self._throttle = (
             _node(fdm, f"fcs/{name}-cmd-norm").set_double_value
@@ -93,12 +96,6 @@ class Plant:
     def moved_by(self, positions: NDArray[np.float64]) -> None:
         """Take the surfaces' positions in a frame's steps from ``positions`` (steps, 3), rad, at every ``step``."""
         self._positions = positions
-
-    def _stands_still(self) -> bool:
-        """Return True if mass and wind are those of the first frame throughout the flight."""
-        air = self._wind
-        changes = air.steps or air.gusts or air.down_m_s or self._severity.exceedance_index
-        return self._airframe.freeze_fuel and not changes
 
     def read(self, block: Block, k: int) -> int:
         """Write truth (but the sticks), flight, two discretes and ``end`` of row k; returns the end code."""

@@ -31,9 +31,8 @@ Matrix = NDArray[np.float64]
 
 LONGITUDINAL: Final = ("Vt", "Alpha", "Q", "Theta")  # as JSBSim names them
 LATERAL: Final = ("Beta", "P", "R", "Phi")
-_LONGITUDINAL_SCALE: Final = np.array([METRES_PER_FOOT, 1.0, 1.0, 1.0])
-_STEP_RAD: Final = 1e-3  # of a surface, for central differences
-_STEP_THROTTLE: Final = 5e-3
+# Of what is commanded, for central differences: rad, the throttle 0 to 1.
+_STEPS: Final = {"elevator": 1e-3, "throttle": 5e-3, "aileron": 1e-3, "rudder": 1e-3}
 _STATE_STEPS: Final = (1.0, *[1e-3] * 7)  # of the states: ft/s, rad, rad/s
 _ANY_STEP_S: Final = 0.01  # JSBSim's step; no part of a linearisation
 
@@ -79,19 +78,11 @@ def linearise(airframe: Airframe, flight_point: FlightPoint) -> Linear:
     longitudinal_a, lateral_a = _differenced(fdm) if turns_propellers(fdm) else _system(fdm)
     fdm = load(airframe, flight_point, _ANY_STEP_S)
     trim = trim_of(fdm, airframe)
-    _hold_still(fdm)
-    longitudinal, lateral = [], []
-    for command, step in (("elevator", _STEP_RAD), ("throttle", _STEP_THROTTLE)):
-        longitudinal.append(_difference(fdm, airframe, command, step)[:4])
-    for command in ("aileron", "rudder"):
-        lateral.append(_difference(fdm, airframe, command, _STEP_RAD)[4:])
-    return Linear(
-        trim=trim,
-        longitudinal_a=longitudinal_a,
-        longitudinal_b=np.array(longitudinal).T,
-        lateral_a=lateral_a,
-        lateral_b=np.array(lateral).T,
-    )
+    for name in ("aero/alpha-rad", "aero/beta-rad", "attitude/theta-rad", "attitude/phi-rad"):
+        fdm[f"ic/{name.partition('/')[2]}"] = fdm[name]  # so that the forces are evaluated in the trimmed state
+    elevator, throttle, aileron, rudder = (_difference(fdm, airframe, *moved) for moved in _STEPS.items())
+    longitudinal_b, lateral_b = np.array([elevator[:4], throttle[:4]]).T, np.array([aileron[4:], rudder[4:]]).T
+    return Linear(trim, longitudinal_a, longitudinal_b, lateral_a, lateral_b)
 
 
 def trimmed(airframe: Config, flight_point: FlightPoint) -> Trim:
@@ -131,9 +122,8 @@ def _given(airframe: LinearConfig, point: FlightPoint) -> Linear:
 def _system(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
     model = jsbsim.FGLinearization(fdm)
     a, names = np.array(model.system_matrix), list(model.x_names)
-    longitudinal = [names.index(name) for name in LONGITUDINAL]
-    lateral = [names.index(name) for name in LATERAL]
-    scale = _LONGITUDINAL_SCALE
+    longitudinal, lateral = ([names.index(name) for name in of] for of in (LONGITUDINAL, LATERAL))
+    scale = np.array([METRES_PER_FOOT, 1.0, 1.0, 1.0])
     return a[np.ix_(longitudinal, longitudinal)] * scale[:, None] / scale, a[np.ix_(lateral, lateral)]
 
 
@@ -147,10 +137,8 @@ def _differenced(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
             _set_states(fdm, rest + sign * step * np.eye(len(rest))[i])
             rates.append(_rates(fdm))
         columns.append((rates[0] - rates[1]) / (2.0 * step))
+    columns[0] *= 1.0 / METRES_PER_FOOT  # rates are SI already, the first column is by ft/s
     system = np.array(columns).T
-    scale = np.ones(len(rest))
-    scale[0] = 1.0 / METRES_PER_FOOT  # rates are SI already, the first column is by ft/s
-    system = system * scale
     return system[:4, :4], system[4:, 4:]
 
 
@@ -184,13 +172,6 @@ def trim_of(fdm: jsbsim.FGFDMExec, airframe: Config) -> Trim:
         rudder_rad=fdm[airframe.rudder.position],
         throttle=fdm["fcs/throttle-cmd-norm"],
     )
-
-
-def _hold_still(fdm: jsbsim.FGFDMExec) -> None:
-    """Make the trimmed state the initial one, so that ``run_ic`` evaluates the forces there."""
-    for name in ("alpha-rad", "beta-rad", "theta-rad", "phi-rad"):
-        source = "aero" if name in ("alpha-rad", "beta-rad") else "attitude"
-        fdm[f"ic/{name}"] = fdm[f"{source}/{name}"]
 
 
 def _difference(fdm: jsbsim.FGFDMExec, airframe: Config, command: str, step: float) -> Matrix:

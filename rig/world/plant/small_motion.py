@@ -145,11 +145,8 @@ def dynamics(speed, speed_rate, alpha_rate, beta_rate, wind, raw):
     now["velocity_north_fps"] = (north + wind[0]) / METRES_PER_FOOT
     now["velocity_east_fps"] = (east + wind[1]) / METRES_PER_FOOT
     now["velocity_down_fps"] = (down + wind[2]) / METRES_PER_FOOT
-    now["wind_north_fps"], now["wind_east_fps"], now["wind_down_fps"] = (
-        wind[0] / METRES_PER_FOOT,
-        wind[1] / METRES_PER_FOOT,
-        wind[2] / METRES_PER_FOOT,
-    )
+    now["wind_north_fps"], now["wind_east_fps"] = wind[0] / METRES_PER_FOOT, wind[1] / METRES_PER_FOOT
+    now["wind_down_fps"] = wind[2] / METRES_PER_FOOT
 
 
 @kernel

@@ -102,13 +102,13 @@ def write_row(block: Block, k: int, raw: NDArray[Any], constants: NDArray[Any]) 
     constants : (1,) FIXED, SI
     Never raises; NaN anywhere ends the flight as NOT_FINITE.
     """
-    row = block[k]
-    now = raw[0]
-    fixed = constants[0]
-    truth = row["truth"]
-    flight = row["flight"]
+    row, now, fixed = block[k], raw[0], constants[0]
+    truth, flight = row["truth"], row["flight"]
     _motion(truth, flight, now, fixed)
-    _air_data(truth, now)
+    # Of the flow, wind and turbulence included; the dynamic pressure is 0.5 rho V^2.
+    truth[sig.ALPHA], truth[sig.BETA] = now["alpha_rad"], now["beta_rad"]
+    truth[sig.P_S] = now["static_pressure_psf"] * PASCALS_PER_PSF
+    truth[sig.Q_BAR] = now["dynamic_pressure_psf"] * PASCALS_PER_PSF
     _attitude(truth, flight, now)
     _condition(flight, now, fixed)
     row["discrete_truth"][_WHEELS] = 1 if now["wheels_on_ground"] > 0.5 else 0
@@ -141,15 +141,6 @@ def _motion(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any, f
     truth[sig.P], truth[sig.Q], truth[sig.R] = p, q, r
     truth[sig.N_X], truth[sig.N_Y] = f_x / GRAVITY, f_y / GRAVITY
     truth[sig.N_Z] = -f_z / GRAVITY
-
-
-@kernel
-def _air_data(truth: NDArray[np.float64], now: Any) -> None:
-    """Write angles of the true flow, wind and turbulence included; dynamic pressure is 0.5 rho V^2."""
-    truth[sig.ALPHA] = now["alpha_rad"]
-    truth[sig.BETA] = now["beta_rad"]
-    truth[sig.P_S] = now["static_pressure_psf"] * PASCALS_PER_PSF
-    truth[sig.Q_BAR] = now["dynamic_pressure_psf"] * PASCALS_PER_PSF
 
 
 @kernel

@@ -89,11 +89,8 @@ def added(config: Config, time_s: float) -> Velocity:
         phase = (time_s - gust.start_s) / gust.duration_s
         if 0.0 <= phase <= 1.0:
             part = 0.5 * (1.0 - cos(2.0 * pi * phase))
-            north, east, down = (
-                north + part * gust.north_m_s,
-                east + part * gust.east_m_s,
-                down + part * gust.down_m_s,
-            )
+            north, east = north + part * gust.north_m_s, east + part * gust.east_m_s
+            down += part * gust.down_m_s
     return (north, east, down)
 
 

@@ -20,7 +20,8 @@ from figures.actuators import AIRCRAFT, ONSET_S, flown, transient
 from rig.core.frame import COMPUTERS, INDEX, State
 from rig.flight.lane_events import ComputerFinder, is_engaged, test_name
 from rig.studies.campaign.flying import CampaignFlight
-from rig.verdict import Score, score
+from rig.verdict.score_records import Score
+from rig.verdict.scoring import score
 
 FOUR: Final = "computers.count=4"
 ONE_ROUND: Final = "computers.exchange_rounds=1"

@@ -19,8 +19,8 @@ import rig
 from rig.core.frame import INDEX, Block, State
 from rig.core.palette import QUIET, RED, REFERENCE, YELLOW
 from rig.core.runs import runs
+from rig.show.notebook.log_shown import lines
 from rig.show.pages.flight_figures import reference
-from rig.show.viewer.notebook import lines
 from rig.show.viewer.series import limits, series
 
 if TYPE_CHECKING:

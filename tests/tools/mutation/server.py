@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # mutants of kernels run as plain Python
-os.environ["RIG_FEWER_EXAMPLES"] = "3"
+os.environ["RIG_FEWER_EXAMPLES"] = "1.5"
 
 import hypothesis.extra.numpy  # noqa: F401  # warm
 import pytest

@@ -6,7 +6,6 @@ sums.py      cusum, innovation: sums of what exceeds an allowance
 glr.py       generalised likelihood ratio over the onset, of a step and of a ramp
 parity.py    parity vector, and the channel that it points along
 bayes.py     posterior of every set of faulty members
-weighted.py  weighted average without a monitor
 
 Each is a kernel of a row, as managers are, and is compiled when it is first flown.
 """

@@ -24,17 +24,8 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
+from rig.computer.redundancy.rivals import step
 from rig.computer.redundancy.rivals.rival_settings import MEMBERS, SETS
-from rig.computer.redundancy.rivals.step import (
-    begin,
-    begin_again,
-    end,
-    isolate,
-    largest_above,
-    lasting,
-    limit_of,
-    residual,
-)
 from rig.core.frame import CHANNELS
 from rig.core.kernels import kernel
 
@@ -60,15 +51,12 @@ class Bank(NamedTuple):
 
 @kernel
 def bayes(bus, fcc, data, on):
-    """Weigh all sets of faulty members of each signal, and vote the mean of the quantity over them.
-
-    on : None: not chosen
-    """
-    if on is None:
+    """Weigh all sets of faulty members of each signal, and vote the mean of the quantity over them."""
+    if on is None:  # not chosen
         return
     for s in range(len(data.params)):
         p, st = data.params[s], data.state[s]
-        at = begin(bus, fcc, s, p, st)
+        at = step.begin(bus, fcc, s, p, st)
         voted, worst = at.middle, -1
         if at.n > 1:
             bank = take(at, p, st)
@@ -76,10 +64,10 @@ def bayes(bus, fcc, data, on):
             weigh(bank, p, st)
             normalise(bank.part, p, st)
             log_odds(bank.part, st)
-            worst, voted = largest_above(at.n, limit_of(at.n, p), st), posterior_mean(bank.part, at, p, st)
-        isolate(at, lasting(worst, p, st), p, st)
-        if end(bus, fcc, s, at, voted, p, st):
-            begin_again(st)
+            worst, voted = step.largest_above(at.n, step.limit_of(at.n, p), st), posterior_mean(bank.part, at, p, st)
+        step.isolate(at, step.lasting(worst, p, st), p, st)
+        if step.end(bus, fcc, s, at, voted, p, st):
+            step.begin_again(st)
             st["began"] = 0
 
 
@@ -92,7 +80,7 @@ def take(at, p, st):
         st["healthy_variance"][c] = p["noise"][0] ** 2
     for i in range(at.n):
         c = st["order"][i]
-        st["y"][c] = residual(c, at, p["threshold"], st)
+        st["y"][c] = step.residual(c, at, p["threshold"], st)
         here |= 1 << c
     if at.usable:
         off = (at.reference - at.middle) / p["threshold"]

@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from rig.computer.redundancy.rivals import step
 from rig.computer.redundancy.rivals.rival_settings import WINDOW
-from rig.computer.redundancy.rivals.step import begin, begin_again, end, isolate, largest_above, limit_of, residual
 from rig.core.frame import CHANNELS
 from rig.core.kernels import kernel
 
@@ -33,22 +33,19 @@ GLR_STATE: Final = (
 
 @kernel
 def glr(bus, fcc, data, on):
-    """Look for a step or ramp of each channel's residual from the middle, and vote the middle of each signal.
-
-    on : None: not chosen
-    """
-    if on is None:
+    """Look for a step or ramp of each channel's residual from the middle, and vote the middle of each signal."""
+    if on is None:  # not chosen
         return
     for s in range(len(data.params)):
         p, st = data.params[s], data.state[s]
-        at = begin(bus, fcc, s, p, st)
-        limit = limit_of(at.n, p)
+        at = step.begin(bus, fcc, s, p, st)
+        limit = step.limit_of(at.n, p)
         if at.n > 1:
             take(at, limit, p, st)
             search(limit, p, st)
-        isolate(at, largest_above(at.n, limit, st), p, st)
-        if end(bus, fcc, s, at, at.middle, p, st):
-            begin_again(st)
+        step.isolate(at, step.largest_above(at.n, limit, st), p, st)
+        if step.end(bus, fcc, s, at, at.middle, p, st):
+            step.begin_again(st)
             st["window"][:] = 0.0
             st["energy"][:] = 0.0
             st["filled"] = st["place"] = 0
@@ -63,7 +60,7 @@ def take(at, limit, p, st):
         last[c] = 0.0
     for i in range(at.n):
         c = st["order"][i]
-        u = residual(c, at, p["rms"], st)
+        u = step.residual(c, at, p["rms"], st)
         last[c] = min(max(u, -most), most) if p["bounded"] else u
         energy[c] += last[c] * last[c]
     st["place"] = (st["place"] + 1) % p["window"]

@@ -12,37 +12,24 @@ Harrison 1979, Generalized likelihood test for FDI in redundant sensor configura
 from __future__ import annotations
 
 from rig.computer.redundancy.baselines import mean_of
-from rig.computer.redundancy.rivals.step import (
-    NOBODY,
-    begin,
-    begin_again,
-    end,
-    even_split,
-    isolate,
-    lasting,
-    limit_of,
-    residual,
-)
+from rig.computer.redundancy.rivals import step
 from rig.core.kernels import kernel
 
 
 @kernel
 def parity(bus, fcc, data, on):
-    """Compare the parity vector of each signal with its limit, and vote the mean of those in use.
-
-    on : None: not chosen
-    """
-    if on is None:
+    """Compare the parity vector of each signal with its limit, and vote the mean of those in use."""
+    if on is None:  # not chosen
         return
     for s in range(len(data.params)):
         p, st = data.params[s], data.state[s]
-        at = begin(bus, fcc, s, p, st)
+        at = step.begin(bus, fcc, s, p, st)
         length = project(at, p, st) if at.n > 1 else 0.0
-        worst = blamed(at, st) if length > limit_of(at.n, p) else NOBODY
-        isolate(at, lasting(worst, p, st), p, st)
+        worst = blamed(at, st) if length > step.limit_of(at.n, p) else step.NOBODY
+        step.isolate(at, step.lasting(worst, p, st), p, st)
         voted = at.middle if p["votes_middle"] or at.n == 0 else mean_of(st, at.n)
-        if end(bus, fcc, s, at, voted, p, st):
-            begin_again(st)
+        if step.end(bus, fcc, s, at, voted, p, st):
+            step.begin_again(st)
 
 
 @kernel
@@ -50,10 +37,10 @@ def project(at, p, st):
     """Write (v_c'p)^2 / v_c'v_c of each channel, square thresholds; return p'p."""
     n, unit, mean, length = at.n, p["threshold"], 0.0, 0.0
     for i in range(n):
-        mean += residual(st["order"][i], at, unit, st) / n
+        mean += step.residual(st["order"][i], at, unit, st) / n
     for i in range(n):
         c = st["order"][i]
-        off = residual(c, at, unit, st) - mean
+        off = step.residual(c, at, unit, st) - mean
         st["statistic"][c] = off * off / (1.0 - 1.0 / n)
         length += off * off
     return length
@@ -66,7 +53,7 @@ def blamed(at, st):
     for i in range(at.n):
         if statistic[order[i]] > statistic[worst]:
             worst = order[i]
-    if not at.usable or not even_split(at, statistic[worst], st):
+    if not at.usable or not step.even_split(at, statistic[worst], st):
         return worst
     half, low, high = at.n // 2, st["x"][order[0]], st["x"][order[at.n - 1]]
     near_low = abs(at.reference - low) < abs(at.reference - high)

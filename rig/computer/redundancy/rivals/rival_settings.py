@@ -188,11 +188,7 @@ def _tell(row: Any, chosen: Rival) -> None:
     row["rms"], row["scale"] = told.get("rms", 0.0) * threshold, told.get("scale", 0.0) * threshold
     row["window"], row["votes_middle"] = told.get("window", 0), told.get("vote") == "middle"
     if isinstance(chosen, Bayes):
-        _tell_bayes(row, chosen)
-
-
-def _tell_bayes(row: Any, chosen: Bayes) -> None:
-    noise = (chosen.noise * chosen.spread, chosen.fault_noise * chosen.spread)
-    row["bias"], row["noise"], row["jump"] = chosen.bias / 3.0, noise, chosen.jump * chosen.bias
-    row["reference_frames"] = chosen.reference_frames
-    row["walk"], row["onset_per_frame"] = chosen.walk * chosen.spread, chosen.onset_per_frame
+        noise = (chosen.noise * chosen.spread, chosen.fault_noise * chosen.spread)
+        row["bias"], row["noise"], row["jump"] = chosen.bias / 3.0, noise, chosen.jump * chosen.bias
+        row["reference_frames"] = chosen.reference_frames
+        row["walk"], row["onset_per_frame"] = chosen.walk * chosen.spread, chosen.onset_per_frame

@@ -12,16 +12,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from rig.computer.redundancy.rivals.step import (
-    NOBODY,
-    begin,
-    begin_again,
-    end,
-    isolate,
-    largest_above,
-    limit_of,
-    residual,
-)
+from rig.computer.redundancy.rivals import step
 from rig.core.frame import CHANNELS
 from rig.core.kernels import kernel
 
@@ -31,25 +22,22 @@ _LEAD: Final = 0.5  # of the limit: by so much less a sum must be for the select
 
 @kernel
 def cusum(bus, fcc, data, on):
-    """Sum the residuals of each channel from the middle, upwards and downwards, and vote the middle of each signal.
-
-    on : None: not chosen
-    """
-    if on is None:
+    """Sum the residuals of each channel from the middle, upwards and downwards, and vote the middle of each signal."""
+    if on is None:  # not chosen
         return
     for s in range(len(data.params)):
         p, st = data.params[s], data.state[s]
-        at = begin(bus, fcc, s, p, st)
-        limit = limit_of(at.n, p)
+        at = step.begin(bus, fcc, s, p, st)
+        limit = step.limit_of(at.n, p)
         for i in range(at.n if at.n > 1 else 0):
             c = st["order"][i]
-            u = residual(c, at, p["spread"], st)
+            u = step.residual(c, at, p["spread"], st)
             st["up"][c] = summed(st["up"][c], u, limit, p)
             st["down"][c] = summed(st["down"][c], -u, limit, p)
             st["statistic"][c] = max(st["up"][c], st["down"][c])
-        isolate(at, largest_above(at.n, limit, st), p, st)
-        if end(bus, fcc, s, at, at.middle, p, st):
-            begin_again(st)
+        step.isolate(at, step.largest_above(at.n, limit, st), p, st)
+        if step.end(bus, fcc, s, at, at.middle, p, st):
+            step.begin_again(st)
             st["up"][:] = 0.0
             st["down"][:] = 0.0
 
@@ -57,10 +45,10 @@ def cusum(bus, fcc, data, on):
 @kernel
 def summed(last, u, limit, p):
     """Return the next sum; u : residual in spreads."""
-    step = u - p["allowance"]
+    moved = u - p["allowance"]
     if p["bounded"]:
-        step = min(step, limit / p["persistence"])
-    return max(last + step, 0.0)
+        moved = min(moved, limit / p["persistence"])
+    return max(last + moved, 0.0)
 
 
 @kernel
@@ -68,45 +56,45 @@ def innovation(bus, fcc, data, on):
     """Sum how much further each channel is from the reference than the nearest, and vote the one with the least sum.
 
     The selection is left for a sum that is less by half of the limit.  While no reference can be used the sums hold.
-    on : None: not chosen
     """
-    if on is None:
+    if on is None:  # not chosen
         return
     for s in range(len(data.params)):
         p, st = data.params[s], data.state[s]
-        at = begin(bus, fcc, s, p, st)
-        limit = limit_of(at.n, p)
+        at = step.begin(bus, fcc, s, p, st)
+        limit = step.limit_of(at.n, p)
         if at.usable and at.n > 1:
             sum_distances(at, limit, p, st)
-        isolate(at, largest_above(at.n, limit, st), p, st)
+        step.isolate(at, step.largest_above(at.n, limit, st), p, st)
         select_least(at.n, _LEAD * limit, st)
         voted = st["x"][st["selected"]] if at.n > 0 else at.middle
-        if end(bus, fcc, s, at, voted, p, st):
-            begin_again(st)
+        if step.end(bus, fcc, s, at, voted, p, st):
+            step.begin_again(st)
 
 
 @kernel
 def sum_distances(at, limit, p, st):
     """Add what each distance to the reference exceeds the least by to its sum, which is the statistic."""
-    low, high = residual(st["order"][0], at, p["spread"], st), residual(st["order"][at.n - 1], at, p["spread"], st)
-    reference = min(max((at.reference - at.middle) / p["spread"], 2.0 * low - high), 2.0 * high - low)
+    order, spread = st["order"], p["spread"]
+    low, high = step.residual(order[0], at, spread, st), step.residual(order[at.n - 1], at, spread, st)
+    reference = min(max((at.reference - at.middle) / spread, 2.0 * low - high), 2.0 * high - low)
     least = high - low + abs(reference)
     for i in range(at.n):
-        least = min(least, abs(residual(st["order"][i], at, p["spread"], st) - reference))
+        least = min(least, abs(step.residual(order[i], at, spread, st) - reference))
     for i in range(at.n):
-        c = st["order"][i]
-        further = abs(residual(c, at, p["spread"], st) - reference) - least
+        c = order[i]
+        further = abs(step.residual(c, at, spread, st) - reference) - least
         st["statistic"][c] = summed(st["statistic"][c], further, limit, p)
 
 
 @kernel
 def select_least(n, lead, st):
     """Move the selection to the ranked channel with the least sum, if its own is more by ``lead``, or has no sample."""
-    here, best, selected = False, NOBODY, st["selected"]
+    here, best, selected = False, step.NOBODY, st["selected"]
     for i in range(n):
         c = st["order"][i]
         here = here or c == selected
-        if best == NOBODY or st["statistic"][c] < st["statistic"][best]:
+        if best == step.NOBODY or st["statistic"][c] < st["statistic"][best]:
             best = c
-    if best != NOBODY and (not here or st["statistic"][selected] - st["statistic"][best] > lead):
+    if best != step.NOBODY and (not here or st["statistic"][selected] - st["statistic"][best] > lead):
         st["selected"] = best

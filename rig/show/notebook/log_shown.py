@@ -7,14 +7,11 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rig.core import fault_names
 from rig.core.errors import BadLog
 from rig.core.palette import CHANNELS, DASHES, LINE, ORANGE, TRUTH, VOTE
 from rig.flight.failures import failed_channels, failed_text
-from rig.flight.suspects import SuspectCount, lasting_text
+from rig.flight.suspects import count_suspects, lasting_text, new_counts, suspects
 from rig.log import Log, scenario_of, unit_of
 from rig.show.viewer.series import Series, limits, series, threshold
 from rig.show.viewer.state_strips import acting
@@ -73,10 +70,10 @@ def _verdict(log: Log) -> str:
 
 def _failed(log: Log) -> str:
     """Return the channels that are failed in the last frame, and those that were suspect for long."""
-    counted = SuspectCount()
-    counted.add(log.rows)
+    counts = new_counts()
+    count_suspects(log.rows, counts)
     failed = failed_text(failed_channels(log.rows[-1]) if len(log.rows) else {})
-    return failed + lasting_text(counted.channels())
+    return failed + lasting_text(suspects(counts, len(log.rows)))
 
 
 def plot(log: Log, name: str) -> Figure:
@@ -87,10 +84,17 @@ def plot(log: Log, name: str) -> Figure:
     import matplotlib.pyplot as plt  # noqa: F401 # makes notebooks draw figures
     from matplotlib.figure import Figure
 
-    shown, allowed = series(log.rows, log.rate_hz, name), _threshold(log, name)
+    shown, scenario = series(log.rows, log.rate_hz, name), _scenario(log)
+    try:
+        allowed = threshold(scenario, name)
+    except (KeyError, TypeError):  # a log that does not have it
+        allowed = 0.0
+    faults = scenario.get("faults", [])
+    on = [i for i, fault in enumerate(faults) if name in fault_names.place(fault).split("+")]
+    acts = acting(log.rows, len(faults))[:, on].any(axis=1)
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     axes = figure.add_subplot(xlabel="time, s", ylabel=f"{name}, {shown.unit}" if shown.unit else name)
-    axes.fill_between(shown.time_s, 0, 1, where=_acting(log, name), **ACTING, transform=axes.get_xaxis_transform())
+    axes.fill_between(shown.time_s, 0, 1, where=acts, **ACTING, transform=axes.get_xaxis_transform())
     lines(axes, shown, allowed)
     low, high = limits(shown, allowed)
     if low < high:
@@ -110,18 +114,3 @@ def lines(axes: Axes, shown: Series, allowed: float) -> None:
     for c in range(shown.channels.shape[1]):
         look: dict[str, Any] = {"color": CHANNELS[c], "linewidth": 1.1, "linestyle": STYLES[DASHES[c]]}
         axes.plot(shown.time_s, shown.channels[:, c], **look, label=f"channel {c + 1}")
-
-
-def _threshold(log: Log, name: str) -> float:
-    """Return the monitor's threshold of a signal, SI; 0 where the log does not have it."""
-    try:
-        return threshold(_scenario(log), name)
-    except (KeyError, TypeError):
-        return 0.0
-
-
-def _acting(log: Log, name: str) -> NDArray[np.bool_]:
-    """Return (n,) whether a fault that sits on the signal acts."""
-    faults = _scenario(log).get("faults", [])
-    on = [i for i, fault in enumerate(faults) if name in fault_names.place(fault).split("+")]
-    return np.asarray(acting(log.rows, len(faults))[:, on].any(axis=1))
