@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -53,10 +54,8 @@ def _without(new: NewAircraft, fault: PointFault, serve: set[str]) -> NewAircraf
     left_out = (*new.left_out, fault)
     if not new.given and len(left_out) <= _MOST_LEFT_OUT:
         table = {**new.table, "limits": limits(new.kind)}
-        try:
+        with suppress(BadInput):  # no other trims: those that serve must do
             return at_points(new, flight_points(table, new.base, new.most, [x.point for x in left_out]), left_out)
-        except BadInput:
-            pass  # no other trims: those that serve must do
     found = [each for each in new.found if each.point.name in serve]
     if not found or new.given:
         faults = "; ".join(dict.fromkeys(str(each) for each in left_out))

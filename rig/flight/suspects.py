@@ -36,7 +36,7 @@ class Suspect(NamedTuple):
 
     @property
     def lasting(self) -> bool:
-        """Whether it was suspect in many rows and never failed."""
+        """Return whether it was suspect in many rows and never failed."""
         return not self.failed and is_many(self.rows, self.of)
 
     def as_dict(self) -> dict[str, str | int | float | bool]:

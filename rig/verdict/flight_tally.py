@@ -192,7 +192,7 @@ class FlightOutcome(Outcome):
 
     @property
     def law(self) -> list[LawFinding]:
-        """What the fault-tolerant law found."""
+        """Return the findings of the fault-tolerant law."""
         return law_tally.findings(stacked(self._law), self.params) if self._law else []
 
 
