@@ -24,7 +24,7 @@ class Frame:
     states: list[str]
     level: int
     pattern: str
-    resolver: str
+    decided_by: str
     trend: tuple[int, int]
     usable: bool
     common: bool = False
@@ -77,22 +77,22 @@ class Oracle:
         self.name(view)
         self.trend.remember(view.ranks if view.x else None, len(view.x), self.s)
         self.reached("frozen side", self.singular and self.trend.still.count(0) == 1)
-        resolver, vote, wrong = self.decide(view, disputed_by)
+        decided_by, vote, wrong = self.decide(view, disputed_by)
         self.split.whole = len(view.use) == level
-        self.split.hear(resolver, wrong, self.s)
-        resolver = self.refer(view, vote, self.s.limited(second), resolver, in_dispute)
-        self.accused = self.evidence(view, resolver, wrong)
+        self.split.hear(decided_by, wrong, self.s)
+        decided_by = self.refer(view, vote, self.s.limited(second), decided_by, in_dispute)
+        self.accused = self.evidence(view, decided_by, wrong)
         self.count(view, vote)
-        resolver = self.fail_and_learn(view, resolver, wrong)
+        decided_by = self.fail_and_learn(view, decided_by, wrong)
         if self.level != level:
-            self.references.level_changed(resolver == "extremes" and self.split.settled(self.s) and self.level == 2)
+            self.references.level_changed(decided_by == "extremes" and self.split.settled(self.s) and self.level == 2)
         self.rise = 0.0 if self.vote is None else self.s.change(vote, self.vote)
         self.vote = vote
         self.smooth("vote", vote)
         states = [self.state(c, view, wrong) for c in range(self.s.channels)]
         high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.trend.bits)
         usable, common = self.references.trusted and reference is not None, self.references.common
-        return Frame(vote, states, self.level, self.split.pattern, resolver, (high, low), usable, common)
+        return Frame(vote, states, self.level, self.split.pattern, decided_by, (high, low), usable, common)
 
     @property
     def level(self) -> int:
@@ -229,32 +229,32 @@ class Oracle:
             limit = self.s.outlier_of(n)
         return abs(self.s.change(view.use[c], vote) - self.lasting.bias[c]) > (limit or self.s.within(n))
 
-    def fail(self, view: View, resolver: str, wrong: set[int]) -> None:
+    def fail(self, view: View, decided_by: str, wrong: set[int]) -> None:
         """Latch who has miscompared for long enough, and who is wrong in a singular pattern that has lasted."""
         late = {c for c in range(self.s.channels) if self.counts[c] >= self.s.persistence}
-        self.reached(f"last channel: failed by {resolver}", len(view.use) == 1 and set(view.use) <= late)
+        self.reached(f"last channel: failed by {decided_by}", len(view.use) == 1 and set(view.use) <= late)
         self.failed |= late
         if self.split.settled(self.s):
-            self.reached(f"{self.split.pattern} settled by {resolver}", wrong)
+            self.reached(f"{self.split.pattern} settled by {decided_by}", wrong)
             self.failed |= wrong
         elif self.singular and self.split.lasted >= self.s.singular_persistence:
             self.reached("an answer too young", wrong)
 
-    def fail_and_learn(self, view: View, resolver: str, wrong: set[int]) -> str:
+    def fail_and_learn(self, view: View, decided_by: str, wrong: set[int]) -> str:
         """Latch, those of small deviations too; what is summed begins again then, else biases move."""
         view.trusted = self.references.trusted  # as this frame left it
-        slow = self.lasting.summed(view) if resolver != "common" else set()
+        slow = self.lasting.summed(view) if decided_by != "common" else set()
         self.reached("slow", slow)
         self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
         self.failed |= slow
-        self.fail(view, resolver, wrong)
+        self.fail(view, decided_by, wrong)
         if self.split.given_up(self.s):
             self.reached("given up")
-            self.failed, resolver = set(range(self.s.channels)), "given_up"
+            self.failed, decided_by = set(range(self.s.channels)), "given_up"
         if not self.lasting.level_changed(self.failed):
             self.reached("bias learned", self.s.bias_bound and len(view.use) > 1 and view.pattern == "normal")
             self.lasting.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
-        return "slow" if slow else resolver
+        return "slow" if slow else decided_by
 
     # Section 2.
 
@@ -283,7 +283,7 @@ class Oracle:
     # Section 3: the vote.
 
     def decide(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
-        """Resolver, vote and who is wrong."""
+        """DecidedBy, vote and who is wrong."""
         n = len(view.x)
         if not n:
             return "none", self.vote if self.vote is not None else self.s.limited(0.0) or 0.0, set()
@@ -306,7 +306,7 @@ class Oracle:
         return disputed_by, reference, set()
 
     def resolve(self, view: View) -> tuple[str, float, set[int]]:
-        """The answer of the resolvers; without one the vote stays where it stood between two channels."""
+        """The answer of the tie-break rules; without one the vote stays where it stood between two channels."""
         answer = first_answer(view)
         self.reached(f"{view.pattern} by {answer[0] if answer else 'nobody'}")
         if answer is None:
@@ -316,23 +316,23 @@ class Oracle:
 
     # What references say: oracle_references.py.
 
-    def refer(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
+    def refer(self, view: View, vote: float, second: float | None, decided_by: str, in_dispute: bool) -> str:
         """Fail the pair of extremes, or all channels, for their references; return who decided then."""
         if self.references.cuts(view):
             self.failed |= set(view.use)
-            resolver = "reference"
+            decided_by = "reference"
         self.references.monitor(view)
         all_in_use = len(view.use) > 1 and set(view.use) == self.in_use
         if self.references.lost(view, vote, second, all_in_use and not self.readmitted, in_dispute):
             self.failed = set(range(self.s.channels))
             return "common"
-        return resolver
+        return decided_by
 
     # Boxes: oracle_boxes.py asks for every signal.
 
-    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
+    def evidence(self, view: View, decided_by: str, wrong: set[int]) -> set[int]:
         """The channels in use against which this frame speaks."""
         silent = self.in_use - set(view.use)
         if self.singular:
-            return silent | (wrong if resolver in ("ilm", "reference") else set())
+            return silent | (wrong if decided_by in ("ilm", "reference") else set())
         return silent | (view.lonely - self.failed)

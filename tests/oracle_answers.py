@@ -1,4 +1,4 @@
-"""The oracle's frame and its resolvers: sections 4 to 6 of the requirement, each as one plain function."""
+"""The oracle's frame and its tie-break rules: sections 4 to 6 of the requirement, each as one plain function."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Settings:
     singular_persistence: int = 10
     count_down: float = 0.0  # what an agreeing frame takes off a count; 0: all of it
     unresolved_frames: int = 0  # of a split that no rule answers, until it is given up; 0: never
-    resolvers: tuple[str, ...] = ("ilm", "lane", "reference", "trend", "extremes", "middle")
+    tie_break: tuple[str, ...] = ("ilm", "lane", "reference", "trend", "extremes", "middle")
     trend_frames: int = 8
     trend_small: float = -1.0  # changes up to which one frame is trend enough; below zero: none
     trend_tumbles: bool = False  # bytes begun again every trend_frames
@@ -226,7 +226,7 @@ def by_middle(view: View) -> Answer | None:
     return view.use[view.by_seen[1]], {view.by_seen[0], view.by_seen[2]}
 
 
-RESOLVERS: dict[str, Callable[[View], Answer | None]] = {
+TIE_BREAKS: dict[str, Callable[[View], Answer | None]] = {
     "ilm": by_ilm,
     "lane": by_lane,
     "reference": by_reference,
@@ -238,8 +238,8 @@ RESOLVERS: dict[str, Callable[[View], Answer | None]] = {
 
 def first_answer(view: View) -> tuple[str, float, set[int]] | None:
     """The first answer in the configured order, extremes and middle after all others."""
-    for name in sorted(view.s.resolvers, key=lambda name: name in LAST_ASKED):
-        answer = RESOLVERS[name](view)
+    for name in sorted(view.s.tie_break, key=lambda name: name in LAST_ASKED):
+        answer = TIE_BREAKS[name](view)
         if answer is not None:
             return (name, *answer)
     return None

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from oracle import Frame, Oracle
-from oracle_answers import RESOLVERS, Settings
+from oracle_answers import TIE_BREAKS, Settings
 
 SIGNALS = 6
 # Samples, in-line monitors, reference, second reference.
@@ -154,7 +154,7 @@ def some_settings(draw: random.Random, **more: Any) -> Settings:
     return Settings(
         persistence=draw.randint(1, 8),
         singular_persistence=draw.randint(1, 10),
-        resolvers=tuple(draw.sample(list(RESOLVERS), draw.choice([6, 6, 5, 3, 2]))),
+        tie_break=tuple(draw.sample(list(TIE_BREAKS), draw.choice([6, 6, 5, 3, 2]))),
         unresolved_frames=draw.choice([0, 0, 12]),
         referred=draw.random() < 0.3,
         channels=draw.choice([4, 4, 4, 3]),

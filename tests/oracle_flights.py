@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
-from oracle_answers import RESOLVERS, Settings
+from oracle_answers import TIE_BREAKS, Settings
 
 Pick = Callable[[Sequence[Any]], Any]
 
@@ -32,7 +32,7 @@ NOBODY_SAYS = [("absent",) * 4]
 MONITORS = [SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, ONE_SIDE, NOBODY_SAYS, NOBODY_SAYS]
 REFERENCES = [None, None, 0.0, 0.25, 3.0, -1.5, 1.5, 6.25]
 SECONDS = [*REFERENCES, 3.25, 2.5, -2.0]
-ORDERS = list(permutations(RESOLVERS))
+ORDERS = list(permutations(TIE_BREAKS))
 NOBODY = [()]
 ONE_OR_TWO = [c for n in (1, 2) for c in permutations(range(4), n)]
 ALL_BUT_ONE = [*permutations(range(4), 3), (0, 1, 2, 3)]
@@ -64,7 +64,7 @@ def some_settings(pick: Pick, turn: bool) -> Settings:
         threshold=1.0 + beside,
         persistence=pick(range(1, 8)),
         singular_persistence=pick(range(1, 7)),
-        resolvers=tuple(pick(ORDERS)[: pick([6, 6, 5, 4, 3, 2, 1, 0])]),
+        tie_break=tuple(pick(ORDERS)[: pick([6, 6, 5, 4, 3, 2, 1, 0])]),
         trend_frames=pick([1, 2, 3, 4, 8]),
         reference_threshold=pick([0.5, 1.0, 2.0]) + beside,
         second_threshold=pick([0.5, 1.0, 2.0]) + beside,
@@ -154,7 +154,7 @@ def at_the_stop(flight: Flight, pick: Pick) -> Flight:
 
 def left_by_extremes(flight: Flight, pick: Pick) -> Flight:
     """Four apart, of which two are left, that agree or not, and are in order or not; then the flight."""
-    s = replace(flight.settings, channels=4, threshold_duplex=pick([None, 2.0]), resolvers=("trend", "extremes"))
+    s = replace(flight.settings, channels=4, threshold_duplex=pick([None, 2.0]), tie_break=("trend", "extremes"))
     value, slopes = pick([0.0, 3.0]), pick([(0.0, 0.0), (0.125, -0.125), (-0.125, 0.125), (0.125, 0.125)])
     offsets = pick([(0.0, 1.75), (0.0, 2.25), (1.75, 0.0), (0.0, 5.0)])
     reference = pick([None, 0.0, 0.875, 6.25, -3.25, 3.5])
@@ -182,9 +182,9 @@ def before_the(flight: Flight, first: Flight) -> Flight:
 def held(flight: Flight, pick: Pick) -> Flight:
     """A split that is answered in few frames, with samples missing in single ones and channels that jump; then the
     flight."""
-    resolvers = pick([("ilm",), ("reference",), ("ilm", "reference")])
+    tie_break = pick([("ilm",), ("reference",), ("ilm", "reference")])
     waits = {"singular_persistence": pick([4, 6, 10]), "unresolved_frames": pick([0, 6, 12, 20])}
-    s = replace(flight.settings, resolvers=resolvers, **waits)
+    s = replace(flight.settings, tie_break=tie_break, **waits)
     calm, frames = pick([1, 3]), pick([8, 14, 24])
     offsets = pick(pick([SPLIT, APART]) if s.channels == 4 else APART)
     value, slope = pick([0.0, 3.0]), pick([0.0, 0.125])

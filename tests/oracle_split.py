@@ -35,20 +35,20 @@ class Split:
         """Whether the pattern has no majority."""
         return ":" in self.pattern
 
-    def hear(self, resolver: str, wrong: set[int], s: Settings) -> None:
+    def hear(self, decided_by: str, wrong: set[int], s: Settings) -> None:
         """The frame's answer: it has stood for one frame more, or begins to."""
-        held, over = resolver == "unresolved", self.whole and not self.singular
+        held, over = decided_by == "unresolved", self.whole and not self.singular
         self.basis = held or over
         if over:
             self.open, self.ranked = 0, frozenset()
         if self.closed:
             return
-        answer = (resolver, frozenset(wrong)) if self.singular else None
+        answer = (decided_by, frozenset(wrong)) if self.singular else None
         if answer is not None and answer == self.answer:
             self.stood += 1
         else:
             covered = min(self.silent, self.lasted - 1, s.trend_frames - 1)
-            self.stood = 1 + (covered if resolver == "trend" else 0)
+            self.stood = 1 + (covered if decided_by == "trend" else 0)
         self.answer = answer
         self.silent = self.silent + 1 if held else 0
         if held:

@@ -130,7 +130,7 @@ def test_campaign_titles_are_text(tmp_path: Path, capsys: pytest.CaptureFixture[
     rate = {"value": None, "of": 0}
     head = dict.fromkeys(("detection", "right_isolation", "wrong_isolation", "survival", "false_alarms"), rate)
     counts = dict.fromkeys(("faults", "not_executed", "undetectable"), 0)
-    empty = {"resolvers": [], "servos": [], "requirements": []}
+    empty = {"tie_break": [], "servos": [], "requirements": []}
     show.report(
         {"title": MARKUP + ACTS, "headline": {"done": 1, **counts, **head}, "runs": 1, **empty}, tmp_path / "[/x]"
     )

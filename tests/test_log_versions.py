@@ -3,7 +3,8 @@
 tests/logs/flight_schema_2.mcap: the default scenario, seed 3, 0.6 s, the hardover at 0.2 s, flown by version 0.1.0;
 vote_schema_2.mcap: its pitch rate through ``rig vote`` of that version, threshold 0.05.
 flight_schema_4.mcap: the same flight for 0.4 s, by the last version that wrote a chunk frame by frame;
-flight_schema_5.mcap: the default scenario, seed 3, 0.4 s, by the last version without the resolvers lane and given_up.
+flight_schema_5.mcap: the default scenario, seed 3, 0.4 s, by the last version without the tie-break rules lane and
+given_up.
 """
 
 import json
@@ -90,7 +91,7 @@ def test_it_is_replayed_to_the_same_votes():
     recording = recorded(FLOWN)
     rows = read_log(FLOWN).rows
     again = vote_again(rows, recording.scenario)
-    for name in ("voted", "state", "level", "pattern", "resolver", "trend_high", "source", "discrete_voted"):
+    for name in ("voted", "state", "level", "pattern", "decided_by", "trend_high", "source", "discrete_voted"):
         assert np.array_equal(again[name], rows[name]), name
     assert again["state"][-1, INDEX["pitch_rate"], 2] == State.FAILED
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from rig.computer.redundancy.manager_config import SignalConfig
-from rig.core.frame import Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Pattern, State
 
 RATE_HZ = 100.0  # of vote_samples
 RNG = np.random.default_rng(5)
@@ -84,7 +84,7 @@ def test_a_mean_below_the_noise_is_found_by_its_sum_in_the_time_of_page():
     # 0.10 less 0.05 sums up to 0.5 in 10 s.
     assert out.failed_at()[1] == pytest.approx(1000 + 0.5 / 0.05 * RATE_HZ, rel=0.05)
     k = int(np.argmax(out.state[:, 1] == State.FAILED))
-    assert out.resolver[k] == Resolver.SLOW and [out.failed_at()[c] for c in (0, 2, 3)] == [None] * 3
+    assert out.decided_by[k] == DecidedBy.SLOW and [out.failed_at()[c] for c in (0, 2, 3)] == [None] * 3
 
 
 @pytest.mark.parametrize("offsets", [(0.2, 0.2, 0.0, 0.0), (0.0, 0.3, 0.3, 0.0)])
@@ -151,7 +151,7 @@ def test_halves_that_the_bias_alone_tells_apart_are_not_settled_by_the_reference
     samples = np.concatenate([np.tile(size * sides, (frames, 1)) for size, frames in ((0.07, 300), (0.1, 1000))])
     samples = np.concatenate([samples, np.tile(pair * sides, (30, 1))])
     reference = np.where(np.arange(len(samples)) < 1300, 0.0, 0.03)
-    learning = {"threshold": 0.15, "bias_bound": 0.12, "bias_s": 1.0, "resolvers": ["reference"]}
+    learning = {"threshold": 0.15, "bias_bound": 0.12, "bias_s": 1.0, "tie_break": ["reference"]}
     out = vote(samples, **learning, reference=reference)
     assert out.pattern[1299] == Pattern.NORMAL and (out.pattern[1300:1310] == Pattern.P2_2).all()
     assert out.failed_at() == failed

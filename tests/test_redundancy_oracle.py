@@ -32,7 +32,7 @@ from oracle_flights import (
 
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
-from rig.core.frame import Ilm, Pattern, Resolver, State, new_block
+from rig.core.frame import DecidedBy, Ilm, Pattern, State, new_block
 
 FLAGS = {"bad": int(Ilm.BAD), "good": int(Ilm.GOOD), "absent": int(Ilm.ABSENT)}
 
@@ -57,7 +57,7 @@ def run(flight: Flight) -> Voted:
         threshold=s.threshold,
         persistence=s.persistence,
         singular_persistence=s.singular_persistence,
-        resolvers=list(s.resolvers),
+        tie_break=list(s.tie_break),
         count_down=s.count_down or None,
         trend_frames=s.trend_frames,
         trend_small=None if s.trend_small < 0 or s.trend_tumbles else s.trend_small,
@@ -113,7 +113,7 @@ def near(vote: float, wanted: float) -> bool:
 
 
 STATES, PATTERNS = [x.name.lower() for x in State], [x.label for x in Pattern]
-RESOLVERS = [x.name.lower() for x in Resolver]
+TIE_BREAKS = [x.name.lower() for x in DecidedBy]
 
 
 def decision(out: Voted, k: int, channels: int, voted: float) -> Frame:
@@ -123,7 +123,7 @@ def decision(out: Voted, k: int, channels: int, voted: float) -> Frame:
         [STATES[x] for x in out.state[k, :channels].tolist()],
         int(out.level[k]),
         PATTERNS[out.pattern[k]],
-        RESOLVERS[out.resolver[k]],
+        TIE_BREAKS[out.decided_by[k]],
         (int(out.trend_high[k]), int(out.trend_low[k])),
         bool(out.reference_usable[k]),
         bool(out.common_mode[k]),
@@ -223,7 +223,7 @@ def run_boxes(flight: BoxFlight) -> list[Voted]:
     params = np.zeros(SIGNALS, PARAMS)
     for record, s in zip(params, flight.settings, strict=True):
         given = {key: getattr(s, key) for key in ("threshold", "persistence", "singular_persistence")}
-        config = SignalConfig.model_validate({**given, "resolvers": list(s.resolvers)})
+        config = SignalConfig.model_validate({**given, "tie_break": list(s.tie_break)})
         fill(record, config, (-1000.0, 1000.0), s.channels, False, 100.0)
         for name in OF_FLIGHTS:
             record[name] = getattr(s, name)

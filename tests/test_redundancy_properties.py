@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from rig.computer.redundancy.managers import MANAGERS, manager_kind
-from rig.core.frame import Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Pattern, State
 from rig.core.units.angles import difference
 from rig.core.units.constants import TWO_PI
 
@@ -121,7 +121,7 @@ def test_the_vote_is_finite_and_within_the_comparable_samples(samples, valid, ma
     for k in range(len(samples)):
         failed = out.state[k - 1] == State.FAILED if latches and k else np.zeros(4, bool)
         use = samples[k][~failed & (valid[k] == 1) & (samples[k] >= low) & (samples[k] <= high)]
-        if len(use) == 0 or out.resolver[k] == Resolver.UNRESOLVED or fade_s:
+        if len(use) == 0 or out.decided_by[k] == DecidedBy.UNRESOLVED or fade_s:
             continue
         if wraps:
             off = np.array([difference(x, out.voted[k], True) for x in use])

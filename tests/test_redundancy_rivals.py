@@ -14,7 +14,7 @@ from rig.bench.vote_rows import vote
 from rig.computer.redundancy.manager_config import PARAMS
 from rig.computer.redundancy.managers import KINDS, RIVALS, Manager, manager_kind, with_settings
 from rig.computer.redundancy.rivals.rival_settings import RIVAL_PARAMS, Rivals, extended
-from rig.core.frame import Resolver, State
+from rig.core.frame import DecidedBy, State
 from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.vote_config import VoteConfig
 
@@ -109,8 +109,8 @@ def test_an_even_split_that_nothing_settles_holds_or_guesses(rival: str, split: 
     channels = int(np.isfinite(split).sum())
     samples = np.vstack([np.where(np.isnan(split), np.nan, constant(0, 0, 0, 0)), constant(*split, frames=100)])
     held, guessed = (flown(samples, rival, {"ties": ties}, channels=channels) for ties in ("hold", "guess"))
-    assert held.failed_at() == [None] * 4 and held.resolver[-1] == Resolver.UNRESOLVED
-    begun = int(np.argmax(held.resolver == Resolver.UNRESOLVED))
+    assert held.failed_at() == [None] * 4 and held.decided_by[-1] == DecidedBy.UNRESOLVED
+    begun = int(np.argmax(held.decided_by == DecidedBy.UNRESOLVED))
     assert (held.voted[begun:] == held.voted[begun - 1]).all()
     assert (guessed.state[-1] == State.FAILED).sum() >= 1
 

@@ -369,7 +369,7 @@ def test_decisions_that_move_are_joined_over_frames_in_a_row():
 
 def test_every_decision_can_move():
     """Each u1 field of the frame that the manager or the control law decides, one by one."""
-    decided = {"state", "level", "pattern", "resolver", "reference_usable", "source"}
+    decided = {"state", "level", "pattern", "decided_by", "reference_usable", "source"}
     decided |= {"discrete_state", "discrete_level", "discrete_voted"}
     for name in decided:
         old, new = new_block(2), new_block(2)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.core.frame import INDEX, End, Pattern, Resolver, State
+from rig.core.frame import INDEX, DecidedBy, End, Pattern, State
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
 
@@ -20,7 +20,7 @@ class Outcome:
 
     name: str
     patterns: tuple[str, ...]
-    resolvers: tuple[str, ...]  # of the failures, in order of time
+    tie_break: tuple[str, ...]  # of the failures, in order of time
     failed: tuple[int, ...]
     faulty: tuple[int, ...]
     frames: int | None  # from the first singular frame to the last failure
@@ -37,7 +37,7 @@ class Outcome:
     def row(self) -> str:
         """The line of docs/measured/patterns.md."""
         took = "" if self.frames is None else str(self.frames)
-        who = ", ".join(self.resolvers) or "nobody"
+        who = ", ".join(self.tie_break) or "nobody"
         cells = (f"`{self.name}`", ", ".join(self.patterns), who, self.verdict, took, f"{self.vote_error:.3f}")
         return f"| {' | '.join(cells)} | {'yes' if self.survived else 'no'} |"
 
@@ -55,7 +55,7 @@ def fly(name: str) -> Outcome:
     return Outcome(
         name=name,
         patterns=tuple(dict.fromkeys(Pattern(p).label for p in pattern if Pattern(p).is_singular)),
-        resolvers=tuple(dict.fromkeys(Resolver(rows["resolver"][k, s]).name.lower() for k in moments)),
+        tie_break=tuple(dict.fromkeys(DecidedBy(rows["decided_by"][k, s]).name.lower() for k in moments)),
         failed=tuple(sorted(at)),
         faulty=tuple(sorted(corrupted)),
         frames=moments[-1] - int(singular[0]) + 1 if moments else None,
@@ -78,7 +78,7 @@ def test_a_flight_without_a_majority_ends_as_the_page_says(name: str):
     outcome = fly(name)
     assert outcome.survived and outcome.patterns
     if name in CERTAIN:
-        assert (outcome.resolvers, outcome.verdict) == CERTAIN[name]
+        assert (outcome.tie_break, outcome.verdict) == CERTAIN[name]
     assert outcome.row() in PAGE.read_text()
 
 

@@ -96,7 +96,7 @@ def test_two_against_two_are_settled_exactly_when_the_middle_gap_exceeds_the_thr
             np.full(200, -10.0),
         )  # below both: the lower is right
         most = float(series.max())
-        settings: dict[str, Any] = {"persistence": 250, "singular_persistence": frames, "resolvers": ["reference"]}
+        settings: dict[str, Any] = {"persistence": 250, "singular_persistence": frames, "tie_break": ["reference"]}
         assert first_failure(pair, far, threshold=most, **settings) is None
         assert first_failure(pair, far, threshold=below(most), **settings) == int(np.argmax(series >= most))
 
@@ -105,7 +105,7 @@ def test_two_channels_are_settled_exactly_when_their_distance_exceeds_the_thresh
     samples = one_off(3, count=2)
     series = exceeded(samples, Monitored((0, 1), 8, 6))
     most, far = float(series.max()), samples[0] - 100.0 * np.sign(samples[1] - samples[0])
-    settings: dict[str, Any] = {"persistence": 350, "singular_persistence": 6, "resolvers": ["reference"]}
+    settings: dict[str, Any] = {"persistence": 350, "singular_persistence": 6, "tie_break": ["reference"]}
     assert first_failure(samples, far, threshold=most, **settings) is None
     assert first_failure(samples, far, threshold=below(most), **settings) == int(np.argmax(series >= most))
 

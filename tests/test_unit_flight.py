@@ -389,6 +389,6 @@ def test_the_monitor_in_c_is_told_what_lasts_and_flies_the_bits_of_ours(tmp_path
         fly(tmp_path, tested, *sets) for tested, sets in ((None, keys), (unit(tmp_path, "monitor"), keys), (None, []))
     ]
     ours, theirs, off = (
-        [flight.rows[field].tobytes() for field in ("state", "resolver", "voted")] for flight in flights
+        [flight.rows[field].tobytes() for field in ("state", "decided_by", "voted")] for flight in flights
     )
     assert ours == theirs != off

@@ -19,20 +19,20 @@ from unit_files import compiled, needs_a_compiler, written
 from rig.bench.unit_check import check, long_cases, our_answers
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
 from rig.computer.redundancy.manager_config import told
-from rig.core.frame import CHANNELS, Block, D, Ilm, Pattern, Resolver, S, State
+from rig.core.frame import CHANNELS, Block, D, DecidedBy, Ilm, Pattern, S, State
 from rig.unit.unit_records import ANSWERS
 from rig.unit.vectors import VOTES_WITHIN, differences
 
 assert objects  # the fixture
 PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
-STATES, RESOLVERS, ILM = (
+STATES, TIE_BREAKS, ILM = (
     {state.name.lower(): int(state) for state in State},
-    {resolver.name.lower(): int(resolver) for resolver in Resolver},
+    {decided_by.name.lower(): int(decided_by) for decided_by in DecidedBy},
     {int(ilm): ilm.name.lower() for ilm in Ilm},
 )
 GIVEN = ("channels", "valid", "ilm", "reference", "second_reference", "reset")
 FLAGS = ("trend_high", "trend_low", "reference_usable", "common_mode")
-ANSWERED = ("voted", "state", "level", "pattern", "resolver", *FLAGS)
+ANSWERED = ("voted", "state", "level", "pattern", "decided_by", *FLAGS)
 
 
 def settings(row: NDArray[Any], lasting: NDArray[Any], rules: NDArray[Any]) -> Settings:
@@ -52,7 +52,7 @@ def settings(row: NDArray[Any], lasting: NDArray[Any], rules: NDArray[Any]) -> S
         filter_share=float(row["filter_gain"]),
         common_persistence=int(row["common_persistence"]),
         common_fails=bool(row["common_fails"]),
-        resolvers=tuple(Resolver(one).name.lower() for one in row["resolvers"] if one),
+        tie_break=tuple(DecidedBy(one).name.lower() for one in row["tie_break"] if one),
         channels=int(row["fitted"]),
         turn=2 * np.pi if row["wraps"] else 0.0,
         weighted=bool(row["weighted"]),
@@ -111,7 +111,7 @@ def wrong(config: NDArray[Any], inputs: NDArray[Any], rows: Block) -> dict[int, 
         for i, one in enumerate(oracles):
             frame, said = say(one, [column[i] for column in asked], bool(one.s.sources & disputed))
             states = [STATES[name] for name in frame.states] + [STATES["absent"]] * (CHANNELS - one.s.channels)
-            patterns = [frame.level, PATTERNS[frame.pattern], RESOLVERS[frame.resolver]]
+            patterns = [frame.level, PATTERNS[frame.pattern], TIE_BREAKS[frame.decided_by]]
             voted, *ours = (column[i] for column in answered)
             theirs = [states, *patterns, *frame.trend, frame.usable, frame.common]
             if ours != theirs or not abs(voted - said) <= within[i]:

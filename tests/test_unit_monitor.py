@@ -8,7 +8,7 @@ import pytest
 from unit_files import COMPILER, Library, config, differing, inputs, library
 from unit_rows import HUGE, random_discretes, random_params, random_rows, vote
 
-from rig.core.frame import INDEX, Block, Ilm, Law, Pattern, Resolver, State
+from rig.core.frame import INDEX, Block, DecidedBy, Ilm, Law, Pattern, State
 from rig.flight.loop import fly_rows, redundancy
 from rig.scenario import scenario
 from rig.unit.session import box_rule, settings_of
@@ -63,14 +63,19 @@ def test_random_rows_are_voted_to_the_same_bits_and_reach_every_state_and_readmi
     for flight in range(8 * RANDOM_FLIGHTS):
         record, rows = random_flight(divmod(flight, RANDOM_FLIGHTS))
         assert differing(monitor.fly(record, rows), rows) == {}, flight
-        for name, enum in (("pattern", Pattern), ("resolver", Resolver), ("state", State), ("discrete_state", State)):
+        for name, enum in (
+            ("pattern", Pattern),
+            ("decided_by", DecidedBy),
+            ("state", State),
+            ("discrete_state", State),
+        ):
             values, counts = np.unique(rows[name], return_counts=True)
             seen.update({(name, enum(value)): int(count) for value, count in zip(values, counts, strict=True)})
         seen["common mode"] += int(rows["common_mode"].sum())
         for name, found in (("level", "readmitted"), ("discrete_level", "discrete readmitted")):
             seen[found] += int((np.diff(rows[name].astype(int), axis=0) > 0).sum())
-    expected = [("pattern", one) for one in Pattern] + [("resolver", one) for one in members(Resolver)]
-    expected.remove(("resolver", Resolver.LANE))  # a unit has no lanes to ask
+    expected = [("pattern", one) for one in Pattern] + [("decided_by", one) for one in members(DecidedBy)]
+    expected.remove(("decided_by", DecidedBy.LANE))  # a unit has no lanes to ask
     expected += [(name, one) for name in ("state", "discrete_state") for one in State]
     counts = {one: seen[one] for one in (*expected, "common mode", "readmitted", "discrete readmitted")}
     assert min(counts.values()) >= 10, counts
@@ -117,12 +122,12 @@ def quiet(frames: int) -> tuple[np.ndarray, Block]:
 
 def test_a_monitor_that_is_absent_does_not_say_bad(monitor: Library):
     record, rows = quiet(20)
-    record["signal"][0, 0]["resolvers"] = [Resolver.ILM, 0, 0, 0, 0]
+    record["signal"][0, 0]["tie_break"] = [DecidedBy.ILM, 0, 0, 0, 0]
     rows["channels"][:, 0] = [0.0, 0.0, 1.0, 1.0]
     rows["ilm"][:, 0] = [Ilm.GOOD, Ilm.GOOD, Ilm.ABSENT, Ilm.ABSENT]
     rows["discrete_channels"] = 1
     out = monitor.fly(record, rows)
-    assert set(out["resolver"][:, 0]) == {Resolver.UNRESOLVED}
+    assert set(out["decided_by"][:, 0]) == {DecidedBy.UNRESOLVED}
     assert (out["discrete_voted"] == 1).all()
 
 

@@ -85,7 +85,7 @@ def sources(version: int, *names: str) -> list[Path]:
 
 
 def monitor(version: int) -> tuple[str, ...]:
-    names = ("monitor.c", "compare.c", "trend.c", "resolvers.c", "references.c", "persistence.c", "boxes.c")
+    names = ("monitor.c", "compare.c", "trend.c", "tie_break.c", "references.c", "persistence.c", "boxes.c")
     return (*names, "discretes.c", *OFF[version])
 
 

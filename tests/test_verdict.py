@@ -32,7 +32,7 @@ def places(found: Score) -> list[tuple[str, int | None, str]]:
 
 
 def failed(found: list) -> list[tuple[str, int, int, str]]:
-    return [(each.signal, each.channel, each.frame, each.resolver) for each in found]
+    return [(each.signal, each.channel, each.frame, each.decided_by) for each in found]
 
 
 def test_a_hardover_is_detected_at_its_eighth_frame():
@@ -40,7 +40,7 @@ def test_a_hardover_is_detected_at_its_eighth_frame():
     (fault,) = found.faults
     assert frames_of(fault) == (2000, 2000, 2000 + PERSISTENCE - 1)
     assert (fault.id, fault.signal, fault.channel) == ("hardover pitch_rate.3", "pitch_rate", 3)
-    assert (fault.kind, fault.outcome, fault.resolver) == ("hardover", "detected", "comparison")
+    assert (fault.kind, fault.outcome, fault.decided_by) == ("hardover", "detected", "comparison")
     assert (fault.delay_from_onset_frames, fault.delay_from_exceeded_frames) == (7, 7)
     assert fault.exceeded_run_frames == 500 and not fault.tolerated
     assert fault.peak_error == pytest.approx(1.5, abs=0.01)  # to the end of the range from nearly nothing
@@ -84,12 +84,12 @@ def test_a_channel_after_the_other_is_lost_until_none_is_left():
 def test_in_line_monitors_settle_a_split_rightly():
     found = scored("f16_singular_2_2_ilm", "duration_s=12")
     assert [frames_of(fault) for fault in found.faults] == [(1000, 1000, 1000 + SINGULAR - 1)] * 2
-    assert {fault.resolver for fault in found.faults} == {"ilm"}
+    assert {fault.decided_by for fault in found.faults} == {"ilm"}
     (episode,) = found.episodes
     assert (episode.pattern, episode.first_frame, episode.frames) == ("2:2", 1000, SINGULAR)
-    assert (episode.resolver, episode.failed, episode.verdict, episode.asked) == ("ilm", (3, 4), "right", ("ilm",))
-    assert (found.resolvers["ilm"].answered, found.resolvers["ilm"].right, found.resolvers["ilm"].wrong) == (1, 1, 0)
-    assert found.resolvers_by_pattern["2:2"]["ilm"].right == 1
+    assert (episode.decided_by, episode.failed, episode.verdict, episode.asked) == ("ilm", (3, 4), "right", ("ilm",))
+    assert (found.tie_break["ilm"].answered, found.tie_break["ilm"].right, found.tie_break["ilm"].wrong) == (1, 1, 0)
+    assert found.tie_break_by_pattern["2:2"]["ilm"].right == 1
 
 
 def test_in_line_monitors_that_lie_make_a_wrong_isolation():
@@ -102,7 +102,7 @@ def test_in_line_monitors_that_lie_make_a_wrong_isolation():
         ("pitch_rate", 1, "undetectable"),  # the lie itself spoils no sample
         ("pitch_rate", 2, "undetectable"),
     ]
-    assert (found.resolvers["ilm"].right, found.resolvers["ilm"].wrong, found.unresolved) == (0, 1, 0)
+    assert (found.tie_break["ilm"].right, found.tie_break["ilm"].wrong, found.unresolved) == (0, 1, 0)
     # From the frame of the split to the end the vote is that of the wrong pair: an offset of 0.15 rad/s.
     error = found.vote_error["pitch_rate"]
     assert error.above_threshold_s == error.above_threshold_after_onset_s == 2.0
@@ -116,16 +116,16 @@ def test_the_trend_alone_fails_the_good_pair_of_a_common_offset():
         ("normal_load_factor", 2, 1026, "trend"),
     ]
     assert [fault.outcome for fault in found.faults] == ["missed", "missed"]
-    assert (found.resolvers["trend"].asked, found.resolvers["trend"].wrong) == (1, 1)
+    assert (found.tie_break["trend"].asked, found.tie_break["trend"].wrong) == (1, 1)
     (split,) = (e for e in found.episodes if e.signal == "normal_load_factor")
-    assert split.asked == ("trend",)  # no other is among its resolvers
+    assert split.asked == ("trend",)  # no other is among its tie-break rules
 
 
 def test_extremes_and_reference_settle_four_ways_apart():
     wide = "redundancy.references.pitch_rate=angle_of_attack"  # by the default one a single sample is near
     found = scored("f16_singular_1_1_1_1", "duration_s=12", wide)
     by_channel = {fault.channel: fault for fault in found.faults}
-    assert {c: fault.resolver for c, fault in by_channel.items()} == {2: "reference", 3: "extremes", 4: "extremes"}
+    assert {c: fault.decided_by for c, fault in by_channel.items()} == {2: "reference", 3: "extremes", 4: "extremes"}
     assert by_channel[3].failed_frame == by_channel[4].failed_frame == 1009
     assert [(e.pattern, e.verdict) for e in found.episodes] == [("1:1:1:1", "right"), ("1:1", "right")]
     assert found.episodes[1].first_frame == 1010

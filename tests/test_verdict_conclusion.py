@@ -106,7 +106,7 @@ def test_a_drift_that_keeps_a_partner_is_explained_by_the_partner():
 
 def test_two_alike_that_are_not_found_name_each_other():
     """Two channels of four agree on a wrong value, nobody answers: each has the other as its partner."""
-    told = said([offset([3, 4], 0.2, 0.2)], 'redundancy.signals.pitch_rate.resolvers=["trend"]', frames=28)
+    told = said([offset([3, 4], 0.2, 0.2)], 'redundancy.signals.pitch_rate.tie_break=["trend"]', frames=28)
     assert "and stayed within 0 deg/s of channel 4" in told[0] and "of channel 3" in told[1]
 
 
@@ -134,7 +134,7 @@ def test_a_channel_that_a_unit_fails_is_told_without_a_count():
 
 
 def test_channels_that_fare_alike_share_a_sentence():
-    told = said([offset([3, 4], 0.2, 0.2)], 'redundancy.signals.pitch_rate.resolvers=["ilm"]')
+    told = said([offset([3, 4], 0.2, 0.2)], 'redundancy.signals.pitch_rate.tie_break=["ilm"]')
     assert len(said([offset([3], 0.2, 0.2)])) == 2
     faults = {"kind": "inverted", "signal": "gear_down", "channels": [1, 2], "start_s": 0.2}
     assert said([faults])[0].startswith("gear_down channels 1 and 2 had a fault (inverted) from 0.20 s on")
@@ -143,7 +143,7 @@ def test_channels_that_fare_alike_share_a_sentence():
 
 @pytest.mark.parametrize("source", ["none", "attitude"])
 def test_a_pattern_says_who_was_asked_and_what_each_answered(source):
-    order = 'redundancy.signals.pitch_rate.resolvers=["ilm","reference","trend"]'
+    order = 'redundancy.signals.pitch_rate.tie_break=["ilm","reference","trend"]'
     told = said([offset([3, 4], 0.2, 0.2)], order, f"redundancy.references.pitch_rate={source}")
     (pattern,) = (line for line in told if "no majority" in line)
     who, begins = ("trend", "reference: no answer (there is none); trend: answered (neither half rose for 8 frames")

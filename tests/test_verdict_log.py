@@ -45,7 +45,7 @@ def test_json_is_one_object_with_the_keys_of_the_page(flight: Flight):
     out = run(str(flight.log), "--json")
     assert out.exit_code == 0, out.output
     found = json.loads(out.stdout)
-    keys = {"faults", "false_alarms", "wrong_isolations", "resolvers", "vote_error", "flight", "coverage"}
+    keys = {"faults", "false_alarms", "wrong_isolations", "tie_break", "vote_error", "flight", "coverage"}
     assert keys <= set(found)
     (fault,) = found["faults"]
     wanted = {"id", "signal", "channel", "kind", "onset_frame", "exceeded_frame", "failed_frame", "outcome"}

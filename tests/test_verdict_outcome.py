@@ -44,7 +44,7 @@ def test_one_kernel_decides_what_became_of_a_fault():
         )
     }
     words = re.compile(r'"(detected|undetectable|right|known loss)" if ')
-    assert [path.name for path in RIG.rglob("*.py") if words.search(path.read_text())] == ["patterns.py"]  # a resolver
+    assert [path.name for path in RIG.rglob("*.py") if words.search(path.read_text())] == ["patterns.py"]  # a rule
 
 
 def test_every_word_has_its_public_names():

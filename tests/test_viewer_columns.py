@@ -21,9 +21,9 @@ from rig.core.frame import (
     SURFACES,
     TIMING,
     Block,
+    DecidedBy,
     Ilm,
     Pattern,
-    Resolver,
     State,
     Table,
     new_block,
@@ -351,10 +351,10 @@ def test_a_code_that_its_enum_does_not_know_is_shown_without_a_name() -> None:
     assert shown == [{"name": Pattern.NORMAL.name, "value": 0}, {"name": None, "value": 200}]
 
 
-@pytest.mark.parametrize(("source", "enum"), [("resolver", Resolver), ("ilm_1", Ilm), ("st_1", State)])
+@pytest.mark.parametrize(("source", "enum"), [("decided_by", DecidedBy), ("ilm_1", Ilm), ("st_1", State)])
 def test_enums_are_shown_by_name(source: str, enum: Any) -> None:
     rows = new_block(len(enum))
-    for field in ("resolver", "ilm", "state"):
+    for field in ("decided_by", "ilm", "state"):
         rows[field].T[:] = np.arange(len(enum))
     shown = struct(rows, TOPICS_OF_ROWS[0]).field(source).to_pylist()
     assert shown == [{"name": member.name, "value": member.value} for member in enum]

@@ -62,7 +62,7 @@ def random_params(draw: Generator) -> NDArray[Any]:
     _give_rules(draw, params)
     for row in params:
         chosen = draw.permutation(5)[: draw.integers(0, 6)] + 1
-        row["resolvers"][: len(chosen)] = chosen
+        row["tie_break"][: len(chosen)] = chosen
     return params
 
 

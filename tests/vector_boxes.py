@@ -23,14 +23,14 @@ POOL = 1200  # random flights that a case chooses from
 class TrendAccuses(Oracle):
     """Another rule, for a choice of flights: whoever is blamed without a majority is accused by trend and rank too."""
 
-    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
-        return super().evidence(view, "ilm" if resolver in ("trend", "extremes", "middle") else resolver, wrong)
+    def evidence(self, view: View, decided_by: str, wrong: set[int]) -> set[int]:
+        return super().evidence(view, "ilm" if decided_by in ("trend", "extremes", "middle") else decided_by, wrong)
 
 
 class NobodyAccuses(Oracle):
     """And another one: nobody who is blamed without a majority is accused."""
 
-    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
+    def evidence(self, view: View, decided_by: str, wrong: set[int]) -> set[int]:
         return super().evidence(view, "trend", wrong)
 
 
@@ -93,7 +93,7 @@ def fly(
     answers, everywhere = [], False
     for rows in flight.frames:
         answers.append(oracle.step(rows))
-        failed = any(frame.resolver == "box" for frame in answers[-1])
+        failed = any(frame.decided_by == "box" for frame in answers[-1])
         accusing = sum(bool(signal.accused) for signal in oracle.signals)
         everywhere = everywhere or (failed and accusing > S - 3)
     return Common(flight, oracle, answers, everywhere)
@@ -126,7 +126,7 @@ def to_all_signals(flight: BoxFlight, draw: Random) -> BoxFlight:
 
 def untold(s: Settings) -> Settings:
     """Without lanes, of which a unit is not told."""
-    return replace(s, resolvers=tuple(name for name in s.resolvers if name != "lane"))
+    return replace(s, tie_break=tuple(name for name in s.tie_break if name != "lane"))
 
 
 def others(rows: Sequence[Row], settings: Sequence[Settings], healthy: bool) -> list[Row]:

@@ -72,7 +72,7 @@ class Flown:
     def settings(self) -> Settings:
         """Those of the flight, within the sensor's range and without lanes, of which a unit is not told."""
         s = self.flight.settings
-        return replace(s, low=self.low, high=self.high, resolvers=tuple(name for name in s.resolvers if name != "lane"))
+        return replace(s, low=self.low, high=self.high, tie_break=tuple(name for name in s.tie_break if name != "lane"))
 
     @cached_property
     def answers(self) -> list[Frame]:
@@ -221,7 +221,7 @@ def split_in_trends(seed: int) -> Flown:
         threshold_duplex=2.0,
         trend_frames=draw.choice([1, 2, 3]),
         singular_persistence=draw.choice([4, 9, 30]),
-        resolvers=tuple(draw.sample(["ilm", "trend"], 2)),
+        tie_break=tuple(draw.sample(["ilm", "trend"], 2)),
         weighted=True,
         channels=draw.choice([4, 4, 2]),
     )

@@ -15,7 +15,7 @@ from vector_flights import FRAMES, Flown, FlownDiscrete
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.manager_config import PARAMS, told
-from rig.core.frame import CHANNELS, SURFACES, D, Ilm, Pattern, Resolver, S, State
+from rig.core.frame import CHANNELS, SURFACES, D, DecidedBy, Ilm, Pattern, S, State
 from rig.unit.session import configuration
 from rig.unit.unit_records import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Form, Kind, Said, blank
 from rig.unit.vectors import Case
@@ -127,7 +127,7 @@ def configure(row: Any, flown: Flown) -> None:
     row["low"], row["high"], row["readmit_frames"] = flown.low, flown.high, flown.readmit_frames
     row["deviation"], row["deviation_frames"] = 2.5 * s.threshold, 5.0 * s.threshold * RATE_HZ
     row["fitted"], row["wraps"] = s.channels, s.turn > 0
-    row["resolvers"][: len(s.resolvers)] = [Resolver[name.upper()] for name in s.resolvers]
+    row["tie_break"][: len(s.tie_break)] = [DecidedBy[name.upper()] for name in s.tie_break]
 
 
 def expect(expected: NDArray[Any], i: int, flown: Flown, answers: Sequence[Frame]) -> None:
@@ -136,9 +136,9 @@ def expect(expected: NDArray[Any], i: int, flown: Flown, answers: Sequence[Frame
     for k, frame in enumerate(answers):
         expected["voted"][k, i], expected["level"][k, i] = frame.voted, frame.level
         expected["state"][k, i] = [State[name.upper()] for name in frame.states + unfitted]
-        expected["pattern"][k, i], expected["resolver"][k, i] = (
+        expected["pattern"][k, i], expected["decided_by"][k, i] = (
             PATTERNS[frame.pattern],
-            Resolver[frame.resolver.upper()],
+            DecidedBy[frame.decided_by.upper()],
         )
         expected["trend_high"][k, i], expected["trend_low"][k, i] = frame.trend
         expected["reference_usable"][k, i], expected["common_mode"][k, i] = frame.usable, frame.common

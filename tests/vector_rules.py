@@ -97,11 +97,11 @@ class StaysSuspected(ResettableOracle):
 class CutAgrees(ResettableOracle):
     """The pair of a frame that has cut it still agrees, against two references."""
 
-    def refer(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
+    def refer(self, view: View, vote: float, second: float | None, decided_by: str, in_dispute: bool) -> str:
         out = set(self.failed)
         if not self.references.cuts(view):
             self.references.pair_off -= self.references.pair_off > 0  # it is asked again
-            return super().refer(view, vote, second, resolver, in_dispute)
+            return super().refer(view, vote, second, decided_by, in_dispute)
         all_in_use = len(view.use) > 1 and set(view.use) == self.in_use and not self.readmitted
         lost = self.references.lost(view, vote, second, all_in_use, in_dispute)
         self.failed = set(range(self.s.channels)) if lost else out | set(view.use)
@@ -147,8 +147,8 @@ class AtOnce(Other):
 
 
 class _Young(Split):
-    def hear(self, resolver: str, wrong: set[int], s: Settings) -> None:
-        super().hear(resolver, wrong, replace(s, trend_frames=1))
+    def hear(self, decided_by: str, wrong: set[int], s: Settings) -> None:
+        super().hear(decided_by, wrong, replace(s, trend_frames=1))
 
 
 class YoungTrend(Other):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from rig.core.frame import CHANNELS, SURFACES, D, Ilm, Resolver, S
+from rig.core.frame import CHANNELS, SURFACES, D, DecidedBy, Ilm, S
 from rig.core.units.constants import TWO_PI
 from rig.unit.unit_records import CONFIG, INPUT, MORE_THAN_HALF, TO_UNIT, Form, Kind, blank
 
@@ -94,8 +94,8 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
         config["rules"]["box"], config["rules"]["trend_small"] = 1, -1.0
     signal["readmit_frames"][-1] = 200  # of _give_patience
     for row in signal:
-        order = draw.permutation([Resolver.ILM, Resolver.REFERENCE, Resolver.TREND])
-        row["resolvers"] = [*order, *([Resolver.EXTREMES, Resolver.MIDDLE] if draw.random() < 0.7 else [0, 0])]
+        order = draw.permutation([DecidedBy.ILM, DecidedBy.REFERENCE, DecidedBy.TREND])
+        row["tie_break"] = [*order, *([DecidedBy.EXTREMES, DecidedBy.MIDDLE] if draw.random() < 0.7 else [0, 0])]
     discrete = config["discrete"][0]
     discrete["fitted"], discrete["fail_safe"] = draw.integers(3, 5, D), [1, 0, 1]
     discrete["persistence"], discrete["readmit_frames"] = 5 * counts, 60 * counts

@@ -51,7 +51,7 @@ class Voted:
     voted: Floats
     level: Bytes
     pattern: Bytes
-    resolver: Bytes
+    decided_by: Bytes
     trend_high: Bytes
     trend_low: Bytes
     reference_usable: Bytes
@@ -284,7 +284,7 @@ def by_class(own: OwnManager, block: Block, nested: NDArray[Any]) -> Decide:
 
 
 def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: Columns, spread: Floats) -> Voted:
-    records = channel_records(recording, samples, settings.limits, out.states, out.fields["resolver"])
+    records = channel_records(recording, samples, settings.limits, out.states, out.fields["decided_by"])
     fields = {name: out.fields[name] for name in FIELDS}
     extra = {name: column for name, column in out.fields.items() if name not in fields}
     return Voted(settings, **fields, state=out.states, spread=spread, **records._asdict(), of_flight=extra)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rig.bench.vote_rows import Result, Voted, VotedDiscrete
-from rig.core.frame import Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Pattern, State
 from rig.flight.suspects import Suspect, is_many, share_text
 from rig.log.recordings.alignment import Alignment
 from rig.log.recordings.recording import Recording
@@ -47,7 +47,7 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
 
 
 def _signal(signal: Voted) -> dict[str, Any]:
-    shown, unresolved = signal.settings.shown, signal.resolver == Resolver.UNRESOLVED
+    shown, unresolved = signal.settings.shown, signal.decided_by == DecidedBy.UNRESOLVED
     return {
         "manager": signal.settings.manager,
         "unit": signal.settings.unit,
@@ -117,7 +117,7 @@ def _undecided(data: dict[str, Any]) -> list[str]:
     for name, signal in data["signals"].items():
         rows = signal["unresolved_rows"]
         failures = [failure for channel in signal["channels"] for failure in channel["failed"]]
-        given_up = [failure["time_s"] for failure in failures if failure["why"] == Resolver.GIVEN_UP.name.lower()]
+        given_up = [failure["time_s"] for failure in failures if failure["why"] == DecidedBy.GIVEN_UP.name.lower()]
         if is_many(rows, data["rows"]):
             end = "".join(f", given up at {of_rows(at_s, data['time_s'][0])}" for at_s in dict.fromkeys(given_up))
             lines.append(f"{name}: no majority, and no rule answered, {share_text(rows, data['rows'])}{end or _NEVER}")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 MOST_OVERRIDES: Final = 8  # of a log
 REFERENCE: Final = "reference_usable"  # a decision that follows from the manager, signal by signal
-AFTER: Final = ("pattern", "resolver", REFERENCE)  # decisions that are told after states, levels and sources
+AFTER: Final = ("pattern", "decided_by", REFERENCE)  # decisions that are told after states, levels and sources
 FEW: Final = 3  # signals whose references are told one by one
 LAYOUTS: Final = ("foxglove",)
 

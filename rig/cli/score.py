@@ -111,8 +111,8 @@ def _show(scored: Scored) -> None:
     _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
     _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
     _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
-    for name in ("suspects", "actuators", "computers", "law", "resolvers"):
-        table(parts[name].rows, parts[name].columns, None if name == "resolvers" else MOST_LINES)
+    for name in ("suspects", "actuators", "computers", "law", "tie_break"):
+        table(parts[name].rows, parts[name].columns, None if name == "tie_break" else MOST_LINES)
         if name == "suspects":
             line(f"{len(score.suspects) - len(parts[name].rows)} channels suspect in no frame")
     if score.episodes:
@@ -137,7 +137,7 @@ def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float, *, 
     if not isolations and not by_design:
         field(title, "none", width=WIDTH)
     for isolation in isolations[:MOST_LINES]:
-        text = f"{isolation.signal}.{isolation.channel} at {moment(isolation.frame, rate_hz)} by {isolation.resolver}"
+        text = f"{isolation.signal}.{isolation.channel} at {moment(isolation.frame, rate_hz)} by {isolation.decided_by}"
         field(title, text, style="" if by_design else "red", width=WIDTH)
     rest(len(isolations), MOST_LINES)
 

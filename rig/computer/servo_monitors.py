@@ -84,7 +84,7 @@ def monitors(config: Config, stops_rad: NDArray[np.float64], rate_hz: float) -> 
             threshold=config.position.threshold * stroke,
             persistence_s=config.position.persistence_s,
             singular_persistence_s=config.position.persistence_s,
-            resolvers=["ilm"],
+            tie_break=["ilm"],
         )
         fill(manager, among, (low - 2 * stroke, high + 2 * stroke), CHANNELS, False, rate_hz)
     watch = np.zeros(len(MOVED), WATCH)

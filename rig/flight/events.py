@@ -27,7 +27,7 @@ from rig.core.frame import (
     offset,
 )
 from rig.core.kernels import kernel
-from rig.flight.failures import COMPARISON, decided_by
+from rig.flight.failures import COMPARISON, who_failed
 
 _LEVELS: Final = {"level": "state", "discrete_level": "discrete_state"}  # with the states that they are counted from
 MISSED: Final = "unit missed"  # an event's name
@@ -144,8 +144,8 @@ def _changes(old: Block, new: Block) -> Iterator[Event]:
 
 
 def _state(frame: int, old: int, new: int, s: int, c: int, row: Any) -> Event | None:
-    resolver = decided_by(row, s, c) if new == State.FAILED else ""
-    return _channel_state(frame, old, new, f"{SIGNALS[s].name}.{c + 1}", resolver)
+    decided_by = who_failed(row, s, c) if new == State.FAILED else ""
+    return _channel_state(frame, old, new, f"{SIGNALS[s].name}.{c + 1}", decided_by)
 
 
 def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) -> Event | None:

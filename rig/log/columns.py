@@ -4,7 +4,7 @@ The table has a row a frame, its columns named as ``rig vote`` names its own:
 
     time_s
     <signal>.1 ..  .ilm.1 ..  .ref                    what rig vote reads: an ilm is 0, 1 or empty where there is none
-    <signal>.voted .level .pattern .resolver .state.1 ..  .trend.high .trend.low      what rig vote writes
+    <signal>.voted .level .pattern .decided_by .state.1 ..  .trend.high .trend.low      what rig vote writes
     <signal>.truth .valid.1 ..  .reference_usable .source                             what only a flight has
     <discrete>.1 ..  .truth .voted .state.1 ..  .level .valid.1 ..  .ilm.1 ..
     control.*, inertial.*, flight.*, demand.*         the fields of these topics

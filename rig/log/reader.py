@@ -36,7 +36,7 @@ class SignalArrays:
     state: NDArray[np.uint8]  # (frames, 4), frame.State
     level: NDArray[np.uint8]  # (frames,) channels in use
     pattern: NDArray[np.uint8]  # (frames,), frame.Pattern
-    resolver: NDArray[np.uint8]  # (frames,), frame.Resolver
+    decided_by: NDArray[np.uint8]  # (frames,), frame.DecidedBy
     reference_usable: NDArray[np.uint8]  # (frames,)
     source: NDArray[np.uint8]  # (frames,), frame.Source
 

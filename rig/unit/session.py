@@ -23,9 +23,9 @@ from rig.unit.unit_records import (
     HELLO,
     MORE_THAN_HALF,
     OUTPUT,
-    RESOLVERS,
     SEAM,
     SETTINGS,
+    TIE_BREAKS,
     TO_UNIT,
     Form,
     Kind,
@@ -62,7 +62,7 @@ def configuration(
     """
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
     for part, key, records in _settings(params, discretes):
-        config[0][part][key] = without_lanes(records[key])[:, :RESOLVERS] if key == "resolvers" else records[key]
+        config[0][part][key] = without_lanes(records[key])[:, :TIE_BREAKS] if key == "tie_break" else records[key]
     config["rate_hz"], config["form"] = rate_hz, form
     config["box_signals"], config["box_persistence"] = boxes["signals"][0], boxes["persistence"][0]
     config["trim_surface"], config["surface_low"], config["surface_high"] = trim, limits[:, 0], limits[:, 1]
@@ -74,8 +74,8 @@ def settings_of(config: NDArray[Any]) -> tuple[NDArray[np.void], NDArray[np.void
     """Return the settings in a (1,) CONFIG, of which our own manager is made: (S,) PARAMS, (D,) DISCRETE_PARAMS."""
     params, discretes = np.zeros(S, PARAMS), np.zeros(D, DISCRETE_PARAMS)
     for part, key, records in _settings(params, discretes):
-        if key == "resolvers":
-            records[key][:, :RESOLVERS] = config[0][part][key]
+        if key == "tie_break":
+            records[key][:, :TIE_BREAKS] = config[0][part][key]
         else:
             records[key] = config[0][part][key]
     return params, discretes

@@ -18,7 +18,7 @@ import numpy as np
 
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.manager_config import PARAMS, told
-from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
+from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, DecidedBy, Ilm, Law, Pattern, S, State
 from rig.core.frame.fields import BASES, FIELD, FIELDS
 
 VERSION: Final = 3  # of the seam; a change of a field changes LAYOUT alone
@@ -45,7 +45,7 @@ class Said(IntFlag):
 
     VOTED = 1
     STATE = 2  # with level
-    PATTERN = 4  # with resolver, reference_usable, common_mode
+    PATTERN = 4  # with rule, reference_usable, common_mode
     TREND = 8
     DISCRETES = 16  # their votes, states and levels
     SURFACE = 32
@@ -76,7 +76,7 @@ ANSWERS: Final[dict[str, Said]] = {
     "state": Said.STATE,
     "level": Said.STATE,
     "pattern": Said.PATTERN,
-    "resolver": Said.PATTERN,
+    "decided_by": Said.PATTERN,
     "reference_usable": Said.PATTERN,
     "common_mode": Said.PATTERN,
     "trend_high": Said.TREND,
@@ -86,13 +86,23 @@ ANSWERS: Final[dict[str, Said]] = {
     "discrete_level": Said.DISCRETES,
     "law": Said.SURFACE,
 }
-ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (Kind, Form, Said, Ilm, State, Pattern, Resolver, Law, Status)
+ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (
+    Kind,
+    Form,
+    Said,
+    Ilm,
+    State,
+    Pattern,
+    DecidedBy,
+    Law,
+    Status,
+)
 
 
 def members(enum: type[IntEnum] | type[IntFlag], version: int = VERSION) -> list[IntEnum | IntFlag]:
     """Return the values of an enum that a unit of a version of the records may read or write."""
-    since = {Resolver.SLOW: 2, Resolver.LANE: 3, Resolver.GIVEN_UP: 3}
-    return [member for member in enum if not isinstance(member, Resolver) or version >= since.get(member, 1)]
+    since = {DecidedBy.SLOW: 2, DecidedBy.LANE: 3, DecidedBy.GIVEN_UP: 3}
+    return [member for member in enum if not isinstance(member, DecidedBy) or version >= since.get(member, 1)]
 
 
 _Entry = tuple[str, Any, tuple[int, ...]]
@@ -151,8 +161,8 @@ SETTINGS: Final[dict[str, tuple[str, ...]]] = {
     **{part: told(part) for part in ("signal", "lasting", "rules")},
     "discrete": DISCRETE_PARAMS.names or (),
 }
-RESOLVERS: Final = 5  # that a unit may ask: it knows of no other computers
-_TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "resolvers" else (n, "i8", (RESOLVERS,)) for n in PARAMS.names or ()])
+TIE_BREAKS: Final = 5  # that a unit may ask: it knows of no other computers
+_TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "tie_break" else (n, "i8", (TIE_BREAKS,)) for n in PARAMS.names or ()])
 SIGNAL_CONFIG: Final = _little(_TOLD, SETTINGS["signal"])
 LASTING_CONFIG: Final = _little(PARAMS, SETTINGS["lasting"])
 RULES_CONFIG: Final = _little(PARAMS, SETTINGS["rules"])

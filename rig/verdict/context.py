@@ -41,7 +41,7 @@ class Context(NamedTuple):
         return self.scenario.rate_hz
 
     @property
-    def decided_by(self) -> str:
+    def decider(self) -> str:
         """Name who failed channels, or did not."""
         if self.score.evidence.by_unit:
             return "the unit under test"

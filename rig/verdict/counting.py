@@ -77,9 +77,9 @@ def _began(fault: FaultScore, context: Context) -> int | None:
         return failed + 1 - _linger(fault, context)
     if fault.signal not in INDEX:
         return None
-    if fault.resolver == "box":
+    if fault.decided_by == "box":
         return failed + 1 - context.scenario.redundancy.box_persistence
-    if fault.resolver == COMPARISON and context.compares(fault):
+    if fault.decided_by == COMPARISON and context.compares(fault):
         found = climb(fault, context)
         return found.first if len(found.counted) else fault.exceeded_frame
     return fault.exceeded_frame

@@ -68,7 +68,7 @@ def follow_faults(row, clean, references, frame, out):
         if fault["signal"] < 0 and fault["failed_at"] == NEVER:
             fault["sample"] = sample
             if lost_reference(row, fault, frame, out):
-                fault["failed_at"], fault["resolver"] = frame, COMPARISON
+                fault["failed_at"], fault["decided_by"] = frame, COMPARISON
 
 
 @kernel

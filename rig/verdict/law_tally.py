@@ -96,7 +96,7 @@ def completed(fault: FaultScore, acted_until: int, found: Sequence[LawFinding]) 
         law_frame=first,
         delay_from_onset_frames=first - onset,
         delay_from_exceeded_frames=None if exceeded is None else first - exceeded,
-        resolver=LAW,
+        decided_by=LAW,
         tolerated=False,
     )
 

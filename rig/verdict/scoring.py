@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, Pattern, Resolver, Table
+from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, DecidedBy, Pattern, Table
 from rig.scenario.scenario import Scenario
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.law_tally import completed
@@ -102,9 +102,9 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
         faults=faults,
         **isolations,
         episodes=listed,
-        resolvers=tally(listed),
-        resolvers_by_pattern=by_pattern(listed),
-        unresolved=sum(episode.resolver == "unresolved" for episode in listed),
+        tie_break=tally(listed),
+        tie_break_by_pattern=by_pattern(listed),
+        unresolved=sum(episode.decided_by == "unresolved" for episode in listed),
         vote_error=_vote_errors(outcome),
         signals=_signals(outcome),
         flight=flight_score(scenario, records.flight[0], measured),
@@ -144,7 +144,7 @@ def _faults(outcome: FlightOutcome) -> list[FaultScore]:
                 outcome=OUTCOMES[of_its_own],
                 delay_from_onset_frames=None if failed is None or onset is None else failed - onset,
                 delay_from_exceeded_frames=None if failed is None or exceeded is None else failed - exceeded,
-                resolver=None if failed is None else resolver_name(record["resolver"]),
+                decided_by=None if failed is None else rule_name(record["decided_by"]),
                 peak_error=_number(record["peak"]),
                 exceeded_run_frames=run,
                 tolerated=of_its_own == "missed" and run < _persistence(outcome, record),
@@ -182,11 +182,11 @@ def _number(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
-def resolver_name(code: int) -> str:
+def rule_name(code: int) -> str:
     """Return who failed a channel, as the kernels write it."""
     if code >= MONITORS:
         return finder(int(code))
-    return "comparison" if code == COMPARISON else Resolver(code).name.lower()
+    return "comparison" if code == COMPARISON else DecidedBy(code).name.lower()
 
 
 def _persistence(outcome: FlightOutcome, record: np.void) -> int:
@@ -260,7 +260,7 @@ def _isolations(outcome: FlightOutcome, kind: IsolationKind, faults: list[FaultS
             (_DISCRETE_NAMES if each["discrete"] else _SIGNAL_NAMES)[each["signal"]],
             int(each["channel"]) + 1,
             int(each["frame"]),
-            resolver_name(each["resolver"]),
+            rule_name(each["decided_by"]),
             tuple(c + 1 for c in range(CHANNELS) if int(each["erring"]) >> c & 1),
         )
         for each in failures

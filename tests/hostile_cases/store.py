@@ -46,7 +46,7 @@ VOTE: Final[dict[str, Any]] = {
         "pitch_rate": {
             "persistence": 8,
             "singular_persistence": 10,
-            "resolvers": ["ilm", "trend", "reference"],
+            "tie_break": ["ilm", "trend", "reference"],
             "trend_frames": 3,
             "reference_threshold": 0.05,
             "range": [-1.5, 1.5],

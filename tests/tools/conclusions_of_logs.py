@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.core.frame import DISCRETES, SIGNALS, Resolver, State, Trust
+from rig.core.frame import DISCRETES, SIGNALS, DecidedBy, State, Trust
 from rig.flight import loop
 from rig.flight.fly import fly
 from rig.log import read_log
@@ -25,7 +25,7 @@ from rig.verdict.of_log import score_log
 from rig.verdict.score_records import Yardstick
 
 COMPARISON = "comparison"
-WORDS = {  # how a fault's sentence ends, by the resolver of the row
+WORDS = {  # how a fault's sentence ends, by the rule of the row
     "ilm": "by the in-line monitors",
     "trend": "by the trend",
     "reference": "by the reference",
@@ -69,8 +69,8 @@ def isolated(rows: Any, rate_hz: float) -> list[Isolated]:
         for k, i, c in np.argwhere(became):
             by = COMPARISON
             if field == "state" and rows["valid"][k, i, c] and np.isfinite(rows["channels"][k, i, c]):
-                resolver = Resolver(rows["resolver"][k, i])
-                by = COMPARISON if resolver in (Resolver.NONE, Resolver.UNRESOLVED) else resolver.name.lower()
+                decided_by = DecidedBy(rows["decided_by"][k, i])
+                by = COMPARISON if decided_by in (DecidedBy.NONE, DecidedBy.UNRESOLVED) else decided_by.name.lower()
             found.append(Isolated(places[i].name, int(c) + 1, k / rate_hz, by))
     return sorted(found, key=lambda each: each.at_s)
 

@@ -66,7 +66,7 @@ FIGURES: Final = {  # name: its module
     ),
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
-    **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures", "quad_rivals")},
+    **{name: name for name in ("references", "tie_break", "throughput", "tolerant", "unit_failures", "quad_rivals")},
     "slow_drifts": "slow_drifts",
 }
 
@@ -204,7 +204,10 @@ PAGES: Final = {
         [
             Section(
                 "Who settles them",
-                ["rig campaign run resolvers --out {folder}/resolvers", f"{SHOW} resolvers {{folder}}/resolvers"],
+                [
+                    "rig campaign run tie_break --out {folder}/tie_break",
+                    f"{SHOW} tie-break rules {{folder}}/tie_break",
+                ],
                 r"^table|^\||^Default|^$",
             ),
             Section("Flown", ["python tests/test_singular_flights.py"]),

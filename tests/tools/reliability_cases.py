@@ -169,7 +169,7 @@ NOISE: Final = 0.0009  # rad/s, of a pitch rate channel; biases are within 0.003
 _PITCH: Final = "sensors.pitch_rate"
 NOISE_ALONE: Final = [
     *(f"{_PITCH}.{key}=0" for key in ("scale_tolerance", "skew_frames", "quantum", "lag_s")),
-    "redundancy.signals.pitch_rate.resolvers=[]",
+    "redundancy.signals.pitch_rate.tie_break=[]",
 ]
 SCENARIO: Final = "f16_pitch_rate_hardover"
 

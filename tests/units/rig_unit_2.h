@@ -80,17 +80,17 @@ enum rig_pattern {
     RIG_PATTERN_LOST = 6,
 };
 
-enum rig_resolver {
-    RIG_RESOLVER_NONE = 0,
-    RIG_RESOLVER_ILM = 1,
-    RIG_RESOLVER_TREND = 2,
-    RIG_RESOLVER_REFERENCE = 3,
-    RIG_RESOLVER_EXTREMES = 4,
-    RIG_RESOLVER_MIDDLE = 5,
-    RIG_RESOLVER_UNRESOLVED = 6,
-    RIG_RESOLVER_BOX = 7,
-    RIG_RESOLVER_COMMON = 8,
-    RIG_RESOLVER_SLOW = 9,
+enum rig_decided_by {
+    RIG_DECIDED_BY_NONE = 0,
+    RIG_DECIDED_BY_ILM = 1,
+    RIG_DECIDED_BY_TREND = 2,
+    RIG_DECIDED_BY_REFERENCE = 3,
+    RIG_DECIDED_BY_EXTREMES = 4,
+    RIG_DECIDED_BY_MIDDLE = 5,
+    RIG_DECIDED_BY_UNRESOLVED = 6,
+    RIG_DECIDED_BY_BOX = 7,
+    RIG_DECIDED_BY_COMMON = 8,
+    RIG_DECIDED_BY_SLOW = 9,
 };
 
 enum rig_law {
@@ -232,7 +232,7 @@ struct rig_signal_config {
     double deviation;
     double deviation_frames;
     int64_t fitted;
-    int64_t resolvers[5];
+    int64_t tie_break[5];
     uint8_t common_fails;
     uint8_t wraps;
     uint8_t weighted;
@@ -260,7 +260,7 @@ RIG_ASSERT(offsetof(struct rig_signal_config, fade_frames) == 128);
 RIG_ASSERT(offsetof(struct rig_signal_config, deviation) == 136);
 RIG_ASSERT(offsetof(struct rig_signal_config, deviation_frames) == 144);
 RIG_ASSERT(offsetof(struct rig_signal_config, fitted) == 152);
-RIG_ASSERT(offsetof(struct rig_signal_config, resolvers) == 160);
+RIG_ASSERT(offsetof(struct rig_signal_config, tie_break) == 160);
 RIG_ASSERT(offsetof(struct rig_signal_config, common_fails) == 200);
 RIG_ASSERT(offsetof(struct rig_signal_config, wraps) == 201);
 RIG_ASSERT(offsetof(struct rig_signal_config, weighted) == 202);
@@ -441,7 +441,7 @@ struct rig_output {
     uint8_t state[16][4];
     uint8_t level[16];
     uint8_t pattern[16];
-    uint8_t resolver[16];
+    uint8_t decided_by[16];
     uint8_t reference_usable[16];
     uint8_t common_mode[16];
     uint8_t trend_high[16];
@@ -473,7 +473,7 @@ RIG_ASSERT(offsetof(struct rig_output, surface) == 176);
 RIG_ASSERT(offsetof(struct rig_output, state) == 208);
 RIG_ASSERT(offsetof(struct rig_output, level) == 272);
 RIG_ASSERT(offsetof(struct rig_output, pattern) == 288);
-RIG_ASSERT(offsetof(struct rig_output, resolver) == 304);
+RIG_ASSERT(offsetof(struct rig_output, decided_by) == 304);
 RIG_ASSERT(offsetof(struct rig_output, reference_usable) == 320);
 RIG_ASSERT(offsetof(struct rig_output, common_mode) == 336);
 RIG_ASSERT(offsetof(struct rig_output, trend_high) == 352);

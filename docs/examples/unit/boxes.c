@@ -43,7 +43,7 @@ void boxes_open(const struct rig_config *config, const struct signal signals[RIG
 
 unsigned boxes_accuse(const struct frame *f, params *p, const struct signal *s)
 {
-    const bool evidence = (f->resolver == RIG_RESOLVER_ILM) || (f->resolver == RIG_RESOLVER_REFERENCE);
+    const bool evidence = (f->decided_by == RIG_DECIDED_BY_ILM) || (f->decided_by == RIG_DECIDED_BY_REFERENCE);
     const bool singular = is_singular(s->pattern);
     unsigned bits = 0U;
     for (int c = 0; c < p->fitted; c++) {
@@ -82,7 +82,7 @@ static void fail_all(unsigned condemned, int i, params *p, struct signal *s, str
             lasting_begin_sums(&s->lasting);
             output->state[i][c] = RIG_STATE_FAILED;
             output->level[i] = (uint8_t)s->level;
-            output->resolver[i] = RIG_RESOLVER_BOX;
+            output->decided_by[i] = RIG_DECIDED_BY_BOX;
         }
     }
 }

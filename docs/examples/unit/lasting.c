@@ -177,10 +177,10 @@ static int watch(const struct frame *f, params *p, struct signal *s)
 
 void lasting_watch(struct frame *f, params *p, struct signal *s)
 {
-    const int slow = (f->resolver == RIG_RESOLVER_COMMON) ? NOBODY : watch(f, p, s);
+    const int slow = (f->decided_by == RIG_DECIDED_BY_COMMON) ? NOBODY : watch(f, p, s);
     if (slow != NOBODY) {
         s->latches.failed[slow] = true;
-        f->resolver = RIG_RESOLVER_SLOW;
+        f->decided_by = RIG_DECIDED_BY_SLOW;
     }
 }
 

@@ -13,11 +13,11 @@ static uint64_t stepped;
 /* Sections 5 to 8: this frame's vote and who decided; a lost signal holds its last vote. */
 static void decide(struct frame *f, params *p, struct signal *s)
 {
-    f->resolver = RIG_RESOLVER_NONE;
+    f->decided_by = RIG_DECIDED_BY_NONE;
     if (f->n == 0) {
         f->vote = s->vote;
     } else if (is_singular(s->pattern)) {
-        resolvers_settle(f, p, s);
+        tie_break_settle(f, p, s);
     } else if (f->n == 1) {
         references_check_last(f, p, s);
     } else {
@@ -71,7 +71,7 @@ static void report(const struct frame *f, int i, double reference, struct rig_ou
     output->voted[i] = s->output;
     output->level[i] = (uint8_t)s->level;
     output->pattern[i] = s->pattern;
-    output->resolver[i] = f->resolver;
+    output->decided_by[i] = f->decided_by;
     output->reference_usable[i] = (s->reference_usable && isfinite(reference)) ? 1 : 0;
     output->common_mode[i] = s->common_mode ? 1 : 0;
     output->trend_high[i] = (uint8_t)s->trend.high;
@@ -106,7 +106,7 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     compare_pattern(&f, p, s);
     trend_update(&f, p, s);
     decide(&f, p, s);
-    resolvers_keep_basis(&f, s);
+    tie_break_keep_basis(&f, s);
     references_cut_pair(&f, p, s);
     references_monitor(&f, p, s);
     references_watch_common(&f, p, s);

@@ -4,7 +4,7 @@
  * compare.c      which samples are compared, their ranks, pattern and median
  * trend.c        the trend bytes of the two voting ranks, and what they say
  * lasting.c      learned biases, sums of small deviations, samples that repeat
- * resolvers.c    patterns without a majority
+ * tie_break.c    patterns without a majority
  * references.c   the references' own monitor, the last channel, two references against all channels
  * persistence.c  counts, answers that last, latched failures, readmission
  * boxes.c        boxes that die
@@ -113,7 +113,7 @@ struct frame {
     bool alone[RIG_CHANNELS];   /* agrees with no other channel */
     bool together;              /* behind a filter: the samples of a split agree again */
     bool blamed[RIG_CHANNELS];  /* would be failed by the answer to a pattern without a majority */
-    uint8_t resolver;           /* who decided */
+    uint8_t decided_by;           /* who decided */
     double vote;                /* before the fade */
 };
 
@@ -252,11 +252,11 @@ void lasting_learn(const struct frame *f, struct signal *s);
 /* Begin all sums again: another number of channels has another middle. */
 void lasting_begin_sums(struct lasting *l);
 
-/* ---- resolvers.c ---- */
+/* ---- tie_break.c ---- */
 
 /* redundancy.md 'Patterns without a majority': this frame's vote, who decided it, and whom that would fail. */
-void resolvers_settle(struct frame *f, params *p, struct signal *s);
-void resolvers_keep_basis(const struct frame *f, struct signal *s);
+void tie_break_settle(struct frame *f, params *p, struct signal *s);
+void tie_break_keep_basis(const struct frame *f, struct signal *s);
 
 /* ---- references.c ---- */
 

@@ -99,7 +99,7 @@ void persistence_count(const struct frame *f, params *p, struct signal *s)
 static int64_t begun(const struct frame *f, params *p, const struct signal *s)
 {
     int64_t covered = p->trend_frames - 1;
-    if (f->resolver != RIG_RESOLVER_TREND) {
+    if (f->decided_by != RIG_DECIDED_BY_TREND) {
         return 1;
     }
     covered = ((s->pattern_frames - 1) < covered) ? (s->pattern_frames - 1) : covered;
@@ -126,12 +126,12 @@ static bool has_stood(const struct frame *f, params *p, struct signal *s)
     for (int c = 0; c < p->fitted; c++) {
         blames |= f->blamed[c] ? (1U << c) : 0U;
     }
-    const bool same = (f->resolver == split->rule) && (blames == split->blames) && (s->pattern_frames > 1);
+    const bool same = (f->decided_by == split->rule) && (blames == split->blames) && (s->pattern_frames > 1);
     split->stood = same ? (split->stood + 1) : begun(f, p, s);
-    split->rule = f->resolver;
+    split->rule = f->decided_by;
     split->blames = blames;
     const bool stands = (2 * split->stood) >= p->singular_persistence;
-    if (f->resolver == RIG_RESOLVER_UNRESOLVED) {
+    if (f->decided_by == RIG_DECIDED_BY_UNRESOLVED) {
         split->silent++;
         split->unresolved++;
     } else {
@@ -165,6 +165,6 @@ void persistence_settle(struct frame *f, params *p, struct signal *s)
     rules_give_up(f, p, s);
     latch(settled, f, p, s);
     if (s->level != level) {
-        s->after_extremes = settled && (f->resolver == RIG_RESOLVER_EXTREMES) && (s->level == 2);
+        s->after_extremes = settled && (f->decided_by == RIG_DECIDED_BY_EXTREMES) && (s->level == 2);
     }
 }

@@ -17,7 +17,7 @@ from rig.unit.unit_records import Form
 
 # What the redundancy stage writes of a row, and the source that the control law takes on its word.
 OUTPUTS: Final = (
-    *("voted", "reference", "second_reference", "trend_high", "trend_low", "state", "level", "pattern", "resolver"),
+    *("voted", "reference", "second_reference", "trend_high", "trend_low", "state", "level", "pattern", "decided_by"),
     *("reference_usable", "common_mode"),
     *("source", "discrete_voted", "discrete_state", "discrete_level"),
 )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.compare import is_singular
 from rig.computer.redundancy.slow_faults import begin_sums
-from rig.core.frame import CHANNELS, Resolver, State
+from rig.core.frame import CHANNELS, DecidedBy, State
 from rig.core.kernels import kernel
 from rig.core.text import choices, quoted, shorten
 
@@ -77,13 +77,13 @@ def boxes(of_signal: NDArray[np.int64], signals: int | None, persistence: int) -
 
 
 @kernel
-def accused(resolver, ranked, p, st):
+def accused(decided_by, ranked, p, st):
     """Return the channels against which this frame's evidence of one signal speaks, a bit each.
 
     ranked : bits of the channels with a comparable sample
     """
     singular = is_singular(st["pattern"])
-    settled_by_evidence = resolver in (Resolver.ILM, Resolver.REFERENCE)
+    settled_by_evidence = decided_by in (DecidedBy.ILM, DecidedBy.REFERENCE)
     bits = 0
     for c in range(p["fitted"]):
         if st["failed"][c]:
@@ -142,4 +142,4 @@ def fail_all(channels, fcc, s, p, st):
             st["fade_left"] = p["fade_frames"]
             st["after_extremes"] = st["cut_frames"] = 0
             begin_sums(st)
-            fcc["state"][s, c], fcc["level"][s], fcc["resolver"][s] = State.FAILED, st["level"], Resolver.BOX
+            fcc["state"][s, c], fcc["level"][s], fcc["decided_by"][s] = State.FAILED, st["level"], DecidedBy.BOX

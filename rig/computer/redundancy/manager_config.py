@@ -18,11 +18,11 @@ from rig.computer.redundancy.managers import DEFAULT, MANAGERS
 from rig.computer.redundancy.resets import Reset
 from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.core import settings
-from rig.core.frame import INDEX, SIGNALS, Resolver, S
+from rig.core.frame import INDEX, SIGNALS, DecidedBy, S
 from rig.core.settings import Settings, in_frames, refuse_both
 
-ResolverName = Literal["ilm", "lane", "reference", "trend", "extremes", "middle"]
-RESOLVERS: Final = len(get_args(ResolverName))
+TieBreak = Literal["ilm", "lane", "reference", "trend", "extremes", "middle"]
+TIE_BREAKS: Final = len(get_args(TieBreak))
 CommonMode = Literal["report", "fail"]  # what two references against all channels do to a signal
 
 
@@ -44,7 +44,7 @@ class SignalConfig(Settings):
     count_down: float | None = Field(default=None, gt=0)  # what an agreeing frame takes off the count; all of it
     singular_persistence_s: float | None = Field(default=None, gt=0)
     # The last two close the order.
-    resolvers: list[ResolverName] = ["ilm", "lane", "reference", "trend", "extremes", "middle"]
+    tie_break: list[TieBreak] = ["ilm", "lane", "reference", "trend", "extremes", "middle"]
     trend_frames: int = Field(default=8, ge=1, le=8)
     trend_window: Literal["sliding", "tumbling"] = "sliding"  # or begun again every trend_frames
     trend_small: float | None = Field(default=None, ge=0)  # changes a frame up to which one frame is trend enough
@@ -94,12 +94,12 @@ class SignalConfig(Settings):
             raise ValueError(f"bias_bound: at most the threshold of every level, {least:g}, got {self.bias_bound:g}")
         return self
 
-    @field_validator("resolvers")
+    @field_validator("tie_break")
     @classmethod
-    def _once_each(cls, resolvers: list[ResolverName]) -> list[ResolverName]:
-        if len(set(resolvers)) < len(resolvers):
-            raise ValueError(f"each resolver at most once, got {resolvers}")
-        return resolvers
+    def _once_each(cls, tie_break: list[TieBreak]) -> list[TieBreak]:
+        if len(set(tie_break)) < len(tie_break):
+            raise ValueError(f"each rule at most once, got {tie_break}")
+        return tie_break
 
 
 _FIELDS: dict[str, Any] = {signal.name: (SignalConfig, ...) for signal in SIGNALS}
@@ -214,7 +214,7 @@ PARAM_FIELDS: Final = (
         "unit of the signal times frames: integral of what exceeds it; manager selection alone",
     ),
     Param("fitted", "i8", "channels that there are, the first ones"),
-    Param("resolvers", "i8", "in their order, of Resolver; 0 behind the last", shape=(RESOLVERS,)),
+    Param("tie_break", "i8", "in their order, of DecidedBy; 0 behind the last", shape=(TIE_BREAKS,)),
     Param("wraps", "u1", "1: an angle in rad on the circle, differences go the short way"),
     Param("weighted", "u1", "1: means of the middle samples and of a good pair are weighted by their trend"),
     Param(
@@ -257,10 +257,13 @@ def told(part: str) -> tuple[str, ...]:
     return tuple(each.name for each in PARAM_FIELDS if each.part == part)
 
 
-def without_lanes(resolvers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return (n, RESOLVERS) resolvers in their order without the lanes' health, which one computer alone has not."""
-    rows = [[code for code in row if code != Resolver.LANE] for row in resolvers.tolist()]
-    return np.array([row + [0] * (RESOLVERS - len(row)) for row in rows], dtype=np.int64).reshape(-1, RESOLVERS)
+def without_lanes(tie_break: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return (n, TIE_BREAKS) tie-break rules in their order without the lanes' health.
+
+    Which one computer alone has not.
+    """
+    rows = [[code for code in row if code != DecidedBy.LANE] for row in tie_break.tolist()]
+    return np.array([row + [0] * (TIE_BREAKS - len(row)) for row in rows], dtype=np.int64).reshape(-1, TIE_BREAKS)
 
 
 def refuse_short_wait(config: Config, rate_hz: float) -> None:
@@ -300,7 +303,7 @@ def fill(
 ) -> None:
     """Write one signal's settings into its PARAMS record, without what its references and common mode add."""
     threshold = config.threshold
-    resolvers = [Resolver[name.upper()] for name in config.resolvers]
+    tie_break = [DecidedBy[name.upper()] for name in config.tie_break]
     settings.fill(
         row,
         config,
@@ -325,7 +328,7 @@ def fill(
         deviation=config.selection_deviation or 2.5 * threshold,
         deviation_frames=(config.selection_integral_s or 5.0 * threshold) * rate_hz,
         fitted=channels,
-        resolvers=resolvers + [0] * (RESOLVERS - len(resolvers)),
+        tie_break=tie_break + [0] * (TIE_BREAKS - len(tie_break)),
         wraps=wraps,
         weighted=config.mean == "trend-weighted",
         count_down=config.count_down or 0.0,

@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.computer.redundancy.compare import comparable, is_singular
 from rig.computer.redundancy.slow_faults import is_stale, outlier_limit
-from rig.core.frame import Resolver
+from rig.core.frame import DecidedBy
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 
@@ -70,7 +70,7 @@ def counts_stand_still(n, p, st):
 
 
 @kernel
-def has_stood(resolver, p, st):
+def has_stood(decided_by, p, st):
     """Return True if the answer to a pattern without a majority may be acted on (ours).
 
     The pattern has lasted for ``singular_persistence`` frames, and the same rule has blamed the same channels in at
@@ -89,15 +89,15 @@ def has_stood(resolver, p, st):
     blamed = 0
     for c in range(p["fitted"]):
         blamed |= np.int64(st["blamed"][c] != 0) << c
-    same = resolver == st["answer"] and blamed == st["answer_blames"] and st["pattern_frames"] > 1
+    same = decided_by == st["answer"] and blamed == st["answer_blames"] and st["pattern_frames"] > 1
     if same:
         st["answer_frames"] += 1
     else:
         unanswered = min(st["silent_frames"], st["pattern_frames"] - 1, p["trend_frames"] - 1)
-        st["answer_frames"] = 1 + (unanswered if resolver == Resolver.TREND else 0)
-    st["answer"], st["answer_blames"] = resolver, blamed
+        st["answer_frames"] = 1 + (unanswered if decided_by == DecidedBy.TREND else 0)
+    st["answer"], st["answer_blames"] = decided_by, blamed
     stands = 2 * st["answer_frames"] >= p["singular_persistence"]
-    if resolver == Resolver.UNRESOLVED:
+    if decided_by == DecidedBy.UNRESOLVED:
         st["silent_frames"] += 1
         st["unresolved_frames"] += 1
     else:
@@ -108,22 +108,22 @@ def has_stood(resolver, p, st):
 
 
 @kernel
-def settle(resolver, p, st):
-    """Latch what has persisted, and what an answer that has stood blames; return the resolver.
+def settle(decided_by, p, st):
+    """Latch what has persisted, and what an answer that has stood blames; return the rule.
 
     A split that no rule has answered for ``unresolved_s`` is given up (ours): all channels of the signal are failed, so
     that its reference flies, or its degraded mode.  Where extremes have settled 1:1:1:1 the two that are left stay
     under suspicion (section 8, item 1).
     """
-    settled, level = has_stood(resolver, p, st), st["level"]
+    settled, level = has_stood(decided_by, p, st), st["level"]
     if 0 < p["unresolved_frames"] <= st["unresolved_frames"]:
-        resolver = Resolver.GIVEN_UP.value
+        decided_by = DecidedBy.GIVEN_UP.value
         for c in range(p["fitted"]):
             st["failed"][c] = True
     latch(settled, p, st)
     if st["level"] != level:
-        st["after_extremes"] = settled and resolver == Resolver.EXTREMES and st["level"] == 2
-    return resolver
+        st["after_extremes"] = settled and decided_by == DecidedBy.EXTREMES and st["level"] == 2
+    return decided_by
 
 
 @kernel

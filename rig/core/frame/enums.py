@@ -36,8 +36,8 @@ class Pattern(IntEnum):
         return Pattern.P2_2 <= self <= Pattern.P1_1
 
 
-class Resolver(IntEnum):
-    """Resolver of a pattern without a majority."""
+class DecidedBy(IntEnum):
+    """DecidedBy of a pattern without a majority."""
 
     NONE = 0
     ILM = 1

@@ -19,7 +19,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from rig.core.frame.enums import End, Ilm, Law, Pattern, Resolver, SensorFault, Source, State, Trust, UnitStatus
+from rig.core.frame.enums import DecidedBy, End, Ilm, Law, Pattern, SensorFault, Source, State, Trust, UnitStatus
 from rig.core.frame.signals import CHANNELS, COMMANDS, DEMANDS, ESTIMATES, FLIGHT, INERTIAL, SURFACES, D, S
 
 MOST_FAULTS: Final = 64  # of one scenario
@@ -84,7 +84,7 @@ FIELDS: Final = (
     Field("state", "fcc", _EACH, "enum", State, stem="st"),
     Field("level", "fcc", _SIGNALS, "small"),
     Field("pattern", "fcc", _SIGNALS, "enum", Pattern),
-    Field("resolver", "fcc", _SIGNALS, "enum", Resolver),
+    Field("decided_by", "fcc", _SIGNALS, "enum", DecidedBy),
     Field("reference_usable", "fcc", _SIGNALS, "flag"),
     Field("common_mode", "fcc", _SIGNALS, "flag", since=3),  # both references speak against all channels, which agree
     Field("source", "fcc", _SIGNALS, "enum", Source),

@@ -13,7 +13,7 @@ Order of writing in one frame (see loop.py):
     sensors    bus: channels, valid, ilm, the same of the discretes, inertial
     faults     bus, corrupted; actuation: acting
     references fcc: reference, second_reference; then corrupted by faults
-    manager    fcc: voted, state, level, pattern, resolver, ...; the same of the discretes
+    manager    fcc: voted, state, level, pattern, decided_by, ...; the same of the discretes
     control    fcc: source, law, command, surface, estimate, trust, lie
     faults     actuation: actuator = surface, corrupted; acting
 

@@ -18,7 +18,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame.enums import ActuatorMonitor, Health, LaneTest, LinkState, Pattern, Resolver, State
+from rig.core.frame.enums import ActuatorMonitor, DecidedBy, Health, LaneTest, LinkState, Pattern, State
 from rig.core.frame.fields import BASES, Field
 from rig.core.frame.signals import CHANNELS, SIGNALS, SURFACES, S
 
@@ -76,7 +76,7 @@ COMPUTER_FIELDS: Final = (
     ),
     Field("level", "fcc", (S,), "small", message=_COMPUTER, elements=_of_signals("level")),
     Field("pattern", "fcc", (S,), "enum", Pattern, message=_COMPUTER, elements=_of_signals("pattern")),
-    Field("resolver", "fcc", (S,), "enum", Resolver, message=_COMPUTER, elements=_of_signals("resolver")),
+    Field("decided_by", "fcc", (S,), "enum", DecidedBy, message=_COMPUTER, elements=_of_signals("decided_by")),
     Field("surface", "fcc", (len(SURFACES),), message=_COMPUTER, elements=_of_surfaces("surface")),
     Field(  # of the control law
         "integral",
@@ -102,13 +102,13 @@ COMPUTER_FIELDS: Final = (
         elements=_of_surfaces("command_pattern"),
     ),
     Field(
-        "command_resolver",
+        "command_decided_by",
         "fcc",
         (len(SURFACES),),
         "enum",
-        Resolver,
+        DecidedBy,
         message=_COMPUTER,
-        elements=_of_surfaces("command_resolver"),
+        elements=_of_surfaces("command_decided_by"),
     ),
     Field("health", "fcc", (), "enum", Health, message=_COMPUTER),
     Field("failed_for", "fcc", (), "enum", LaneTest, message=_COMPUTER),

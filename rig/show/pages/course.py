@@ -23,7 +23,19 @@ from rig.verdict.score_records import FaultScore
 
 # Of FLAT, that the pictures show.
 FIELDS: Final = (
-    *("frame", "acting", "truth", "channels", "voted", "reference", "state", "level", "pattern", "resolver", "source"),
+    *(
+        "frame",
+        "acting",
+        "truth",
+        "channels",
+        "voted",
+        "reference",
+        "state",
+        "level",
+        "pattern",
+        "decided_by",
+        "source",
+    ),
     *("discrete_state", "law", "surface", "actuator", "flight"),
 )
 LATEST_S: Final = 30.0  # an isolation later than this is not that of the first frame

@@ -202,9 +202,9 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
     wrong = len(score.false_alarms) + len(score.wrong_isolations)
     delays = [fault.delay_from_exceeded_frames for fault in detected if fault.delay_from_exceeded_frames is not None]
     off = [name for name, error in score.vote_error.items() if error.above_threshold_s > 0]
-    failed = [(fault.failed_frame or fault.law_frame or 0, fault.resolver) for fault in detected if fault.resolver]
-    failed += [(each.frame, each.resolver) for _, each in score.isolations]
-    deciders = dict.fromkeys(resolver for _, resolver in sorted(failed))
+    failed = [(fault.failed_frame or fault.law_frame or 0, fault.decided_by) for fault in detected if fault.decided_by]
+    failed += [(each.frame, each.decided_by) for _, each in score.isolations]
+    deciders = dict.fromkeys(decided_by for _, decided_by in sorted(failed))
     lost = sum(signal.level_at_end == 0 for signal in score.signals.values())
     lasting = sum(suspect.lasting for suspect in score.suspects)
     return [

@@ -120,15 +120,15 @@ def fault_rates(faults: pl.DataFrame) -> dict[str, Any]:
     }
 
 
-def by_resolver(tables: Tables) -> list[dict[str, Any]]:
-    """Count channels that were failed, by resolver: how many were the faulty ones; none that a rule failed."""
-    right = tables["faults"].filter(pl.col("outcome") == "detected")["resolver"].to_list()
+def by_rule(tables: Tables) -> list[dict[str, Any]]:
+    """Count channels that were failed, by rule: how many were the faulty ones; none that a rule failed."""
+    right = tables["faults"].filter(pl.col("outcome") == "detected")["decided_by"].to_list()
     by_design = pl.col("kind").is_in(BY_DESIGN).fill_null(value=False)
-    wrong = tables["alarms"].filter(~by_design)["resolver"].to_list()
+    wrong = tables["alarms"].filter(~by_design)["decided_by"].to_list()
     names = sorted({*right, *wrong} - {None})
     return [
         {
-            "resolver": name,
+            "decided_by": name,
             "faulty": right.count(name),
             "healthy": wrong.count(name),
             "right": _counted(right.count(name), right.count(name) + wrong.count(name)),
@@ -171,8 +171,8 @@ def _smallest(magnitudes: Any, detected: Any) -> dict[str, Any]:
     return {"acted": len(detected), "detected": int(detected.sum()), "fit": None if fit is None else asdict(fit)}
 
 
-def resolvers(episodes: pl.DataFrame) -> list[dict[str, Any]]:
-    """Return the truth table of the resolvers, over all patterns and for each.
+def tie_break(episodes: pl.DataFrame) -> list[dict[str, Any]]:
+    """Return the truth table of the tie-break rules, over all patterns and for each.
 
     asked: episodes in which it was asked; answered: in whose last frame its answer stood; right: it failed only
     faulty channels; wrong: it failed a healthy one; open: no channel was failed before the pattern went away.
@@ -182,12 +182,12 @@ def resolvers(episodes: pl.DataFrame) -> list[dict[str, Any]]:
         part = episodes if pattern == "all" else episodes.filter(pl.col("pattern") == pattern)
         for name in sorted({name for asked in part["asked"] for name in asked}):
             asked = int(part["asked"].list.contains(name).sum())
-            rows.append({"resolver": name, "pattern": pattern, **_answers(part, name, asked)})
+            rows.append({"decided_by": name, "pattern": pattern, **_answers(part, name, asked)})
     return rows
 
 
 def _answers(episodes: pl.DataFrame, name: str, asked: int) -> dict[str, Any]:
-    answered = episodes.filter(pl.col("resolver") == name)
+    answered = episodes.filter(pl.col("decided_by") == name)
     counts = {verdict: int((answered["verdict"] == verdict).sum()) for verdict in ("right", "wrong", "open")}
     return {
         "asked": asked,
@@ -206,7 +206,7 @@ def by_kind(faults: pl.DataFrame) -> list[dict[str, Any]]:
     acted = faults.filter(pl.col("signal").str.starts_with("actuator.") & pl.col("onset_s").is_not_null())
     figures = []
     for (kind,), part in acted.sort("kind").group_by("kind", maintain_order=True):
-        monitors, delays = part["resolver"].drop_nulls(), part["delay_from_onset_s"].drop_nulls()
+        monitors, delays = part["decided_by"].drop_nulls(), part["delay_from_onset_s"].drop_nulls()
         counts = monitors.value_counts().sort("count", descending=True).rows()
         found = asdict(proportion(len(monitors), len(part)))
         by = ", ".join(f"{name} {count}" for name, count in counts)

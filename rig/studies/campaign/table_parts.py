@@ -162,7 +162,7 @@ def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl
         agree = np.array_equal(numbers, np.repeat(flown, len(SIGNALS)))
     else:
         agree = bool(np.isin(numbers, runs["run"].to_numpy()).all())
-        agree &= int((rows["resolver"] == "unresolved").sum()) == int(runs["unresolved"].sum())
+        agree &= int((rows["decided_by"] == "unresolved").sum()) == int(runs["unresolved"].sum())
     if not agree:
         path = folder / name / f"{part}.parquet"
         raise _again(folder, path, part, f"its rows are not those that runs/{part}.parquet counts")

@@ -154,7 +154,7 @@ FAULTS: Final = _named(
     Column("outcome", "of.outcome", type=str),  # detected, missed, undetectable, not executed
     *(_time(f"{name}_s", f"of.{name}_frames") for name in ("delay_from_onset", "delay_from_exceeded")),
     Column("isolation", lambda s: PUBLIC["campaign"][s.of.word], type=str),  # right, wrong, none
-    *_same("of", resolver=str, pattern=str),
+    *_same("of", decided_by=str, pattern=str),
     *_same("of.window", good_before=int, latent_before=int),
     Column("vote_above_threshold_s", "of.window.above_threshold_s", type=float),  # these five: to the next onset
     Column("vote_error_max", "of.window.error_max", type=float),
@@ -169,7 +169,7 @@ ALARMS: Final = _named(
     Column("signal", lambda s: s.of[1].signal, type=str),
     Column("channel", lambda s: s.of[1].channel, type=int),
     Column("time_s", lambda s: s.of[1].frame * (1.0 / s.scenario.rate_hz), type=float),
-    Column("resolver", lambda s: s.of[1].resolver, type=str),
+    Column("decided_by", lambda s: s.of[1].decided_by, type=str),
 )
 EPISODES: Final = _named(
     Column("run", "number", type=int),
@@ -177,7 +177,7 @@ EPISODES: Final = _named(
     Column("begin_s", lambda s: s.of.first_frame / s.scenario.rate_hz, type=float),
     Column("frames", "of.frames", type=int),
     Column("asked", lambda s: list(s.of.asked), type=list[str]),
-    Column("resolver", "of.resolver", type=str),  # whose answer stood at its end; unresolved where none did
+    Column("decided_by", "of.decided_by", type=str),  # whose answer stood at its end; unresolved where none did
     Column("failed", lambda s: list(s.of.failed), type=list[int]),
     Column("verdict", "of.verdict", type=str),  # right, wrong, open
 )

@@ -124,7 +124,7 @@ def _found(flight: CampaignFlight, found: Score, start_s: float) -> tuple[str, f
     """Return who found the flight's fault, and after how long: of one in samples, who failed its lane."""
     one, rate_hz = next((each for each in found.faults if each.channel is None), None), flight.scenario.rate_hz
     if one is not None:
-        return one.resolver or "", (one.delay_from_onset_frames or 0) / rate_hz
+        return one.decided_by or "", (one.delay_from_onset_frames or 0) / rate_hz
     failures = findings(flight).failures
     return (test_name(failures[0].test), failures[0].frame / rate_hz - start_s) if failures else ("", 0.0)
 

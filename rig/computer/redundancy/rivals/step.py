@@ -16,7 +16,7 @@ from rig.computer.redundancy.manager import anchor, beside, publish, report
 from rig.computer.redundancy.persistence import latch, readmit, watch_failed
 from rig.computer.redundancy.reference_monitor import check_last, monitor_reference, reference_threshold, watch_common
 from rig.computer.redundancy.slow_faults import count_repeats, middle
-from rig.core.frame import CHANNELS, Resolver
+from rig.core.frame import CHANNELS, DecidedBy
 from rig.core.kernels import kernel
 
 NOBODY: Final = -1
@@ -126,23 +126,23 @@ def even_split(at, largest, st):
 @kernel
 def end(bus, fcc, s, at, voted, p, st):
     """Vote, count, latch, publish and report signal s of a row; return True if its level has changed."""
-    samples, valid, reference, resolver = bus["channels"][s], bus["valid"][s], at.reference, Resolver.NONE.value
+    samples, valid, reference, decided_by = bus["channels"][s], bus["valid"][s], at.reference, DecidedBy.NONE.value
     second = beside(fcc["second_reference"][s], at.middle, p) if st["started"] else np.nan
     if at.n == 0:
         voted = st["vote"]
     elif at.n == 1:
-        resolver, voted = check_last(bus["ilm"][s], reference, p, st)
+        decided_by, voted = check_last(bus["ilm"][s], reference, p, st)
     elif st["held"]:
-        resolver, voted = Resolver.UNRESOLVED.value, (st["vote"] if st["started"] else voted)
+        decided_by, voted = DecidedBy.UNRESOLVED.value, (st["vote"] if st["started"] else voted)
     monitor_reference(reference, at.n, p, st)
-    resolver = watch_common(resolver, at.n, voted, reference, second, p, st)
+    decided_by = watch_common(decided_by, at.n, voted, reference, second, p, st)
     watch_failed(samples, samples, valid, voted, p, st)
     count(at.n, p, st)
     level = st["level"]
     latch(False, p, st)
     publish(voted, p, st)
     fcc["voted"][s], fcc["level"][s], fcc["pattern"][s] = st["output"], st["level"], st["pattern"]
-    fcc["resolver"][s], fcc["common_mode"][s] = resolver, st["common_mode"]
+    fcc["decided_by"][s], fcc["common_mode"][s] = decided_by, st["common_mode"]
     fcc["reference_usable"][s] = st["reference_usable"] if np.isfinite(fcc["reference"][s]) else 0
     report(p, st, fcc["state"][s])
     return level != st["level"]

@@ -1,12 +1,12 @@
-/* Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the resolvers of its signal.
+/* Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the tie-break rules of its signal.
  *
  * Sections 6 to 8; redundancy.md 'Patterns without a majority' and 'No rule answers'.  Who stands on which side is told by
  * what is compared, `by` and the reference beside `y`; the vote is made of the samples.
  */
 #include "monitor.h"
 
-#define RESOLVERS 5    /* places in the configured order */
-#define NO_ANSWER (-1) /* of a resolver that cannot tell */
+#define TIE_BREAKS 5    /* places in the configured order */
+#define NO_ANSWER (-1) /* of a rule that cannot tell */
 #define LOW_SIDE 1     /* of two halves: that of the smaller samples, */
 #define HIGH_SIDE 2    /* and that of the larger */
 
@@ -66,16 +66,16 @@ static int by_trend(const struct frame *f, params *p, const struct signal *s)
     return (says == TREND_SMALLER_TRUE) ? HIGH_SIDE : NO_ANSWER;
 }
 
-/* What one resolver says of two halves: the sides to be failed, or NO_ANSWER. */
-static int ask_sides(int64_t resolver, const struct frame *f, params *p, const struct signal *s)
+/* What one rule says of two halves: the sides to be failed, or NO_ANSWER. */
+static int ask_sides(int64_t decided_by, const struct frame *f, params *p, const struct signal *s)
 {
-    if (resolver == RIG_RESOLVER_ILM) {
+    if (decided_by == RIG_DECIDED_BY_ILM) {
         return by_ilm(f);
     }
-    if (resolver == RIG_RESOLVER_TREND) {
+    if (decided_by == RIG_DECIDED_BY_TREND) {
         return by_trend(f, p, s);
     }
-    if ((resolver == RIG_RESOLVER_REFERENCE) && s->reference_usable) {
+    if ((decided_by == RIG_DECIDED_BY_REFERENCE) && s->reference_usable) {
         return by_reference(f);
     }
     return NO_ANSWER;
@@ -125,7 +125,7 @@ static double between(double a, double b, double share)
 static double vote_of_sides(int64_t name, int sides, const struct frame *f, params *p, const struct signal *s)
 {
     const int half = f->n / 2;
-    const bool trend = name == RIG_RESOLVER_TREND;
+    const bool trend = name == RIG_DECIDED_BY_TREND;
     if (trend && (sides == (LOW_SIDE + HIGH_SIDE))) {
         return halfway(f->x[f->by[half - 1]], f->x[f->by[half]]);
     }
@@ -145,15 +145,15 @@ static double vote_of_sides(int64_t name, int sides, const struct frame *f, para
     return between(f->x[a], f->x[b], share);
 }
 
-/* 2:2 and 1:1, sections 2, 6 and 7: which half is right; whether a resolver could tell. */
+/* 2:2 and 1:1, sections 2, 6 and 7: which half is right; whether a rule could tell. */
 static bool settle_halves(struct frame *f, params *p, const struct signal *s)
 {
-    for (int place = 0; place < RESOLVERS; place++) {
-        const int64_t name = p->resolvers[place];
+    for (int place = 0; place < TIE_BREAKS; place++) {
+        const int64_t name = p->tie_break[place];
         const int sides = ask_sides(name, f, p, s);
         if (sides != NO_ANSWER) {
-            f->vote = (name == RIG_RESOLVER_REFERENCE) ? triplex(f) : vote_of_sides(name, sides, f, p, s);
-            f->resolver = (uint8_t)name;
+            f->vote = (name == RIG_DECIDED_BY_REFERENCE) ? triplex(f) : vote_of_sides(name, sides, f, p, s);
+            f->decided_by = (uint8_t)name;
             blame_sides(sides, f);
             return true;
         }
@@ -190,19 +190,19 @@ static int only_near(const struct frame *f, params *p)
 /* 1:1:1:1 and 1:1:1, section 8: at most one channel is right; whether monitors or reference could tell. */
 static bool settle_apart(struct frame *f, params *p, const struct signal *s)
 {
-    for (int place = 0; place < RESOLVERS; place++) {
-        const int64_t name = p->resolvers[place];
+    for (int place = 0; place < TIE_BREAKS; place++) {
+        const int64_t name = p->tie_break[place];
         int good = NO_ANSWER;
-        if (name == RIG_RESOLVER_ILM) {
+        if (name == RIG_DECIDED_BY_ILM) {
             good = only_good(f);
-        } else if ((name == RIG_RESOLVER_REFERENCE) && s->reference_usable) {
+        } else if ((name == RIG_DECIDED_BY_REFERENCE) && s->reference_usable) {
             good = only_near(f, p);
         } else {
             /* no answer to these patterns */
         }
         if (good != NO_ANSWER) {
             f->vote = f->x[good];
-            f->resolver = (uint8_t)name;
+            f->decided_by = (uint8_t)name;
             blame_all_but(good, good, f);
             return true;
         }
@@ -213,13 +213,13 @@ static bool settle_apart(struct frame *f, params *p, const struct signal *s)
 /* Section 8, rules of likelihood if configured: of four the extremes fail, of three all but the middle. */
 static bool settle_by_rank(struct frame *f, params *p, const struct signal *s)
 {
-    const uint8_t rule = (s->pattern == RIG_PATTERN_P1_1_1_1) ? RIG_RESOLVER_EXTREMES : RIG_RESOLVER_MIDDLE;
-    for (int place = 0; place < RESOLVERS; place++) {
-        if (p->resolvers[place] == rule) {
+    const uint8_t rule = (s->pattern == RIG_PATTERN_P1_1_1_1) ? RIG_DECIDED_BY_EXTREMES : RIG_DECIDED_BY_MIDDLE;
+    for (int place = 0; place < TIE_BREAKS; place++) {
+        if (p->tie_break[place] == rule) {
             const int low = f->by[(f->n - 1) / 2];
             const int high = f->by[f->n / 2];
             f->vote = halfway(f->x[low], f->x[high]);
-            f->resolver = rule;
+            f->decided_by = rule;
             blame_all_but(low, high, f);
             return true;
         }
@@ -265,16 +265,16 @@ static double hold(const struct frame *f, struct signal *s)
 }
 
 /* Whether the next frame that nobody decides may begin with this frame's vote; shares that have ended are forgotten. */
-void resolvers_keep_basis(const struct frame *f, struct signal *s)
+void tie_break_keep_basis(const struct frame *f, struct signal *s)
 {
     struct split *const split = &s->split;
     const bool majority = split->whole && !is_singular(s->pattern);
     split->held_of = majority ? 0U : split->held_of;
-    split->basis = majority || (f->resolver == RIG_RESOLVER_UNRESOLVED);
+    split->basis = majority || (f->decided_by == RIG_DECIDED_BY_UNRESOLVED);
 }
 
-/* Ask the resolvers in their order, then the rules of rank; hold when nobody answers. */
-void resolvers_settle(struct frame *f, params *p, struct signal *s)
+/* Ask the tie-break rules in their order, then the rules of rank; hold when nobody answers. */
+void tie_break_settle(struct frame *f, params *p, struct signal *s)
 {
     bool answered;
     if ((s->pattern == RIG_PATTERN_P2_2) || (s->pattern == RIG_PATTERN_P1_1)) {
@@ -284,6 +284,6 @@ void resolvers_settle(struct frame *f, params *p, struct signal *s)
     }
     if (!answered) {
         f->vote = hold(f, s);
-        f->resolver = RIG_RESOLVER_UNRESOLVED;
+        f->decided_by = RIG_DECIDED_BY_UNRESOLVED;
     }
 }

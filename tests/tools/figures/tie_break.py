@@ -1,4 +1,4 @@
-"""How often each criterion was right in the campaign ``resolvers``, with exact intervals of 95 %.
+"""How often each criterion was right in the campaign ``tie_break``, with exact intervals of 95 %.
 
 Right: every faulty channel is failed and no healthy one.  Wrong: a healthy channel is failed.  Nobody: neither.
 """
@@ -59,7 +59,7 @@ def by_signal(runs: pl.DataFrame) -> Iterator[list[str]]:
         yield [signal, *shares(silent.filter(pl.col("signal") == signal))]
 
 
-def resolvers(folder: str, place: str | None = None) -> None:
+def tie_break(folder: str, place: str | None = None) -> None:
     """Print a campaign's flights by pattern, then by signal; ``place``: low, high, 1 to 4."""
     runs = flown(folder)
     table(("pattern", "criterion", "flights", *OUTCOMES), by_pattern(runs, place))
