@@ -88,7 +88,7 @@ def white_signal(persistence: int = 1) -> OfSignal:
     params = signal.params.copy()
     for field in ("threshold", "threshold_triplex", "threshold_duplex"):
         params[field] = 1.0
-    params["persistence"] = params["singular_persistence"] = persistence
+    params["persistence"] = params["split_persistence"] = persistence
     params["low"], params["high"], params["stale_frames"] = -1e9, 1e9, 0
     return signal._replace(params=params)
 

@@ -76,7 +76,7 @@ class Oracle:
         view.lonely = set(view.use) if disputed_by else self.miscomparing(view.seen) or self.outliers(view.seen)
         self.name(view)
         self.trend.remember(view.ranks if view.x else None, len(view.x), self.s)
-        self.reached("frozen side", self.singular and self.trend.still.count(0) == 1)
+        self.reached("frozen side", self.in_split and self.trend.still.count(0) == 1)
         decided_by, vote, wrong = self.decide(view, disputed_by)
         self.split.whole = len(view.use) == level
         self.split.hear(decided_by, wrong, self.s)
@@ -107,7 +107,7 @@ class Oracle:
         stale = self.lasting.stale(samples, self.in_use, reference, self.references.trusted)
         self.references.standing = self.lasting.standing
         self.reached("stale", stale)
-        self.reached("stale in a split", stale and self.singular)
+        self.reached("stale in a split", stale and self.in_split)
         return [None if c in stale else x for c, x in enumerate(samples)]
 
     def view(
@@ -186,16 +186,16 @@ class Oracle:
         return "ilm" if view.ilm[c] == "bad" else "reference" if off else ""
 
     @property
-    def singular(self) -> bool:
+    def in_split(self) -> bool:
         """Whether the frame's pattern has no majority."""
-        return self.split.singular
+        return self.split.in_split
 
     def still(self) -> bool:
-        """Whether the counts stand still: in a singular run of r frames and for min(r, limit) frames after it."""
-        if self.singular:
+        """Whether the counts stand still: in a run of splits of r frames and for min(r, limit) frames after it."""
+        if self.in_split:
             self.run += 1
             return True
-        after = min(self.run, self.s.singular_persistence)
+        after = min(self.run, self.s.split_persistence)
         self.reached("freeze: what was left is longer", 0 < after < self.freeze)
         left, self.run = max(self.freeze, after), 0
         self.freeze = max(left - 1, 0)
@@ -210,7 +210,7 @@ class Oracle:
                 self.reached("freeze: not comparable", still)
                 self.counts[c] += 1
             elif still and len(view.use) > 1:
-                after = moves and not self.singular
+                after = moves and not self.in_split
                 self.reached("freeze: miscompare not counted" if c in view.lonely else "freeze: count kept", after)
             else:
                 self.reached("freeze: last channel exempt", still and moves)
@@ -230,14 +230,14 @@ class Oracle:
         return abs(self.s.change(view.use[c], vote) - self.lasting.bias[c]) > (limit or self.s.within(n))
 
     def fail(self, view: View, decided_by: str, wrong: set[int]) -> None:
-        """Latch who has miscompared for long enough, and who is wrong in a singular pattern that has lasted."""
+        """Latch who has miscompared for long enough, and who is wrong in a split that has lasted."""
         late = {c for c in range(self.s.channels) if self.counts[c] >= self.s.persistence}
         self.reached(f"last channel: failed by {decided_by}", len(view.use) == 1 and set(view.use) <= late)
         self.failed |= late
         if self.split.settled(self.s):
             self.reached(f"{self.split.pattern} settled by {decided_by}", wrong)
             self.failed |= wrong
-        elif self.singular and self.split.lasted >= self.s.singular_persistence:
+        elif self.in_split and self.split.lasted >= self.s.split_persistence:
             self.reached("an answer too young", wrong)
 
     def fail_and_learn(self, view: View, decided_by: str, wrong: set[int]) -> str:
@@ -289,7 +289,7 @@ class Oracle:
             return "none", self.vote if self.vote is not None else self.s.limited(0.0) or 0.0, set()
         if disputed_by:
             return self.instead_of_the_last(view, disputed_by)
-        if self.singular:
+        if self.in_split:
             return self.resolve(view)
         if n in (2, 4) and view.ascending[n // 2] in view.lonely:
             return "none", view.x[n // 2 - 1], set()
@@ -333,6 +333,6 @@ class Oracle:
     def evidence(self, view: View, decided_by: str, wrong: set[int]) -> set[int]:
         """The channels in use against which this frame speaks."""
         silent = self.in_use - set(view.use)
-        if self.singular:
+        if self.in_split:
             return silent | (wrong if decided_by in ("ilm", "reference") else set())
         return silent | (view.lonely - self.failed)

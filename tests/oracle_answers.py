@@ -28,7 +28,7 @@ class Settings:
     slow_limit: float = 0.0  # unit times frames
     stale_frames: int = 0
     persistence: int = 8
-    singular_persistence: int = 10
+    split_persistence: int = 10
     count_down: float = 0.0  # what an agreeing frame takes off a count; 0: all of it
     unresolved_frames: int = 0  # of a split that no rule answers, until it is given up; 0: never
     tie_break: tuple[str, ...] = ("ilm", "lane", "reference", "trend", "extremes", "middle")

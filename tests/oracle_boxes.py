@@ -153,7 +153,7 @@ def row(
 def some_settings(draw: random.Random, **more: Any) -> Settings:
     return Settings(
         persistence=draw.randint(1, 8),
-        singular_persistence=draw.randint(1, 10),
+        split_persistence=draw.randint(1, 10),
         tie_break=tuple(draw.sample(list(TIE_BREAKS), draw.choice([6, 6, 5, 3, 2]))),
         unresolved_frames=draw.choice([0, 0, 12]),
         referred=draw.random() < 0.3,

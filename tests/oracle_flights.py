@@ -63,7 +63,7 @@ def some_settings(pick: Pick, turn: bool) -> Settings:
     return Settings(
         threshold=1.0 + beside,
         persistence=pick(range(1, 8)),
-        singular_persistence=pick(range(1, 7)),
+        split_persistence=pick(range(1, 7)),
         tie_break=tuple(pick(ORDERS)[: pick([6, 6, 5, 4, 3, 2, 1, 0])]),
         trend_frames=pick([1, 2, 3, 4, 8]),
         reference_threshold=pick([0.5, 1.0, 2.0]) + beside,
@@ -158,7 +158,7 @@ def left_by_extremes(flight: Flight, pick: Pick) -> Flight:
     value, slopes = pick([0.0, 3.0]), pick([(0.0, 0.0), (0.125, -0.125), (-0.125, 0.125), (0.125, 0.125)])
     offsets = pick([(0.0, 1.75), (0.0, 2.25), (1.75, 0.0), (0.0, 5.0)])
     reference = pick([None, 0.0, 0.875, 6.25, -3.25, 3.5])
-    before = s.singular_persistence + pick(range(4))
+    before = s.split_persistence + pick(range(4))
     frames = before + pick([4, 9, 14])
     samples: list[list[float | None]] = [
         [value + off + k * slope for off, slope in zip(offsets, slopes, strict=True)] + [value + 9.0, value - 9.0]
@@ -183,7 +183,7 @@ def held(flight: Flight, pick: Pick) -> Flight:
     """A split that is answered in few frames, with samples missing in single ones and channels that jump; then the
     flight."""
     tie_break = pick([("ilm",), ("reference",), ("ilm", "reference")])
-    waits = {"singular_persistence": pick([4, 6, 10]), "unresolved_frames": pick([0, 6, 12, 20])}
+    waits = {"split_persistence": pick([4, 6, 10]), "unresolved_frames": pick([0, 6, 12, 20])}
     s = replace(flight.settings, tie_break=tie_break, **waits)
     calm, frames = pick([1, 3]), pick([8, 14, 24])
     offsets = pick(pick([SPLIT, APART]) if s.channels == 4 else APART)

@@ -366,7 +366,7 @@ def test_a_lost_partner_makes_its_references_unusable_until_it_is_back(lost: str
 @pytest.mark.parametrize(
     ("pattern", "decided_by"),
     [
-        *((one, DecidedBy.NONE) for one in Pattern if one.is_singular),
+        *((one, DecidedBy.NONE) for one in Pattern if one.is_split),
         (Pattern.NORMAL, DecidedBy.REFERENCE),
         (Pattern.NORMAL, DecidedBy.ILM),
     ],
@@ -384,7 +384,7 @@ def test_a_vote_without_majority_or_of_a_disputed_last_channel_leaves_no_trace(
     for (name, chosen), partners in PARTNERS.items():
         if source(BY_PARTNERS, name) == chosen:
             gone = np.zeros(len(wild), bool)
-            gone[41:49] = torn in partners and pattern.is_singular
+            gone[41:49] = torn in partners and pattern.is_split
             assert np.array_equal(np.isnan(ref(wild, name)), gone), name
             assert ref(wild, name).tobytes() == ref(quiet, name).tobytes()
 
@@ -399,8 +399,8 @@ def test_the_manager_can_ask_which_signals_had_no_majority():
         remember(block, k, stage.data)
     all_signals = (1 << len(SIGNALS)) - 1
     kept = stage.state[0]
-    assert (kept["singular"], kept["lost"]) == (1 << INDEX["heading"], 1 << INDEX["pitch_rate"])
-    unsure = kept["singular"] | kept["lost"] | 1 << INDEX["roll_angle"]
+    assert (kept["in_split"], kept["lost"]) == (1 << INDEX["heading"], 1 << INDEX["pitch_rate"])
+    unsure = kept["in_split"] | kept["lost"] | 1 << INDEX["roll_angle"]
     assert kept["agreed"] == all_signals & ~unsure
 
 

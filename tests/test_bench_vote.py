@@ -23,7 +23,7 @@ from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, read_conf
 
 K = np.arange(30.0)
 RISING = np.stack([0.1 * K, 0.1 * K + 0.1, 0.1 * K + 5, 0.1 * K + 5.1], axis=1)
-SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10}
+SETTINGS = {"threshold": 1.0, "persistence": 8, "split_persistence": 10}
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_constant_pairs_go_to_the_smaller_pair(run: Any):
     assert failed(found) == {3: (10, "trend"), 4: (10, "trend")}
     assert table["x.pattern"].to_list() == ["2:2"] * 10 + ["normal"] * 20
     assert table["x.decided_by"].to_list() == ["unresolved"] * 8 + ["trend"] * 2 + ["none"] * 20
-    assert found["signals"]["x"]["singular_share"] == pytest.approx(10 / 30)
+    assert found["signals"]["x"]["split_share"] == pytest.approx(10 / 30)
 
 
 def test_rising_pairs_go_to_the_larger_pair(run: Any):

@@ -59,7 +59,7 @@ def test_what_the_reader_must_know_is_an_error_or_warning():
     block["end"][29] = End.GROUND_CONTACT
     found = EventFinder([]).find(block)
     assert [(e.level, e.name) for e in found] == [
-        ("warning", "singular pattern"),
+        ("warning", "split"),
         ("error", "signal lost"),
         ("info", "control law"),
         ("error", "flight ends"),

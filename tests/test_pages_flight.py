@@ -95,7 +95,7 @@ def test_the_page_asks_nothing_of_a_network(page: tuple[dict[str, Any], str]):
 def split(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of a 2:2 that the reference settles."""
     folder = tmp_path_factory.mktemp("split")
-    flown = fly("f16_singular_2_2_level", overrides=["duration_s=12"], out=folder)
+    flown = fly("f16_split_2_2_level", overrides=["duration_s=12"], out=folder)
     report(flown.log, folder / "split.html")
     return folder / "split.html"
 
@@ -107,7 +107,7 @@ def test_the_decision_draws_the_reference_that_decided_and_the_frames_that_it_to
     counted = numbers(lines["frames, 2:2"]["y"])
     assert counted.max() == 10.0 and counted[50:60].tolist() == list(range(1, 11))
     said = [note["text"] for note in drawn["layout"]["annotations"]]
-    assert "persistence 8" in said and "singular persistence 10" in said
+    assert "persistence 8" in said and "split persistence 10" in said
 
 
 def test_thresholds_and_who_decided_are_named_with_their_figures(split: Path):

@@ -24,7 +24,7 @@ def fly(
     fade_s: float = 0.0,
     boxes: Any = 1,
 ) -> Any:
-    """``samples`` (S, 4) or (FRAMES, S, 4) through the manager; threshold 1, persistence 8, singular 10."""
+    """``samples`` (S, 4) or (FRAMES, S, 4) through the manager; threshold 1, persistence 8, split 10."""
     params = np.zeros(S, PARAMS)
     for row in params:
         fill(row, SignalConfig(threshold=1.0, fade_s=fade_s), (-1000.0, 1000.0), fitted, False, 100.0)

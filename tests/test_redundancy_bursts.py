@@ -1,6 +1,6 @@
 """Bursts behind a filter: what of them counts, and what does not; by hand.
 
-Frames are counted from 1 as in the requirement. Threshold 1, persistence 8, singular persistence 10, so that a step of
+Frames are counted from 1 as in the requirement. Threshold 1, persistence 8, split persistence 10, so that a step of
 the filter is at most 2/15.
 """
 
@@ -78,7 +78,7 @@ def test_a_burst_after_a_gap_or_in_the_first_rows_fails_nobody(
     assert (out.pattern == Pattern.NORMAL).all() and (out.state[before + gap :, :n] == State.OK).all()
 
 
-# Patterns without a majority.
+# Splits.
 
 SPLIT, APART, PAIR = (0, 0.1, 900, 900.1), (0, 300, 600, 900), (0, 900, NAN, NAN)
 

@@ -172,7 +172,7 @@ def test_a_log_from_before_the_rule_is_flown_as_it_was():
 
 
 def test_a_wrong_pair_that_in_line_monitors_keep_is_failed_by_both_references():
-    found = fly(scenario.load("f16_singular_2_2_lying_ilm", ["duration_s=15"]))
+    found = fly(scenario.load("f16_split_2_2_wrong_ilm", ["duration_s=15"]))
     s = INDEX["pitch_rate"]
     by_ilm, by_both = (int((found.rows["state"][:, s, c] == State.FAILED).argmax()) for c in (0, 2))
     assert by_both == by_ilm + 10 and found.rows["decided_by"][by_both, s] == DecidedBy.COMMON

@@ -1,4 +1,4 @@
-"""The table of examples that every implementation of the monitor must satisfy (eps 1, persistence 8, singular 10)."""
+"""The table of examples that every implementation of the monitor must satisfy (eps 1, persistence 8, split 10)."""
 
 import numpy as np
 import pytest

@@ -234,7 +234,7 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
         "deviation": 1.25,
         "deviation_frames": 250.0,
         "persistence": 8,
-        "singular_persistence": 10,
+        "split_persistence": 10,
         "trend_frames": 8,
         "readmit_frames": 100,
         "fade_frames": 25,
@@ -288,7 +288,7 @@ def test_every_signal_has_its_own_settings_range_and_channels():
 
 
 def test_the_smallest_settings_are_one_frame():
-    least = SignalConfig(threshold=1.0, persistence=1, singular_persistence=1, trend_frames=1, readmit_frames=1)
+    least = SignalConfig(threshold=1.0, persistence=1, split_persistence=1, trend_frames=1, readmit_frames=1)
     assert least.fade_s == 0.0 and Reset(at_s=0.0, signal="heading").channels == [1, 2, 3, 4]
     with pytest.raises(ValidationError):
         Reset(at_s=0.0, signal="heading", channels=[0])
@@ -344,9 +344,7 @@ def test_every_manager_of_the_house_and_any_class_may_be_named(manager):
     assert Config.model_validate({"manager": manager, "signals": signals}).manager == manager
 
 
-@pytest.mark.parametrize(
-    "key", ["readmit_frames", "singular_persistence", "selection_deviation", "selection_integral_s"]
-)
+@pytest.mark.parametrize("key", ["readmit_frames", "split_persistence", "selection_deviation", "selection_integral_s"])
 def test_nothing_is_counted_to_zero(key):
     with pytest.raises(ValidationError):
         SignalConfig.model_validate({"threshold": 1.0, key: 0})
@@ -402,11 +400,11 @@ def test_resets_of_other_blocks_are_not_commanded_and_those_of_one_frame_add_up(
 @pytest.mark.parametrize(("rate_hz", "frames"), [(25.0, 2), (100.0, 8), (400.0, 32), (110.0, 9), (1.0, 1), (1e-5, 1)])
 def test_a_persistence_in_seconds_lasts_at_least_as_long_at_every_rate(rate_hz, frames):
     row = np.zeros(1, PARAMS)[0]
-    fill(row, SignalConfig(threshold=1.0, persistence_s=0.08, singular_persistence_s=0.08), (-1, 1), 4, False, rate_hz)
-    assert (row["persistence"], row["singular_persistence"]) == (frames, frames)
+    fill(row, SignalConfig(threshold=1.0, persistence_s=0.08, split_persistence_s=0.08), (-1, 1), 4, False, rate_hz)
+    assert (row["persistence"], row["split_persistence"]) == (frames, frames)
 
 
-@pytest.mark.parametrize("name", ["persistence", "singular_persistence"])
+@pytest.mark.parametrize("name", ["persistence", "split_persistence"])
 def test_a_persistence_is_in_frames_or_in_seconds(name):
     with pytest.raises(ValidationError, match=f"{name} and {name}_s are the same setting"):
         SignalConfig.model_validate({"threshold": 1.0, name: 8, f"{name}_s": 0.08})
@@ -436,7 +434,7 @@ def test_a_split_cannot_be_given_up_before_it_can_be_settled(wait_s: float, refu
     """Ten frames at 100 Hz; 0 never gives up."""
     config = Config.model_validate({"unresolved_s": wait_s, "signals": {s.name: {"threshold": 1.0} for s in SIGNALS}})
     if refused:
-        with pytest.raises(ValueError, match="fewer than the 10 of singular_persistence of pitch_rate; 0: never"):
+        with pytest.raises(ValueError, match="fewer than the 10 of split_persistence of pitch_rate; 0: never"):
             refuse_short_wait(config, 100.0)
     else:
         refuse_short_wait(config, 100.0)

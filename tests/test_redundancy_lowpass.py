@@ -131,7 +131,7 @@ def test_a_reference_begins_at_the_filtered_vote_too():
     1.16, 1.05 and 0.95, and off the lower one's by more."""
     samples = constant(0.0, 0.0, 3.0, 3.0, frames=25)
     reference = np.where(np.arange(1, 26) < 20, np.nan, 3.0)
-    out = vote_samples(samples, reference=reference, filter_s=0.1, tie_break=["reference"], singular_persistence=30)
+    out = vote_samples(samples, reference=reference, filter_s=0.1, tie_break=["reference"], split_persistence=30)
     assert (out.decided_by[19:] == DecidedBy.REFERENCE).all() and (out.state[19:, :2] == State.SUSPECT).all()
     assert (out.state[19:21, 2:] == State.SUSPECT).all() and (out.state[21:, 2:] == State.OK).all()
 

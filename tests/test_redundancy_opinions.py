@@ -1,6 +1,6 @@
 """The trend's windows and frozen sides, and the health of the computers: by hand.
 
-Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, singular persistence 10.
+Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, split persistence 10.
 """
 
 from typing import Any
@@ -88,7 +88,7 @@ def test_one_frame_in_which_one_side_is_still_is_no_trend():
 def test_the_newest_frame_may_contradict_those_before():
     samples = moving(0.125, 0.125, 0.125, 0.125)
     samples[12:] = samples[11] - 0.015625 * np.arange(1, 19)[:, None]
-    out = vote_samples(samples, tie_break=["trend"], trend_small=0.03125, singular_persistence=30)
+    out = vote_samples(samples, tie_break=["trend"], trend_small=0.03125, split_persistence=30)
     assert out.voted[11] == pytest.approx(samples[11, 2:].mean())  # eight frames rising
     assert out.voted[12] == pytest.approx(samples[12, :2].mean())  # one falling
 
@@ -98,7 +98,7 @@ def test_a_tumbling_window_is_begun_again_and_its_verdict_stands_until_the_next(
     """Windows of four changes end in rows 5, 9, 13; in the third a side falls once, in row 11."""
     samples = moving(0.125, 0.125, 0.125, 0.125)
     samples[10:, 2:] -= 0.25
-    more: dict[str, Any] = {"trend_frames": 4, "singular_persistence": 30}
+    more: dict[str, Any] = {"trend_frames": 4, "split_persistence": 30}
     out = vote_samples(samples, **ALONE, **more, trend_window="tumbling")
     assert asked_at(out) == [*range(5, 13), *range(17, 31)]
     assert out.trend_high[:14].tolist() == [0, 1, 3, 7, 15, 1, 3, 7, 15, 1, 2, 5, 11, 1]
@@ -110,7 +110,7 @@ def test_a_tumbling_window_is_begun_again_and_its_verdict_stands_until_the_next(
 def test_a_verdict_does_not_outlive_a_change_of_the_number_of_samples():
     samples = moving(0.125, 0.125, 0.125, 0.125)
     samples[6, 0] = NAN
-    out = vote_samples(samples, **ALONE, trend_frames=4, singular_persistence=30, trend_window="tumbling")
+    out = vote_samples(samples, **ALONE, trend_frames=4, split_persistence=30, trend_window="tumbling")
     assert asked_at(out) == [5, 6, *range(12, 31)]  # four changes from the eighth row on
 
 

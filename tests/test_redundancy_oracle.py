@@ -56,7 +56,7 @@ def run(flight: Flight) -> Voted:
         channels=s.channels,
         threshold=s.threshold,
         persistence=s.persistence,
-        singular_persistence=s.singular_persistence,
+        split_persistence=s.split_persistence,
         tie_break=list(s.tie_break),
         count_down=s.count_down or None,
         trend_frames=s.trend_frames,
@@ -222,7 +222,7 @@ def run_boxes(flight: BoxFlight) -> list[Voted]:
     """All signals of a flight through one manager; what each of them came to."""
     params = np.zeros(SIGNALS, PARAMS)
     for record, s in zip(params, flight.settings, strict=True):
-        given = {key: getattr(s, key) for key in ("threshold", "persistence", "singular_persistence")}
+        given = {key: getattr(s, key) for key in ("threshold", "persistence", "split_persistence")}
         config = SignalConfig.model_validate({**given, "tie_break": list(s.tie_break)})
         fill(record, config, (-1000.0, 1000.0), s.channels, False, 100.0)
         for name in OF_FLIGHTS:

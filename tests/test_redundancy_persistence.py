@@ -1,6 +1,6 @@
 """Answers that must stand, splits that are given up, counts that go down: by hand.
 
-Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, singular persistence 10.
+Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, split persistence 10.
 """
 
 from typing import Any
@@ -108,14 +108,14 @@ def test_an_answer_that_blames_others_begins_again():
 
 @pytest.mark.parametrize(("wait", "at"), [(1, 1), (2, 2), (7, 7)])
 def test_an_answer_from_the_first_frame_on_settles_when_the_pattern_has_lasted(wait: int, at: int):
-    out = vote_samples(constant(*APART), reference=0.0, singular_persistence=wait)
+    out = vote_samples(constant(*APART), reference=0.0, split_persistence=wait)
     assert out.failed_at() == [None, at, at, at]
 
 
 @pytest.mark.parametrize(("wait", "stood"), [(1, 1), (2, 1), (3, 2), (10, 5), (11, 6)])
-def test_an_answer_must_stand_for_half_of_the_singular_persistence(wait: int, stood: int):
+def test_an_answer_must_stand_for_half_of_the_split_persistence(wait: int, stood: int):
     reference = np.where(FRAMES > 15, 0.0, NAN)
-    out = vote_samples(constant(*APART), reference=reference, tie_break=["reference"], singular_persistence=wait)
+    out = vote_samples(constant(*APART), reference=reference, tie_break=["reference"], split_persistence=wait)
     assert out.failed_at() == [None, *[15 + stood] * 3]
 
 

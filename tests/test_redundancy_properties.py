@@ -113,7 +113,7 @@ def test_the_pattern_is_that_of_the_definition(values):
 def test_the_vote_is_finite_and_within_the_comparable_samples(samples, valid, manager, sensor, fade_s):
     """Out of it only by what the requirement holds: an unresolved pattern, the last one lost, a fade."""
     low, high, wraps = sensor
-    chosen = {"threshold": 0.2, "persistence": 3, "singular_persistence": 4, "fade_s": fade_s}
+    chosen = {"threshold": 0.2, "persistence": 3, "split_persistence": 4, "fade_s": fade_s}
     with np.errstate(all="ignore"):  # interpreted kernels warn where compiled ones overflow in silence
         out = vote_samples(samples, valid=valid, manager=manager, limits=(low, high), wraps=wraps, **chosen)
     assert np.isfinite(out.voted).all()

@@ -1,6 +1,6 @@
 """The reference's own monitor, what extremes leave, references beyond the range, sources in dispute: by hand.
 
-Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, singular persistence 10.
+Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, split persistence 10.
 """
 
 from typing import Any

@@ -1,6 +1,6 @@
 """Examples by hand of the monitor's later rules: the freeze, who is asked first, the vote that is held.
 
-Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, singular persistence 10.
+Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, split persistence 10.
 """
 
 from typing import Any
@@ -18,18 +18,18 @@ SPLIT, NOISY = (0, 0.5, 5, 5.1), (0, 1.2, 5, 5.1)  # 2:2, and the 1:1:2 that noi
 APART = (-9, -3, 3, 9)
 
 
-# The freeze after a singular run.
+# The freeze after a run of splits.
 
 
-@pytest.mark.requirement("redundancy", "counts stand still after a singular run, as long as it was")
+@pytest.mark.requirement("redundancy", "counts stand still after a run of splits, as long as it was")
 @pytest.mark.parametrize(("run", "still"), [(3, 3), (9, 9), (30, 10)])
-def test_after_a_singular_run_the_counts_stand_still_for_as_long_up_to_the_singular_persistence(run: int, still: int):
+def test_after_a_run_of_splits_the_counts_stand_still_for_as_long_up_to_the_split_persistence(run: int, still: int):
     out = vote_samples(rows((run, SPLIT), (30, NOISY)), tie_break=[])
     assert out.failed_at() == [run + still + 8] * 2 + [None] * 2
     assert (out.state[run:, :2] != State.OK).all()
 
 
-@pytest.mark.requirement("redundancy", "counts stand still after a singular run, as long as it was")
+@pytest.mark.requirement("redundancy", "counts stand still after a run of splits, as long as it was")
 def test_noise_that_splits_a_pair_of_a_two_to_two_again_and_again_fails_nobody():
     out = vote_samples(rows(*[(3, SPLIT), (3, NOISY)] * 10))
     assert out.failed_at() == [None] * 4
@@ -41,7 +41,7 @@ def test_a_freeze_is_the_larger_of_what_is_left_of_it_and_the_new_run():
     assert out.failed_at()[:2] == [8 + 2 + 1 + 6 + 8] * 2
 
 
-def test_a_run_of_any_mix_of_singular_patterns_counts_as_one():
+def test_a_run_of_any_mix_of_splits_counts_as_one():
     out = vote_samples(rows((3, APART), (4, SPLIT), (30, NOISY)), tie_break=[])
     assert out.failed_at()[:2] == [7 + 7 + 8] * 2
 
@@ -246,7 +246,7 @@ def test_the_shares_go_on_after_an_answer_that_did_not_last():
     ilm = rows((5, (ABSENT,) * 4), (1, (BAD, GOOD, ABSENT, ABSENT)), (24, (ABSENT,) * 4)).astype(int)
     samples = np.where(np.arange(4) < 2, constant(0, 5, 0, 0), NAN)
     samples[0, :2] = 0.0, 0.8
-    out = vote_samples(samples, ilm=ilm, channels=2, tie_break=["ilm"], singular_persistence=30)
+    out = vote_samples(samples, ilm=ilm, channels=2, tie_break=["ilm"], split_persistence=30)
     assert out.voted[1:5] == pytest.approx(np.full(4, 0.4)) and out.voted[5] == 5.0
     assert out.voted[6:] == pytest.approx(np.full(24, 0.4))
 
@@ -337,7 +337,7 @@ def test_the_ranks_whose_changes_weigh_are_those_of_the_samples_behind_a_filter_
     samples = np.full((12, 4), NAN)
     samples[:, 0], samples[:, 1] = 0.0 - 0.125 * np.arange(12), 3.0 - 0.125 * np.arange(12)
     samples[11, :2] = -1.5, -2.25
-    more: dict[str, Any] = {"channels": 2, "tie_break": ["trend"], "trend_frames": 1, "singular_persistence": 30}
+    more: dict[str, Any] = {"channels": 2, "tie_break": ["trend"], "trend_frames": 1, "split_persistence": 30}
     out = vote_samples(samples, filter_s=0.01, **more, **WEIGHTED)
     assert (out.decided_by[3:] == DecidedBy.TREND).all()
     high, low = samples[11, 0] - samples[10, 1], samples[11, 1] - samples[10, 0]

@@ -45,7 +45,7 @@ def settings(row: NDArray[Any], lasting: NDArray[Any], rules: NDArray[Any]) -> S
         reference_threshold=number["reference_threshold"],
         second_threshold=number["second_threshold"],
         persistence=int(row["persistence"]),
-        singular_persistence=int(row["singular_persistence"]),
+        split_persistence=int(row["split_persistence"]),
         trend_frames=int(row["trend_frames"]),
         outlier=float(row["outlier_threshold"]) or None,
         outlier_triplex=float(row["outlier_threshold_triplex"]) or None,

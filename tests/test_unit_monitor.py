@@ -19,8 +19,8 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is insta
 FLIGHTS = (
     ("f16_fault_in_the_split", ["duration_s=15"]),
     ("history_afti_flight_44", ["duration_s=20"]),
-    ("f16_singular_2_2_lying_ilm", ["duration_s=20"]),
-    ("f16_singular_1_1_1", ["duration_s=15", "redundancy.resets=[{at_s=9.0, signal='pitch_rate'}]"]),
+    ("f16_split_2_2_wrong_ilm", ["duration_s=20"]),
+    ("f16_split_1_1_1", ["duration_s=15", "redundancy.resets=[{at_s=9.0, signal='pitch_rate'}]"]),
     ("b747_lost_pitch_rate", ["duration_s=20"]),
     ("b737_turn_through_north", ["duration_s=35"]),
     ("b737_gear_down_inverted", ["duration_s=10"]),
@@ -111,9 +111,9 @@ def test_each_switch_decides_in_the_random_rows():
 
 def quiet(frames: int) -> tuple[np.ndarray, Block]:
     """CONFIG of a bundled scenario whose samples may repeat, and rows of zeros, all valid, without references."""
-    stage = redundancy(scenario.load("f16_singular_2_2_ilm"))
+    stage = redundancy(scenario.load("f16_split_2_2_ilm"))
     stage.manager.params["stale_frames"] = 0
-    rows = np.zeros(frames, fly_rows(scenario.load("f16_singular_2_2_ilm"), 1).dtype)
+    rows = np.zeros(frames, fly_rows(scenario.load("f16_split_2_2_ilm"), 1).dtype)
     rows["valid"] = rows["discrete_valid"] = 1
     rows["ilm"] = rows["discrete_ilm"] = Ilm.ABSENT
     rows["reference"] = rows["second_reference"] = np.nan

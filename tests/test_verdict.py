@@ -14,7 +14,7 @@ from rig.verdict.score_records import FaultScore, Score
 from rig.verdict.scoring import score
 from rig.verdict.transients import fly_twin
 
-PERSISTENCE, SINGULAR = 8, 10  # frames, aircraft/defaults.toml
+PERSISTENCE, SPLITS = 8, 10  # frames, aircraft/defaults.toml
 
 
 @cache
@@ -82,18 +82,18 @@ def test_a_channel_after_the_other_is_lost_until_none_is_left():
 
 
 def test_in_line_monitors_settle_a_split_rightly():
-    found = scored("f16_singular_2_2_ilm", "duration_s=12")
-    assert [frames_of(fault) for fault in found.faults] == [(1000, 1000, 1000 + SINGULAR - 1)] * 2
+    found = scored("f16_split_2_2_ilm", "duration_s=12")
+    assert [frames_of(fault) for fault in found.faults] == [(1000, 1000, 1000 + SPLITS - 1)] * 2
     assert {fault.decided_by for fault in found.faults} == {"ilm"}
     (episode,) = found.episodes
-    assert (episode.pattern, episode.first_frame, episode.frames) == ("2:2", 1000, SINGULAR)
+    assert (episode.pattern, episode.first_frame, episode.frames) == ("2:2", 1000, SPLITS)
     assert (episode.decided_by, episode.failed, episode.verdict, episode.asked) == ("ilm", (3, 4), "right", ("ilm",))
     assert (found.tie_break["ilm"].answered, found.tie_break["ilm"].right, found.tie_break["ilm"].wrong) == (1, 1, 0)
     assert found.tie_break_by_pattern["2:2"]["ilm"].right == 1
 
 
 def test_in_line_monitors_that_lie_make_a_wrong_isolation():
-    found = scored("f16_singular_2_2_lying_ilm", "duration_s=12", 'redundancy.common_mode="report"')
+    found = scored("f16_split_2_2_wrong_ilm", "duration_s=12", 'redundancy.common_mode="report"')
     assert failed(found.wrong_isolations) == [("pitch_rate", 1, 1009, "ilm"), ("pitch_rate", 2, 1009, "ilm")]
     assert found.false_alarms == []
     assert places(found) == [
@@ -123,7 +123,7 @@ def test_the_trend_alone_fails_the_good_pair_of_a_common_offset():
 
 def test_extremes_and_reference_settle_four_ways_apart():
     wide = "redundancy.references.pitch_rate=angle_of_attack"  # by the default one a single sample is near
-    found = scored("f16_singular_1_1_1_1", "duration_s=12", wide)
+    found = scored("f16_split_1_1_1_1", "duration_s=12", wide)
     by_channel = {fault.channel: fault for fault in found.faults}
     assert {c: fault.decided_by for c, fault in by_channel.items()} == {2: "reference", 3: "extremes", 4: "extremes"}
     assert by_channel[3].failed_frame == by_channel[4].failed_frame == 1009

@@ -147,7 +147,7 @@ def test_rows_of_another_seed_are_refused(flight: Flight):
 
 
 def test_a_flight_of_twenty_seconds_is_scored_in_milliseconds():
-    which = scenario.load("f16_singular_2_2_level", ["duration_s=20"])
+    which = scenario.load("f16_split_2_2_level", ["duration_s=20"])
     rows = fly_rows(which)
     took = []
     for _ in range(5):

@@ -179,7 +179,7 @@ def test_two_faulty_channels_that_are_failed_together_are_no_wrong_isolation():
 
 
 def test_a_monitor_without_patience_fails_a_channel_in_the_frame_of_the_onset():
-    impatient = ("redundancy.signals.pitch_rate.persistence=1", "redundancy.signals.pitch_rate.singular_persistence=1")
+    impatient = ("redundancy.signals.pitch_rate.persistence=1", "redundancy.signals.pitch_rate.split_persistence=1")
     assert outcomes(scored([offset([2], 0.2, 0.3)], 40, *impatient)) == [("detected", 20, 20, 20)]
     assert outcomes(scored([offset([2], 0.0, 0.3)], 40, *impatient)) == [("detected", 0, 0, 0)]
 
@@ -201,7 +201,7 @@ def test_lost_samples_exceed_any_threshold():
 
 def test_a_rule_that_spoke_but_did_not_stand_is_asked_and_has_not_answered():
     order = 'redundancy.signals.pitch_rate.tie_break=["ilm", "trend", "reference", "extremes"]'
-    which, rows = flight([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.singular_persistence=30", order)
+    which, rows = flight([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.split_persistence=30", order)
     rows["pattern"][:, Q], rows["decided_by"][:, Q] = Pattern.NORMAL, DecidedBy.NONE
     rows["state"][:, Q] = State.OK
     rows["pattern"][20:26, Q], rows["decided_by"][20:26, Q] = Pattern.P2_2, DecidedBy.TREND

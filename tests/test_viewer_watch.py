@@ -269,9 +269,9 @@ def test_a_flight_that_is_watched_is_the_same_flight(tmp_path: Path) -> None:
 
     screen = terminal()
     watch = Watch(OnTerminal(screen), None)
-    watched = rig.fly("f16_singular_2_2_level", overrides=["duration_s=11"], out=tmp_path, watch=watch)
+    watched = rig.fly("f16_split_2_2_level", overrides=["duration_s=11"], out=tmp_path, watch=watch)
     watch.close()
-    alone = rig.fly("f16_singular_2_2_level", overrides=["duration_s=11"], out=tmp_path)
+    alone = rig.fly("f16_split_2_2_level", overrides=["duration_s=11"], out=tmp_path)
     assert watched.digest == alone.digest
     text = screen.export_text()
     assert "pitch_rate.3 failed by reference" in text

@@ -132,8 +132,8 @@ LATCHES = [
     ),
     Defect(
         "a pattern settled a frame late",
-        "s->pattern_frames >= p->singular_persistence",
-        "s->pattern_frames > p->singular_persistence",
+        "s->pattern_frames >= p->split_persistence",
+        "s->pattern_frames > p->split_persistence",
     ),
     Defect(
         "an agreeing frame does not end the count",
@@ -141,12 +141,12 @@ LATCHES = [
         ": (count[c] + (0.0 * counted_down(count[c], &s->rules)));",
     ),
     Defect(
-        "counts go on in a pattern without a majority",
-        "s->singular_run++;\n        return true;",
-        "s->singular_run++;\n        return false;",
+        "counts go on in a split",
+        "s->split_run++;\n        return true;",
+        "s->split_run++;\n        return false;",
     ),
     Defect(
-        "counts go on after a pattern without a majority",
+        "counts go on after a split",
         "s->freeze = (wait > s->freeze) ? wait : s->freeze;",
         "s->freeze = 0 * wait;",
     ),

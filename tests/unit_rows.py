@@ -37,7 +37,7 @@ def random_params(draw: Generator) -> NDArray[Any]:
     """PARAMS records with short persistences; a third of the signals are angles."""
     params = np.zeros(S, PARAMS)
     for name, low, high in (
-        *(("persistence", 1, 7), ("singular_persistence", 1, 9), ("trend_frames", 1, 9), ("readmit_frames", 1, 12)),
+        *(("persistence", 1, 7), ("split_persistence", 1, 9), ("trend_frames", 1, 9), ("readmit_frames", 1, 12)),
         *(("fade_frames", 0, 5), ("common_persistence", 1, 6), ("common_fails", 0, 2), ("weighted", 0, 2)),
     ):
         params[name] = draw.integers(low, high, S)

@@ -220,7 +220,7 @@ def split_in_trends(seed: int) -> Flown:
     s = Settings(
         threshold_duplex=2.0,
         trend_frames=draw.choice([1, 2, 3]),
-        singular_persistence=draw.choice([4, 9, 30]),
+        split_persistence=draw.choice([4, 9, 30]),
         tie_break=tuple(draw.sample(["ilm", "trend"], 2)),
         weighted=True,
         channels=draw.choice([4, 4, 2]),
@@ -376,7 +376,7 @@ def with_resets(seed: int) -> Flown:
     """One to three channels that go off and come back, and commands in time, too early and in disagreement."""
     draw = random.Random(f"resets {seed}")
     s = Settings(
-        persistence=draw.randint(1, 4), singular_persistence=draw.randint(1, 4), channels=draw.choice([4, 4, 4, 3])
+        persistence=draw.randint(1, 4), split_persistence=draw.randint(1, 4), channels=draw.choice([4, 4, 4, 3])
     )
     flight, resets, value = Flight(s), list[Reset](), draw.choice([0.0, -2.5, 8.0])
     while len(flight.samples) < FRAMES:

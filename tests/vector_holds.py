@@ -20,7 +20,7 @@ def held_in_gaps(seed: int) -> Flown:
 class _AnyAnswer(Split):
     def not_held(self, s: Settings) -> None:
         super().not_held(s)
-        self.open = 0 if self.singular else self.open
+        self.open = 0 if self.in_split else self.open
 
 
 class AnsweredOnce(Other):
@@ -32,7 +32,7 @@ class AnsweredOnce(Other):
 class _AnyFrame(Split):
     def not_held(self, s: Settings) -> None:
         super().not_held(s)
-        self.open = self.open if self.singular else 0
+        self.open = self.open if self.in_split else 0
 
 
 class EndedByMissing(Other):

@@ -27,7 +27,7 @@ PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
 # Fields of PARAMS that the oracle's settings have by the same name.
 SAME = (
     *("threshold", "reference_threshold", "second_threshold", "common_persistence", "common_fails", "persistence"),
-    *("singular_persistence", "trend_frames", "bias_bound", "stale_frames", "slow_allowance", "slow_limit", "weighted"),
+    *("split_persistence", "trend_frames", "bias_bound", "stale_frames", "slow_allowance", "slow_limit", "weighted"),
     *told("rules"),
 )
 SAID = Said.VOTED | Said.STATE | Said.PATTERN | Said.TREND | Said.DISCRETES

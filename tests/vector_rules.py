@@ -137,7 +137,7 @@ class SecondDisputes(References):
 
 class _AtOnce(Split):
     def settled(self, s: Settings) -> bool:
-        return self.singular and self.lasted >= s.singular_persistence
+        return self.in_split and self.lasted >= s.split_persistence
 
 
 class AtOnce(Other):

@@ -27,7 +27,7 @@ TITLES: Final = (
     "long session, what lasts",
     "long session, splits and disputes",
 )
-LASTING, SPLITS = 3, 4  # of them: with learned biases, sums and stale samples; with patterns without a majority
+LASTING, SPLITS = 3, 4  # of them: with learned biases, sums and stale samples; with splits
 _HERE: Final = np.array([0.0] * 14 + [0.25, -0.25])  # offsets in thresholds: of a healthy channel,
 _GONE: Final = np.array([3.0, -3.0, 6.0, -6.0, 9.5, np.nan])  # and of one with a fault
 _OFF: Final = np.array([0.0] * 6 + [0.5, 3.0, -3.0, np.nan, np.nan])  # of a reference
@@ -65,7 +65,7 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     config["surface_low"], config["surface_high"] = -0.5, [*[0.5] * (len(SURFACES) - 1), 1.0]
     signal, counts = config["signal"][0], (1, 40, 7, 3, 1)[number]
     beside = 1.0 / 1024  # no distance is exactly a threshold, where rounding would decide
-    for name, low, high in (("persistence", 3, 9), ("singular_persistence", 4, 12), ("fade_frames", 3, 9)):
+    for name, low, high in (("persistence", 3, 9), ("split_persistence", 4, 12), ("fade_frames", 3, 9)):
         signal[name] = draw.integers(low, high, S) * counts
     signal["common_persistence"] = draw.integers(4, 9, S) * counts
     signal["readmit_frames"] = draw.integers(60, 90, S) * draw.choice(([1], [4, 4, 15], [2], [1], [1])[number], S)
@@ -128,7 +128,7 @@ def _rule(rules: NDArray[Any], signal: NDArray[Any], draw: Generator, one_box: b
     rules["tells"][: S // 2] = np.where(draw.random(S // 2) < 0.7, telling, 0)
     rules["sources"] = draw.choice([0, *telling], S) | draw.choice([0, *telling], S)
     rules["count_down"] = draw.choice([0.0, 0.0, 0.5, 1.0, 2.5], S)
-    rules["unresolved_frames"] = draw.choice([0, 1, 2], S) * signal["singular_persistence"]
+    rules["unresolved_frames"] = draw.choice([0, 1, 2], S) * signal["split_persistence"]
     rules["trend_small"] = np.where(draw.random(S) < 0.4, 0.2507 * signal["threshold"], -1.0)
     for name in ("trend_tumbles", "trend_beside_reference", "referred"):
         rules[name] = draw.random(S) < 0.4
@@ -160,7 +160,7 @@ def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any
     here = _episodes(draw, frames, (CHANNELS,), _HERE, 25.0)
     gone = _episodes(draw, frames, (CHANNELS,), _GONE, length)
     if splits:
-        length += float(row["singular_persistence"])
+        length += float(row["split_persistence"])
         here += _SPLIT[_episodes(draw, frames, (), np.arange(len(_SPLIT)), length)]
     channels = truth[:, None] + threshold * (np.where(wrong, gone, here) + all_off[:, None])
     inputs["channels"][:, i] = _in_range(channels, row)

@@ -143,7 +143,7 @@ def params_of(
     params["box"] = box_of_signals(rules.boxes, tuple(settings))
     if rules.unresolved_s > 0:
         frames = in_frames(0, rules.unresolved_s, recording.rate_hz)
-        params["unresolved_frames"] = np.maximum(frames, params["singular_persistence"])
+        params["unresolved_frames"] = np.maximum(frames, params["split_persistence"])
     return params
 
 

@@ -16,7 +16,7 @@ from rig.log.recordings.stamps import Floats, of_rows
 
 _NEVER = ", never given up"
 _OFFSETS = ("offset", "offset_move", "spread")  # of an alignment, in the unit of the signal
-_SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
+_SPLITS = [int(pattern) for pattern in Pattern if pattern.is_split]
 
 
 def summary(recording: Recording, voted: Result, alignment: Alignment | None = None) -> dict[str, Any]:
@@ -53,7 +53,7 @@ def _signal(signal: Voted) -> dict[str, Any]:
         "unit": signal.settings.unit,
         "threshold": shown(signal.settings.threshold),
         "level": int(signal.level[-1]),
-        "singular_share": float(np.isin(signal.pattern, _SINGULAR).mean()),
+        "split_share": float(np.isin(signal.pattern, _SPLITS).mean()),
         "unresolved_rows": int(unresolved.sum()),
         "unresolved_share": float(unresolved.mean()),
         "spread": _spread(shown(signal.spread)),

@@ -35,7 +35,7 @@ from rig.core.errors import BadInput, RigError
 from rig.core.interrupt import end_cleanly
 from rig.core.text import shorten
 
-EXAMPLE: Final = "Example: rig fly f16_singular_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
+EXAMPLE: Final = "Example: rig fly f16_split_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
 VERBOSE: Final = ("--verbose", "-v")
 MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
 FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"

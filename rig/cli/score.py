@@ -117,7 +117,7 @@ def _show(scored: Scored) -> None:
             line(f"{len(score.suspects) - len(parts[name].rows)} channels suspect in no frame")
     if score.episodes:
         line(
-            f"{len(score.episodes)} patterns without a majority, {score.unresolved} unresolved; "
+            f"{len(score.episodes)} splits, {score.unresolved} unresolved; "
             "answered = correct + wrong + open, open: the pattern went by before a channel was failed"
         )
     votes = parts["votes"]

@@ -83,7 +83,7 @@ def monitors(config: Config, stops_rad: NDArray[np.float64], rate_hz: float) -> 
         among = SignalConfig(
             threshold=config.position.threshold * stroke,
             persistence_s=config.position.persistence_s,
-            singular_persistence_s=config.position.persistence_s,
+            split_persistence_s=config.position.persistence_s,
             tie_break=["ilm"],
         )
         fill(manager, among, (low - 2 * stroke, high + 2 * stroke), CHANNELS, False, rate_hz)

@@ -76,7 +76,7 @@ class EventFinder:
 
 
 def _before_the_first(rows: Block) -> Block:
-    """Return the row before a flight: as its first one, but nothing acts, has failed, is singular or over."""
+    """Return the row before a flight: as its first one, but nothing acts, has failed, has no majority or is over."""
     before = rows[:1].copy()
     before["acting"] = 0
     before["pattern"] = Pattern.NORMAL
@@ -185,9 +185,9 @@ def _channels_left(frame: int, old: int, new: int, name: str, lost: str = "") ->
 
 def _pattern(frame: int, old: int, new: int, s: int, row: Any) -> Event | None:
     pattern = Pattern(new)
-    if not pattern.is_singular:
+    if not pattern.is_split:
         return None
-    return Event(frame, "warning", "singular pattern", f"{SIGNALS[s].name}: {pattern.label}")
+    return Event(frame, "warning", "split", f"{SIGNALS[s].name}: {pattern.label}")
 
 
 def _reference(frame: int, old: int, new: int, s: int, row: Any) -> Event:

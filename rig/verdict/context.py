@@ -163,7 +163,7 @@ def agreement_of(fault: FaultScore, context: Context, first: int, end: int) -> A
     return Agreement(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def singular(pattern: NDArray[np.uint8]) -> Bools:
+def in_split(pattern: NDArray[np.uint8]) -> Bools:
     """Return where a Pattern has no majority."""
     return (pattern >= Pattern.P2_2) & (pattern <= Pattern.P1_1)
 

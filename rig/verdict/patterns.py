@@ -17,7 +17,7 @@ from rig.verdict.tally_records import PATTERNS
 from rig.verdict.words import Cause
 
 TIE_BREAKS: Final = ("ilm", "lane", "trend", "reference", "extremes", "middle", "box")
-SINGULAR: Final = tuple(pattern for pattern in Pattern if pattern.is_singular)
+SPLITS: Final = tuple(pattern for pattern in Pattern if pattern.is_split)
 _CODES: Final = frozenset(map(int, DecidedBy))
 _LAST_RESORT: Final = {Pattern.P1_1_1_1: DecidedBy.EXTREMES, Pattern.P1_1_1: DecidedBy.MIDDLE}
 _RIGHT: Final = (Cause.OWN_FAULT, Cause.WITH_ITS_BOX, Cause.BY_RULE)
@@ -30,7 +30,7 @@ POSSIBLE: Final = {
 
 
 def episodes(outcome: FlightOutcome) -> list[Episode]:
-    """Return every run of frames in which a signal kept one singular pattern, in order of time."""
+    """Return every run of frames in which a signal kept one split, in order of time."""
     failures = outcome.failures
     failures = failures[failures["discrete"] == 0]
     return [_episode(record, outcome.params[record["signal"]], failures) for record in outcome.episodes]
@@ -94,7 +94,7 @@ def tally(listed: Sequence[Episode]) -> dict[str, RuleScore]:
 
 def by_pattern(listed: Sequence[Episode]) -> dict[str, dict[str, RuleScore]]:
     """Count them for each pattern that was seen."""
-    seen = {pattern.label: [e for e in listed if e.pattern == pattern.label] for pattern in SINGULAR}
+    seen = {pattern.label: [e for e in listed if e.pattern == pattern.label] for pattern in SPLITS}
     return {label: tally(some) for label, some in seen.items() if some}
 
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.compare import is_split
 from rig.core.frame import CHANNELS, DecidedBy, Ilm, State, UnitStatus, sig
 from rig.core.kernels import kernel, long_kernel
 from rig.core.units.angles import difference
@@ -253,7 +253,7 @@ def add_pattern(row, s, level, before, signal, frame, out):
         out.episodes[flight["episodes"]] = episode
         flight["episodes"] += 1
         episode["first"] = NEVER
-    if is_singular(pattern):
+    if is_split(pattern):
         if episode["first"] == NEVER:
             episode["signal"], episode["first"], episode["pattern"], episode["tie_break"] = s, frame, pattern, 0
         keep_last(row, s, before, frame, episode)

@@ -150,7 +150,7 @@ class LawFinding:
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """Frames in a row in which one signal had one pattern without a majority."""
+    """Frames in a row in which one signal had one split."""
 
     signal: str
     pattern: str

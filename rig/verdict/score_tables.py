@@ -134,7 +134,7 @@ def tables(score: Score, rate_hz: float) -> dict[str, ScoreTable]:
         "law": ScoreTable("The fault-tolerant law", LAW, rows((each.finding, each) for each in score.law)),
         "suspects": ScoreTable("Suspect channels", SUSPECTS, suspects),
         "isolations": ScoreTable("Healthy channels that were failed", ISOLATIONS, rows(score.isolations)),
-        "tie_break": ScoreTable("Patterns without a majority", TIE_BREAKS, _tie_break(score)),
+        "tie_break": ScoreTable("Splits", TIE_BREAKS, _tie_break(score)),
         "votes": ScoreTable("Votes", VOTES, rows(off)),
     }
 

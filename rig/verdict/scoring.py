@@ -208,12 +208,12 @@ def _looked_at_s(outcome: FlightOutcome, onset: int | None) -> float | None:
 
 
 def _pattern(record: np.void) -> str | None:
-    """Return how the channels were in the frame before a failure, else the first pattern without a majority."""
+    """Return how the channels were in the frame before a failure, else the first split."""
     if record["onset"] == NEVER or record["signal"] == NEVER or record["discrete"]:
         return None
     if record["failed_at"] != NEVER:
         return Pattern(record["pattern"]).label
-    return Pattern(record["singular"] or record["worst"]).label
+    return Pattern(record["in_split"] or record["worst"]).label
 
 
 def _window(outcome: FlightOutcome, record: np.void) -> Window | None:

@@ -44,7 +44,7 @@ FAULT: Final = np.dtype(
         ("load_factor", "f8"),  # before the onset
         ("load_factor_change", "f8"),  # NaN: none
         ("pattern", "u1"),  # before it was failed,
-        ("singular", "u1"),  # the first without a majority since the onset; 0: none,
+        ("in_split", "u1"),  # the first without a majority since the onset; 0: none,
         ("worst", "u1"),  # the worst
     ],
     align=True,

@@ -1,7 +1,7 @@
 """Kind ``kernel``: random samples through all five managers.
 
 While a valid sample in range exists the vote is finite and within the range of such samples.  Three exceptions are
-the manager's own rules: nobody answers a pattern without a majority (the last vote is held, moved by the ranks), a
+the manager's own rules: nobody answers a split (the last vote is held, moved by the ranks), a
 fade, and a last channel against which its monitor or the reference speaks (the reference votes, else the last vote).
 """
 
@@ -54,7 +54,7 @@ def _sequence(manager: str, wraps: bool, rng: Random) -> str:
     settings: dict[str, Any] = {
         "threshold": rng.choice([0.02, 1.0, 1e-9]),
         "persistence": rng.choice([1, 3, 8]),
-        "singular_persistence": rng.choice([1, 10]),
+        "split_persistence": rng.choice([1, 10]),
         "mean": rng.choice(["plain", "trend-weighted"]),
         "fade_s": fade_s,
     }

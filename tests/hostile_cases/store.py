@@ -45,7 +45,7 @@ VOTE: Final[dict[str, Any]] = {
     "signal": {
         "pitch_rate": {
             "persistence": 8,
-            "singular_persistence": 10,
+            "split_persistence": 10,
             "tie_break": ["ilm", "trend", "reference"],
             "trend_frames": 3,
             "reference_threshold": 0.05,

@@ -83,7 +83,7 @@ def tracks(rows: Block) -> Iterator[Track]:
 
 
 def of_signal(rows: Block, s: int, name: str) -> Iterator[Track]:
-    """Failed channels, pattern without a majority and who answers it, level, reference, source, common mode."""
+    """Failed channels, split and who answers it, level, reference, source, common mode."""
     pattern, decided_by = (rows[field][:, s].astype(int) for field in ("pattern", "decided_by"))
     for c in range(CHANNELS):
         yield of_channel(f"{name}.{c + 1}", rows["state"][:, s, c], decided_by)

@@ -200,7 +200,7 @@ PAGES: Final = {
         ],
     ),
     "patterns": Page(
-        "Patterns without a majority",
+        "Splits",
         [
             Section(
                 "Who settles them",
@@ -210,7 +210,7 @@ PAGES: Final = {
                 ],
                 r"^table|^\||^Default|^$",
             ),
-            Section("Flown", ["python tests/test_singular_flights.py"]),
+            Section("Flown", ["python tests/test_split_flights.py"]),
         ],
     ),
     "references": Page(

@@ -182,7 +182,7 @@ class Isolation:
     threshold: float  # rad/s
     known: float | None
     biased: bool
-    waits: bool  # after a pattern without a majority, as the manager does
+    waits: bool  # after a split, as the manager does
 
     @property
     def expected(self) -> float:
@@ -201,7 +201,7 @@ class Isolation:
         level = np.zeros((400, S))
         made = Bench(scenario, "pitch_rate", Recording(level, level, level))
         if not self.waits:
-            made.params["singular_persistence"] = 0
+            made.params["split_persistence"] = 0
         return made
 
     def obtain(self, seed: int = 0, effort: Effort | None = None) -> Margin:

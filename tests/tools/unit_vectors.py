@@ -260,7 +260,7 @@ PLAIN: list[tuple[str, list[Wanted], Sequence[str]]] = [
         (),
     ),
     (
-        "counts stand still during and after a pattern without a majority",
+        "counts stand still during and after a split",
         reached(FREEZE("count kept"), FREEZE("miscompare not counted"), FREEZE("what was left is longer")),
         (),
     ),

@@ -44,10 +44,10 @@ void boxes_open(const struct rig_config *config, const struct signal signals[RIG
 unsigned boxes_accuse(const struct frame *f, params *p, const struct signal *s)
 {
     const bool evidence = (f->decided_by == RIG_DECIDED_BY_ILM) || (f->decided_by == RIG_DECIDED_BY_REFERENCE);
-    const bool singular = is_singular(s->pattern);
+    const bool in_split = is_split(s->pattern);
     unsigned bits = 0U;
     for (int c = 0; c < p->fitted; c++) {
-        const bool against = singular ? (evidence && f->blamed[c]) : f->alone[c];
+        const bool against = in_split ? (evidence && f->blamed[c]) : f->alone[c];
         if (!s->latches.failed[c] && (!has(f->ranked, c) || against)) {
             bits |= 1U << c;
         }

@@ -262,7 +262,7 @@ void compare_pattern(struct frame *f, params *p, struct signal *s)
             pattern = RIG_PATTERN_NORMAL;
         }
     }
-    f->together = is_singular(pattern) && (p->filter_gain > 0.0) && come_together(f, p);
+    f->together = is_split(pattern) && (p->filter_gain > 0.0) && come_together(f, p);
     if (pattern != s->pattern) {
         s->pattern_frames = 1;
     } else if (!f->together) {

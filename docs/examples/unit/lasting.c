@@ -152,7 +152,7 @@ static int watch(const struct frame *f, params *p, struct signal *s)
 {
     struct lasting *const l = &s->lasting;
     const double limit = l->set->slow_limit;
-    if ((limit <= 0.0) || (f->n < 3) || is_singular(s->pattern)) {
+    if ((limit <= 0.0) || (f->n < 3) || is_split(s->pattern)) {
         return NOBODY;
     }
     const double m = middle(f, s);

@@ -16,7 +16,7 @@ static void decide(struct frame *f, params *p, struct signal *s)
     f->decided_by = RIG_DECIDED_BY_NONE;
     if (f->n == 0) {
         f->vote = s->vote;
-    } else if (is_singular(s->pattern)) {
+    } else if (is_split(s->pattern)) {
         tie_break_settle(f, p, s);
     } else if (f->n == 1) {
         references_check_last(f, p, s);

@@ -4,7 +4,7 @@
  * compare.c      which samples are compared, their ranks, pattern and median
  * trend.c        the trend bytes of the two voting ranks, and what they say
  * lasting.c      learned biases, sums of small deviations, samples that repeat
- * tie_break.c    patterns without a majority
+ * tie_break.c    splits
  * references.c   the references' own monitor, the last channel, two references against all channels
  * persistence.c  counts, answers that last, latched failures, readmission
  * boxes.c        boxes that die
@@ -62,7 +62,7 @@ struct trend {
     enum verdict says;             /* the last whole window, where they tumble */
 };
 
-/* A pattern without a majority: the answer to it, and the vote while there is none. */
+/* A split: the answer to it, and the vote while there is none. */
 struct split {
     uint8_t rule;            /* that answers, */
     unsigned blames;         /* the channels that it would fail, bits, */
@@ -112,7 +112,7 @@ struct frame {
     double rise_low, rise_high; /* and their changes since the last frame */
     bool alone[RIG_CHANNELS];   /* agrees with no other channel */
     bool together;              /* behind a filter: the samples of a split agree again */
-    bool blamed[RIG_CHANNELS];  /* would be failed by the answer to a pattern without a majority */
+    bool blamed[RIG_CHANNELS];  /* would be failed by the answer to a split */
     uint8_t decided_by;           /* who decided */
     double vote;                /* before the fade */
 };
@@ -136,7 +136,7 @@ struct signal {
     int64_t fade_left;           /* frames */
     uint8_t pattern;
     int64_t pattern_frames;      /* that it has lasted */
-    int64_t singular_run;        /* frames in a row of any pattern without a majority */
+    int64_t split_run;        /* frames in a row of any split */
     int64_t freeze;              /* frames for which the counts stand still after it */
     bool after_extremes;         /* the two channels left are those that extremes have kept */
     int64_t cut_frames;          /* frames in a row in which the reference is off both */
@@ -186,7 +186,7 @@ static inline double larger(double a, double b)
 }
 
 /* Whether a pattern has no majority: sections 2 and 3. */
-static inline bool is_singular(uint8_t pattern)
+static inline bool is_split(uint8_t pattern)
 {
     return (pattern >= RIG_PATTERN_P2_2) && (pattern <= RIG_PATTERN_P1_1);
 }
@@ -254,7 +254,7 @@ void lasting_begin_sums(struct lasting *l);
 
 /* ---- tie_break.c ---- */
 
-/* redundancy.md 'Patterns without a majority': this frame's vote, who decided it, and whom that would fail. */
+/* redundancy.md 'Splits': this frame's vote, who decided it, and whom that would fail. */
 void tie_break_settle(struct frame *f, params *p, struct signal *s);
 void tie_break_keep_basis(const struct frame *f, struct signal *s);
 

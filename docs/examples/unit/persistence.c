@@ -1,6 +1,6 @@
 /* Persistence: miscompare counters, answers that last, latched failures, readmission by command.
  *
- * Sections 1 and 2; redundancy.md 'After a pattern without a majority' and 'No rule answers'.
+ * Sections 1 and 2; redundancy.md 'After a split' and 'No rule answers'.
  */
 #include "monitor.h"
 
@@ -43,15 +43,15 @@ void persistence_readmit(struct latches *latches, unsigned commanded, int64_t fi
 /* Whether the counts of comparable samples wait in this frame. */
 static bool counts_stand_still(const struct frame *f, params *p, struct signal *s)
 {
-    if (is_singular(s->pattern)) {
-        s->singular_run++;
+    if (is_split(s->pattern)) {
+        s->split_run++;
         return true;
     }
-    if (s->singular_run > 0) {
-        const bool long_run = s->singular_run > p->singular_persistence;
-        const int64_t wait = long_run ? p->singular_persistence : s->singular_run;
+    if (s->split_run > 0) {
+        const bool long_run = s->split_run > p->split_persistence;
+        const int64_t wait = long_run ? p->split_persistence : s->split_run;
         s->freeze = (wait > s->freeze) ? wait : s->freeze;
-        s->singular_run = 0;
+        s->split_run = 0;
     }
     if (s->freeze == 0) {
         return false;
@@ -107,13 +107,13 @@ static int64_t begun(const struct frame *f, params *p, const struct signal *s)
     return 1 + covered;
 }
 
-/* Whether an answer may be acted on: the pattern has lasted for singular_persistence frames, and the same rule has
+/* Whether an answer may be acted on: the pattern has lasted for split_persistence frames, and the same rule has
  * blamed the same channels for half of that.  Counts the frames without an answer, which one that does not stand, or a
  * frame without all samples, leaves as they are. */
 static bool has_stood(const struct frame *f, params *p, struct signal *s)
 {
     struct split *const split = &s->split;
-    if (!is_singular(s->pattern)) {
+    if (!is_split(s->pattern)) {
         split->stood = 0;
         split->silent = 0;
         split->unresolved = split->whole ? 0 : split->unresolved;
@@ -130,7 +130,7 @@ static bool has_stood(const struct frame *f, params *p, struct signal *s)
     split->stood = same ? (split->stood + 1) : begun(f, p, s);
     split->rule = f->decided_by;
     split->blames = blames;
-    const bool stands = (2 * split->stood) >= p->singular_persistence;
+    const bool stands = (2 * split->stood) >= p->split_persistence;
     if (f->decided_by == RIG_DECIDED_BY_UNRESOLVED) {
         split->silent++;
         split->unresolved++;
@@ -138,7 +138,7 @@ static bool has_stood(const struct frame *f, params *p, struct signal *s)
         split->silent = 0;
         split->unresolved = stands ? 0 : split->unresolved;
     }
-    return (s->pattern_frames >= p->singular_persistence) && stands;
+    return (s->pattern_frames >= p->split_persistence) && stands;
 }
 
 /* Fail what has persisted. */

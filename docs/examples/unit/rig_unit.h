@@ -227,7 +227,7 @@ struct rig_signal_config {
     double low;
     double high;
     int64_t persistence;
-    int64_t singular_persistence;
+    int64_t split_persistence;
     int64_t trend_frames;
     int64_t readmit_frames;
     int64_t fade_frames;
@@ -255,7 +255,7 @@ RIG_ASSERT(offsetof(struct rig_signal_config, common_persistence) == 72);
 RIG_ASSERT(offsetof(struct rig_signal_config, low) == 80);
 RIG_ASSERT(offsetof(struct rig_signal_config, high) == 88);
 RIG_ASSERT(offsetof(struct rig_signal_config, persistence) == 96);
-RIG_ASSERT(offsetof(struct rig_signal_config, singular_persistence) == 104);
+RIG_ASSERT(offsetof(struct rig_signal_config, split_persistence) == 104);
 RIG_ASSERT(offsetof(struct rig_signal_config, trend_frames) == 112);
 RIG_ASSERT(offsetof(struct rig_signal_config, readmit_frames) == 120);
 RIG_ASSERT(offsetof(struct rig_signal_config, fade_frames) == 128);

@@ -1,6 +1,6 @@
-/* Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the tie-break rules of its signal.
+/* Splits: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the tie-break rules of its signal.
  *
- * Sections 6 to 8; redundancy.md 'Patterns without a majority' and 'No rule answers'.  Who stands on which side is told by
+ * Sections 6 to 8; redundancy.md 'Splits' and 'No rule answers'.  Who stands on which side is told by
  * what is compared, `by` and the reference beside `y`; the vote is made of the samples.
  */
 #include "monitor.h"
@@ -268,7 +268,7 @@ static double hold(const struct frame *f, struct signal *s)
 void tie_break_keep_basis(const struct frame *f, struct signal *s)
 {
     struct split *const split = &s->split;
-    const bool majority = split->whole && !is_singular(s->pattern);
+    const bool majority = split->whole && !is_split(s->pattern);
     split->held_of = majority ? 0U : split->held_of;
     split->basis = majority || (f->decided_by == RIG_DECIDED_BY_UNRESOLVED);
 }

@@ -61,7 +61,7 @@ STATE: Final = np.dtype(
         ("gyros", "i8"),  # channels in the votes of pitch and yaw rate
         # Of the last frame, a bit for each signal:
         ("lost", "i8"),  # no channel
-        ("singular", "i8"),  # no majority
+        ("in_split", "i8"),  # no majority
         ("agreed", "i8"),  # all channels in use agree, and nothing disputes a last one
         ("roll_angle", "f8"),  # by the voted gyros
         ("rolling", "u1"),  # whether that has begun
@@ -194,7 +194,7 @@ def look_back(fcc, st):
     """
     voted, level, pattern, decided_by, kept = fcc["voted"], fcc["level"], fcc["pattern"], fcc["decided_by"], st["voted"]
     state = fcc["state"]
-    lost, singular, agreed, resettled = 0, 0, 0, 0
+    lost, in_split, agreed, resettled = 0, 0, 0, 0
     for s in range(S):
         trusted = 0
         for c in range(CHANNELS):
@@ -208,14 +208,14 @@ def look_back(fcc, st):
         disputed = pattern[s] == Pattern.NORMAL and decided_by[s] in (DecidedBy.ILM, DecidedBy.REFERENCE)
         torn = Pattern.P2_2 <= pattern[s] <= Pattern.P1_1
         if torn:
-            singular |= 1 << s
+            in_split |= 1 << s
         if disputed or torn:
             if st["started"] != 0:
                 continue
         elif pattern[s] == Pattern.NORMAL and decided_by[s] == DecidedBy.NONE:
             agreed |= 1 << s
         kept[s] = voted[s]
-    st["lost"], st["singular"], st["agreed"], st["resettled"] = lost, singular, agreed, resettled
+    st["lost"], st["in_split"], st["agreed"], st["resettled"] = lost, in_split, agreed, resettled
     st["gyros"] = 8 * level[sig.Q] + level[sig.R]
 
 
@@ -255,7 +255,7 @@ def opinion(s, source, partners, inertial, p, st, air):
         value = of_attitude(s, st) if abs(st["voted"][sig.THETA]) <= _STEEPEST else math.nan
     else:
         value = of_partners(s, partners, p, st, speed)
-    return value if partners & (st["lost"] | st["singular"]) == 0 else math.nan
+    return value if partners & (st["lost"] | st["in_split"]) == 0 else math.nan
 
 
 @kernel

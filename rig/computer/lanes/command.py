@@ -27,7 +27,7 @@ from rig.world.faults.servo_parts import LinkPart
 
 _LANES: Final = len(COMPUTERS)
 _SURFACES: Final = len(SURFACES)
-SETTINGS: Final = np.dtype([("own", "u1"), ("equalise", "u1"), ("singular_frames", "i8")], align=True)
+SETTINGS: Final = np.dtype([("own", "u1"), ("equalise", "u1"), ("split_frames", "i8")], align=True)
 
 
 class CommandData(NamedTuple):
@@ -53,13 +53,13 @@ def commands(config: Config, limits: NDArray[np.float64], rate_hz: float) -> Com
     """Return the vote at the first frame; limits : (4, 2) of each surface."""
     settings, params = np.zeros(1, SETTINGS), np.zeros(_SURFACES, PARAMS)
     settings["own"], settings["equalise"] = config.output == "own", config.equalise
-    settings["singular_frames"] = in_frames(1, config.command_singular_s, rate_hz)
+    settings["split_frames"] = in_frames(1, config.command_split_s, rate_hz)
     for row, (low, high) in zip(params, limits, strict=True):
         stroke = high - low
         vote = SignalConfig(
             threshold=config.command_threshold * stroke,
             persistence_s=config.command_persistence_s,
-            singular_persistence_s=config.command_persistence_s,
+            split_persistence_s=config.command_persistence_s,
             tie_break=["ilm"],
         )
         fill(row, vote, (low - 2 * stroke, high + 2 * stroke), config.count, False, rate_hz)
@@ -215,7 +215,7 @@ def note_unresolved(health, data):
     for s in range(_SURFACES):
         unresolved |= data.decided_by[system["leading"], s] == DecidedBy.UNRESOLVED
     system["unresolved_frames"] = system["unresolved_frames"] + 1 if unresolved else 0
-    if system["unresolved_frames"] >= data.settings[0]["singular_frames"]:
+    if system["unresolved_frames"] >= data.settings[0]["split_frames"]:
         system["backup"] = 1
 
 

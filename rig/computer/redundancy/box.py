@@ -3,7 +3,7 @@
 A box is a named set of signals that one unit of each channel measures: air data, inertial, sticks.
 
 One frame's evidence against a channel on one signal: it miscompares, its sample is not comparable, or an in-line
-monitor or the reference blames it for a pattern without a majority.  Trend, extremes and middle are no evidence.
+monitor or the reference blames it for a split.  Trend, extremes and middle are no evidence.
 Ours: docs/redundancy.md, 'A box that dies'; Zhang 2023, sections 2 and 6, name a computer's channel fault logic only.
 """
 
@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.compare import is_split
 from rig.computer.redundancy.slow_faults import begin_sums
 from rig.core.frame import CHANNELS, DecidedBy, State
 from rig.core.kernels import kernel
@@ -82,14 +82,14 @@ def accused(decided_by, ranked, p, st):
 
     ranked : bits of the channels with a comparable sample
     """
-    singular = is_singular(st["pattern"])
+    in_split = is_split(st["pattern"])
     settled_by_evidence = decided_by in (DecidedBy.ILM, DecidedBy.REFERENCE)
     bits = 0
     for c in range(p["fitted"]):
         if st["failed"][c]:
             continue
         here = (ranked >> c) & 1 == 1
-        if not here or (settled_by_evidence and st["blamed"][c] if singular else st["miscomparing"][c]):
+        if not here or (settled_by_evidence and st["blamed"][c] if in_split else st["miscomparing"][c]):
             bits |= 1 << c
     return bits
 

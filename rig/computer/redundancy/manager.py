@@ -12,7 +12,7 @@ import numpy as np
 from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy import reference_monitor, slow_faults
 from rig.computer.redundancy.box import accused, begin_counts, fail_boxes
-from rig.computer.redundancy.compare import comparable, is_singular, pattern_of, rank, threshold
+from rig.computer.redundancy.compare import comparable, is_split, pattern_of, rank, threshold
 from rig.computer.redundancy.lowpass import begins_at, follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
@@ -92,7 +92,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     st["threshold"] = threshold(n, p)
     limit = slow_faults.outlier_limit(n, p, st)
     pattern = pattern_of(compared.values, compared.order, n, st["threshold"], limit, st["miscomparing"])
-    st["together"] = is_singular(pattern) and p["filter_gain"] > 0.0 and come_together(compared.order, n, p, st)
+    st["together"] = is_split(pattern) and p["filter_gain"] > 0.0 and come_together(compared.order, n, p, st)
     if pattern != st["pattern"]:
         st["pattern_frames"] = 1
     elif not st["together"]:
@@ -245,7 +245,7 @@ def decide(ilm, reference, compared, n, p, st):
         blamed[c] = False
     if pattern == Pattern.LOST:
         return DecidedBy.NONE.value, st["vote"]
-    if is_singular(pattern):
+    if is_split(pattern):
         return resolve(ilm, reference, compared, n, p, st)
     if n == 1:
         return reference_monitor.check_last(ilm, reference, p, st)

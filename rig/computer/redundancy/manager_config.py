@@ -40,9 +40,9 @@ class SignalConfig(Settings):
     filter_s: float = Field(default=0.0, ge=0)
     persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
     persistence_s: float | None = Field(default=None, gt=0)  # the same as a time, in place of the frames
-    singular_persistence: int = Field(default=10, ge=1)  # frames until a singular pattern is settled
+    split_persistence: int = Field(default=10, ge=1)  # frames until a split is settled
     count_down: float | None = Field(default=None, gt=0)  # what an agreeing frame takes off the count; all of it
-    singular_persistence_s: float | None = Field(default=None, gt=0)
+    split_persistence_s: float | None = Field(default=None, gt=0)
     # The last two close the order.
     tie_break: list[TieBreak] = ["ilm", "lane", "reference", "trend", "extremes", "middle"]
     trend_frames: int = Field(default=8, ge=1, le=8)
@@ -69,7 +69,7 @@ class SignalConfig(Settings):
 
     @model_validator(mode="after")
     def _fit_together(self) -> SignalConfig:
-        refuse_both(self, "persistence", "singular_persistence")
+        refuse_both(self, "persistence", "split_persistence")
         if self.count_down is not None and "persistence" not in self.model_fields_set:
             raise ValueError("count_down: give persistence, the count in frames that fails a channel, beside it")
         if self.trend_small is not None and self.trend_window == "tumbling":
@@ -203,7 +203,7 @@ PARAM_FIELDS: Final = (
     ),
     Param("high", "f8", "unit of the signal: largest sample of the sensor"),
     Param("persistence", "i8", "frames in a row of miscompare until a channel is failed"),
-    Param("singular_persistence", "i8", "frames until a pattern without a majority is settled"),
+    Param("split_persistence", "i8", "frames until a split is settled"),
     Param("trend_frames", "i8", "bits of a trend byte, 1 to 8"),
     Param("readmit_frames", "i8", "frames in a row of agreement before a reset readmits a failed channel"),
     Param("fade_frames", "i8", "frames in which the vote fades after a change of level; 0: none"),
@@ -278,11 +278,11 @@ def short_wait(unresolved_s: float, signals: Mapping[str, SignalConfig], rate_hz
     given_up = in_frames(0, unresolved_s or None, rate_hz)
     default = ", the default," if unresolved_s == Config.model_fields["unresolved_s"].default else ""
     for name, own in signals.items():
-        settled = in_frames(own.singular_persistence, own.singular_persistence_s, rate_hz)
+        settled = in_frames(own.split_persistence, own.split_persistence_s, rate_hz)
         if 0 < given_up < settled:
             return (
                 f"unresolved_s: {unresolved_s:g} s{default} are {given_up} frames, fewer than the {settled} of "
-                f"singular_persistence of {name}; 0: never"
+                f"split_persistence of {name}; 0: never"
             )
     return ""
 
@@ -323,7 +323,7 @@ def fill(
         low=limits[0],
         high=limits[1],
         persistence=in_frames(config.persistence, config.persistence_s, rate_hz),
-        singular_persistence=in_frames(config.singular_persistence, config.singular_persistence_s, rate_hz),
+        split_persistence=in_frames(config.split_persistence, config.split_persistence_s, rate_hz),
         fade_frames=round(config.fade_s * rate_hz),
         deviation=config.selection_deviation or 2.5 * threshold,
         deviation_frames=(config.selection_integral_s or 5.0 * threshold) * rate_hz,

@@ -1,7 +1,7 @@
 """Persistence: miscompare counters, answers that last, latched failures, readmission by command.
 
 Source: Zhang 2023, section 2 (a failure is a miscompare that outlasts the time threshold).
-Ours: how long counts stand still for patterns without a majority and how long an answer to one must stand, the
+Ours: how long counts stand still for splits and how long an answer to one must stand, the
 up-and-down counter, what becomes of a split that nothing answers, readmission.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig.computer.redundancy.compare import comparable, is_singular
+from rig.computer.redundancy.compare import comparable, is_split
 from rig.computer.redundancy.slow_faults import is_stale, outlier_limit
 from rig.core.frame import DecidedBy
 from rig.core.kernels import kernel
@@ -20,7 +20,7 @@ from rig.core.units.angles import difference
 def count_miscompares(n, ranked, vote, p, st):
     """Count the frames in a row that each channel disagreed with all others (section 2).
 
-    A sample that is not comparable counts always; during a singular pattern and for a while after it the counts
+    A sample that is not comparable counts always; during a split and for a while after it the counts
     of the others stand still, so that the ordinary rule does not fail everybody first.  An agreeing frame sets the
     count to zero, or with ``count_down`` takes that off it.  Behind a filter a miscompare counts while the sample
     itself is off the vote, and else takes one off: what the filter still shows of a burst fails nobody.
@@ -54,15 +54,15 @@ def is_off(c, n, vote, p, st):
 def counts_stand_still(n, p, st):
     """Return True if persistence counters hold in this frame (ours).
 
-    They do during a singular run and, after it, for as long as it was, ``singular_persistence`` at most: noise that
+    They do during a run of splits and, after it, for as long as it was, ``split_persistence`` at most: noise that
     splits the good pair of a 2:2 must not let the comparison fail it.  What disputes a last channel needs no majority.
     """
-    if is_singular(st["pattern"]):
-        st["singular_run"] += 1
+    if is_split(st["pattern"]):
+        st["split_run"] += 1
         return True
-    if st["singular_run"] > 0:
-        st["freeze"] = max(st["freeze"], min(st["singular_run"], p["singular_persistence"]))
-        st["singular_run"] = 0
+    if st["split_run"] > 0:
+        st["freeze"] = max(st["freeze"], min(st["split_run"], p["split_persistence"]))
+        st["split_run"] = 0
     if st["freeze"] == 0:
         return False
     st["freeze"] -= 1
@@ -71,15 +71,15 @@ def counts_stand_still(n, p, st):
 
 @kernel
 def has_stood(decided_by, p, st):
-    """Return True if the answer to a pattern without a majority may be acted on (ours).
+    """Return True if the answer to a split may be acted on (ours).
 
-    The pattern has lasted for ``singular_persistence`` frames, and the same rule has blamed the same channels in at
+    The pattern has lasted for ``split_persistence`` frames, and the same rule has blamed the same channels in at
     least as many frames in a row as half of that: one row without a reference decides nothing.  The byte of a trend
     speaks for all frames that it covers and in which no other rule answered.
     Writes answer, answer_blames and answer_frames, and counts the frames without an answer, which one that does not
     stand, or a frame without all samples, leaves as they are.
     """
-    if not is_singular(st["pattern"]):
+    if not is_split(st["pattern"]):
         st["answer_frames"] = st["silent_frames"] = 0
         if st["whole"]:
             st["unresolved_frames"] = 0
@@ -96,7 +96,7 @@ def has_stood(decided_by, p, st):
         unanswered = min(st["silent_frames"], st["pattern_frames"] - 1, p["trend_frames"] - 1)
         st["answer_frames"] = 1 + (unanswered if decided_by == DecidedBy.TREND else 0)
     st["answer"], st["answer_blames"] = decided_by, blamed
-    stands = 2 * st["answer_frames"] >= p["singular_persistence"]
+    stands = 2 * st["answer_frames"] >= p["split_persistence"]
     if decided_by == DecidedBy.UNRESOLVED:
         st["silent_frames"] += 1
         st["unresolved_frames"] += 1
@@ -104,7 +104,7 @@ def has_stood(decided_by, p, st):
         st["silent_frames"] = 0
         if stands:
             st["unresolved_frames"] = 0
-    return st["pattern_frames"] >= p["singular_persistence"] and stands
+    return st["pattern_frames"] >= p["split_persistence"] and stands
 
 
 @kernel

@@ -22,7 +22,7 @@ def is_quiet(n, p, st):
     """
     if n < 2 or n != p["fitted"] or n != st["level"] or st["pattern"] != Pattern.NORMAL or not st["started"]:
         return False
-    if p["filter_gain"] > 0.0 or st["singular_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
+    if p["filter_gain"] > 0.0 or st["split_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
         return False
     within, outlier = threshold(n, p), outlier_limit(n, p, st)
     if outlier > 0.0:

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.compare import is_split
 from rig.core.frame import DecidedBy, Ilm, Pattern
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
@@ -44,7 +44,7 @@ def monitor_reference(reference, n, p, st):
     by half of that, and the reference that will be asked is near the good rank.  The pair that extremes have left is
     itself under suspicion, and so are channels that all stand still: no reference is compared with them.
     """
-    if n < 2 or is_singular(st["pattern"]) or np.isnan(reference) or st["after_extremes"] or st["standing"]:
+    if n < 2 or is_split(st["pattern"]) or np.isnan(reference) or st["after_extremes"] or st["standing"]:
         return
     off = off_ranks(reference, n, p, st)
     agrees = 1 if off <= st["reference_threshold"] else 0

@@ -1,11 +1,11 @@
-"""Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the tie-break rules of its signal.
+"""Splits: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the tie-break rules of its signal.
 
 In-line monitors, lanes, reference and trend are asked in the configured order; the rules of likelihood, extremes and
 middle, only when none of them answers.  When nobody answers the vote goes on with the channels that it was of.
 Who stands on which side is told by what is compared, behind the filter if there is one; the vote is made of the samples
 themselves.
 Source: Zhang 2023, section 2 (ILM), 4 (weights), 6 (trend, lanes), 7 (reference), 8 (extremes, middle).
-Ours: their order, what holds while nobody answers; docs/redundancy.md, 'Patterns without a majority'.
+Ours: their order, what holds while nobody answers; docs/redundancy.md, 'Splits'.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy import opinions
-from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.compare import is_split
 from rig.core.frame import DecidedBy, Pattern
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
@@ -31,7 +31,7 @@ class Compared(NamedTuple):
 
 @kernel
 def resolve(ilm, reference, compared, n, p, st):
-    """Return the rule that answered a pattern without a majority, and this frame's vote; mark ``blamed``.
+    """Return the rule that answered a split, and this frame's vote; mark ``blamed``.
 
     ilm : (4,) flags; reference : of the signal itself; compared : Compared; n : comparable samples
     """
@@ -153,7 +153,7 @@ def keep_basis(decided_by, st):
 
     It may if the vote is of all channels in use, among which is a majority, or was held itself.
     """
-    majority = st["whole"] and not is_singular(st["pattern"])
+    majority = st["whole"] and not is_split(st["pattern"])
     if majority:
         st["hold_of"] = 0
     st["basis"] = majority or decided_by == DecidedBy.UNRESOLVED

@@ -13,7 +13,7 @@ import numpy as np
 
 from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy import opinions
-from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, sort_again
+from rig.computer.redundancy.compare import comparable, is_split, outlier_threshold, sort_again
 from rig.computer.redundancy.reference_monitor import REFERENCE_MARGIN, reference_threshold
 from rig.core.frame import Pattern
 from rig.core.kernels import kernel
@@ -103,7 +103,7 @@ def watch_sums(m, n, p, st):
     m : the middle of the ``n`` ranked samples
     """
     limit = p["slow_limit"]
-    if limit <= 0.0 or n < 3 or is_singular(st["pattern"]):
+    if limit <= 0.0 or n < 3 or is_split(st["pattern"]):
         return NOBODY
     calm, most = 0, limit / (p["persistence"] - 0.5)
     for i in range(n):

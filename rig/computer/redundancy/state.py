@@ -54,7 +54,7 @@ STATE: Final = np.dtype(
         ("last_n", "i8"),
         ("pattern", "i8"),
         ("pattern_frames", "i8"),  # frames that the present pattern has lasted
-        ("singular_run", "i8"),  # frames in a row of any pattern without a majority
+        ("split_run", "i8"),  # frames in a row of any split
         ("answer", "i8"),  # the rule that answers the pattern,
         ("answer_blames", "i8"),  # a bit for each channel that it would fail,
         ("answer_frames", "i8"),  # and for how many frames in a row

@@ -138,7 +138,7 @@ def signals_of(fault: FaultScore, scenario: Scenario) -> list[str]:
 
 
 def moment(scored: Scored, course: Course, name: str) -> Moment | None:
-    """Return the moment of a signal: its first pattern without a majority, else its first fault; None: neither."""
+    """Return the moment of a signal: its first split, else its first fault; None: neither."""
     rate_hz = scored.scenario.rate_hz
     faults = [fault for fault in scored.score.faults if name in signals_of(fault, scored.scenario)]
     begins = [fault.onset_frame if fault.exceeded_frame is None else fault.exceeded_frame for fault in faults]

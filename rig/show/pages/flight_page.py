@@ -144,7 +144,7 @@ def _waits(scored: Scored, name: str) -> dict[str, int]:
     if evidence.by_unit or not manager_kind(scored.scenario.redundancy.manager).compares:
         return {}
     p = evidence.params[INDEX[name]]
-    return {"persistence": int(p["persistence"]), "singular persistence": int(p["singular_persistence"])}
+    return {"persistence": int(p["persistence"]), "split persistence": int(p["split_persistence"])}
 
 
 def _about(

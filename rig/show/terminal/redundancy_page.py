@@ -130,7 +130,7 @@ def _signal(row: Any, s: int) -> list[RenderableType]:
 
 
 def _notes(row: Any, s: int) -> Iterator[str]:
-    """Yield who decided a pattern without a majority, and control's source where it is not the vote."""
+    """Yield who decided a split, and control's source where it is not the vote."""
     decided_by, source = DecidedBy(row["decided_by"][s]), Source(row["source"][s])
     if decided_by != DecidedBy.NONE:
         yield decided_by.name.lower()

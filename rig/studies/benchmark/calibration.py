@@ -42,7 +42,7 @@ from rig.studies.thresholds.tail import CLUSTERS, GAP_S, LEAST, peaks
 Floats = NDArray[np.float64]
 WIDE: Final = 2.0 ** np.arange(-9.0, 7.0)  # of a level's default
 FINE: Final = 24  # levels of the fine grid
-_KEYS: Final = set(SignalConfig.model_fields) - {"persistence_s", "singular_persistence_s"}
+_KEYS: Final = set(SignalConfig.model_fields) - {"persistence_s", "split_persistence_s"}
 _AMOUNTS: Final = ("threshold", "outlier_threshold", "bias_bound", "slow_")  # that are told in thresholds
 
 

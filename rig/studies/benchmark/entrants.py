@@ -37,7 +37,7 @@ _DESIGNED: Final = tuple(
     name
     for name in PARAMS.names or ()
     if name.startswith(
-        ("threshold", "outlier_threshold", "bias_", "slow_", "stale_", "filter_", "persistence", "singular")
+        ("threshold", "outlier_threshold", "bias_", "slow_", "stale_", "filter_", "persistence", "split_")
     )
 )
 Values = Mapping[str, Any]  # of settings by name

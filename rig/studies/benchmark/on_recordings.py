@@ -174,8 +174,8 @@ def _lasting(
     flights, bound = _flights(blocks), _bound(signal, blocks)
     least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, CHANNELS, CHANNELS)
     for frames in Grid(0.0).persistence:
-        of_frames = {"persistence": frames, "singular_persistence": frames}
-        given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "singular_persistence_s": None})
+        of_frames = {"persistence": frames, "split_persistence": frames}
+        given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "split_persistence_s": None})
         of = signal._replace(given=given)
         biased = _ours(entrant, of, flights, signal.threshold * _HIGHEST, bound)
         biased |= {name: max(biased[name], least) for name in _COMPARED}

@@ -3,7 +3,7 @@
 runs      one row a run
 faults    one row a fault and channel of a run
 alarms    one row a healthy channel that was failed in a run
-episodes  one row a stretch of a run in which a signal had one pattern without a majority
+episodes  one row a stretch of a run in which a signal had one split
 signals   one row a signal of a run
 """
 

@@ -200,7 +200,7 @@ def bound(bench: Bench, seed: int) -> float:
     """Bound false isolations of a channel an hour by flights whose errors are all at an end of their tolerances.
 
     With p the chance that somebody disagrees in a frame, at the worst ends and place of the recording, a failure takes
-    ``persistence`` such frames in a row, of ``singular_persistence`` in a pattern without a majority.  p is the upper
+    ``persistence`` such frames in a row, of ``split_persistence`` in a split.  p is the upper
     end of its 95 % interval.  Infinite where noise has a memory: with a filter before the comparison.
     """
     if bench.params["filter_gain"] > 0.0:
@@ -214,5 +214,5 @@ def bound(bench: Bench, seed: int) -> float:
         return np.inf
     apart = windows.apart.reshape(-1, CORNER_WINDOWS).sum(axis=1).max()
     p = float(gammaincinv(apart + 1.0, 0.95)) / (CORNER_WINDOWS * COUNTED)
-    frames = int(min(bench.params["persistence"], bench.params["singular_persistence"]))
+    frames = int(min(bench.params["persistence"], bench.params["split_persistence"]))
     return (p / max(1.0 - p, FLOOR)) ** frames * bench.scenario.rate_hz * 3600.0

@@ -158,7 +158,7 @@ def of_scenario(paths: Sequence[Path]) -> VoteConfig:
         signals[name] = {
             key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None
         }
-        signals[name].pop("singular_persistence", None)  # resolved: always there, whoever asked for it
+        signals[name].pop("split_persistence", None)  # resolved: always there, whoever asked for it
     return VoteConfig(signal=signals)
 
 

@@ -49,11 +49,11 @@ class Threshold:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """One row of the table of a signal: thresholds by level; ``persistence`` and ``singular`` in frames."""
+    """One row of the table of a signal: thresholds by level; ``persistence`` and ``splits`` in frames."""
 
     filter_s: float
     persistence: int
-    singular: int
+    in_split: int
     thresholds: dict[int, Threshold]
     outliers: dict[int, Threshold] = field(default_factory=dict)  # behind a learned bias, below ``thresholds``
     lasting: dict[str, float | None] = field(default_factory=dict)  # keys of what was asked for; falsy: off
@@ -76,7 +76,7 @@ class Design:
 
     def settings(self, given: RecordedSignal) -> RecordedSignal:
         """Return the settings of a signal with this design in them."""
-        none = ("persistence_s", "singular_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
+        none = ("persistence_s", "split_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
         return given.model_copy(update={**dict.fromkeys(none), **self.lasting, **self.keys()})
 
     def keys(self) -> dict[str, float | int]:
@@ -91,7 +91,7 @@ class Design:
             **of_level,
             **{key: value if key in EXACT else rounded_up(value) for key, value in self.lasting.items() if value},
             "persistence": self.persistence,
-            "singular_persistence": self.singular,
+            "split_persistence": self.in_split,
             "filter_s": self.filter_s,
         }
 
@@ -139,7 +139,7 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
     fitted = len(flights[0].samples)
     levels = sorted({fitted, *(level for level in grid.levels if level < fitted)}, reverse=True)
     bound = _bound(flights, given, grid, number)
-    frames = [(count, _singular(given, count, flights[0].rate_hz)) for count in grid.persistence]
+    frames = [(count, _split(given, count, flights[0].rate_hz)) for count in grid.persistence]
     for f, filter_s in enumerate(grid.filters_s):
         filtered = given.model_copy(update={"filter_s": filter_s})
         seen = [low_passed(flight.samples, filtered, flight.rate_hz) for flight in flights]
@@ -153,7 +153,7 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
         least = dict.fromkeys(levels, 0.0)
         if grid.transients:
             least = {level: of_one_frame(compared, given.wraps, fitted, level) for level in levels}
-        for i, (persistence, singular) in enumerate(frames):
+        for i, (persistence, in_split) in enumerate(frames):
             thresholds = {
                 level: _at_least(least[level], threshold)
                 for level in levels
@@ -161,7 +161,7 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
             }
             if fitted not in thresholds:
                 continue
-            plain = Design(filter_s, persistence, singular, thresholds)
+            plain = Design(filter_s, persistence, in_split, thresholds)
             yield plain
             if bound > 0.0 and (biased := _biased(flights, seen, plain, filtered, bound, (grid, number, f))):
                 yield biased
@@ -193,7 +193,7 @@ def _biased(
     """
     bound = rounded_up(bound)
     learning = given.model_copy(update={"bias_bound": bound})
-    frames, outliers = [(plain.persistence, plain.singular)], {}
+    frames, outliers = [(plain.persistence, plain.in_split)], {}
     for level, before in plain.thresholds.items():
         if level == DUPLEX:
             continue
@@ -260,11 +260,11 @@ def with_sums(
     return replace(design, lasting={**design.lasting, **asked}, spreads=spreads)
 
 
-def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
-    """Return ``singular_persistence``: as CONFIG says, else as the persistence."""
-    if given.singular_persistence_s is not None:
-        return in_frames(1, given.singular_persistence_s, rate_hz)
-    return given.singular_persistence if "singular_persistence" in given.model_fields_set else frames
+def _split(given: RecordedSignal, frames: int, rate_hz: float) -> int:
+    """Return ``split_persistence``: as CONFIG says, else as the persistence."""
+    if given.split_persistence_s is not None:
+        return in_frames(1, given.split_persistence_s, rate_hz)
+    return given.split_persistence if "split_persistence" in given.model_fields_set else frames
 
 
 def _at_level(

@@ -77,7 +77,7 @@ def _design(design: Design, budget_per_h: float, hours: float) -> dict[str, Any]
     return {
         "filter_s": design.filter_s,
         "persistence": design.persistence,
-        "singular_persistence": design.singular,
+        "split_persistence": design.in_split,
         **{key: keys.get(key) for key in LASTING},
         "extrapolation": extrapolation(budget_per_h, hours),
         "levels": levels,

@@ -77,10 +77,10 @@ def scenario_toml(
 
 
 def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]:
-    """Return the keys of a design; a singular persistence that CONFIG gives stays where it is."""
+    """Return the keys of a design; a split persistence that CONFIG gives stays where it is."""
     keys = dict(design.keys())
-    if "singular_persistence" in given.model_fields_set or given.singular_persistence_s is not None:
-        keys.pop("singular_persistence")
+    if "split_persistence" in given.model_fields_set or given.split_persistence_s is not None:
+        keys.pop("split_persistence")
     for name in ("bias_bound", "stale_frames"):
         if design.lasting.get(name) == 0 and getattr(given, name):
             keys[name] = 0  # what the flights were flown with is not asked for any more

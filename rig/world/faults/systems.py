@@ -53,7 +53,7 @@ class IlmFault(Placed):
 
     sites, act, changes_samples = ("channel", "discrete"), Act.VALID_ONLY, False
     sentence = "{where} had a wrong in-line monitor from {at} on"
-    example = "f16_singular_2_2_lying_ilm"
+    example = "f16_split_2_2_wrong_ilm"
 
     kind: Literal["ilm"]
     says: Literal["good", "bad", "inverted", "blind", "false alarm", "lying"] = quantity("", "the answer")

@@ -1,4 +1,4 @@
-"""Every pattern without a majority, flown on the F-16: who decided, rightly or wrongly, and how fast."""
+"""Every split, flown on the F-16: who decided, rightly or wrongly, and how fast."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,7 @@ class Outcome:
     tie_break: tuple[str, ...]  # of the failures, in order of time
     failed: tuple[int, ...]
     faulty: tuple[int, ...]
-    frames: int | None  # from the first singular frame to the last failure
+    frames: int | None  # from the first frame of a split to the last failure
     vote_error: float
     survived: bool
 
@@ -49,16 +49,16 @@ def fly(name: str) -> Outcome:
     s = INDEX[signal]
     state, pattern = rows["state"][:, s], rows["pattern"][:, s]
     at = {c + 1: int(np.argmax(state[:, c] == State.FAILED)) for c in range(4) if (state[:, c] == State.FAILED).any()}
-    singular = np.flatnonzero([Pattern(p).is_singular for p in pattern])
-    moments = sorted({k for k in at.values() if len(singular) and k >= singular[0]})
+    in_split = np.flatnonzero([Pattern(p).is_split for p in pattern])
+    moments = sorted({k for k in at.values() if len(in_split) and k >= in_split[0]})
     corrupted = {c for f in which.faults if f.kind != "ilm" and f.signal == signal for c in f.channels}
     return Outcome(
         name=name,
-        patterns=tuple(dict.fromkeys(Pattern(p).label for p in pattern if Pattern(p).is_singular)),
+        patterns=tuple(dict.fromkeys(Pattern(p).label for p in pattern if Pattern(p).is_split)),
         tie_break=tuple(dict.fromkeys(DecidedBy(rows["decided_by"][k, s]).name.lower() for k in moments)),
         failed=tuple(sorted(at)),
         faulty=tuple(sorted(corrupted)),
-        frames=moments[-1] - int(singular[0]) + 1 if moments else None,
+        frames=moments[-1] - int(in_split[0]) + 1 if moments else None,
         vote_error=float(np.abs(rows["voted"][:, s] - rows["truth"][:, s]).max()),
         survived=End(rows["end"][-1]) == End.FLYING,
     )
@@ -66,8 +66,8 @@ def fly(name: str) -> Outcome:
 
 # What is certain by construction; the others depend on noise and are recorded in the page alone.
 CERTAIN = {
-    "f16_singular_2_2_ilm": (("ilm",), "right"),
-    "f16_singular_2_2_lying_ilm": (("ilm", "common"), "wrong"),
+    "f16_split_2_2_ilm": (("ilm",), "right"),
+    "f16_split_2_2_wrong_ilm": (("ilm", "common"), "wrong"),
     "f16_common_offset_trend": (("trend",), "wrong"),
 }
 NAMES = sorted(p.stem for p in (ROOT / "faults").glob("f16_[sc][io][nm][gm]*.toml"))
