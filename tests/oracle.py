@@ -12,8 +12,8 @@ from itertools import pairwise
 from statistics import median
 
 from oracle_answers import Settings, View, first_answer
-from oracle_lasting import Lasting
 from oracle_references import FAR, References
+from oracle_slow_faults import SlowFaults
 from oracle_split import Split
 from oracle_trend import Trend
 
@@ -56,7 +56,7 @@ class Oracle:
     rules: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        self.lasting, self.references = Lasting(self.s), References(self.s)
+        self.slow_faults, self.references = SlowFaults(self.s), References(self.s)
 
     def step(
         self,
@@ -68,7 +68,7 @@ class Oracle:
         in_dispute: bool = False,
     ) -> Frame:
         """``lanes``: channels whose computers are failed; ``in_dispute``: what a reference of the signal reads."""
-        self.rules = self.references.rules = self.split.rules = self.lasting.rules = set()
+        self.rules = self.references.rules = self.split.rules = self.slow_faults.rules = set()
         self.comparable = self.without_stale(samples, reference)
         view = self.view(self.comparable, ilm, self.s.limited(reference), lanes)
         level = self.level
@@ -104,8 +104,8 @@ class Oracle:
 
     def without_stale(self, samples: list[float | None], reference: float | None) -> list[float | None]:
         """The samples that can be compared: those that repeat for too long cannot."""
-        stale = self.lasting.stale(samples, self.in_use, reference, self.references.trusted)
-        self.references.standing = self.lasting.standing
+        stale = self.slow_faults.stale(samples, self.in_use, reference, self.references.trusted)
+        self.references.standing = self.slow_faults.standing
         self.reached("stale", stale)
         self.reached("stale in a split", stale and self.in_split)
         return [None if c in stale else x for c, x in enumerate(samples)]
@@ -121,7 +121,7 @@ class Oracle:
         self.start = self.memory.get("vote", median(use.values()) if use else None)
         smooth = {c: self.smooth(c, x) for c, x in here.items()}
         beside = {c: x for c, x in smooth.items() if x is not None and c in use}
-        seen = {c: x - self.lasting.bias[c] for c, x in beside.items()}
+        seen = {c: x - self.slow_faults.bias[c] for c, x in beside.items()}
         reference = None if reference is None else near(reference, base)
         smooth_reference, refs = self.smooth("reference", reference), self.references
         view = View(self.s, use, seen, beside, ilm, reference, smooth_reference, refs.trusted)
@@ -167,8 +167,8 @@ class Oracle:
         agree = all(above - below <= self.s.within(len(use)) for below, above in pairwise(ranked))
         if limit is None or not agree:
             return set()
-        self.reached("outlier: biases not learned", not self.lasting.settled(use))
-        if not self.lasting.settled(use):
+        self.reached("outlier: biases not learned", not self.slow_faults.settled(use))
+        if not self.slow_faults.settled(use):
             return set()
         close = {c for c in use for d in use if d != c and abs(use[c] - use[d]) <= limit}
         self.reached("outlier", close and len(close) < len(use))
@@ -225,9 +225,9 @@ class Oracle:
     def off(self, c: int, view: View, vote: float) -> bool:
         """Whether the sample itself is off the vote, by more than it may be."""
         n, limit = len(view.use), None
-        if self.lasting.settled(view.use):
+        if self.slow_faults.settled(view.use):
             limit = self.s.outlier_of(n)
-        return abs(self.s.change(view.use[c], vote) - self.lasting.bias[c]) > (limit or self.s.within(n))
+        return abs(self.s.change(view.use[c], vote) - self.slow_faults.bias[c]) > (limit or self.s.within(n))
 
     def fail(self, view: View, decided_by: str, wrong: set[int]) -> None:
         """Latch who has miscompared for long enough, and who is wrong in a split that has lasted."""
@@ -243,7 +243,7 @@ class Oracle:
     def fail_and_learn(self, view: View, decided_by: str, wrong: set[int]) -> str:
         """Latch, those of small deviations too; what is summed begins again then, else biases move."""
         view.trusted = self.references.trusted  # as this frame left it
-        slow = self.lasting.summed(view) if decided_by != "common" else set()
+        slow = self.slow_faults.summed(view) if decided_by != "common" else set()
         self.reached("slow", slow)
         self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
         self.failed |= slow
@@ -251,9 +251,9 @@ class Oracle:
         if self.split.given_up(self.s):
             self.reached("given up")
             self.failed, decided_by = set(range(self.s.channels)), "given_up"
-        if not self.lasting.level_changed(self.failed):
-            self.reached("bias learned", self.s.bias_bound and len(view.use) > 1 and view.pattern == "normal")
-            self.lasting.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
+        if not self.slow_faults.level_changed(self.failed):
+            self.reached("bias learned", self.s.equalise_bound and len(view.use) > 1 and view.pattern == "normal")
+            self.slow_faults.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
         return "slow" if slow else decided_by
 
     # Section 2.

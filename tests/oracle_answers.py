@@ -22,7 +22,7 @@ class Settings:
     outlier: float | None = None  # of four samples that agree within the threshold, and of three; none where not given
     outlier_triplex: float | None = None
     filter_share: float = 0.0  # of a new sample in what is compared; 0: the sample itself
-    bias_bound: float = 0.0
+    equalise_bound: float = 0.0
     bias_share: float = 0.0  # of what is left, a frame
     slow_allowance: float = 0.0
     slow_limit: float = 0.0  # unit times frames
@@ -84,7 +84,7 @@ class View:
     s: Settings
     use: dict[int, float]
     seen: dict[int, float]
-    beside: dict[int, float]  # what stands beside the reference: as seen, with the learned bias
+    beside: dict[int, float]  # what stands beside the reference: as seen, with the channel equalisation
     ilm: Sequence[str]
     reference: float | None  # finite
     seen_reference: float | None

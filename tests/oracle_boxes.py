@@ -79,7 +79,7 @@ class BoxOracle:
         self.rules.add(f"{len(dead)} failed as boxes")
         self.rules.add("failed where it was silent" if now & one.accused else "failed where nothing spoke against it")
         one.failed |= now
-        one.lasting.level_changed(one.failed)
+        one.slow_faults.level_changed(one.failed)
         one.references.level_changed()
         states = ["failed" if c in one.failed else state for c, state in enumerate(frame.states)]
         return Frame(
@@ -177,7 +177,7 @@ class ResettableOracle(Oracle):
                 self.readmitted = True
                 self.references.level_changed()
                 self.counts[c] = self.agreed[c] = 0
-                self.lasting.forget(c)
+                self.slow_faults.forget(c)
 
     def step(self, samples: list[float | None], *given: Any) -> Frame:  # pyright: ignore[reportIncompatibleMethodOverride]  # hands all on
         out = set(self.failed)
@@ -186,7 +186,7 @@ class ResettableOracle(Oracle):
         for c, x in enumerate(self.comparable):
             agrees = (
                 x is not None
-                and self.s.apart(self.memory[c] - self.lasting.bias[c], self.memory["vote"]) <= self.s.threshold
+                and self.s.apart(self.memory[c] - self.slow_faults.bias[c], self.memory["vote"]) <= self.s.threshold
             )
             self.agreed[c] = self.agreed[c] + 1 if c in out and agrees else 0
         return frame

@@ -250,11 +250,11 @@ def filtered(flight: Flight, pick: Pick) -> Flight:
     return replace(flight, settings=chosen, samples=samples, references=references)
 
 
-def lasting(flight: Flight, pick: Pick) -> Flight:
+def slow_faults(flight: Flight, pick: Pick) -> Flight:
     """The same for longer and with biases, which are learned, summed, or neither; samples may not repeat for ever."""
     s = flight.settings
     more = {
-        "bias_bound": min(pick([0.0, 0.3, 0.9]), *map(s.within, (2, 3, 4))),
+        "equalise_bound": min(pick([0.0, 0.3, 0.9]), *map(s.within, (2, 3, 4))),
         "bias_share": pick([0.05, 0.3]),
         "slow_allowance": pick([0.10037, 0.30171]),
         "slow_limit": pick([0.0, 0.30713, 1.11131]),
@@ -292,7 +292,7 @@ def with_commands(flight: Flight, pick: Pick) -> Flight:
 
 def by_all(flight: Flight, pick: Pick) -> Flight:
     """The same with several of these at once."""
-    for change in (held, left_by_extremes, by_level, filtered, with_outliers, lasting, at_the_stop, with_commands):
+    for change in (held, left_by_extremes, by_level, filtered, with_outliers, slow_faults, at_the_stop, with_commands):
         if pick([True, False]) and not (flight.settings.turn and change in (left_by_extremes, at_the_stop)):
             flight = change(flight, pick)
     return flight

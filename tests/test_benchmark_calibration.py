@@ -11,7 +11,7 @@ import rig
 from rig.core.errors import BadInput
 from rig.studies.benchmark.calibration import calibrate, require_time
 from rig.studies.benchmark.calibration_data import measured, read
-from rig.studies.benchmark.entrants import BIASED, LASTING, OURS, Entrant, entrants, fails_nobody, levels
+from rig.studies.benchmark.entrants import BIASED, OURS, SLOW_FAULTS, Entrant, entrants, fails_nobody, levels
 from rig.studies.benchmark.healthy_flights import isolations, transients
 
 
@@ -52,7 +52,7 @@ def test_a_learned_bias_lets_ours_see_less_where_channels_differ_by_constants():
 
 @pytest.mark.long
 def test_all_that_lasts_is_what_thresholds_chooses_sums_where_noise_dominates():
-    found = calibrate(Entrant(LASTING, OURS), white_signal(8), white(0.1, 10, 9000), 20.0)
+    found = calibrate(Entrant(SLOW_FAULTS, OURS), white_signal(8), white(0.1, 10, 9000), 20.0)
     assert 0.0 < found.values["slow_allowance"] < 0.1 and found.values["slow_limit"] > 24 * 0.05
     assert found.keys["slow_allowance"] == found.values["slow_allowance"]
 

@@ -11,7 +11,7 @@ import pytest
 from rig.core.errors import BadInput
 from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark import on_recordings as recorded
-from rig.studies.benchmark.entrants import BIASED, LASTING, OURS, SHIPPED, entrants
+from rig.studies.benchmark.entrants import BIASED, OURS, SHIPPED, SLOW_FAULTS, entrants
 from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, league
 from rig.studies.thresholds.data import Data, load
 from rig.studies.thresholds.design import DataBlock
@@ -111,12 +111,12 @@ def test_where_noise_dominates_what_lasts_finds_more(tmp_path: Path):
     """Offsets of a twentieth of the motion, below the noise of a sample."""
     write(tmp_path, 4, apart=0.1, noise=(0.1,), names="x")
     found = league(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
-    told = [row["told"] for row in found["levels"] if row["entrant"] == LASTING]
+    told = [row["told"] for row in found["levels"] if row["entrant"] == SLOW_FAULTS]
     assert len(told) == 2 and any(0.0 < of["slow_allowance"] < of["slow_limit"] for of in told)
     small = {
         row["entrant"]: row for row in found["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
     }
-    assert small[LASTING]["isolated"] > small[BIASED]["isolated"] + PIECES / 2
+    assert small[SLOW_FAULTS]["isolated"] > small[BIASED]["isolated"] + PIECES / 2
 
 
 def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):

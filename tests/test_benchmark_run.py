@@ -108,7 +108,7 @@ def test_the_second_campaign_is_counted_for_those_that_can_fail_somebody(whole: 
     assert set(counted) == {
         "cross-channel",
         "cross-channel bias",
-        "cross-channel lasting",
+        "cross-channel slow_faults",
         "cross-channel shipped",
         "cusum",
     }
@@ -209,7 +209,7 @@ def faulty(folder: Path, text: str) -> Path:
         ({"--managers": "benchmark_flights:Nameless"}, "", "calibrate = 'gain': must name a number above 0"),
         ({"--managers": "cross-channel"}, "", "--managers: name one or more besides cross-channel"),
         ({}, "[set]\nfaults = []\n", "no fault to detect"),
-        ({}, '[set]\n"redundancy.signals.pitch_rate.bias_bound" = 9.0\n', "bias_bound: at most the threshold"),
+        ({}, '[set]\n"redundancy.signals.pitch_rate.equalise_bound" = 9.0\n', "equalise_bound: at most the threshold"),
         ({"--plot": "league.txt"}, "", "its name must end with .html"),
     ],
 )

@@ -23,9 +23,9 @@ from oracle_flights import (
     filtered,
     flights,
     held,
-    lasting,
     left_by_extremes,
     seeded,
+    slow_faults,
     with_commands,
     with_outliers,
 )
@@ -70,8 +70,8 @@ def run(flight: Flight) -> Voted:
         outlier_threshold=s.outlier,
         outlier_threshold_triplex=s.outlier_triplex,
         filter_s=-1.0 / (100.0 * log1p(-s.filter_share)) if s.filter_share else 0.0,
-        bias_bound=s.bias_bound,
-        bias_s=1.0 / (100.0 * s.bias_share) if s.bias_share else 10.0,
+        equalise_bound=s.equalise_bound,
+        equalise_s=1.0 / (100.0 * s.bias_share) if s.bias_share else 10.0,
         slow_allowance=s.slow_allowance if s.slow_limit else None,
         slow_limit=s.slow_limit / 100.0 if s.slow_limit else None,
         stale_frames=s.stale_frames,
@@ -160,7 +160,7 @@ RULES = (
     *(f"common mode: {said}" for said in ("reported", "lost", "references apart")),
     *("an answer too young", "given up", "frozen side", "counted down"),
 )
-OF_LASTING = (
+OF_SLOW_FAULTS = (
     "slow",
     "bias learned",
     "ranked by the bias",
@@ -186,12 +186,12 @@ FAMILIES: dict[str, tuple[Callable[[Flight, Pick], Flight], int, tuple[str, ...]
     "thresholds by level": (by_level, 150, ()),
     "outliers": (with_outliers, 150, ("outlier", "outlier: no two are close")),
     "behind a filter": (filtered, 150, OF_FILTERS),
-    "what lasts": (lasting, 200, OF_LASTING),
+    "slow faults": (slow_faults, 200, OF_SLOW_FAULTS),
     "held": (held, 200, OF_HOLDS),
     "left by extremes": (left_by_extremes, 300, OF_PAIRS),
     "at the stop": (at_the_stop, 150, ()),
     "readmitted": (with_commands, 150, ()),
-    "all at once": (by_all, 200, (*OF_LASTING, OF_FILTERS[0], "given up", "outlier")),
+    "all at once": (by_all, 200, (*OF_SLOW_FAULTS, OF_FILTERS[0], "given up", "outlier")),
 }
 
 

@@ -375,7 +375,7 @@ def test_a_system_that_refuses_is_quoted(monkeypatch):
 
 
 WHAT_LASTS = (
-    ["outlier_threshold=0.002", "bias_bound=0.001", "bias_s=0.2"],
+    ["outlier_threshold=0.002", "equalise_bound=0.001", "equalise_s=0.2"],
     ["slow_allowance=0.002", "slow_limit=0.0002"],
     ["stale_frames=2"],
 )  # of pitch rate

@@ -35,7 +35,7 @@ FLAGS = ("trend_high", "trend_low", "reference_usable", "common_mode")
 ANSWERED = ("voted", "state", "level", "pattern", "decided_by", *FLAGS)
 
 
-def settings(row: NDArray[Any], lasting: NDArray[Any], rules: NDArray[Any]) -> Settings:
+def settings(row: NDArray[Any], slow_faults: NDArray[Any], rules: NDArray[Any]) -> Settings:
     """The oracle's settings of the CONFIG records of one signal."""
     number = {name: float(row[name]) for name in row.dtype.names or () if row[name].ndim == 0}
     return Settings(
@@ -58,11 +58,11 @@ def settings(row: NDArray[Any], lasting: NDArray[Any], rules: NDArray[Any]) -> S
         weighted=bool(row["weighted"]),
         low=number["low"],
         high=number["high"],
-        bias_bound=float(lasting["bias_bound"]),
-        bias_share=float(lasting["bias_gain"]),
-        slow_allowance=float(lasting["slow_allowance"]),
-        slow_limit=float(lasting["slow_limit"]),
-        stale_frames=int(lasting["stale_frames"]),
+        equalise_bound=float(slow_faults["equalise_bound"]),
+        bias_share=float(slow_faults["equalise_gain"]),
+        slow_allowance=float(slow_faults["slow_allowance"]),
+        slow_limit=float(slow_faults["slow_limit"]),
+        stale_frames=int(slow_faults["stale_frames"]),
         **{name: rules[name].item() for name in told("rules")},
     )
 
@@ -94,8 +94,8 @@ class FadingOracle(ResettableOracle):
 
 def oracle_of(config: NDArray[Any], i: int) -> FadingOracle:
     """The oracle of signal ``i``."""
-    row, lasting, rules = (config[part][0, i] for part in ("signal", "lasting", "rules"))
-    oracle = FadingOracle(settings(row, lasting, rules), readmit_frames=int(row["readmit_frames"]))
+    row, slow_faults, rules = (config[part][0, i] for part in ("signal", "slow_faults", "rules"))
+    oracle = FadingOracle(settings(row, slow_faults, rules), readmit_frames=int(row["readmit_frames"]))
     oracle.fade_frames, oracle.low, oracle.shown = int(row["fade_frames"]), float(row["low"]), int(row["fitted"])
     return oracle
 
@@ -211,10 +211,10 @@ SLOW = [
         "const double gain = begins ? first",
         "const double gain = (begins && (seen < 0.0)) ? first",
     ),
-    Defect("the bias of a readmitted channel kept", "s->lasting.bias[c] = 0.0;", ""),
+    Defect("the bias of a readmitted channel kept", "s->slow_faults.bias[c] = 0.0;", ""),
     Defect(
         "outlier thresholds before the biases are learned",
-        "lasting_is_learned(&f, &s->lasting) ? outlier_threshold(f.n, p) : 0.0",
+        "slow_is_learned(&f, &s->slow_faults) ? outlier_threshold(f.n, p) : 0.0",
         "outlier_threshold(f.n, p)",
     ),
     Defect("learned frames of eight bits", "int64_t learned[RIG_CHANNELS];", "uint8_t learned[RIG_CHANNELS];"),
@@ -229,7 +229,7 @@ SLOW = [
     Defect("repeats of eight bits", "int64_t repeats[RIG_CHANNELS];", "uint8_t repeats[RIG_CHANNELS];"),
     Defect(
         "a stale sample that counts as agreement",
-        " && !lasting_is_stale(c, &s->lasting) && !has",
+        " && !slow_is_stale(c, &s->slow_faults) && !has",
         " && !has",
     ),
 ]

@@ -90,7 +90,7 @@ def test_so_are_rows_with_infinities_and_numbers_near_the_largest(monitor: Libra
 
 # Each switch that versions 2 and 3 of the records brought, and what it is when it is off.
 SWITCHES = {
-    **dict.fromkeys(("bias_bound", "slow_limit", "stale_frames", "count_down", "unresolved_frames"), 0),
+    **dict.fromkeys(("equalise_bound", "slow_limit", "stale_frames", "count_down", "unresolved_frames"), 0),
     **dict.fromkeys(("trend_tumbles", "trend_beside_reference", "referred", "sources", "box", "weighted"), 0),
     "trend_small": -1.0,
 }

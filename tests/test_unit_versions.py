@@ -44,7 +44,7 @@ SHORT = ("duration_s=2", "faults.0.start_s=1")
 VERSIONS = [1, 2]
 OLD = {seam.version: seam for seam in OLD_SEAMS}
 RECORDS = {"config": CONFIG, "input": INPUT, "output": OUTPUT}
-OFF = {1: ("lasting_off.c", "rules_off.c"), 2: ("lasting.c", "rules_off.c")}  # what CONFIG has none of is off
+OFF = {1: ("slow_faults_off.c", "rules_off.c"), 2: ("slow_faults.c", "rules_off.c")}  # what CONFIG has none of is off
 
 
 def test_the_layouts_of_older_versions_are_those_that_units_were_built_with():
@@ -158,8 +158,8 @@ def test_an_older_fmu_flies(tmp_path: Path, version: int, fmi: str):
 # What it cannot be told --------------------------------------------------------------------------------------
 
 SIGNAL = "redundancy.signals.yaw_rate"
-LASTING = {
-    f"{SIGNAL}.bias_bound": [f"{SIGNAL}.bias_bound=0.001"],
+SLOW_FAULTS = {
+    f"{SIGNAL}.equalise_bound": [f"{SIGNAL}.equalise_bound=0.001"],
     f"{SIGNAL}.slow_limit": [f"{SIGNAL}.slow_limit=1.0", f"{SIGNAL}.slow_allowance=0.01"],
     f"{SIGNAL}.stale_frames": [f"{SIGNAL}.stale_frames=20"],
 }
@@ -180,10 +180,10 @@ def configured(*overrides: str) -> NDArray[Any]:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("key", [*LASTING, *RULES])
+@pytest.mark.parametrize("key", [*SLOW_FAULTS, *RULES])
 def test_a_setting_that_is_on_is_refused_by_name_where_the_version_has_no_field(version: int, key: str):
-    config = configured(*(LASTING | RULES)[key])
-    refused = "" if key in LASTING and version > 1 else key
+    config = configured(*(SLOW_FAULTS | RULES)[key])
+    refused = "" if key in SLOW_FAULTS and version > 1 else key
     assert asked_since(OLD[version], config, unasked(config)) == refused
 
 
@@ -191,7 +191,7 @@ def test_what_nobody_asked_for_is_not():
     config = configured()
     on = [config["rules"]["unresolved_frames"], config["rules"]["referred"], config["rules"]["sources"]]
     assert all(numbers.any() for numbers in on) and len(set(config["rules"]["box"][0].tolist())) > 1
-    assert config["box_signals"] == MORE_THAN_HALF and config["lasting"]["stale_frames"].any()
+    assert config["box_signals"] == MORE_THAN_HALF and config["slow_faults"]["stale_frames"].any()
     for seam in OLD_SEAMS:
         assert asked_since(seam, config, unasked(config)) == "" and asked_since(seam, config) != ""
 

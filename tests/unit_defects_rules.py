@@ -17,8 +17,8 @@ REFERENCES = [
     ),
     Defect(
         "a reference judged by a suspected pair",
-        "|| s->after_extremes || s->lasting.standing)",
-        "|| s->lasting.standing)",
+        "|| s->after_extremes || s->slow_faults.standing)",
+        "|| s->slow_faults.standing)",
     ),
     Defect("a suspected pair never cut", "if (!s->after_extremes) {", "if (s->level >= 0) {"),
     Defect(
@@ -130,7 +130,7 @@ TRENDS = [
     ),
 ]
 REPEATS = [
-    Defect("a stale sample compared", "&& !lasting_is_stale(c, &s->lasting) && compare", "&& compare"),
+    Defect("a stale sample compared", "&& !slow_is_stale(c, &s->slow_faults) && compare", "&& compare"),
     Defect(
         "repeats of all at rest",
         "((2 * m->moving) >= others)",
@@ -200,8 +200,8 @@ FILTER = [
     ),
     Defect(
         "the filter's value off the vote",
-        "difference(f->x[c], f->vote, p) - s->lasting",
-        "difference(f->y[c], f->vote, p) - s->lasting",
+        "difference(f->x[c], f->vote, p) - s->slow_faults",
+        "difference(f->y[c], f->vote, p) - s->slow_faults",
     ),
     Defect("a split that has closed goes on", "} else if (!f->together) {", "} else if (f->n >= 0) {"),
     Defect(
@@ -216,15 +216,15 @@ FILTER = [
     ),
     Defect(
         "a filter that goes on over stale samples",
-        "compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);\n            const double last",
+        "compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults);\n            const double last",
         "compare_is_comparable(f, c, p);\n            const double last",
     ),
     Defect("a common mode of a pair that was cut", " || s->latches.failed[f->order[0]]", ""),
     Defect("the suspicion of a pair after a readmission", "    references_readmit(before.failed, s);\n", ""),
     Defect(
         "agreement of a channel out of range",
-        "there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting) && !has",
-        "there = (f->valid[c] != 0) && !lasting_is_stale(c, &s->lasting) && !has",
+        "there = compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults) && !has",
+        "there = (f->valid[c] != 0) && !slow_is_stale(c, &s->slow_faults) && !has",
     ),
     Defect("agreement of a channel that the frame has failed", " && !has(f->ranked, c);", ";"),
 ]
@@ -236,7 +236,7 @@ GAPS = [
     ),
     Defect(
         "a reference judged by channels that stand still",
-        "|| s->after_extremes || s->lasting.standing)",
+        "|| s->after_extremes || s->slow_faults.standing)",
         "|| s->after_extremes)",
     ),
     Defect(

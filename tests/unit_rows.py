@@ -58,7 +58,7 @@ def random_params(draw: Generator) -> NDArray[Any]:
     params["filter_gain"] = draw.choice([0.0, 0.0, 0.1, 0.5, 0.95], S)
     narrow = ~angle & (draw.random(S) < 0.25)  # samples and references meet the stops
     params["low"][narrow], params["high"][narrow] = NARROW * params["threshold"][narrow], params["threshold"][narrow]
-    _give_lasting(draw, params)
+    _give_slow_faults(draw, params)
     _give_rules(draw, params)
     for row in params:
         chosen = draw.permutation(5)[: draw.integers(0, 6)] + 1
@@ -66,10 +66,10 @@ def random_params(draw: Generator) -> NDArray[Any]:
     return params
 
 
-def _give_lasting(draw: Generator, params: NDArray[Any]) -> None:
+def _give_slow_faults(draw: Generator, params: NDArray[Any]) -> None:
     """Learned biases, sums and stale samples, each on in half of the signals."""
     least = np.min([params[name] for name in ("threshold", "threshold_triplex", "threshold_duplex")], axis=0)
-    params["bias_bound"], params["bias_gain"] = (
+    params["equalise_bound"], params["equalise_gain"] = (
         least * draw.choice([0.0, 0.3, 1.0], S),
         draw.choice([0.05, 0.3, 1.0], S),
     )

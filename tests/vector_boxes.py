@@ -11,7 +11,7 @@ from oracle_answers import Settings, View
 from oracle_boxes import BoxFlight, BoxOracle, Row, row, seeded_boxes, seeded_sources, some_settings
 from oracle_flights import Flight
 from oracle_references import References
-from vector_flights import FRAMES, Flown, lasting, quiet_discretes
+from vector_flights import FRAMES, Flown, quiet_discretes, slow_faults
 from vector_records import Session
 from vector_rules import EndsRuns, FirstDisputes, SecondDisputes
 
@@ -144,7 +144,7 @@ def one_signal(flight: BoxFlight, i: int) -> Flown:
     samples, ilm, references, seconds = (
         list(column) for column in zip(*(rows[i] for rows in flight.frames), strict=True)
     )
-    return Flown(lasting(Flight(flight.settings[i], samples, ilm, references, seconds)))
+    return Flown(slow_faults(Flight(flight.settings[i], samples, ilm, references, seconds)))
 
 
 def in_sets(common: Common) -> bool:

@@ -7,14 +7,14 @@ import random
 from oracle_answers import Settings, View
 from oracle_flights import build, held
 from oracle_split import Split
-from vector_flights import Flown, lasting
+from vector_flights import Flown, slow_faults
 from vector_rules import Other
 
 
 def held_in_gaps(seed: int) -> Flown:
     """A random split with samples missing, answers of few frames and channels that jump."""
     draw = random.Random(f"held {seed}")
-    return Flown(lasting(held(build(draw.choice), draw.choice)))
+    return Flown(slow_faults(held(build(draw.choice), draw.choice)))
 
 
 class _AnyAnswer(Split):

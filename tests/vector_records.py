@@ -27,7 +27,15 @@ PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
 # Fields of PARAMS that the oracle's settings have by the same name.
 SAME = (
     *("threshold", "reference_threshold", "second_threshold", "common_persistence", "common_fails", "persistence"),
-    *("split_persistence", "trend_frames", "bias_bound", "stale_frames", "slow_allowance", "slow_limit", "weighted"),
+    *(
+        "split_persistence",
+        "trend_frames",
+        "equalise_bound",
+        "stale_frames",
+        "slow_allowance",
+        "slow_limit",
+        "weighted",
+    ),
     *told("rules"),
 )
 SAID = Said.VOTED | Said.STATE | Said.PATTERN | Said.TREND | Said.DISCRETES
@@ -122,7 +130,7 @@ def configure(row: Any, flown: Flown) -> None:
         row[name] = getattr(s, name)
     row["threshold_triplex"], row["threshold_duplex"], row["filter_gain"] = s.within(3), s.within(2), s.filter_share
     row["outlier_threshold"], row["outlier_threshold_triplex"] = s.outlier or 0.0, s.outlier_triplex or 0.0
-    row["bias_gain"] = s.bias_share
+    row["equalise_gain"] = s.bias_share
     row["reference_airspeed_m_s"] = flown.airspeed_m_s
     row["low"], row["high"], row["readmit_frames"] = flown.low, flown.high, flown.readmit_frames
     row["deviation"], row["deviation_frames"] = 2.5 * s.threshold, 5.0 * s.threshold * RATE_HZ

@@ -33,7 +33,7 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
         "signals": {name: _signal(signal) for name, signal in voted.signals.items()},
         "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
     }
-    data["suspects"], data["undecided"] = _lasting(data), _undecided(data)
+    data["suspects"], data["undecided"] = _slow_faults(data), _undecided(data)
     if alignment is not None:
         data["alignment"] = alignment.as_dict()
         for name, signal in data["signals"].items():
@@ -101,14 +101,14 @@ def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:
     }
 
 
-def _lasting(data: dict[str, Any]) -> list[str]:
+def _slow_faults(data: dict[str, Any]) -> list[str]:
     """Return a line for each channel of a summary that was suspect in many rows and never failed."""
     suspects = (
         Suspect(name, channel["channel"], channel["suspect_rows"], data["rows"], bool(channel["failed"]))
         for name, group in {**data["signals"], **data["discretes"]}.items()
         for channel in group["channels"]
     )
-    return [f"{one.signal}.{one.channel}: suspect {one.text('rows')}" for one in suspects if one.lasting]
+    return [f"{one.signal}.{one.channel}: suspect {one.text('rows')}" for one in suspects if one.slow_faults]
 
 
 def _undecided(data: dict[str, Any]) -> list[str]:

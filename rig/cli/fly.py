@@ -223,7 +223,7 @@ def _verdict(flight: Flight) -> None:
     failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in {**flight.failed, **coils}.items())
     lanes = (f"lane {name} at {at_s:.2f} s" for name, at_s in flight.lanes_failed.items())
     field("failed", "; ".join([*lanes, *failed]) or "no channel")
-    for one in (suspect for suspect in flight.suspects if suspect.lasting):
+    for one in (suspect for suspect in flight.suspects if suspect.slow_faults):
         field("suspect", f"{one.signal} channel {one.channel} {one.text()}", style="yellow")
     if below := scenario.gains.below:
         field("gains", f"below the requirement, accepted: {'; '.join(below)}", style="yellow")

@@ -41,11 +41,11 @@ _OF_SURFACES: Final = ("trim_surface", "surface_low", "surface_high")
 OF_ITS_SIGNAL: Final = (  # fields of a signal's CONFIG that have its unit
     *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
     *("reference_threshold", "second_threshold", "low", "high", "deviation", "deviation_frames"),
-    *("bias_bound", "slow_allowance", "slow_limit", "trend_small"),
+    *("equalise_bound", "slow_allowance", "slow_limit", "trend_small"),
 )
 _NEEDED: Final = {"redundancy": Said.VOTED, "flight-computer": Said.SURFACE}
 UNSAID: Final = "unsaid"  # key of a plan: fields without a variable in a group that is filled
-_OF_CONFIG: Final = re.compile(r"(signal|lasting|rules|discrete)\[\d+\]\.(\w+)(?:\[(\d+)\])?")
+_OF_CONFIG: Final = re.compile(r"(signal|slow_faults|rules|discrete)\[\d+\]\.(\w+)(?:\[(\d+)\])?")
 
 
 class Element(NamedTuple):

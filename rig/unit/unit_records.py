@@ -158,13 +158,13 @@ def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
 
 # Fields of CONFIG that hold our own settings, and which of them.
 SETTINGS: Final[dict[str, tuple[str, ...]]] = {
-    **{part: told(part) for part in ("signal", "lasting", "rules")},
+    **{part: told(part) for part in ("signal", "slow_faults", "rules")},
     "discrete": DISCRETE_PARAMS.names or (),
 }
 TIE_BREAKS: Final = 5  # that a unit may ask: it knows of no other computers
 _TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "tie_break" else (n, "i8", (TIE_BREAKS,)) for n in PARAMS.names or ()])
 SIGNAL_CONFIG: Final = _little(_TOLD, SETTINGS["signal"])
-LASTING_CONFIG: Final = _little(PARAMS, SETTINGS["lasting"])
+SLOW_FAULTS_CONFIG: Final = _little(PARAMS, SETTINGS["slow_faults"])
 RULES_CONFIG: Final = _little(PARAMS, SETTINGS["rules"])
 DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS, SETTINGS["discrete"])
 HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too
@@ -183,8 +183,8 @@ _CONFIGURED: Final[list[_Entry]] = [
     ("aircraft", f"S{NAME_BYTES}", ()),
     ("flight_point", f"S{NAME_BYTES}", ()),
 ]
-_LASTING: Final[_Entry] = ("lasting", LASTING_CONFIG, (S,))
-CONFIG: Final = _packed([*_CONFIGURED, _LASTING, ("rules", RULES_CONFIG, (S,)), *_TAIL])
+_SLOW_FAULTS: Final[_Entry] = ("slow_faults", SLOW_FAULTS_CONFIG, (S,))
+CONFIG: Final = _packed([*_CONFIGURED, _SLOW_FAULTS, ("rules", RULES_CONFIG, (S,)), *_TAIL])
 PART: Final = _packed(
     [*_HEAD, ("part", "<u4", ()), ("parts", "<u4", ()), ("bytes", "u1", (PART_BYTES,)), *_TAIL]
 )  # of CONFIG
@@ -194,13 +194,13 @@ _OF_ITSELF: Final = [("fault_word", "<u4", ()), ("status", "<u2", ()), ("output_
 INPUT: Final = _packed([*_ASKED, ("age_us", "<u2", (S, CHANNELS)), *_TAIL])
 OUTPUT: Final = _packed([*_ANSWERED, *_OF_ITSELF, *_TAIL])
 # The version in which a field of CONFIG, INPUT or OUTPUT came; 1 where none is given.
-SINCE: Final = {"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "lasting": 2, "rules": 3}
+SINCE: Final = {"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "slow_faults": 2, "rules": 3}
 RECORDS: Final[dict[str, np.dtype[Any]]] = {
     "hello": HELLO,
     "ready": READY,
     "signal_config": SIGNAL_CONFIG,
     "discrete_config": DISCRETE_CONFIG,
-    "lasting_config": LASTING_CONFIG,
+    "slow_faults_config": SLOW_FAULTS_CONFIG,
     "rules_config": RULES_CONFIG,
     "config": CONFIG,
     "config_part": PART,
@@ -260,7 +260,7 @@ class Seam(NamedTuple):
 _CONFIG_1, _INPUT_1, _OUTPUT_1 = (_packed([*entries, *_TAIL]) for entries in (_CONFIGURED, _ASKED, _ANSWERED))
 _OLDER: Final[dict[int, dict[str, np.dtype[Any]]]] = {
     1: {"config": _CONFIG_1, "input": _INPUT_1, "output": _OUTPUT_1},
-    2: {"config": _packed([*_CONFIGURED, _LASTING, *_TAIL])},
+    2: {"config": _packed([*_CONFIGURED, _SLOW_FAULTS, *_TAIL])},
 }
 
 

@@ -36,7 +36,7 @@ _NAMES: Final = {"ilm": "in-line monitors"}
 
 
 def conclusion(scenario: Scenario, score: Score) -> list[str]:
-    """Return the sentences: faults, patterns, healthy channels that were failed, lasting suspects, the flight."""
+    """Return the sentences: faults, patterns, healthy channels that were failed, suspects that remain, the flight."""
     context = Context(scenario, score)
     return [
         *fault_sentences(context),
@@ -48,7 +48,7 @@ def conclusion(scenario: Scenario, score: Score) -> list[str]:
         *of_unit(context),
         *false_findings(context),
         *_by_design(score, context),
-        *(f"{channel(one.signal, one.channel)} was suspect {one.text()}" for one in score.suspects if one.lasting),
+        *(f"{channel(one.signal, one.channel)} was suspect {one.text()}" for one in score.suspects if one.slow_faults),
         _flight(context),
     ]
 

@@ -292,8 +292,9 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
 # What names no file to read: parameters by their names, and keys of settings.
 WRITES: Final = {"out", "save", "screenshot", "plot", "junit", "report", "chain", "svg"}
 _PARAMETERS: Final = """
-    against base channels checks conditions filters fmu good_before hours kind lane lasting layout levels logs managers
-    method persistence point points requirement rerun scheduler sensor_class sets signal signals surface tab threshold
+    against base channels checks conditions filters fmu good_before hours kind lane layout levels logs managers
+    method persistence point points requirement rerun scheduler sensor_class sets signal signals slow_faults surface
+    tab threshold
     to tolerance
 """
 OTHER_PARAMETERS: Final = {"aircraft new name", *_PARAMETERS.split()}  # other parameters ``name`` read one

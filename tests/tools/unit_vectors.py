@@ -193,12 +193,12 @@ def behind_filter(flown: Flown) -> bool:
 
 
 def by_bias(flown: Flown) -> bool:
-    return flown.hangs_on(bias_bound=0.0)
+    return flown.hangs_on(equalise_bound=0.0)
 
 
 def by_bound(flown: Flown) -> bool:
     """A bias is held within its bound: a wider one gives other answers."""
-    return flown.settings.bias_bound > 0.0 and flown.hangs_on(bias_bound=100.0)
+    return flown.settings.equalise_bound > 0.0 and flown.hangs_on(equalise_bound=100.0)
 
 
 def by_repeats(flown: Flown) -> bool:

@@ -43,8 +43,8 @@ class Features:
         self.spread += np.where(takes, (np.abs(clipped - self.short) - self.spread) / SHORT, 0.0)
         self.last = np.roll(self.last, 1, axis=0)
         self.last[0] = r
-        lasting = np.maximum(self.last.min(axis=0), -self.last.max(axis=0))  # on one side in all of the last frames
-        features = (np.clip(lasting, 0.0, 3.0), np.abs(self.short - self.long), np.abs(self.short), self.spread)
+        slow_faults = np.maximum(self.last.min(axis=0), -self.last.max(axis=0))  # on one side in all of the last frames
+        features = (np.clip(slow_faults, 0.0, 3.0), np.abs(self.short - self.long), np.abs(self.short), self.spread)
         return np.stack(features, axis=-1)
 
 

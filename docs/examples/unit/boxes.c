@@ -79,7 +79,7 @@ static void fail_all(unsigned condemned, int i, params *p, struct signal *s, str
             s->level--;
             s->fade_left = p->fade_frames;
             references_trust_pair(s);
-            lasting_begin_sums(&s->lasting);
+            slow_begin_sums(&s->slow_faults);
             output->state[i][c] = RIG_STATE_FAILED;
             output->level[i] = (uint8_t)s->level;
             output->decided_by[i] = RIG_DECIDED_BY_BOX;

@@ -88,7 +88,7 @@ static void remember(const struct frame *f, params *p, struct signal *s)
 {
     s->last_n = f->n;
     for (int c = 0; c < p->fitted; c++) {
-        const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);
+        const bool there = compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults);
         s->before[c] = there ? f->samples[c] : (double)NAN;
     }
 }
@@ -100,7 +100,7 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     struct signal *const s = &signals[i];
     const struct latches before = s->latches;
     persistence_readmit(&s->latches, input->reset[i], p->fitted, p->readmit_frames);
-    lasting_readmit(before.failed, s);
+    slow_readmit(before.failed, s);
     references_readmit(before.failed, s);
     struct frame f = compare_samples(input, i, p, s);
     compare_pattern(&f, p, s);
@@ -114,12 +114,12 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     s->accused = boxes_accuse(&f, p, s);
     persistence_count(&f, p, s);
     const int64_t level = s->level;
-    lasting_watch(&f, p, s);
+    slow_watch(&f, p, s);
     persistence_settle(&f, p, s);
     if (s->level == level) {
-        lasting_learn(&f, s);
+        slow_learn(&f, s);
     } else {
-        lasting_begin_sums(&s->lasting);
+        slow_begin_sums(&s->slow_faults);
     }
     publish(&f, p, s);
     remember(&f, p, s);
@@ -157,7 +157,7 @@ int rig_unit_open(const struct rig_config *wanted)
             signals[i].before[c] = (double)NAN;
         }
         rules_open(&config, i, &signals[i].rules);
-        lasting_open(&config, i, &signals[i].lasting);
+        slow_open(&config, i, &signals[i].slow_faults);
         signals[i].smooth_reference = (double)NAN;
         signals[i].smooth_vote = (double)NAN;
         signals[i].reference_usable = true;

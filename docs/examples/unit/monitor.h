@@ -3,7 +3,7 @@
  * monitor.c      the interface, and one signal's frame from the samples to the answer
  * compare.c      which samples are compared, their ranks, pattern and median
  * trend.c        the trend bytes of the two voting ranks, and what they say
- * lasting.c      learned biases, sums of small deviations, samples that repeat
+ * slow_faults.c      channel equalisation, sums of small deviations, samples that repeat
  * tie_break.c    splits
  * references.c   the references' own monitor, the last channel, two references against all channels
  * persistence.c  counts, answers that last, latched failures, readmission
@@ -36,9 +36,9 @@ struct latches {
     int64_t agreed[RIG_CHANNELS]; /* frames in a row that a failed channel agreed with the vote */
 };
 
-/* What lasts of the channels of one signal; each part where it is on. */
-struct lasting {
-    const struct rig_lasting_config *set;
+/* Slow faults of the channels of one signal; each part where it is on. */
+struct slow_faults {
+    const struct rig_slow_faults_config *set;
     double bias[RIG_CHANNELS];
     int64_t learned[RIG_CHANNELS];    /* frames that the bias is of */
     double above[RIG_CHANNELS];       /* sums of residuals, unit times frames */
@@ -121,7 +121,7 @@ struct frame {
 struct signal {
     struct rules rules;
     struct latches latches;
-    struct lasting lasting;
+    struct slow_faults slow_faults;
     struct trend trend;
     struct split split;
     double smooth[RIG_CHANNELS]; /* behind the filter; NaN: begins with the next value */
@@ -226,31 +226,31 @@ enum verdict trend_says(const struct frame *f, params *p, const struct signal *s
 /* Section 4: the share of the larger of two values in their mean, by which change is nearer to the vote's. */
 double trend_weight(double rise_high, double rise_low, double rise_vote);
 
-/* ---- lasting.c ---- */
+/* ---- slow_faults.c ---- */
 
 /* Begin with a signal of `config`, which stays where it is. */
-void lasting_open(const struct rig_config *config, int signal, struct lasting *l);
+void slow_open(const struct rig_config *config, int signal, struct slow_faults *l);
 
 /* Forget the bias of the channels that were `failed` and are no longer. */
-void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
+void slow_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
 
 /* Count the frames in which each channel's sample was the last one again while another's moved. */
-void lasting_count(const struct frame *f, double reference, params *p, struct signal *s);
+void slow_count(const struct frame *f, double reference, params *p, struct signal *s);
 
 /* Whether a channel's sample has repeated for too long to be compared. */
-bool lasting_is_stale(int c, const struct lasting *l);
+bool slow_is_stale(int c, const struct slow_faults *l);
 
 /* Whether the bias of each channel with a sample is a mean over the time constant, or none is learned. */
-bool lasting_is_learned(const struct frame *f, const struct lasting *l);
+bool slow_is_learned(const struct frame *f, const struct slow_faults *l);
 
 /* Move the sums and fail whom they fail. */
-void lasting_watch(struct frame *f, params *p, struct signal *s);
+void slow_watch(struct frame *f, params *p, struct signal *s);
 
 /* Move each bias towards its channel's residual, within the bound; it begins as the mean of the residuals. */
-void lasting_learn(const struct frame *f, struct signal *s);
+void slow_learn(const struct frame *f, struct signal *s);
 
 /* Begin all sums again: another number of channels has another middle. */
-void lasting_begin_sums(struct lasting *l);
+void slow_begin_sums(struct slow_faults *l);
 
 /* ---- tie_break.c ---- */
 

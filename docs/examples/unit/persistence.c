@@ -19,8 +19,8 @@ void persistence_watch_failed(const struct frame *f, params *p, struct signal *s
         return;
     }
     for (int c = 0; c < p->fitted; c++) {
-        const double off = difference(samples[c], vote, p) - s->lasting.bias[c];
-        const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting) && !has(f->ranked, c);
+        const double off = difference(samples[c], vote, p) - s->slow_faults.bias[c];
+        const bool there = compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults) && !has(f->ranked, c);
         const bool agrees = s->latches.failed[c] && there && (fabs(off) <= p->threshold);
         s->latches.agreed[c] = agrees ? (s->latches.agreed[c] + 1) : 0;
     }
@@ -71,7 +71,7 @@ static double counted_down(double count, const struct rules *r)
 static bool is_off(int c, const struct frame *f, params *p, const struct signal *s)
 {
     const double limit = (f->outlier_threshold > 0.0) ? f->outlier_threshold : f->threshold;
-    const double off = difference(f->x[c], f->vote, p) - s->lasting.bias[c];
+    const double off = difference(f->x[c], f->vote, p) - s->slow_faults.bias[c];
     return (p->filter_gain <= 0.0) || (f->n <= 1) || (fabs(off) > limit);
 }
 

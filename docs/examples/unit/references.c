@@ -88,7 +88,7 @@ void references_cut_pair(struct frame *f, params *p, struct signal *s)
 /* Not while a pair is left that is itself under suspicion, nor by channels that all stand still. */
 void references_monitor(const struct frame *f, params *p, struct signal *s)
 {
-    if ((f->n < 2) || is_split(s->pattern) || isnan(f->reference) || s->after_extremes || s->lasting.standing) {
+    if ((f->n < 2) || is_split(s->pattern) || isnan(f->reference) || s->after_extremes || s->slow_faults.standing) {
         return;
     }
     const bool agrees = off_ranks(f, p) <= f->reference_threshold;

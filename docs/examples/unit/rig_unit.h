@@ -282,21 +282,21 @@ RIG_ASSERT(offsetof(struct rig_discrete_config, fail_safe) == 8);
 RIG_ASSERT(offsetof(struct rig_discrete_config, persistence) == 16);
 RIG_ASSERT(offsetof(struct rig_discrete_config, readmit_frames) == 24);
 
-/* what lasts: how long and how much of it a signal bears; each off at 0 */
-struct rig_lasting_config {
-    double bias_bound;
-    double bias_gain;
+/* slow faults: how long and how much of it a signal bears; each off at 0 */
+struct rig_slow_faults_config {
+    double equalise_bound;
+    double equalise_gain;
     double slow_allowance;
     double slow_limit;
     int64_t stale_frames;
 };
 
-RIG_ASSERT(sizeof(struct rig_lasting_config) == 40);
-RIG_ASSERT(offsetof(struct rig_lasting_config, bias_bound) == 0);
-RIG_ASSERT(offsetof(struct rig_lasting_config, bias_gain) == 8);
-RIG_ASSERT(offsetof(struct rig_lasting_config, slow_allowance) == 16);
-RIG_ASSERT(offsetof(struct rig_lasting_config, slow_limit) == 24);
-RIG_ASSERT(offsetof(struct rig_lasting_config, stale_frames) == 32);
+RIG_ASSERT(sizeof(struct rig_slow_faults_config) == 40);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, equalise_bound) == 0);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, equalise_gain) == 8);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, slow_allowance) == 16);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, slow_limit) == 24);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, stale_frames) == 32);
 
 /* rules of splits and counts, and what a signal has to do with others */
 struct rig_rules_config {
@@ -344,7 +344,7 @@ struct rig_config {
     struct rig_discrete_config discrete[3];
     char aircraft[64];
     char flight_point[64];
-    struct rig_lasting_config lasting[16];
+    struct rig_slow_faults_config slow_faults[16];
     struct rig_rules_config rules[16];
     uint32_t length;
     uint32_t crc;
@@ -369,7 +369,7 @@ RIG_ASSERT(offsetof(struct rig_config, signal) == 168);
 RIG_ASSERT(offsetof(struct rig_config, discrete) == 3496);
 RIG_ASSERT(offsetof(struct rig_config, aircraft) == 3592);
 RIG_ASSERT(offsetof(struct rig_config, flight_point) == 3656);
-RIG_ASSERT(offsetof(struct rig_config, lasting) == 3720);
+RIG_ASSERT(offsetof(struct rig_config, slow_faults) == 3720);
 RIG_ASSERT(offsetof(struct rig_config, rules) == 4360);
 RIG_ASSERT(offsetof(struct rig_config, length) == 5256);
 RIG_ASSERT(offsetof(struct rig_config, crc) == 5260);

@@ -142,7 +142,7 @@ def to_compare(samples, valid, reference, base, n, p, st):
         smooth_channels(samples, valid, base, start, n, p, st)
         st["smooth_reference"] = follow(start if np.isnan(last) else last, reference, base, p)
         values, order, reference = st["smooth"], st["smooth_order"], st["smooth_reference"]
-    if p["bias_bound"] <= 0.0:
+    if p["equalise_bound"] <= 0.0:
         return Compared(values, order, values, reference)
     slow_faults.take_bias_off(values, order, n, st)
     return Compared(st["compared"], st["compared_order"], values, reference)

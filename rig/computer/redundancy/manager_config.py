@@ -50,10 +50,10 @@ class SignalConfig(Settings):
     trend_small: float | None = Field(default=None, ge=0)  # changes a frame up to which one frame is trend enough
     trend_beside_reference: bool = False  # ask the trend of a signal with a reference that cannot be used, too
     reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
-    # What lasts (slow_faults.py); each 0 or not given: off.
+    # Slow faults (slow_faults.py); each 0 or not given: off.
     # Largest difference of a healthy channel that is learned, and compared without.
-    bias_bound: float = Field(default=0.0, ge=0)
-    bias_s: float = Field(default=10.0, gt=0)  # time constant of the learning
+    equalise_bound: float = Field(default=0.0, ge=0)
+    equalise_s: float = Field(default=10.0, gt=0)  # time constant of the learning
     slow_allowance: float | None = Field(default=None, gt=0)  # what a deviation may be for ever
     # Sum of what exceeds it that fails a channel, unit times seconds.
     slow_limit: float | None = Field(default=None, gt=0)
@@ -90,8 +90,10 @@ class SignalConfig(Settings):
     @model_validator(mode="after")
     def _bias_within(self) -> SignalConfig:
         least = min(x for x in (self.threshold, self.threshold_triplex, self.threshold_duplex) if x is not None)
-        if self.bias_bound > least:
-            raise ValueError(f"bias_bound: at most the threshold of every level, {least:g}, got {self.bias_bound:g}")
+        if self.equalise_bound > least:
+            raise ValueError(
+                f"equalise_bound: at most the threshold of every level, {least:g}, got {self.equalise_bound:g}"
+            )
         return self
 
     @field_validator("tie_break")
@@ -154,7 +156,7 @@ class Param(NamedTuple):
     name: str
     base: str  # of its numpy type
     meaning: str  # as a unit's header has it
-    part: Literal["signal", "lasting", "rules", ""] = "signal"  # record of a unit that holds it; "": none
+    part: Literal["signal", "slow_faults", "rules", ""] = "signal"  # record of a unit that holds it; "": none
     shape: tuple[int, ...] = ()
 
 
@@ -166,26 +168,29 @@ PARAM_FIELDS: Final = (
     Param("outlier_threshold_triplex", "f8", "unit of the signal: the same for three; 0: none"),
     Param("filter_gain", "f8", "1: share of a new sample in the low-pass before the comparison; 0: no filter"),
     Param(
-        "bias_bound", "f8", "unit of the signal: largest difference that is learned of a channel; 0: none is", "lasting"
+        "equalise_bound",
+        "f8",
+        "unit of the signal: largest difference that is learned of a channel; 0: none is",
+        "slow_faults",
     ),
     Param(
-        "bias_gain",
+        "equalise_gain",
         "f8",
-        "1: share of a new residual in a learned bias, once as many frames as its inverse have been seen",
-        "lasting",
+        "1: share of a new residual in a channel equalisation, once as many frames as its inverse have been seen",
+        "slow_faults",
     ),
-    Param("slow_allowance", "f8", "unit of the signal: what a residual may be for ever", "lasting"),
+    Param("slow_allowance", "f8", "unit of the signal: what a residual may be for ever", "slow_faults"),
     Param(
         "slow_limit",
         "f8",
         "unit of the signal times frames: sum of what exceeds it that fails a channel; 0: no sums",
-        "lasting",
+        "slow_faults",
     ),
     Param(
         "stale_frames",
         "i8",
         "frames in which a sample repeats while others move until it is not compared; 0: any may",
-        "lasting",
+        "slow_faults",
     ),
     Param("reference_threshold", "f8", "unit of the signal: a sample and the reference agree within it"),
     Param(
@@ -312,7 +317,7 @@ def fill(
         outlier_threshold=config.outlier_threshold or 0.0,
         outlier_threshold_triplex=config.outlier_threshold_triplex or 0.0,
         filter_gain=gain(config.filter_s, rate_hz),
-        bias_gain=min(1.0, 1.0 / (config.bias_s * rate_hz)),
+        equalise_gain=min(1.0, 1.0 / (config.equalise_s * rate_hz)),
         slow_allowance=config.slow_allowance or 0.0,
         slow_limit=(config.slow_limit or 0.0) * rate_hz,
         reference_threshold=config.reference_threshold or threshold,

@@ -29,7 +29,7 @@ STATE: Final = np.dtype(
         ("smooth_order", "i8", (CHANNELS,)),
         ("smooth_reference", "f8"),
         ("smooth_vote", "f8"),
-        # What lasts (slow_faults.py), each where it is on.
+        # Slow faults (slow_faults.py), each where it is on.
         ("bias", "f8", (CHANNELS,)),
         ("learned", "i8", (CHANNELS,)),  # frames that the bias is of
         ("compared", "f8", (CHANNELS,)),

@@ -52,7 +52,7 @@ TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
 AMOUNTS: Final = (  # settings of a signal that have its unit
     *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
     *("reference_threshold", "selection_deviation", "selection_integral_s"),
-    *("bias_bound", "slow_allowance", "slow_limit"),
+    *("equalise_bound", "slow_allowance", "slow_limit"),
 )
 V = TypeVar("V", float, NDArray[np.float64])
 MOST_ANGLE_RAD: Final = 1e6  # beyond it the fraction of a turn is lost to rounding

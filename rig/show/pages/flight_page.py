@@ -206,7 +206,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
     failed += [(each.frame, each.decided_by) for _, each in score.isolations]
     deciders = dict.fromkeys(decided_by for _, decided_by in sorted(failed))
     lost = sum(signal.level_at_end == 0 for signal in score.signals.values())
-    lasting = sum(suspect.lasting for suspect in score.suspects)
+    slow_faults = sum(suspect.slow_faults for suspect in score.suspects)
     return [
         (f"{len(detected)} of {len(detected) + missed}", "detectable faults detected", missed > 0),
         (duration(max(delays), rate_hz) if delays else DASH, "longest delay from the threshold", False),
@@ -214,7 +214,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
         (", ".join(deciders) or DASH, "found the faults or failed the channels", False),
         (str(len(off)), _off_by(scored, off), bool(off)),
         (str(lost), "signals without a channel at the end", lost > 0),
-        *([(str(lasting), "channels suspect in many frames, never failed", True)] if lasting else []),
+        *([(str(slow_faults), "channels suspect in many frames, never failed", True)] if slow_faults else []),
     ]
 
 

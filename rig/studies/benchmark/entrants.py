@@ -1,7 +1,8 @@
 """Who takes part in a league, and which of its settings a calibration chooses.
 
 Ours is there four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the same with learned
-biases, with all that lasts, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's scenario.
+biases, with all slow-fault rules, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's
+scenario.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from rig.scenario.scenario import Scenario
 from rig.studies.benchmark.own_class import calibrated_number
 
 OURS: Final = DEFAULT
-BIASED, LASTING, SHIPPED = f"{OURS} bias", f"{OURS} lasting", f"{OURS} shipped"
+BIASED, SLOW_FAULTS, SHIPPED = f"{OURS} bias", f"{OURS} slow_faults", f"{OURS} shipped"
 UNBOUNDED: Final = "unbounded"
 VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of rivals, named behind one: "cusum 60 guess"
     "guess": {"ties": "guess"},
@@ -37,7 +38,7 @@ _DESIGNED: Final = tuple(
     name
     for name in PARAMS.names or ()
     if name.startswith(
-        ("threshold", "outlier_threshold", "bias_", "slow_", "stale_", "filter_", "persistence", "split_")
+        ("threshold", "outlier_threshold", "equalise_", "slow_", "stale_", "filter_", "persistence", "split_")
     )
 )
 Values = Mapping[str, Any]  # of settings by name
@@ -104,7 +105,7 @@ def entrants(managers: str) -> list[Entrant]:
     others = [_entrant(name) for name in names if name != OURS]
     if not others:
         raise BadInput(f"--managers: name one or more besides {OURS}, of {', '.join(MANAGERS[1:])}, or module:name")
-    return [*(Entrant(name, OURS) for name in (OURS, BIASED, LASTING, SHIPPED)), *others]
+    return [*(Entrant(name, OURS) for name in (OURS, BIASED, SLOW_FAULTS, SHIPPED)), *others]
 
 
 def _entrant(name: str) -> Entrant:

@@ -22,7 +22,7 @@ from rig.studies.benchmark.benchmark_trials import typed
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
 from rig.studies.benchmark.entrants import (
     BIASED,
-    LASTING,
+    SLOW_FAULTS,
     Entrant,
     OfSignal,
     designed_values,
@@ -89,7 +89,8 @@ def _flights(blocks: Sequence[DataBlock]) -> list[Flight]:
 def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, Any]:
     """Return what an entrant is told: the least levels with which it fails nobody in ``blocks``, and a margin.
 
-    Of ours with all that lasts also the persistence and the limit of the sums.  Taken is what isolates most in those
+    Of ours with all slow-fault rules also the persistence and the limit of the sums.  Taken is what isolates most in
+    those
     of ``blocks`` that the levels are not from, each half of them in turn: levels that just fail nobody in some flights
     tell nothing of others.
     """
@@ -111,8 +112,8 @@ def _candidates(
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
     """Yield what an entrant may be told by ``blocks``, with the margins over its levels and what else it chooses."""
     flights = _flights(blocks)
-    if entrant.name == LASTING:
-        yield from _lasting(entrant, signal, blocks)
+    if entrant.name == SLOW_FAULTS:
+        yield from _slow_faults(entrant, signal, blocks)
     elif entrant.designed:
         bound = _bound(signal, blocks) if entrant.name == BIASED else 0.0
         values = _ours(entrant, signal, flights, signal.threshold * _HIGHEST, bound)
@@ -150,13 +151,13 @@ def _ours(
     if bound > 0.0:
         highest = _ours(entrant, signal, flights, highest)["threshold"]
     none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")
-    plain: dict[str, Any] = {**dict.fromkeys(none), "bias_bound": 0.0, "slow_allowance": None, "slow_limit": None}
+    plain: dict[str, Any] = {**dict.fromkeys(none), "equalise_bound": 0.0, "slow_allowance": None, "slow_limit": None}
 
     def told(steps: int) -> dict[str, Any]:
         level = highest * 2.0 ** (-steps / 16.0)
         update = {**plain, "threshold": level}
         if bound > 0.0:
-            learned = {"outlier_threshold": level, "outlier_threshold_triplex": level, "bias_bound": bound}
+            learned = {"outlier_threshold": level, "outlier_threshold_triplex": level, "equalise_bound": bound}
             update |= {"threshold": max(highest, bound), **learned}
         return designed_values(signal, signal.given.model_copy(update=update))
 
@@ -164,7 +165,7 @@ def _ours(
     return told(max((_STEPS if at is None else at) - 1, 0))
 
 
-def _lasting(
+def _slow_faults(
     entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
     """Yield ours with each persistence and limit of the sums, 0 for none, and margins over thresholds and allowance.

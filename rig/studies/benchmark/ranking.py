@@ -8,13 +8,13 @@ from typing import Any, Final
 from scipy.stats import poisson
 
 from rig.studies.benchmark.benchmark_trials import STATES
-from rig.studies.benchmark.entrants import BIASED, LASTING, OURS, SHIPPED, UNBOUNDED
+from rig.studies.benchmark.entrants import BIASED, OURS, SHIPPED, SLOW_FAULTS, UNBOUNDED
 from rig.studies.benchmark.outcome_table import ALL
 from rig.studies.thresholds.holdout import OVER
 from rig.verdict.words import PRIOR
 
 Row = dict[str, Any]
-_OURS: Final = (OURS, BIASED, LASTING, SHIPPED)
+_OURS: Final = (OURS, BIASED, SLOW_FAULTS, SHIPPED)
 
 
 def verdict(result: Mapping[str, Any]) -> list[str]:
@@ -26,7 +26,7 @@ def verdict(result: Mapping[str, Any]) -> list[str]:
     table, differences, silent = result["table"], result["differences"], result["silent"]
     rivals = [row for row in differences if row["entrant"] not in (*silent, *_OURS) and UNBOUNDED not in row["entrant"]]
     lines: list[str] = []
-    for ours in (OURS, BIASED, LASTING):
+    for ours in (OURS, BIASED, SLOW_FAULTS):
         lines += _losses([row for row in rivals if row["ours"] == ours], ours)
     lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
     plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
@@ -73,7 +73,7 @@ def _leads(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _among(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield how ours as shipped, with learned biases and with all that lasts differ from ours as designed."""
+    """Yield how ours as shipped, with channel equalisation and with all slow-fault rules differ from ours as designed."""
     for row in rows:
         if row["ours"] == OURS:
             yield f"{row['entrant']} against {OURS}: {_where(row)}: it isolates {_points(row)}"

@@ -121,7 +121,7 @@ RUNS: Final = _named(
         for name in COUNTED
     ),
     Column(  # never failed
-        SUSPECTS, lambda s: sum(each.lasting for each in s.scored.suspects), type=int, hashed=False, added=True
+        SUSPECTS, lambda s: sum(each.slow_faults for each in s.scored.suspects), type=int, hashed=False, added=True
     ),
     *(  # channels of servos that were shut off; in ``digest`` too
         Column(name, lambda s, i=i: (_shut_off(s) or (None, None))[i], type=int, hashed=False, added=True)

@@ -154,8 +154,8 @@ def design() -> Design:
 def _stabilisable(a: Matrix, b: Matrix) -> bool:
     """Apply Hautus' test: [a - s, b] has full rank at every eigenvalue s of ``a`` that does not decay."""
     scaled, unit = b / np.linalg.norm(b, axis=0), np.eye(len(a))
-    lasting = [s for s in np.linalg.eigvals(a) if s.real > -1e-6]
-    return all(np.linalg.matrix_rank(np.hstack([a - s * unit, scaled]), tol=1e-6) == len(a) for s in lasting)
+    slow = [s for s in np.linalg.eigvals(a) if s.real > -1e-6]
+    return all(np.linalg.matrix_rank(np.hstack([a - s * unit, scaled]), tol=1e-6) == len(a) for s in slow)
 
 
 def _observes_speed() -> bool:

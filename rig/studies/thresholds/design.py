@@ -23,7 +23,7 @@ from rig.studies.thresholds.slow_fault_limits import (
     OFF,
     Rule,
     alarms,
-    bias_bound,
+    equalise_bound,
     residuals,
     stale_frames,
     unbiased,
@@ -32,7 +32,7 @@ from rig.studies.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
 
 Floats = NDArray[np.float64]
 BESIDE: Final = 1e-4  # of healthy frames beyond an outlier threshold: one beside a transient makes it last longer
-EXACT: Final = ("bias_s", "stale_frames")  # keys that are not rounded
+EXACT: Final = ("equalise_s", "stale_frames")  # keys that are not rounded
 FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
 
 
@@ -55,8 +55,8 @@ class Design:
     persistence: int
     in_split: int
     thresholds: dict[int, Threshold]
-    outliers: dict[int, Threshold] = field(default_factory=dict)  # behind a learned bias, below ``thresholds``
-    lasting: dict[str, float | None] = field(default_factory=dict)  # keys of what was asked for; falsy: off
+    outliers: dict[int, Threshold] = field(default_factory=dict)  # behind a channel equalisation, below ``thresholds``
+    slow_faults: dict[str, float | None] = field(default_factory=dict)  # keys of what was asked for; falsy: off
     spreads: float = 0.0  # limit of the sums, spreads times frames
 
     @property
@@ -71,13 +71,13 @@ class Design:
 
     @property
     def single(self) -> Threshold:
-        """Return that by which one of all channels is found: behind a learned bias its outlier threshold."""
+        """Return that by which one of all channels is found: behind a channel equalisation its outlier threshold."""
         return self.outliers.get(max(self.thresholds), self.threshold)
 
     def settings(self, given: RecordedSignal) -> RecordedSignal:
         """Return the settings of a signal with this design in them."""
         none = ("persistence_s", "split_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
-        return given.model_copy(update={**dict.fromkeys(none), **self.lasting, **self.keys()})
+        return given.model_copy(update={**dict.fromkeys(none), **self.slow_faults, **self.keys()})
 
     def keys(self) -> dict[str, float | int]:
         """Return its keys of a table of CONFIG; a level that was not designed has the threshold of the one above."""
@@ -89,7 +89,7 @@ class Design:
             of_level[f"outlier_{name}"] = min(rounded_up(threshold.upper), of_level.get(name, of_level["threshold"]))
         return {
             **of_level,
-            **{key: value if key in EXACT else rounded_up(value) for key, value in self.lasting.items() if value},
+            **{key: value if key in EXACT else rounded_up(value) for key, value in self.slow_faults.items() if value},
             "persistence": self.persistence,
             "split_persistence": self.in_split,
             "filter_s": self.filter_s,
@@ -105,7 +105,7 @@ class Grid:
     levels: Sequence[int] = (4, 3, 2)
     filters_s: Sequence[float] = (0.0, 0.1)
     seed: int = 0
-    lasting: Sequence[Rule] = ()
+    slow_faults: Sequence[Rule] = ()
     transients: bool = False  # no threshold within the noise of single frames, as no outlier threshold ever is
 
 
@@ -129,10 +129,10 @@ def designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, num
     number : of the signal, for its random stream
     """
     made = list(_designs(flights, given, grid, number))
-    off = {key: value for rule in grid.lasting for key, value in OFF[rule].items()}
-    if "stale" in grid.lasting and made:
+    off = {key: value for rule in grid.slow_faults for key, value in OFF[rule].items()}
+    if "stale" in grid.slow_faults and made:
         off["stale_frames"] = stale_frames([flight.samples for flight in flights], flights[0].rate_hz)
-    return [replace(design, lasting={**off, **design.lasting}) for design in made]
+    return [replace(design, slow_faults={**off, **design.slow_faults}) for design in made]
 
 
 def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> Iterator[Design]:
@@ -169,12 +169,12 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
 
 def _bound(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> float:
     """Return the bound of biases by the data, 0 if none is asked for."""
-    if "bias" not in grid.lasting:
+    if "bias" not in grid.slow_faults:
         return 0.0
     stream = np.random.SeedSequence(grid.seed, spawn_key=(number, 0, 0, 1))
     means = residuals([flight.samples for flight in flights], given.wraps).means
     hours = [flight.hours for flight in flights]
-    return bias_bound(means, hours, grid.budget_per_h, np.random.default_rng(stream))
+    return equalise_bound(means, hours, grid.budget_per_h, np.random.default_rng(stream))
 
 
 def _biased(
@@ -185,14 +185,14 @@ def _biased(
     bound: float,
     asked: tuple[Grid, int, int],
 ) -> Design | None:
-    """Return ``plain`` with learned biases and outlier thresholds behind them; None where those are not lower.
+    """Return ``plain`` with channel equalisation and outlier thresholds behind them; None where those are not lower.
 
     Who has a larger bias than the bound would be an outlier for all of a flight, so none is cut; no threshold is below
     it: what is hidden by a bias stays within what two samples may be apart.  Nor is an outlier threshold within the
     noise of single frames: a transient of persistence - 1 frames with a noisy one beside it would fail a channel.
     """
     bound = rounded_up(bound)
-    learning = given.model_copy(update={"bias_bound": bound})
+    learning = given.model_copy(update={"equalise_bound": bound})
     frames, outliers = [(plain.persistence, plain.in_split)], {}
     for level, before in plain.thresholds.items():
         if level == DUPLEX:
@@ -207,13 +207,13 @@ def _biased(
         least = of_one_frame(compared, given.wraps, len(flights[0].samples), level)
         if outlier is not None and max(outlier.upper, least) < before.upper:
             outliers[level] = _at_least(least, outlier)
-    lasting = {"bias_bound": bound, "bias_s": given.bias_s}
+    slow_faults = {"equalise_bound": bound, "equalise_s": given.equalise_s}
     if max(plain.thresholds) not in outliers:
         return None
     thresholds = {
         level: replace(threshold, upper=max(threshold.upper, bound)) for level, threshold in plain.thresholds.items()
     }
-    return replace(plain, thresholds=thresholds, outliers=outliers, lasting=lasting)
+    return replace(plain, thresholds=thresholds, outliers=outliers, slow_faults=slow_faults)
 
 
 def _at_least(least: float, threshold: Threshold) -> Threshold:
@@ -257,7 +257,7 @@ def with_sums(
     if not uppers or min(uppers) <= 0.0:
         return None
     asked["slow_allowance"] = max(uppers)
-    return replace(design, lasting={**design.lasting, **asked}, spreads=spreads)
+    return replace(design, slow_faults={**design.slow_faults, **asked}, spreads=spreads)
 
 
 def _split(given: RecordedSignal, frames: int, rate_hz: float) -> int:

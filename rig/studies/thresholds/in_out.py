@@ -43,7 +43,7 @@ def recorded_toml(
 
     Signals in ``referenced`` keep the threshold of their reference, which by default is that of the channels.
     """
-    tables, replaced = dict(raw), {"persistence_s", *(key for design in chosen.values() for key in design.lasting)}
+    tables, replaced = dict(raw), {"persistence_s", *(key for design in chosen.values() for key in design.slow_faults)}
     if (default := raw.get("default")) is not None:
         tables["default"] = {k: v for k, v in _in_frames(default, rate_hz).items() if k not in replaced}
     signals = {name: dict(table) for name, table in raw.get("signal", {}).items()}
@@ -81,8 +81,8 @@ def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]
     keys = dict(design.keys())
     if "split_persistence" in given.model_fields_set or given.split_persistence_s is not None:
         keys.pop("split_persistence")
-    for name in ("bias_bound", "stale_frames"):
-        if design.lasting.get(name) == 0 and getattr(given, name):
+    for name in ("equalise_bound", "stale_frames"):
+        if design.slow_faults.get(name) == 0 and getattr(given, name):
             keys[name] = 0  # what the flights were flown with is not asked for any more
     return _beside(keys, given) if outlier else _in_place(keys, given)
 

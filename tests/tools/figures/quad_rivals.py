@@ -65,18 +65,18 @@ def calibrated(name: str, axis: str, flights: list[DataBlock], budget_per_h: flo
 
 
 def designed(rules: Sequence[Rule], axis: str, flights: list[DataBlock], budget_per_h: float) -> Manager:
-    """Return ours as ``rig thresholds`` chooses it with ``rules`` of what lasts."""
+    """Return ours as ``rig thresholds`` chooses it with ``rules`` of slow faults."""
     hours = sum(flight.hours for flight in flights)
     data = Data([flight.name for flight in flights], RATE_HZ, hours, {axis: flights}, {axis: GIVEN})
-    made = design(data, Grid(budget_per_h, lasting=rules), keep=True)[axis].design
+    made = design(data, Grid(budget_per_h, slow_faults=rules), keep=True)[axis].design
     assert made is not None
     return Manager("cross-channel", parameters(made.settings(GIVEN), 4, RATE_HZ))
 
 
 ENTRANTS: Final[dict[str, Make]] = {
-    "ours, no rule of what lasts": partial(designed, ()),
-    "ours, learned bias": partial(designed, ("bias",)),
-    "ours, all that lasts": partial(designed, RULES),
+    "ours, no slow-fault rule": partial(designed, ()),
+    "ours, channel equalisation": partial(designed, ("bias",)),
+    "ours, all slow-fault rules": partial(designed, RULES),
     "selection, calibrated": partial(calibrated, "selection"),
     "cusum, 120 spreads": partial(calibrated, "cusum"),
 }

@@ -65,7 +65,7 @@ def bayes(bus, fcc, data, on):
             normalise(bank.part, p, st)
             log_odds(bank.part, st)
             worst, voted = step.largest_above(at.n, step.limit_of(at.n, p), st), posterior_mean(bank.part, at, p, st)
-        step.isolate(at, step.lasting(worst, p, st), p, st)
+        step.isolate(at, step.slow_faults(worst, p, st), p, st)
         if step.end(bus, fcc, s, at, voted, p, st):
             step.begin_again(st)
             st["began"] = 0

@@ -29,7 +29,7 @@ class Rival(Settings):
     levels: ClassVar[tuple[str, ...]] = ()  # the settings to calibrate: one, or of 4, 3, 2 channels
 
     ties: Literal["guess", "hold"] = "hold"  # an even split without a usable reference: fails one, or holds the vote
-    bounded: bool = True  # what lasts less than the persistence fails nobody; False: as published
+    bounded: bool = True  # what is shorter than the persistence fails nobody; False: as published
     spread: float = Field(default=0.04, gt=0)  # of a healthy channel about its bias, standard deviation, thresholds
     signals: dict[str, dict[str, Any]] = {}  # of single signals, in place of the above
 

@@ -1,7 +1,7 @@
 """What all rivals share in a frame: ranks and middle, one failure a signal, latches, the last channel, the records.
 
 The middle is the median of those in use; of an even number the usable reference, held between the two in the middle,
-else their mean (lasting.middle).  A sample that cannot be compared, or is stale, counts as with our manager, and so do
+else their mean (slow_faults.middle).  A sample that cannot be compared, or is stale, counts as with our manager, and so do
 the last channel, the reference's own monitor, two references against all channels, and resets.
 """
 
@@ -87,7 +87,7 @@ def largest_above(n, limit, st):
 
 
 @kernel
-def lasting(worst, p, st):
+def slow_faults(worst, p, st):
     """Return ``worst`` once it has been that for the persistence, or at once where nothing is bounded; else NOBODY."""
     st["run"] = st["run"] + 1 if worst == st["run_of"] and worst != NOBODY else int(worst != NOBODY)
     st["run_of"] = worst

@@ -1,4 +1,4 @@
-"""What lasts: a bias that is learned, small deviations that are summed, samples that repeat."""
+"""Slow faults: a bias that is learned, small deviations that are summed, samples that repeat."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rig.core.frame import DecidedBy, Pattern, State
 RATE_HZ = 100.0  # of vote_samples
 RNG = np.random.default_rng(5)
 NOISE = RNG.normal(0.0, 0.01, (6000, 4))
-LEARNING: dict[str, Any] = {"threshold": 0.2, "bias_bound": 0.1, "bias_s": 2.0}
+LEARNING: dict[str, Any] = {"threshold": 0.2, "equalise_bound": 0.1, "equalise_s": 2.0}
 SUMMING: dict[str, Any] = {"threshold": 0.5, "slow_allowance": 0.05, "slow_limit": 0.5}
 
 
@@ -32,7 +32,7 @@ def test_a_bias_is_learned_with_its_time_constant():
     for size, failed in ((0.2 - left - 1e-6, None), (0.2 - left + 1e-6, 808)):
         samples[800:, 0] = 0.09 + size
         assert vote(samples, **LEARNING).failed_at()[0] == failed
-        assert vote(samples, **{**LEARNING, "bias_bound": 0.0}).failed_at()[0] == 808
+        assert vote(samples, **{**LEARNING, "equalise_bound": 0.0}).failed_at()[0] == 808
 
 
 def test_what_is_there_from_the_first_frame_is_learned_as_a_mean():
@@ -48,17 +48,17 @@ def test_outlier_thresholds_wait_until_the_biases_are_learned():
     """Channel 1 stands 0.08 apart from the first frame on: a bias, as 0.08 later on is not."""
     samples = NOISE[:1000] * 0.1 + np.array([0.09, 0.01, -0.01, 0.0])
     settings = {**LEARNING, "outlier_threshold": 0.03}
-    assert vote(samples, **{**settings, "bias_bound": 0.0}).failed_at()[0] == 8
+    assert vote(samples, **{**settings, "equalise_bound": 0.0}).failed_at()[0] == 8
     assert vote(samples, **settings).failed_at() == [None] * 4
     for onset, failed in ((100, None), (300, 308)):
         later = samples.copy()
         later[onset:, 1] += 0.05
-        assert vote(later, **{**settings, "bias_s": 2.0}).failed_at()[1] == failed
+        assert vote(later, **{**settings, "equalise_s": 2.0}).failed_at()[1] == failed
 
 
 def test_no_vote_is_moved_by_a_learned_bias():
     samples = NOISE + np.array([0.08, 0.03, 0.0, -0.05])
-    assert (vote(samples, **LEARNING).voted == vote(samples, **{**LEARNING, "bias_bound": 0.0}).voted).all()
+    assert (vote(samples, **LEARNING).voted == vote(samples, **{**LEARNING, "equalise_bound": 0.0}).voted).all()
 
 
 def test_a_drift_is_learned_no_further_than_the_bound():
@@ -131,10 +131,10 @@ def test_what_lasts_less_than_the_persistence_fails_nobody(c: int, frames: int, 
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
-        ({"bias_bound": 0.3}, "at most the threshold of every level, 0.2, got 0.3"),
-        ({"bias_bound": 0.15, "threshold_duplex": 0.1}, "at most the threshold of every level, 0.1, got 0.15"),
+        ({"equalise_bound": 0.3}, "at most the threshold of every level, 0.2, got 0.3"),
+        ({"equalise_bound": 0.15, "threshold_duplex": 0.1}, "at most the threshold of every level, 0.1, got 0.15"),
         ({"slow_limit": 1.0}, "slow_allowance, slow_limit: both or neither"),
-        ({"bias_s": 0.0}, "greater than 0"),
+        ({"equalise_s": 0.0}, "greater than 0"),
         ({"stale_frames": -1}, "greater than or equal to 0"),
     ],
 )
@@ -151,7 +151,7 @@ def test_halves_that_the_bias_alone_tells_apart_are_not_settled_by_the_reference
     samples = np.concatenate([np.tile(size * sides, (frames, 1)) for size, frames in ((0.07, 300), (0.1, 1000))])
     samples = np.concatenate([samples, np.tile(pair * sides, (30, 1))])
     reference = np.where(np.arange(len(samples)) < 1300, 0.0, 0.03)
-    learning = {"threshold": 0.15, "bias_bound": 0.12, "bias_s": 1.0, "tie_break": ["reference"]}
+    learning = {"threshold": 0.15, "equalise_bound": 0.12, "equalise_s": 1.0, "tie_break": ["reference"]}
     out = vote(samples, **learning, reference=reference)
     assert out.pattern[1299] == Pattern.NORMAL and (out.pattern[1300:1310] == Pattern.P2_2).all()
     assert out.failed_at() == failed

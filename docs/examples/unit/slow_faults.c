@@ -1,4 +1,4 @@
-/* What lasts: a bias that is learned, small deviations summed over seconds, samples that repeat.
+/* Slow faults: a bias that is learned, small deviations summed over seconds, samples that repeat.
  *
  * redundancy.md of that name.  The residual of a channel is its sample less the middle of those in use.  Nothing here
  * moves a vote: it changes who is compared with whom, and who is failed.
@@ -10,22 +10,22 @@
 #define NOBODY (-1)
 #define CALM 0.5 /* of the limit: what most must be below, or the sums cannot tell who is right */
 
-void lasting_open(const struct rig_config *config, int signal, struct lasting *l)
+void slow_open(const struct rig_config *config, int signal, struct slow_faults *l)
 {
     memset(l, 0, sizeof *l);
-    l->set = &config->lasting[signal];
+    l->set = &config->slow_faults[signal];
     l->last_reference = (double)NAN;
     for (int c = 0; c < RIG_CHANNELS; c++) {
         l->last_sample[c] = (double)NAN;
     }
 }
 
-void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
+void slow_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
 {
     for (int c = 0; c < RIG_CHANNELS; c++) {
         if (failed[c] && !s->latches.failed[c]) {
-            s->lasting.bias[c] = 0.0;
-            s->lasting.learned[c] = 0;
+            s->slow_faults.bias[c] = 0.0;
+            s->slow_faults.learned[c] = 0;
         }
     }
 }
@@ -41,7 +41,7 @@ struct movement {
 
 static struct movement movement(const struct frame *f, double reference, params *p, const struct signal *s)
 {
-    const struct lasting *const l = &s->lasting;
+    const struct slow_faults *const l = &s->slow_faults;
     struct movement m = {0, 0, false};
     for (int c = 0; c < p->fitted; c++) {
         if (!s->latches.failed[c] && compare_is_comparable(f, c, p)) {
@@ -68,9 +68,9 @@ static bool repeat_counts(const struct frame *f, int c, const struct movement *m
     return told || (!*ends && most);
 }
 
-void lasting_count(const struct frame *f, double reference, params *p, struct signal *s)
+void slow_count(const struct frame *f, double reference, params *p, struct signal *s)
 {
-    struct lasting *const l = &s->lasting;
+    struct slow_faults *const l = &s->slow_faults;
     if (l->set->stale_frames == 0) {
         return;
     }
@@ -91,18 +91,18 @@ void lasting_count(const struct frame *f, double reference, params *p, struct si
     }
 }
 
-bool lasting_is_stale(int c, const struct lasting *l)
+bool slow_is_stale(int c, const struct slow_faults *l)
 {
     return has(l->stale, c);
 }
 
-/* ---- Learned bias ---- */
+/* ---- Channel equalisation ---- */
 
-bool lasting_is_learned(const struct frame *f, const struct lasting *l)
+bool slow_is_learned(const struct frame *f, const struct slow_faults *l)
 {
     bool learned = true;
-    for (int i = 0; (i < f->n) && (l->set->bias_bound > 0.0); i++) {
-        learned = learned && ((((double)l->learned[f->order[i]] + 0.5) * l->set->bias_gain) >= 1.0);
+    for (int i = 0; (i < f->n) && (l->set->equalise_bound > 0.0); i++) {
+        learned = learned && ((((double)l->learned[f->order[i]] + 0.5) * l->set->equalise_gain) >= 1.0);
     }
     return learned;
 }
@@ -116,10 +116,10 @@ static double middle(const struct frame *f, const struct signal *s)
     return mean(f->low, f->high, 0.5);
 }
 
-void lasting_learn(const struct frame *f, struct signal *s)
+void slow_learn(const struct frame *f, struct signal *s)
 {
-    struct lasting *const l = &s->lasting;
-    const double bound = l->set->bias_bound;
+    struct slow_faults *const l = &s->slow_faults;
+    const double bound = l->set->equalise_bound;
     if ((bound <= 0.0) || (f->n < 2) || (s->pattern != RIG_PATTERN_NORMAL)) {
         return;
     }
@@ -129,8 +129,8 @@ void lasting_learn(const struct frame *f, struct signal *s)
         if (!f->alone[c] && !f->blamed[c] && (s->latches.count[c] <= 0.0)) {
             const double seen = (double)l->learned[c];
             const double first = 1.0 / (seen + 1.0);
-            const bool begins = ((seen * l->set->bias_gain) < 1.0) && (first > l->set->bias_gain);
-            const double gain = begins ? first : l->set->bias_gain;
+            const bool begins = ((seen * l->set->equalise_gain) < 1.0) && (first > l->set->equalise_gain);
+            const double gain = begins ? first : l->set->equalise_gain;
             l->bias[c] = clamp(l->bias[c] + (gain * ((f->x[c] - m) - l->bias[c])), -bound, bound);
             l->learned[c]++;
         }
@@ -150,7 +150,7 @@ static double sum(double last, double excess, double most)
 /* Sum both ways of each channel; the channel with the largest sum above the limit, while most are calm. */
 static int watch(const struct frame *f, params *p, struct signal *s)
 {
-    struct lasting *const l = &s->lasting;
+    struct slow_faults *const l = &s->slow_faults;
     const double limit = l->set->slow_limit;
     if ((limit <= 0.0) || (f->n < 3) || is_split(s->pattern)) {
         return NOBODY;
@@ -175,7 +175,7 @@ static int watch(const struct frame *f, params *p, struct signal *s)
     return ((2 * calm) > f->n) ? worst : NOBODY;
 }
 
-void lasting_watch(struct frame *f, params *p, struct signal *s)
+void slow_watch(struct frame *f, params *p, struct signal *s)
 {
     const int slow = (f->decided_by == RIG_DECIDED_BY_COMMON) ? NOBODY : watch(f, p, s);
     if (slow != NOBODY) {
@@ -184,7 +184,7 @@ void lasting_watch(struct frame *f, params *p, struct signal *s)
     }
 }
 
-void lasting_begin_sums(struct lasting *l)
+void slow_begin_sums(struct slow_faults *l)
 {
     memset(l->above, 0, sizeof l->above);
     memset(l->below, 0, sizeof l->below);

@@ -1,4 +1,4 @@
-"""Designs of what lasts: the bias bound, the sums of small deviations, stale samples."""
+"""Designs of slow faults: the bias bound, the sums of small deviations, stale samples."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from rig.log.recordings.vote_config import RecordedSignal
 from rig.studies.thresholds.design import DataBlock, Design, Grid, designs, with_sums
 from rig.studies.thresholds.holdout import count
 from rig.studies.thresholds.pieces import isolations
-from rig.studies.thresholds.slow_fault_limits import alarms, begun, bias_bound, residuals, stale_frames, unbiased
+from rig.studies.thresholds.slow_fault_limits import alarms, begun, equalise_bound, residuals, stale_frames, unbiased
 from rig.studies.thresholds.tradeoff import inject, pieces
 
 RATE = 100.0
-GIVEN = RecordedSignal(threshold=1.0, bias_s=2.0)
-GRID = Grid(20.0, (8,), (4, 3), (0.0,), lasting=("bias", "stale"))
+GIVEN = RecordedSignal(threshold=1.0, equalise_s=2.0)
+GRID = Grid(20.0, (8,), (4, 3), (0.0,), slow_faults=("bias", "stale"))
 
 
 def flight(seed: int, biases: float = 0.0, seconds: float = 30.0) -> DataBlock:
@@ -41,16 +41,16 @@ def test_residuals_are_taken_from_the_middle_of_those_that_there_are():
 def test_the_bound_of_few_flights_is_the_largest_and_of_many_beyond_it():
     means = np.abs(np.random.default_rng(0).normal(size=200))
     rng = np.random.default_rng(1)
-    assert bias_bound(means[:8], [0.01] * 8, 1e-3, rng) == means[:8].max()
-    assert bias_bound(means, [0.01] * 200, 1e-3, rng) > means.max()
+    assert equalise_bound(means[:8], [0.01] * 8, 1e-3, rng) == means[:8].max()
+    assert equalise_bound(means, [0.01] * 200, 1e-3, rng) > means.max()
 
 
 def test_constant_biases_are_gone_once_they_are_learned():
     clean = np.tile(np.sin(np.arange(500) / 50.0), (4, 1))
     biased = clean + np.array([[0.5], [0.2], [-0.2], [-0.7]])
-    settings = RecordedSignal(threshold=1.0, bias_bound=1.0, bias_s=2.0)
+    settings = RecordedSignal(threshold=1.0, equalise_bound=1.0, equalise_s=2.0)
     assert unbiased(biased, biased, settings, RATE) == pytest.approx(clean[:, 200:], abs=1e-12)
-    bounded = settings.model_copy(update={"bias_bound": 0.6})
+    bounded = settings.model_copy(update={"equalise_bound": 0.6})
     assert unbiased(biased, biased, bounded, RATE)[3] == pytest.approx(clean[3, 200:] - 0.1, abs=1e-12)
     assert unbiased(biased[:, :199], biased[:, :199], settings, RATE).shape == (4, 0)
     (state,) = begun([biased[:, :50]], settings, 4, RATE)
@@ -84,9 +84,9 @@ def biased() -> list[Design]:
 def test_behind_learned_biases_outliers_are_smaller_and_the_budget_holds(biased: list[Design]):
     plain, learned = biased
     keys = learned.keys()
-    assert plain.lasting == {"bias_bound": 0.0, "stale_frames": 10} and not plain.keys().get("bias_bound")
+    assert plain.slow_faults == {"equalise_bound": 0.0, "stale_frames": 10} and not plain.keys().get("equalise_bound")
     assert keys["outlier_threshold"] < 0.3 * keys["threshold"] and keys["stale_frames"] == 10
-    assert keys["bias_bound"] <= min(keys["threshold"], keys["threshold_triplex"]) and keys["bias_s"] == 2.0
+    assert keys["equalise_bound"] <= min(keys["threshold"], keys["threshold_triplex"]) and keys["equalise_s"] == 2.0
     RecordedSignal.model_validate(keys)
     others = [flight(100 + k, 10.0, 120.0) for k in range(15)]
     found = count(others, GIVEN, learned, 20.0)[4]
@@ -144,15 +144,15 @@ def test_pieces_begin_with_what_was_learned_before(biased: list[Design]):
 
 
 def test_flights_too_short_to_learn_in_design_no_bias():
-    given = GIVEN.model_copy(update={"bias_s": 60.0})
+    given = GIVEN.model_copy(update={"equalise_s": 60.0})
     assert [design.outliers for design in designs([flight(k, 10.0) for k in range(20)], given, GRID)] == [{}]
 
 
 def test_sums_find_what_the_noise_hides_and_the_budget_holds():
     flights = [flight(k) for k in range(40)]
-    (plain,) = designs(flights, GIVEN, replace(GRID, lasting=("slow",)))
+    (plain,) = designs(flights, GIVEN, replace(GRID, slow_faults=("slow",)))
     summed = with_sums(flights, GIVEN, plain, 24.0, GRID)
-    assert summed is not None and summed.lasting["slow_limit"] == pytest.approx(0.24, rel=0.2)
+    assert summed is not None and summed.slow_faults["slow_limit"] == pytest.approx(0.24, rel=0.2)
     RecordedSignal.model_validate(summed.keys())
     assert not count([flight(100 + k, 0.0, 120.0) for k in range(15)], GIVEN, summed, 20.0)[4].over
     cut = pieces(flights)

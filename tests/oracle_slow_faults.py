@@ -1,4 +1,4 @@
-"""The oracle's rules of what lasts: learned bias, sums of small deviations, samples that repeat."""
+"""The oracle's slow-fault rules: channel equalisation, sums of small deviations, samples that repeat."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from oracle_references import FAR
 
 
 @dataclass
-class Lasting:
+class SlowFaults:
     """Memory of one signal beside the oracle's; channels are keys."""
 
     s: Settings
@@ -89,15 +89,15 @@ class Lasting:
 
     def learn(self, view: View, suspected: set[int]) -> None:
         """Move the biases of who is not suspected by a share of what is left, within the bound."""
-        if not self.s.bias_bound or len(view.use) < 2 or view.pattern != "normal":
+        if not self.s.equalise_bound or len(view.use) < 2 or view.pattern != "normal":
             return
         for c, r in self.residuals(view).items():
             if c not in suspected:
                 self.learned[c] += 1
                 share = max(self.s.bias_share, 1.0 / self.learned[c])
                 moved = self.bias[c] + share * (r - self.bias[c])
-                self.bias[c] = max(-self.s.bias_bound, min(self.s.bias_bound, moved))
+                self.bias[c] = max(-self.s.equalise_bound, min(self.s.equalise_bound, moved))
 
     def settled(self, use: dict[int, float]) -> bool:
         """Whether the bias of each is a mean over the whole time constant."""
-        return not self.s.bias_bound or all(self.learned[c] >= round(1.0 / self.s.bias_share) for c in use)
+        return not self.s.equalise_bound or all(self.learned[c] >= round(1.0 / self.s.bias_share) for c in use)
