@@ -32,8 +32,12 @@ def with_slow(slow_bad: dict[str, int], condition: str = "level", settle_s: floa
     near = pl.concat([counts, slow]).filter(pl.col("good_before") == 4).with_columns(design=pl.lit("near"))
     whole = pl.concat([counts, slow, near])
     place = pl.concat_str("design", pl.lit(" "), "good_before")
-    bad = pl.when(pl.col("kind") == "slow drift").then(place.replace_strict(slow_bad, default=0)).otherwise("bad_vote")
-    return whole.with_columns(bad_vote=bad.cast(pl.Int64), kept=(pl.col("trials") - bad).cast(pl.Int64))
+    bad = (
+        pl.when(pl.col("kind") == "slow drift")
+        .then(place.replace_strict(slow_bad, default=0))
+        .otherwise("undetected_error")
+    )
+    return whole.with_columns(undetected_error=bad.cast(pl.Int64), correct=(pl.col("trials") - bad).cast(pl.Int64))
 
 
 def loss_of(counts: pl.DataFrame, kinds: dict[str, float]) -> float:

@@ -27,7 +27,7 @@ def score(
 ) -> Scored:
     """Score a flight, or its log, against the truth: what was detected, missed and wrong, and how it flew.
 
-    twin       : fly the fault-free reference run too, for the transients
+    twin       : fly the fault-free fault-free baseline too, for the transients
     unit       : the unit file of the flight software under test that flew a log; a flight knows its own
     allow_code : a manager class that a log names may be run; one that a flight was flown with may be in any case
     limits     : of a failure transient: ``load_factor`` [g], ``pitch_rate_rad_s``, ``window_s`` after an onset

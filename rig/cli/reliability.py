@@ -61,7 +61,7 @@ def run(
     report: Annotated[Path | None, opt("FILE", "Write a page with the pictures, HTML.", "--report", "--plot")] = None,
     as_json: Json = False,
 ) -> None:
-    """Print bad votes, known losses and lost aircraft per flight hour, and what decides them."""
+    """Print undetected errors, annunciated losses and lost aircraft per flight hour, and what decides them."""
     from rig.core.frame import CHANNELS
     from rig.studies.reliability.compute_results import assumptions
     from rig.studies.reliability.compute_results import run as reckon

@@ -32,7 +32,9 @@ _STYLES: Final = {"detected": "green", "missed": "red", "undetectable": "", "not
 
 def score(
     log: LogFile,
-    no_twin: Annotated[bool, flag("--no-twin", "Do not fly the fault-free reference run: no transients.")] = False,
+    no_twin: Annotated[
+        bool, flag("--no-twin", "Do not fly the fault-free fault-free baseline: no transients.")
+    ] = False,
     transient_load_factor: Annotated[
         float, opt("G", "Largest change of load factor that a fault may cause.", min=1e-9)
     ] = 0.5,

@@ -73,7 +73,7 @@ def _leads(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _among(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield how ours as shipped, with channel equalisation and with all slow-fault rules differ from ours as designed."""
+    """Yield how ours as shipped, with equalisation and with all slow-fault rules differ from ours as designed."""
     for row in rows:
         if row["ours"] == OURS:
             yield f"{row['entrant']} against {OURS}: {_where(row)}: it isolates {_points(row)}"

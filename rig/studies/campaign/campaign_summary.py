@@ -187,7 +187,10 @@ def coverage(runs: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def worst(folder: Folder) -> list[dict[str, Any]]:
-    """Return the flights to look at first: not flown, lost, wrong, alarmed, missed, then by the time of a bad vote."""
+    """Return the flights to look at first: not flown, lost, wrong, alarmed, missed.
+
+    Then by the time of an undetected error.
+    """
     runs = folder.tables["runs"]
     order = [
         pl.col("outcome") != "flown",

@@ -103,7 +103,7 @@ RUNS: Final = _named(
         "vote_above_threshold_s",
         lambda s: sum(e.above_threshold_s for e in s.scored.vote_error.values()),
         type=float,
-        page="bad vote, s",
+        page="undetected error, s",
     ),
     Column("unresolved", "scored.unresolved", type=int),  # episodes
     Column("out_of_limits_s", "scored.flight.transients.out_of_limits_s", type=float),  # where the twin was flown

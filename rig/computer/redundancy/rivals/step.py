@@ -1,7 +1,7 @@
 """What all rivals share in a frame: ranks and middle, one failure a signal, latches, the last channel, the records.
 
 The middle is the median of those in use; of an even number the usable reference, held between the two in the middle,
-else their mean (slow_faults.middle).  A sample that cannot be compared, or is stale, counts as with our manager, and so do
+else their mean (slow_faults.middle).  A sample that cannot be compared, or is stale, counts as with our manager; so do
 the last channel, the reference's own monitor, two references against all channels, and resets.
 """
 
