@@ -444,13 +444,13 @@ def test_a_copied_state_goes_on_alike():
         remember(block, k, stage.data)
     other = References(Config(), designed(), RATE)
     other.state = copy.deepcopy(stage.state)
-    twin = block.copy()
-    for rows, one in ((block, stage), (twin, other)):
+    baseline = block.copy()
+    for rows, one in ((block, stage), (baseline, other)):
         for k in range(60, len(rows)):
             refer(rows, k, one.data)
             remember(rows, k, one.data)
     for name in ("reference", "reference_usable"):  # fields: padding does not survive a copy
-        assert block[name].tobytes() == twin[name].tobytes()
+        assert block[name].tobytes() == baseline[name].tobytes()
 
 
 def test_coefficients_go_straight_between_the_points():

@@ -25,8 +25,8 @@ def test_what_an_entrant_sees_does_not_depend_on_who_else_takes_part_or_in_which
     for others in (first, last):
         assert others.filter(pl.col("entrant") == "cusum").equals(alone)
     assert first.filter(pl.col("entrant") == "median").equals(last.filter(pl.col("entrant") == "median"))
-    twin = rows(MEDIAN, MEDIAN._replace(name="again"))
-    halves = [twin.filter(pl.col("entrant") == name).drop("entrant") for name in ("median", "again")]
+    baseline = rows(MEDIAN, MEDIAN._replace(name="again"))
+    halves = [baseline.filter(pl.col("entrant") == name).drop("entrant") for name in ("median", "again")]
     assert halves[0].equals(halves[1])
 
 

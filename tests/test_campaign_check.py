@@ -115,11 +115,14 @@ def test_logs_and_campaigns_are_cases_too(rig_command, tmp_path):
         ('[[cases]]\nscenario = "no_such"\n', "suite.toml: cases: scenario: no_such: no such file"),
         ('[[cases]]\nlog = "no.mcap"\n', "suite.toml: cases: log: no.mcap: no such log"),
         ('[[cases]]\nlog = "a"\nscenario = "b"\n', "a case has one of scenario, log, campaign"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\nruns = 2\n', "runs: is for campaign"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\nwithout = ["x"]\n', "without: no requirement 'x' among its own"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\n' * 2, "f16_stuck_twins: two cases of this name"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\nset = { "canard" = 1 }\n', "suite.toml: f16_stuck_twins: .*canard"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\nrequirements = ["x"]\n', "x: no such file of requirements"),
+        ('[[cases]]\nscenario = "f16_stuck_together"\nruns = 2\n', "runs: is for campaign"),
+        ('[[cases]]\nscenario = "f16_stuck_together"\nwithout = ["x"]\n', "without: no requirement 'x' among its own"),
+        ('[[cases]]\nscenario = "f16_stuck_together"\n' * 2, "f16_stuck_together: two cases of this name"),
+        (
+            '[[cases]]\nscenario = "f16_stuck_together"\nset = { "canard" = 1 }\n',
+            "suite.toml: f16_stuck_together: .*canard",
+        ),
+        ('[[cases]]\nscenario = "f16_stuck_together"\nrequirements = ["x"]\n', "x: no such file of requirements"),
     ],
 )
 def test_a_bad_suite_is_one_line(rig_command, tmp_path, suite, says):

@@ -22,7 +22,7 @@ CAMPAIGN = """
 base = "f16_pitch_rate_hardover"
 seed = 7
 runs = 12
-twin = true
+baseline = true
 [set]
 duration_s = 2.0
 "faults.0.start_s" = 0.5

@@ -82,7 +82,7 @@ def test_a_title_and_a_folder_are_text_in_every_command_that_shows_them(
     log = str(next(tmp_path.rglob("*.mcap")).relative_to(tmp_path))
     for arguments in (
         ["info", log],
-        ["score", log, "--no-twin"],
+        ["score", log, "--no-baseline"],
         ["scenario", "show", "s.toml"],
         ["scenario", "check", "s.toml"],
         ["watch", log],

@@ -171,12 +171,12 @@ def test_the_stick_cannot_pull_beyond_the_alpha_limit() -> None:
 def test_a_copy_of_the_state_flies_on_alike() -> None:
     block = level_flight(200, noise=0.01)
     control = fly(block[:100])
-    twin = Control(Config(), gains.read(AIRCRAFT / "f16" / "gains.toml"), 100.0, LIMITS)
-    twin.state[:] = control.state
+    baseline = Control(Config(), gains.read(AIRCRAFT / "f16" / "gains.toml"), 100.0, LIMITS)
+    baseline.state[:] = control.state
     again = block.copy()
     for k in range(100, 200):
         control.step(block, k)
-        twin.step(again, k)
+        baseline.step(again, k)
     assert (block["surface"] == again["surface"]).all()
 
 

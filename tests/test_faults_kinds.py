@@ -235,9 +235,11 @@ def test_a_duplicate_frame_repeats_the_last_one():
 def test_an_in_line_monitor_may_be_described_by_its_fault(word, same):
     block = healthy()
     block["ilm"][30:, Q] = Ilm.BAD
-    twin = block.copy()
+    baseline = block.copy()
     one = faulted({"kind": "ilm", "says": word, "signal": "pitch_rate", "channels": [1], "start_s": 0.2}, block=block)
-    two = faulted({"kind": "ilm", "says": same, "signal": "pitch_rate", "channels": [1], "start_s": 0.2}, block=twin)
+    two = faulted(
+        {"kind": "ilm", "says": same, "signal": "pitch_rate", "channels": [1], "start_s": 0.2}, block=baseline
+    )
     assert np.array_equal(one["ilm"], two["ilm"]) and np.array_equal(one["channels"], healthy()["channels"])
 
 

@@ -186,7 +186,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory):
 
 
 def test_a_log_is_scored_with_the_clocks_of_its_lanes(logged):
-    scored = score_log(logged.log, Yardstick(), twin=False).score
+    scored = score_log(logged.log, Yardstick(), baseline=False).score
     assert [fault.outcome for fault in scored.faults][:1] == ["detected"] and not scored.false_alarms
 
 

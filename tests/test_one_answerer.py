@@ -177,7 +177,7 @@ def test_score_campaign_report_injection_and_trial_have_the_same_word_for_a_faul
     fault = f'{{id="{TESTED}",signal="pitch_rate",start_s=1.0,{keys}}}'
     which, healthy = (scenario.load(None, ["duration_s=2.0", f"faults=[{some}]"]) for some in (fault, ""))
     flight, clean = (fly(each, out=tmp_path / str(i)) for i, each in enumerate((which, healthy)))
-    scored = score_log(flight.log, Yardstick(), twin=False)
+    scored = score_log(flight.log, Yardstick(), baseline=False)
     words = [each.word for each in scored.score.faults]
     assert set(words) == {expected}
     assert [row["isolation"] for row in campaign_rows("faults", 0, which, scored.score)] == [

@@ -102,7 +102,7 @@ def test_a_sample_that_repeats_miscompares_and_one_that_changes_does_not():
 
 
 def test_two_that_stick_are_failed_before_a_third_fault_and_a_manoeuvre():
-    """The stuck twins: believed today, and the healthy one is failed."""
+    """The stuck together: believed today, and the healthy one is failed."""
     manoeuvre = np.concatenate([np.zeros(1000), 0.5 * np.sin(np.arange(1000) / 50)])
     samples = NOISE[:2000] + manoeuvre[:, None]
     samples[300:, 0], samples[310:, 1] = samples[300, 0], samples[310, 1]

@@ -76,7 +76,7 @@ def test_a_second_fault_meets_the_kind_that_takes_the_longest_to_settle():
 
 
 def test_kinds_that_were_not_flown_in_level_flight_leave_the_others_their_weight():
-    """Stuck twins count by the chance of level flight, slow drifts of one condition as they were flown."""
+    """Stuck together count by the chance of level flight, slow drifts of one condition as they were flown."""
     counts = table(trials=10**6).filter(pl.col("good_before") == 2)
     latent = table(bad=800_000, trials=10**6).filter((pl.col("good_before") == 2) & (pl.col("condition") == "level"))
     slow = table(bad=100_000, trials=10**6, kinds=("slow drift",)).filter(pl.col("good_before") == 2)

@@ -29,7 +29,7 @@ formula = "always[0, 1] abs(error.{signal}) <= 0.001 * threshold.{signal}"
 [[requirements]]
 id = "kept"
 at = "each onset"
-formula = "always[0, 1] abs(truth.{signal} - twin.truth.{signal}) <= threshold.{signal}"
+formula = "always[0, 1] abs(truth.{signal} - baseline.truth.{signal}) <= threshold.{signal}"
 """
 
 
@@ -55,15 +55,15 @@ def test_flown_logged_and_in_memory_it_is_one_verdict(flown, tight):
     flight, verdicts = flown
     required = load_requirements([tight])
     scenario = load("f16_pitch_rate_hardover", SHORT)
-    rows, twin = fly_rows(scenario), fly_rows(scenario.model_copy(update={"faults": []}))
+    rows, baseline = fly_rows(scenario), fly_rows(scenario.model_copy(update={"faults": []}))
     assert [one.status for one in verdicts] == ["violated", "met"]
     assert verdicts == check_log(flight.log, required)
     assert verdicts == fly_requirements(scenario, required)
-    assert verdicts == check_rows(rows, scenario, required, twin)
+    assert verdicts == check_rows(rows, scenario, required, baseline)
     off = np.abs(rows["voted"][200:301, 0] - rows["truth"][200:301, 0])
     assert verdicts[0].margin == pytest.approx((0.001 * 0.05 - off.max()) / 0.05, rel=1e-12)
     assert verdicts[0].instant_s == pytest.approx((200 + off.argmax()) / 100)
-    apart = np.abs(rows["truth"][200:301, 0] - twin["truth"][200:301, 0]).max()
+    apart = np.abs(rows["truth"][200:301, 0] - baseline["truth"][200:301, 0]).max()
     assert verdicts[1].margin == pytest.approx(1.0 - apart / 0.05, rel=1e-12)
 
 
@@ -130,7 +130,7 @@ def test_a_scenario_names_its_requirements_beside_its_file(rig_command, tight, t
     code, out, _ = rig_command("score", flight["log"], "--json")
     assert code == 0 and json.loads(out)["requirements"] == flight["requirements"]
     (tmp_path / "sub" / "own.toml").unlink()
-    code, out, _ = rig_command("score", flight["log"], "--no-twin")
+    code, out, _ = rig_command("score", flight["log"], "--no-baseline")
     assert code == 0 and "requirements of the scenario are not measured" in " ".join(out.split())
 
 
@@ -181,14 +181,14 @@ def test_an_event_stands_where_a_requirement_is_violated(flown):
     assert event.text.startswith("tight pitch_rate: margin -")
 
 
-def test_what_names_the_twin_is_left_out_where_none_is_flown(flown, tight):
+def test_what_names_the_baseline_is_left_out_where_none_is_flown(flown, tight):
     from rig.verdict.of_log import score_log
     from rig.verdict.score_records import Yardstick
 
     flight, _ = flown
-    scored = score_log(flight.log, Yardstick(), twin=False)
+    scored = score_log(flight.log, Yardstick(), baseline=False)
     assert measure_scored(scored, (), False, None, False) == ((), "")
-    with pytest.raises(BadInput, match=r"twin.truth.pitch_rate: the flight has no twin here"):
+    with pytest.raises(BadInput, match=r"baseline.truth.pitch_rate: the flight has no baseline here"):
         measure_scored(scored, load_requirements([tight]), False, None, False)
 
 

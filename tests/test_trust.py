@@ -152,7 +152,7 @@ LOOKS = (
     ["export", "LOG", "--to", "csv"],
     ["diff", "LOG", "LOG"],
     ["recover", "LOG"],
-    ["score", "LOG", "--no-twin"],
+    ["score", "LOG", "--no-baseline"],
     ["report", "LOG"],
     ["view", "LOG", "--save", "flight.rrd"],
     ["faults", "list"],

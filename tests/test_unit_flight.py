@@ -280,7 +280,7 @@ def test_paced_misses_are_held_and_told_apart(tmp_path: Path):
     assert np.array_equal(rows["voted"][84], rows["voted"][79])
     assert [event.frame for event in flight.events if event.name == "unit missed"] == [min(held)]
     assert not found["reproducible"]
-    scored = score_log(flight.log, Yardstick(), twin=False)
+    scored = score_log(flight.log, Yardstick(), baseline=False)
     told = {frame for miss in scored.misses for frame in range(miss.first_frame, miss.last_frame + 1)}
     assert {50, 51, 52, 80, 81, 82, 83, 84} <= told <= held, "a loaded machine misses others too"
     assert scored.times["lateness"] and scored.times["replies"]

@@ -229,7 +229,7 @@ def test_a_flight_computer_without_votes_says_nothing_of_channels_that_a_back_up
     told = [event.text for event in flight.events if event.name == "level"]
     assert all(text.startswith("pitch_rate: 4 to 3") for text in told)
     assert not any("no channel left" in line for line in flight.conclusion)
-    score = score_log(flight.log, Yardstick(), twin=False).score
+    score = score_log(flight.log, Yardstick(), baseline=False).score
     assert all(signal.lost_s == 0.0 for signal in score.signals.values())
     assert set(score.coverage["pitch_rate"].levels) == {4, 3} and set(score.coverage["heading"].levels) == {4}
 

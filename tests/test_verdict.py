@@ -12,7 +12,7 @@ from rig.flight.loop import fly_rows
 from rig.scenario import scenario
 from rig.verdict.score_records import FaultScore, Score
 from rig.verdict.scoring import score
-from rig.verdict.transients import fly_twin
+from rig.verdict.transients import fly_baseline
 
 PERSISTENCE, SPLITS = 8, 10  # frames, aircraft/defaults.toml
 
@@ -172,20 +172,20 @@ def test_a_fault_on_the_inertial_unit_is_seen_by_the_monitor_of_the_references()
 
 
 @pytest.fixture(scope="module")
-def twin_of_hardover():
+def baseline_of_hardover():
     which = scenario.load("f16_pitch_rate_hardover", ["duration_s=6", "faults.0.start_s=3", "redundancy.manager=mean"])
-    rows, twin = fly_rows(which), fly_twin(which)
-    return which, rows, twin
+    rows, baseline = fly_rows(which), fly_baseline(which)
+    return which, rows, baseline
 
 
-def test_transients_are_the_largest_differences_from_the_twin_within_the_window(twin_of_hardover):
-    which, rows, twin = twin_of_hardover
-    transients = score(which, Table(rows), twin).flight.transients
+def test_transients_are_the_largest_differences_from_the_baseline_within_the_window(baseline_of_hardover):
+    which, rows, baseline = baseline_of_hardover
+    transients = score(which, Table(rows), baseline).flight.transients
     assert transients is not None
     (window,) = transients.windows
-    n = min(len(rows), len(twin))
+    n = min(len(rows), len(baseline))
     nz = [s.name for s in SIGNALS].index("normal_load_factor")
-    off = np.abs(rows["truth"][:n, nz] - twin["truth"][:n, nz])
+    off = np.abs(rows["truth"][:n, nz] - baseline["truth"][:n, nz])
     assert window.onset_frame == 300 and window.faults == ("hardover pitch_rate.3",)
     assert window.peaks.load_factor == off[300:501].max()
     assert transients.overall.load_factor == off.max()
@@ -193,26 +193,26 @@ def test_transients_are_the_largest_differences_from_the_twin_within_the_window(
     assert not window.within_limits and transients.out_of_limits_s > 0  # the mean flies the fault
 
 
-def test_without_a_fault_the_twin_is_the_flight(twin_of_hardover):
-    which, _, twin = twin_of_hardover
+def test_without_a_fault_the_baseline_is_the_flight(baseline_of_hardover):
+    which, _, baseline = baseline_of_hardover
     healthy = which.model_copy(update={"faults": []})
     rows = fly_rows(healthy)
     for name in rows.dtype.names or ():  # fields: padding does not survive a copy
-        assert rows[name].tobytes() == twin[name].tobytes(), name
-    transients = score(healthy, Table(rows), fly_twin(healthy)).flight.transients
+        assert rows[name].tobytes() == baseline[name].tobytes(), name
+    transients = score(healthy, Table(rows), fly_baseline(healthy)).flight.transients
     assert transients is not None
     assert transients.first_difference_frame is None and transients.windows == () and transients.within_limits
     assert transients.overall.load_factor == 0.0 == transients.out_of_limits_s
 
 
-def test_the_twin_of_another_flight_is_refused(twin_of_hardover):
-    which, rows, twin = twin_of_hardover
-    other = twin.copy()
+def test_the_baseline_of_another_flight_is_refused(baseline_of_hardover):
+    which, rows, baseline = baseline_of_hardover
+    other = baseline.copy()
     other["truth"][300, 0] += 1e-12  # no fault can have moved the aircraft in the frame of its onset
     with pytest.raises(BadInput, match="leaves the flight in frame 300"):
         score(which, Table(rows), other)
 
 
-def test_a_score_is_the_same_every_time(twin_of_hardover):
-    which, rows, twin = twin_of_hardover
-    assert score(which, Table(rows), twin).as_dict() == score(which, Table(rows.copy()), twin.copy()).as_dict()
+def test_a_score_is_the_same_every_time(baseline_of_hardover):
+    which, rows, baseline = baseline_of_hardover
+    assert score(which, Table(rows), baseline).as_dict() == score(which, Table(rows.copy()), baseline.copy()).as_dict()

@@ -163,6 +163,6 @@ def test_the_command_lists_the_channels_of_actuators_among_the_failed(tmp_path: 
 
 def test_a_flight_and_its_log_have_one_conclusion(tmp_path: Path):
     flight = fly(None, overrides=given((HARDOVER,)), out=tmp_path, outcome=FlightConclusion())
-    scored = score_log(flight.log, Yardstick(), twin=False)
+    scored = score_log(flight.log, Yardstick(), baseline=False)
     assert list(flight.conclusion) == scored.conclusion and "found by current after 40 ms" in flight.conclusion[0]
     assert scored.as_dict()["actuators"]["elevator"]["failures"][0]["monitor"] == "current"

@@ -23,7 +23,7 @@ ONE_AFTER_THE_OTHER = (
 def scored(out: Path, faults: tuple[str, ...], *sets: str) -> Scored:
     tables = ", ".join(f"{{{fault}}}" for fault in faults)
     given = ["duration_s=2.6", "computers.count=4", f"faults=[{tables}]", *sets]
-    return score_log(fly(None, overrides=given, out=out).log, Yardstick(), twin=False)
+    return score_log(fly(None, overrides=given, out=out).log, Yardstick(), baseline=False)
 
 
 @pytest.fixture(scope="module")

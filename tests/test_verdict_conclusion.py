@@ -38,14 +38,14 @@ def test_a_detected_fault_is_told_with_value_time_count_delay_and_vote():
 
 
 def against(faults: list[dict[str, Any]], load_factor: float, window_s: float = 2.0) -> list[str]:
-    """Return what is told of a flight whose twin, in the same climb, has so much less load factor from 0.3 s on."""
-    (which, rows), (_, twin) = (flight(each, 100, exact=True) for each in (faults, []))
+    """Return what is told of a flight whose baseline, in the same climb, has so much less load factor from 0.3 s on."""
+    (which, rows), (_, baseline) = (flight(each, 100, exact=True) for each in (faults, []))
     clean = np.zeros(100, CLEAN)
-    clean["channels"], clean["valid"] = twin["channels"], twin["valid"]
-    for block in (rows, twin):
+    clean["channels"], clean["valid"] = baseline["channels"], baseline["valid"]
+    for block in (rows, baseline):
         block["truth"][:, INDEX["normal_load_factor"]] = np.linspace(1.0, 2.0, 100)  # the manoeuvre: 1 g
     rows["truth"][30:, INDEX["normal_load_factor"]] += load_factor
-    return conclusion(which, score(which, Table(rows, clean=clean), twin, Yardstick(window_s=window_s)))
+    return conclusion(which, score(which, Table(rows, clean=clean), baseline, Yardstick(window_s=window_s)))
 
 
 def test_the_transient_of_a_fault_is_measured_against_the_fault_free_flight():
@@ -284,5 +284,5 @@ def test_fly_and_score_print_the_conclusion_and_the_next_commands(rig_command):
     told = json.loads(rig_command("score", log, "--json")[1])["conclusion"]  # the transient needs the fault-free flight
     moved = r" the load factor stayed within [\d.e-]+ g of the fault-free flight's for 0.99 s;"
     assert re.search(moved, told[0]) and [re.sub(moved, "", told[0]), *told[1:]] == found["conclusion"]
-    for command in (["score", log, "--no-twin"], ["report", log, "--out", f"{log}.html"]):
+    for command in (["score", log, "--no-baseline"], ["report", log, "--out", f"{log}.html"]):
         assert json.loads(rig_command(*command, "--json")[1])["conclusion"] == found["conclusion"]

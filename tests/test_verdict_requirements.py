@@ -313,7 +313,7 @@ def test_a_file_that_makes_no_sense_is_one_line(tmp_path, keys, says):
         ({"formula": "error.gear_down < 1"}, "a discrete has no error"),
         ({"formula": "surface.canard < 1"}, "unknown surface 'canard'"),
         ({"formula": "lost < 1"}, "'lost' is a yes or no, not a number"),
-        ({"formula": "twin.mach < 1"}, "twin.mach: the flight has no twin here"),
+        ({"formula": "baseline.mach < 1"}, "baseline.mach: the flight has no baseline here"),
         ({"formula": "always[0.001, 0.002] lost"}, "no frame is in this window at 100 frames a second"),
         ({"formula": "truth.{signal} < 1", "signals": ["canard"]}, "signals: the flight has no 'canard'"),
     ],

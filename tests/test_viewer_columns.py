@@ -184,12 +184,12 @@ def test_a_log_without_frames_and_too_many_logs_are_refused(files: tuple[Path, P
 def test_flights_that_lie_over_each_other_keep_their_columns_under_their_letter(
     files: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    other = tmp_path / "twin" / files[0].name
+    other = tmp_path / "baseline" / files[0].name
     other.parent.mkdir()
     other.write_bytes(files[0].read_bytes())
     opened = read([files[0], other])
     assert "A " in opened.about.title
-    assert f"B twin/{files[0].stem}" in opened.about.title
+    assert f"B baseline/{files[0].stem}" in opened.about.title
     save(opened, tmp_path / "both.rrd")
     both, one = (components(RrdReader(f).stream()) for f in (tmp_path / "both.rrd", files[1]))
     assert {path for path, _ in both} == {f"/{tag}{path}" for path, _ in one for tag in "AB"}

@@ -98,7 +98,7 @@ def fly(options: FlyOptions) -> None:
     quiet = options.as_json or options.watch
     with watching(options.watch, options.realtime_factor) as page, working("starting", not quiet):
         flight = _fly(options, page, outcome)
-        with running(options.unit if outcome.needs_twin else None) as tested:  # which flies its twin too
+        with running(options.unit if outcome.needs_baseline else None) as tested:  # which flies its baseline too
             verdicts = outcome.verdicts(flight.log, tested, options.allow_code or bool(options.sets))
 
     def data() -> dict[str, object]:

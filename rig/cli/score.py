@@ -32,9 +32,7 @@ _STYLES: Final = {"detected": "green", "missed": "red", "undetectable": "", "not
 
 def score(
     log: LogFile,
-    no_twin: Annotated[
-        bool, flag("--no-twin", "Do not fly the fault-free fault-free baseline: no transients.")
-    ] = False,
+    no_baseline: Annotated[bool, flag("--no-baseline", "Do not fly the fault-free baseline: no transients.")] = False,
     transient_load_factor: Annotated[
         float, opt("G", "Largest change of load factor that a fault may cause.", min=1e-9)
     ] = 0.5,
@@ -62,8 +60,8 @@ def score(
     }
     with working("reading the log", not as_json), running(unit) as tested:
         asked = load_requirements(requirements or ())
-        scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code, tested)
-        verdicts, remark = measure_scored(scored, asked, not no_twin, tested, allow_code)
+        scored = score_log(log, build(Yardstick, limits, "--transient"), not no_baseline, allow_code, tested)
+        verdicts, remark = measure_scored(scored, asked, not no_baseline, tested, allow_code)
     measured = {"requirements": [plain(verdict) for verdict in verdicts]} if verdicts else {}
 
     def text() -> None:

@@ -201,7 +201,7 @@ class SignalScore:
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Largest differences of the truth from the fault-free twin's."""
+    """Largest differences of the truth from the fault-free baseline's."""
 
     load_factor: float
     pitch_rate_rad_s: float
@@ -222,7 +222,7 @@ class Transient:
 
 @dataclass(frozen=True, slots=True)
 class Transients:
-    """The flight against its fault-free twin."""
+    """The flight against its fault-free baseline."""
 
     limits: dict[str, float]
     windows: tuple[Transient, ...]
@@ -248,7 +248,7 @@ class FlightScore:
     roll_angle_max_rad: float
     angle_of_attack_min_rad: float
     angle_of_attack_max_rad: float
-    transients: Transients | None  # None without a twin
+    transients: Transients | None  # None without a baseline
 
 
 @dataclass(frozen=True, slots=True)

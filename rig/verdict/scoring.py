@@ -49,30 +49,33 @@ OUTCOMES: Final[Mapping[FaultWord, Outcome]] = PUBLIC["score"]  # pyright: ignor
 def score(
     scenario: Scenario,
     table: Table,
-    twin: Block | None = None,
+    baseline: Block | None = None,
     yardstick: Yardstick = _YARDSTICK,
     unit_lane: str | None = None,
 ) -> Score:
     """Score a flight of ``scenario`` against the truth in its ``table``, from frame 0 on.
 
-    twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
+    baseline : rows of the same flight without faults (``fly_baseline``); without it there are no transients
     unit_lane : of several computers, the one whose software is a unit under test, A to D
     Without its clean channels the sensors are run again over the recorded truth.
-    BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
+    BadInput when these sensors cannot have given the rows, or the baseline is that of another flight.
     """
-    return score_blocks(scenario, [table], None if twin is None else [twin], yardstick, unit_lane)
+    return score_blocks(scenario, [table], None if baseline is None else [baseline], yardstick, unit_lane)
 
 
 def score_blocks(
     scenario: Scenario,
     blocks: Iterable[Table],
-    twin: Iterable[Block] | None = None,
+    baseline: Iterable[Block] | None = None,
     yardstick: Yardstick = _YARDSTICK,
     unit_lane: str | None = None,
 ) -> Score:
-    """Score a flight whose frames come in blocks, as ``score`` does; twin : as many at a time, fewer where it ends."""
+    """Score a flight whose frames come in blocks, as ``score`` does; baseline : as many at a time.
+
+    Fewer where it ends.
+    """
     outcome, again, apart = FlightOutcome(scenario, yardstick.window_s, unit_lane), None, list[Apart]()
-    for table, other in zip_longest(blocks, twin or ()):
+    for table, other in zip_longest(blocks, baseline or ()):
         rows = laid_out(table.rows)
         if outcome.frames == 0 and len(rows) and rows["frame"][0] != 0:
             raise BadInput(_FROM_0)
@@ -82,15 +85,15 @@ def score_blocks(
                 outcome.add(part)
         else:
             outcome.add(Table(rows, table.beside, clean=table.clean))
-        if twin is not None:
+        if baseline is not None:
             apart.append(apart_from(rows, other))
     if outcome.frames == 0:
         raise BadInput(_FROM_0)
-    return score_of(outcome, None if twin is None else Deviations.of(apart, yardstick))
+    return score_of(outcome, None if baseline is None else Deviations.of(apart, yardstick))
 
 
 def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
-    """Return the score of the flight that was added up; off : from its twin, for the transients."""
+    """Return the score of the flight that was added up; off : from its baseline, for the transients."""
     scenario, records = outcome.scenario, outcome.records
     names = [name for name, signal in zip(_SIGNAL_NAMES, records.signals, strict=True) if not signal["reported"]]
     faults, listed = _faults(outcome), episodes(outcome)

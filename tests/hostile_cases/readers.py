@@ -177,9 +177,9 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "report log": (_log("report X --out r.html"), _log("report X")),
     "scenario check scenario": (Reader("scenario check X", _SCENARIO),),
     "scenario show scenario": (Reader("scenario show X", _SCENARIO),),
-    "score --requirements": (_requirements("score log.mcap --no-twin --requirements X", "log.mcap"),),
+    "score --requirements": (_requirements("score log.mcap --no-baseline --requirements X", "log.mcap"),),
     "score --unit": (_unit("score log.mcap --unit X", "log.mcap"),),
-    "score log": (_log("score X --no-twin"),),
+    "score log": (_log("score X --no-baseline"),),
     "search --out": (
         Reader("search worst-pitch-rate --requirement vote --flights 40 --out X", **_CAMPAIGN, long=True),
     ),

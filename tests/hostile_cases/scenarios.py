@@ -91,7 +91,7 @@ def trust(draw: Draw, store: Store) -> Case:
         ("replay", "l.mcap", "--set", "redundancy.signals.pitch_rate.threshold=0.1"),
         ("replay", "log.mcap", "--redundancy", "r.toml"),
         ("score", "l.mcap"),
-        ("score", "l.mcap", "--no-twin"),
+        ("score", "l.mcap", "--no-baseline"),
         ("report", "l.mcap"),
         ("info", "l.mcap"),
         ("export", "l.mcap", "--to", "csv"),

@@ -22,7 +22,7 @@ CAMPAIGN: Final[dict[str, Any]] = {
     "sampling": "grid",
     "runs": 4,
     "seed": 1,
-    "twin": False,
+    "baseline": False,
     "set": {"duration_s": 0.5, "faults.0.start_s": 0.2, "faults.0.end_s": 0.4},
     "vary": {
         "faults.0.offset": {"values": [0.02, 0.3]},

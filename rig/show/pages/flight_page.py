@@ -51,7 +51,7 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     ``rig fly``, no verdict.
     """
     log = LogFile.open(path)
-    scored = score_log(path, Yardstick(), twin=False, log=log)
+    scored = score_log(path, Yardstick(), baseline=False, log=log)
     margins = Margins.of(log, scored.scenario, requirements)
     tell("looking for what happened")
     course = Course(log.table(FIELDS), len(scored.scenario.faults))

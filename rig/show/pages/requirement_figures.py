@@ -36,7 +36,7 @@ class Margins:
     def of(cls, log: LogFile, scenario: Scenario, names: Sequence[str]) -> Self:
         """Measure a log; names : of sets and files, BadInput; beside those of the scenario, if they are there.
 
-        The page flies nothing: what names the twin is left to ``rig score``.
+        The page flies nothing: what names the baseline is left to ``rig score``.
         """
         asked = load_requirements(names)
         try:
@@ -44,13 +44,13 @@ class Margins:
             remark = ""
         except BadInput as error:
             every, remark = asked, f"requirements of the scenario are not measured: {error}"
-        alone = [each for each in every if not each.names_twin]
-        if late := [each.id for each in every if each.names_twin]:
+        alone = [each for each in every if not each.names_baseline]
+        if late := [each.id for each in every if each.names_baseline]:
             told = f"against the flight without faults, by rig score: {', '.join(late)}"
             remark = f"{remark}; {told}" if remark else told
         if not alone:
             return cls(remark=remark)
-        recorder = recorder_of(scenario, alone, twin=False, lines=True)
+        recorder = recorder_of(scenario, alone, baseline=False, lines=True)
         for block in log.blocks():
             recorder.record(block)
         verdicts = recorder.finish()

@@ -143,7 +143,7 @@ class Campaign(Settings):
     runs: int | None = Field(default=None, ge=1, le=MOST_RUNS)  # a grid's: each of its points once
     seed: int = Field(default=0, ge=0, lt=2**63)
     requirements: list[dict[str, Any]] | None = None  # a file names sets and files; here their tables
-    twin: bool = False  # fly every run without its faults as well, for the transients
+    baseline: bool = False  # fly every run without its faults as well, for the transients
     vary: dict[str, Vary] = {}
     cases: dict[str, list[Case]] = {}
     run: How = How()

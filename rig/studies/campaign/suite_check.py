@@ -144,7 +144,7 @@ def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit |
         *requirements,
         *(each for each in plan.requirements if each.id not in {requirement.id for requirement in requirements}),
     )
-    orders = Orders("none", len(plan), "", TIMEOUT_S, plan.campaign.twin, rig_identity(), unit, build, asked)
+    orders = Orders("none", len(plan), "", TIMEOUT_S, plan.campaign.baseline, rig_identity(), unit, build, asked)
     least: dict[tuple[str, str], tuple[Verdict, str]] = {}
     decided: list[str] = []
     idle: list[str] = []

@@ -106,7 +106,7 @@ RUNS: Final = _named(
         page="undetected error, s",
     ),
     Column("unresolved", "scored.unresolved", type=int),  # episodes
-    Column("out_of_limits_s", "scored.flight.transients.out_of_limits_s", type=float),  # where the twin was flown
+    Column("out_of_limits_s", "scored.flight.transients.out_of_limits_s", type=float),  # where the baseline was flown
     Column("coverage", lambda s: _coverage(s.scored), type=str),  # JSON
     Column("wall_s", lambda _: None, type=float, hashed=False),
     Column(  # reply times of a unit under test in each bin of flight/time_histogram.py

@@ -86,7 +86,7 @@ class Mode:
 
     @property
     def beyond_s(self) -> pl.Series:
-        """Return the times beyond the transient limits, of the flights whose twin was flown."""
+        """Return the times beyond the transient limits, of the flights whose baseline was flown."""
         return self.rows["out_of_limits_s"].drop_nulls()
 
     @property

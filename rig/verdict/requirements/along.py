@@ -25,7 +25,7 @@ VIOLATED: Final = "requirement violated"  # name of an event
 class MeasuredConclusion(FlightConclusion):
     """The conclusion of a flight, and its requirements beside it: an outcome of ``rig.flight.fly.fly``.
 
-    What names the twin waits for the end of the flight: two flights at once would share the process.
+    What names the baseline waits for the end of the flight: two flights at once would share the process.
     """
 
     def __init__(self, names: Sequence[str | Path] = ()) -> None:
@@ -41,18 +41,18 @@ class MeasuredConclusion(FlightConclusion):
         self.requirements = load_requirements([*self._names, *(scenario.requirements or ())])
         if not self.requirements:
             return
-        recorder_of(scenario, self.requirements, iter(()))  # refuses what the flight does not have, twin or not
+        recorder_of(scenario, self.requirements, iter(()))  # refuses what the flight does not have, baseline or not
         if self._alone:
-            self._recorder = recorder_of(scenario, self._alone, twin=False)
+            self._recorder = recorder_of(scenario, self._alone, baseline=False)
 
     @property
-    def needs_twin(self) -> bool:
-        """Return whether the twin is flown when the flight is over."""
-        return any(each.names_twin for each in self.requirements)
+    def needs_baseline(self) -> bool:
+        """Return whether the baseline is flown when the flight is over."""
+        return any(each.names_baseline for each in self.requirements)
 
     @property
     def _alone(self) -> list[Requirement]:
-        return [each for each in self.requirements if not each.names_twin]
+        return [each for each in self.requirements if not each.names_baseline]
 
     def add(self, table: Table) -> None:
         """Take the next frames, block by block as the conclusion does."""
@@ -63,9 +63,9 @@ class MeasuredConclusion(FlightConclusion):
     def verdicts(self, log: Path, unit: UnitUnderTest | None = None, allow_code: bool = False) -> tuple[Verdict, ...]:
         """Return the verdicts of the finished flight, in the order of the requirements.
 
-        log : of the flight, beside which the twin is flown where it is named; unit, allow_code : that fly it
+        log : of the flight, beside which the baseline is flown where it is named; unit, allow_code : that fly it
         """
-        late = [each for each in self.requirements if each.names_twin]
+        late = [each for each in self.requirements if each.names_baseline]
         verdicts = [*(() if self._recorder is None else self._recorder.finish())]
         verdicts += check_log(log, late, unit, allow_code) if late else ()
         order = {each.id: i for i, each in enumerate(self.requirements)}
@@ -73,22 +73,22 @@ class MeasuredConclusion(FlightConclusion):
 
 
 def measure_scored(
-    scored: Scored, asked: Sequence[Requirement], twin: bool, unit: UnitUnderTest | None, allow_code: bool
+    scored: Scored, asked: Sequence[Requirement], baseline: bool, unit: UnitUnderTest | None, allow_code: bool
 ) -> tuple[tuple[Verdict, ...], str]:
     """Return the verdicts on a log that was scored, and why those of its scenario are not among them, if so.
 
     asked : measured in any case, BadInput otherwise; those of the scenario if its files are there
-    twin : it is flown where it is named
+    baseline : it is flown where it is named
     """
     named, remark = (), ""
     try:
         asked_ids = {each.id for each in asked}
         own = load_requirements(scored.scenario.requirements or ())
-        named = tuple(each for each in own if each.id not in asked_ids and (twin or not each.names_twin))
+        named = tuple(each for each in own if each.id not in asked_ids and (baseline or not each.names_baseline))
     except BadInput as error:
         remark = f"requirements of the scenario are not measured: {error}"
     every = [*asked, *named]
-    return (check_log(scored.log, every, unit, allow_code, twin) if every else ()), remark
+    return (check_log(scored.log, every, unit, allow_code, baseline) if every else ()), remark
 
 
 def violated(verdicts: Sequence[Verdict]) -> list[Verdict]:

@@ -155,8 +155,8 @@ def _share(values: Floats, trim: float, limit: float) -> Floats:
     return (limit - values) / max(limit - trim, 1e-9)
 
 
-class TwinColumns:
-    """Columns of the twin, whose blocks are of other sizes; NaN after its end."""
+class BaselineColumns:
+    """Columns of the baseline, whose blocks are of other sizes; NaN after its end."""
 
     def __init__(self, blocks: Iterator[Block], columns: Columns) -> None:
         self._blocks, self._columns, self._left = blocks, columns, None

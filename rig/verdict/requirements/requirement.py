@@ -42,9 +42,9 @@ class Requirement(Settings):
         return formula
 
     @property
-    def names_twin(self) -> bool:
+    def names_baseline(self) -> bool:
         """Return whether the formula names the same flight without faults."""
-        return "twin." in self.formula
+        return "baseline." in self.formula
 
     @property
     def where(self) -> str:

@@ -15,7 +15,7 @@ from rig.core.frame import Block, End, State, Table
 from rig.core.text import choices, quoted
 from rig.verdict.requirements.formula import CHANNEL, COMPARISONS, SIGNAL, Formula, body, read_formula
 from rig.verdict.requirements.margins import Held, decisive, frames_reach, refuse_empty_windows, values
-from rig.verdict.requirements.quantity_columns import Columns, Onsets, TwinColumns
+from rig.verdict.requirements.quantity_columns import BaselineColumns, Columns, Onsets
 from rig.verdict.requirements.requirement import Requirement
 from rig.verdict.requirements.subject import Quantity, Subject, holds, lookup, signals_of, unknown_of
 from rig.world.faults.grammar import Op, Refused
@@ -139,32 +139,36 @@ class RequirementsRecorder:
         self,
         requirements: Sequence[Requirement],
         subject: Subject,
-        twin: Iterator[Block] | None = None,
+        baseline: Iterator[Block] | None = None,
         lines: bool = False,
     ) -> None:
         """BadInput: a requirement asks for what the subject does not have.
 
-        twin : the rows of the same flight without faults; required where a formula names ``twin.``
+        baseline : the rows of the same flight without faults; required where a formula names ``baseline.``
         lines : keep the margin of each frame too, 8 bytes for each formula
         """
         self.subject, self.requirements, self._lines = subject, tuple(requirements), lines
         on = [(each, *of) for each in requirements for of in _bind(each, subject)]
         named = {q.name: q for *_, made in on for of in made.quantities for q in of}
-        self.quantities = sorted(named.values(), key=lambda quantity: quantity.parts.twin)
+        self.quantities = sorted(named.values(), key=lambda quantity: quantity.parts.baseline)
         place = {quantity.name: i for i, quantity in enumerate(self.quantities)}
         self.measured = [_measured(*each, place, subject.rate_hz) for each in on]
-        own = sum(not quantity.parts.twin for quantity in self.quantities)
-        if self.needs_twin and twin is None:
-            raise BadInput(f"{self.quantities[own].name}: {subject.called} has no twin here")
+        own = sum(not quantity.parts.baseline for quantity in self.quantities)
+        if self.needs_baseline and baseline is None:
+            raise BadInput(f"{self.quantities[own].name}: {subject.called} has no baseline here")
         self._own, self._columns = own, Columns(self.quantities[:own], subject)
-        self._twin = TwinColumns(twin, Columns(self.quantities[own:], subject)) if twin and self.needs_twin else None
+        self._baseline = (
+            BaselineColumns(baseline, Columns(self.quantities[own:], subject))
+            if baseline and self.needs_baseline
+            else None
+        )
         self._parts, self._first, self._end, self._next = list[NDArray[np.float64]](), 0, 0, AT_ONCE
         self._lost, self._onsets, self._down = False, Onsets(), np.zeros(len(subject.signals), bool)
 
     @property
-    def needs_twin(self) -> bool:
-        """Return whether a formula names ``twin.``"""
-        return any(q.parts.twin for q in self.quantities)
+    def needs_baseline(self) -> bool:
+        """Return whether a formula names ``baseline.``"""
+        return any(q.parts.baseline for q in self.quantities)
 
     def record(self, table: Table) -> None:
         """Take the next frames (n,), of a flight or of a bench."""
@@ -173,8 +177,8 @@ class RequirementsRecorder:
             return
         columns = np.empty((len(self.quantities), len(rows)))
         self._columns.fill(rows, columns[: self._own])
-        if self._twin is not None:
-            self._twin.fill(len(rows), columns[self._own :])
+        if self._baseline is not None:
+            self._baseline.fill(len(rows), columns[self._own :])
         self._parts.append(columns)
         self._find(rows, self._end)
         self._lost, self._end = bool(rows["end"][-1] != End.FLYING), self._end + len(rows)
