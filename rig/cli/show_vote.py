@@ -51,7 +51,7 @@ _MATRICES = (
 )
 _REQUIREMENTS = (
     *(Column("requirement"), Column("on", "signal"), Column("verdict", "status")),
-    *(Column("margin", format=".3g"), Column("at s", "instant_s", ".6g")),
+    *(Column("robustness", format=".3g"), Column("at s", "instant_s", ".6g")),
 )
 
 

@@ -11,8 +11,8 @@ from rig.core.column import Column
 from rig.core.frame import INDEX, SIGNALS
 from rig.core.units.quantities import duration, moment, number, quantity, unit_shown
 from rig.verdict.context import channel, error_unit
-from rig.verdict.requirements.margins import margin_text
 from rig.verdict.requirements.requirement_recorder import Verdict
+from rig.verdict.requirements.robustness import robustness_text
 from rig.verdict.score_records import FlightScore, Score
 
 ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
@@ -103,7 +103,7 @@ VOTES: Final = (
 
 def _there(verdict: Verdict, most: int | None = None) -> str:
     """Return the quantities of a verdict's instant, ``most`` of them."""
-    if not isfinite(verdict.margin):
+    if not isfinite(verdict.robustness):
         return ""
     there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items()]
     return ", ".join([*there[:most], *(["..."] if len(there) > len(there[:most]) else [])])
@@ -111,8 +111,8 @@ def _there(verdict: Verdict, most: int | None = None) -> str:
 
 VERDICTS: Final = (
     *(Column("requirement"), Column("on", "signal", worth=3), Column("verdict", "status")),
-    Column("margin", lambda verdict: margin_text(verdict.margin) or None, "s"),
-    Column("at", lambda verdict: f"{verdict.instant_s:.2f} s" if isfinite(verdict.margin) else None, "s", worth=4),
+    Column("robustness", lambda verdict: robustness_text(verdict.robustness) or None, "s"),
+    Column("at", lambda verdict: f"{verdict.instant_s:.2f} s" if isfinite(verdict.robustness) else None, "s", worth=4),
     *(Column("there", lambda v: _there(v, FEW), worth=1, page=None), Column("there", _there, worth=0)),
 )
 

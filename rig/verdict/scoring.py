@@ -70,9 +70,9 @@ def score_blocks(
     yardstick: Yardstick = _YARDSTICK,
     unit_lane: str | None = None,
 ) -> Score:
-    """Score a flight whose frames come in blocks, as ``score`` does; baseline : as many at a time.
+    """Score a flight whose frames come in blocks, as ``score`` does.
 
-    Fewer where it ends.
+    baseline : as many frames at a time, fewer where it ends
     """
     outcome, again, apart = FlightOutcome(scenario, yardstick.window_s, unit_lane), None, list[Apart]()
     for table, other in zip_longest(blocks, baseline or ()):

@@ -26,7 +26,7 @@ from rig.show.pages import servo_figures as actuators
 from rig.show.pages.course import FIELDS, Course, Moment, affected, limit, moment, signals_of
 from rig.show.pages.lines import errors, line, of_signal, of_surface
 from rig.show.pages.page import DASH, write_page
-from rig.show.pages.requirement_figures import Margins
+from rig.show.pages.requirement_figures import Robustness
 from rig.show.pages.timeline import MOST_GROUPS, groups, spans, timeline
 from rig.show.viewer.series import threshold
 from rig.verdict import score_tables as cells
@@ -52,20 +52,20 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     """
     log = LogFile.open(path)
     scored = score_log(path, Yardstick(), baseline=False, log=log)
-    margins = Margins.of(log, scored.scenario, requirements)
+    robustness = Robustness.of(log, scored.scenario, requirements)
     tell("looking for what happened")
     course = Course(log.table(FIELDS), len(scored.scenario.faults))
     names = affected(scored, course)
     moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
-    drawn = _figures(log, scored, course, names, moments) | margins.figures()
+    drawn = _figures(log, scored, course, names, moments) | robustness.figures()
     about = {
         **_about(log, scored, course, names, moments),
-        "requirements": cells.violated_first(margins.verdicts),
-        "unmeasured": margins.remark,
+        "requirements": cells.violated_first(robustness.verdicts),
+        "unmeasured": robustness.remark,
     }
     write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
-    told |= {"requirements": [plain(one) for one in margins.verdicts]} if margins.verdicts else {}
+    told |= {"requirements": [plain(one) for one in robustness.verdicts]} if robustness.verdicts else {}
     return {"report": str(out), **told, **scored.as_dict()}
 
 

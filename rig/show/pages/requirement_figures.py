@@ -1,4 +1,4 @@
-"""Requirements of a flight on its page: their verdicts, and the picture of their margins over time."""
+"""Requirements of a flight on its page: their verdicts, and the picture of their robustness over time."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from rig.verdict.requirements.measure import recorder_of
 from rig.verdict.requirements.requirement import load_requirements
 from rig.verdict.requirements.requirement_recorder import Verdict
 
-CUT: Final = 3.0  # a margin beyond is drawn here
+CUT: Final = 3.0  # a robustness beyond is drawn here
 MOST: Final = 12  # lines
 
 
 @dataclass(frozen=True, slots=True)
-class Margins:
+class Robustness:
     """What was measured: verdicts, and lines by requirement and signal."""
 
     verdicts: tuple[Verdict, ...] = ()
@@ -70,7 +70,7 @@ class Margins:
             about = {"name": name, "mode": "lines", "line": {"color": series_colour(i), "width": 1.2}}
             figure.add_scatter(x=one.time_s, y=one.values, hovertemplate="%{x:.2f} s: %{y:.3g}", **about)
         figure.add_hline(y=0.0, line=DOTTED)
-        lay_out(figure, "margin of each requirement", 320)
+        lay_out(figure, "robustness of each requirement", 320)
         figure.update_xaxes(title="time, s")
-        figure.update_yaxes(title="margin", range=[-1.1 * CUT, 1.1 * CUT])
+        figure.update_yaxes(title="robustness", range=[-1.1 * CUT, 1.1 * CUT])
         return {"requirements": figure}

@@ -83,7 +83,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
     ),
     "requirements": (
         *(Column("requirement", type=str, hint="text"), Column("met", format=SHARE, page="runs that meet it")),
-        *(Column("least margin", format=".3g"), Column("in run", "least_run")),
+        *(Column("least robustness", format=".3g"), Column("in run", "least_run")),
         *(Column("on", "signal", worth=5, type=str), Column("at s", "instant_s", INSTANT, worth=4, page="at, s")),
     ),
     "servos": (
@@ -187,10 +187,7 @@ def coverage(runs: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def worst(folder: Folder) -> list[dict[str, Any]]:
-    """Return the flights to look at first: not flown, lost, wrong, alarmed, missed.
-
-    Then by the time of an undetected error.
-    """
+    """Return the flights to look at first: not flown, lost, wrong, alarmed, missed, longest undetected error."""
     runs = folder.tables["runs"]
     order = [
         pl.col("outcome") != "flown",

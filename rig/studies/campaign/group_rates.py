@@ -13,8 +13,8 @@ import polars as pl
 
 from rig.flight.time_histogram import names as bin_names
 from rig.studies.campaign.statistics import detectable, poisson, proportion
-from rig.verdict.requirements.margins import number_of
 from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.robustness import number_of
 from rig.verdict.words import BY_DESIGN
 
 Tables = dict[str, pl.DataFrame]
@@ -216,24 +216,27 @@ def by_kind(faults: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def by_requirement(runs: pl.DataFrame, requirements: Sequence[Requirement]) -> list[dict[str, Any]]:
-    """Return, of each requirement, the share of runs that meet it where it applies, and the run with the least margin.
+    """Return, of each requirement, the share of runs that meet it where it applies, and the run with the least
+    robustness.
 
     A run meets it where it does on every signal.
     """
     given = [(run, json.loads(text)) for run, text in runs.select("run", "requirements").drop_nulls().rows()]
     figures = []
     for each in requirements:
-        mine = {run: [v for v in of if v["requirement"] == each.id and v["margin"] is not None] for run, of in given}
+        mine = {
+            run: [v for v in of if v["requirement"] == each.id and v["robustness"] is not None] for run, of in given
+        }
         mine = {run: of for run, of in mine.items() if of}
         met = sum(all(verdict["status"] == "met" for verdict in of) for of in mine.values())
-        every = [(verdict["margin"], run, verdict) for run, of in mine.items() for verdict in of]
-        margin, run, least = min(every, key=lambda one: one[:2], default=(None, None, {}))
+        every = [(verdict["robustness"], run, verdict) for run, of in mine.items() for verdict in of]
+        robustness, run, least = min(every, key=lambda one: one[:2], default=(None, None, {}))
         figures.append(
             {
                 "requirement": each.id,
                 "text": each.text,
                 "met": asdict(proportion(met, len(mine))),
-                "least_margin": None if margin is None else number_of(margin),
+                "robustness": None if robustness is None else number_of(robustness),
                 "least_run": run,
                 "signal": least.get("signal"),
                 "instant_s": least.get("instant_s"),

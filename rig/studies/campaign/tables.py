@@ -27,8 +27,8 @@ from rig.log import unit_of
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.plan import Plan
 from rig.verdict.requirements.along import plain, violated
-from rig.verdict.requirements.margins import number_of
 from rig.verdict.requirements.requirement_recorder import Verdict
+from rig.verdict.requirements.robustness import number_of
 from rig.verdict.score_records import Outcome, Score
 from rig.verdict.words import PUBLIC
 from rig.world.faults import Fault
@@ -131,13 +131,13 @@ RUNS: Final = _named(
         "violated", lambda s: len(violated(s.verdicts)) if s.verdicts else None, type=int, hashed=None, added=True
     ),
     Column(
-        "least_margin",
-        lambda s: min((m for v in s.verdicts if (m := number_of(v.margin)) is not None), default=None),
+        "robustness",
+        lambda s: min((m for v in s.verdicts if (m := number_of(v.robustness)) is not None), default=None),
         type=float,
         hashed=None,
         added=True,
     ),
-    Column(  # JSON: requirement, signal, status, margin (of a state +-1000), instant_s of verdicts
+    Column(  # JSON: requirement, signal, status, robustness (of a state +-1000), instant_s of verdicts
         "requirements",
         lambda s: json.dumps(_verdicts(s), sort_keys=True) if s.verdicts else None,
         type=str,
@@ -233,8 +233,8 @@ def measured(verdicts: Sequence[Verdict]) -> Row:
 
 
 def _verdicts(source: Source) -> list[Row]:
-    """Return verdicts as JSON has them, each with its margin, that of a state too: to be compared with others."""
-    of = lambda each: {**plain(each), "margin": each.margin if math.isfinite(each.margin) else None}  # noqa: E731
+    """Return verdicts as JSON has them, each with its robustness, that of a state too: to be compared with others."""
+    of = lambda each: {**plain(each), "robustness": each.robustness if math.isfinite(each.robustness) else None}  # noqa: E731
     return [{name: value for name, value in of(each).items() if name != "values"} for each in source.verdicts]
 
 

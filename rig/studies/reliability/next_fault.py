@@ -164,10 +164,7 @@ def _dirichlet(counts: tuple[float, ...], rng: Generator | None, draws: int) -> 
 
 
 def _lost_share(counts: pl.DataFrame, rng: Generator | None, draws: int) -> tuple[Floats, Floats]:
-    """Draw the share (draws,) of annunciated losses, and of undetected errors, in which the aircraft was lost.
-
-    Of all cells.
-    """
+    """Draw the share (draws,) of annunciated losses, and of undetected errors, that lost the aircraft, of all."""
     shares = []
     for column, outcome in zip(WHERE_FLOWN, ("annunciated_loss", "undetected_error"), strict=True):
         flown = counts.filter(pl.col(column).is_not_null())

@@ -14,10 +14,10 @@ from rig.core.units.quantities import quantity
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
 from rig.verdict.of_log import FlightConclusion, Scored
-from rig.verdict.requirements.margins import margin_text, number_of
 from rig.verdict.requirements.measure import check_log, recorder_of
 from rig.verdict.requirements.requirement import Requirement, load_requirements
 from rig.verdict.requirements.requirement_recorder import RequirementsRecorder, Verdict
+from rig.verdict.requirements.robustness import number_of, robustness_text
 
 VIOLATED: Final = "requirement violated"  # name of an event
 
@@ -92,8 +92,10 @@ def measure_scored(
 
 
 def violated(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """Return the verdicts that are violated, the least margin first."""
-    return sorted((verdict for verdict in verdicts if verdict.status == "violated"), key=lambda verdict: verdict.margin)
+    """Return the verdicts that are violated, the least robustness first."""
+    return sorted(
+        (verdict for verdict in verdicts if verdict.status == "violated"), key=lambda verdict: verdict.robustness
+    )
 
 
 def events(verdicts: Sequence[Verdict], rate_hz: float) -> list[Event]:
@@ -101,22 +103,22 @@ def events(verdicts: Sequence[Verdict], rate_hz: float) -> list[Event]:
     violations = []
     for verdict in violated(verdicts):
         there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items())
-        shown = margin_text(verdict.margin)
-        margin = f"margin {shown}; " if shown else ""
-        text = f"{f'{verdict.requirement} {verdict.signal}'.rstrip()}: {margin}{there}"
+        shown = robustness_text(verdict.robustness)
+        robustness = f"robustness {shown}; " if shown else ""
+        text = f"{f'{verdict.requirement} {verdict.signal}'.rstrip()}: {robustness}{there}"
         violations.append(Event(round(verdict.instant_s * rate_hz), "error", VIOLATED, text))
     return sorted(violations, key=lambda event: event.frame)
 
 
 def plain(verdict: Verdict) -> dict[str, Any]:
-    """Return a verdict as JSON has it: the margin null where it has no number, all null where it is not applicable."""
+    """Return a verdict as JSON has it: robustness null where it has no number, all null where not applicable."""
     numbers = {
         name: {"value": value if isfinite(value) else None, "unit": u} for name, (value, u) in verdict.values.items()
     }
-    applies = isfinite(verdict.margin)
+    applies = isfinite(verdict.robustness)
     return {
         **verdict._asdict(),
-        "margin": number_of(verdict.margin),
+        "robustness": number_of(verdict.robustness),
         "instant_s": verdict.instant_s if applies else None,
         "values": numbers,
     }

@@ -183,7 +183,7 @@ def unknown_family(name: str) -> str:
         "baseline.<quantity>",
         *(f"truth.{name}" for name in FLIGHT_INDEX),
     ]
-    return f"unknown quantity {quoted(name)}, {choices(name, accepted, 'docs/margins.md')}"
+    return f"unknown quantity {quoted(name)}, {choices(name, accepted, 'docs/requirements-format.md')}"
 
 
 def check_formula(text: str) -> None:

@@ -1,10 +1,10 @@
-"""Verdict and margin of a formula over frames that are held: windows by sliding minima, linear in time.
+"""Verdict and robustness of a formula over frames that are held: windows by sliding minima, linear in time.
 
 Values of a condition are (2, C, n) of C channels at once, (2, 1, n) of what is the same on each: its verdict as 1 or
--1, and its margin; NaN where nothing was flown to decide on.
-Margins: (b - a) / scale of ``a < b``, -|a - b| / scale of ``==``; ``not`` negates, ``and`` and ``always`` take the
+-1, and its robustness; NaN where nothing was flown to decide on.
+Robustness: (b - a) / scale of ``a < b``, -|a - b| / scale of ``==``; ``not`` negates, ``and`` and ``always`` take the
 least, ``or`` and ``eventually`` the largest; +-1 of a yes or no; +-MOST of a state; within +-MOST.  A number that is
-NaN violates.  What is met has a margin of 0 or more, what is violated one of -LEAST or less.
+NaN violates.  What is met has a robustness of 0 or more, what is violated one of -LEAST or less.
 
 Sources: Donze and Maler 2010, 'Robust satisfaction of temporal logic over real-valued signals'; ``until`` by
 Donze, Ferrere and Maler 2013, 'Efficient robust monitoring for STL': p until[a, b] q is the least of eventually[a, b] q
@@ -28,8 +28,8 @@ from rig.world.faults.grammar import Op
 
 Floats = NDArray[np.float64]
 MOST: Final = 1000.0  # JSON has no infinity; that of a state, which has no distance
-LEAST: Final = 1e-9  # a margin is never nearer below 0: met is 0 and above, violated is below 0
-_TINY: Final = 1e-6  # below which a margin under 0 is shown as that of a strict comparison of equals
+LEAST: Final = 1e-9  # a robustness is never nearer below 0: met is 0 and above, violated is below 0
+_TINY: Final = 1e-6  # below which a robustness under 0 is shown as that of a strict comparison of equals
 _STRICT: Final = (Op.LESS, Op.GREATER, Op.NOT_EQUAL)
 _ARITHMETIC: Final[dict[Op, Any]] = {
     **{Op.NEGATE: np.negative, Op.ABS: np.abs, Op.ADD: np.add, Op.SUBTRACT: np.subtract, Op.MULTIPLY: np.multiply},
@@ -124,13 +124,13 @@ def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
     """Return (2, C, b - a + 1) of frames that are held."""
     if node.op == Op.HOLDS:
         column = held.of(node.place, a, b)
-        margin = np.where(np.isnan(column), -node.sign * MOST, np.where(column != 0.0, 1.0, -1.0))
-        return np.array([np.sign(margin), margin])
+        robustness = np.where(np.isnan(column), -node.sign * MOST, np.where(column != 0.0, 1.0, -1.0))
+        return np.array([np.sign(robustness), robustness])
     if node.op in COMPARISONS:
         return _compared(node, a, b, held)
     if node.op == Op.NOT:
         negated = -values(node.parts[0], a, b, held)
-        return np.where(negated == 0.0, -LEAST, negated)  # of margins alone: what was met by 0 is violated
+        return np.where(negated == 0.0, -LEAST, negated)  # of robustness alone: what was met by 0 is violated
     if node.op == Op.STATE:
         verdicts, _ = values(node.parts[0], a, b, held)
         return np.stack([verdicts, MOST * verdicts])
@@ -146,8 +146,8 @@ def _condition(node: Node, a: int, b: int, held: Held) -> Floats:
 
 
 @kernel
-def margins_of_comparison(apart, strict, scale, sign, out):
-    """Fill ``out`` (2, C, n) with verdict and margin of a comparison whose sides are ``apart`` (C, n).
+def robustness_of_comparison(apart, strict, scale, sign, out):
+    """Fill ``out`` (2, C, n) with verdict and robustness of a comparison whose sides are ``apart`` (C, n).
 
     strict : they must be, by more than nothing, and equals are violated by LEAST
     sign : -1 where it is negated; no number violates, whatever is negated
@@ -155,12 +155,12 @@ def margins_of_comparison(apart, strict, scale, sign, out):
     for c in range(apart.shape[0]):
         for k in range(apart.shape[1]):
             of = apart[c, k]
-            margin = of / scale
-            wrong = np.isnan(margin)
+            robustness = of / scale
+            wrong = np.isnan(robustness)
             met = of > 0.0 if strict else of >= 0.0
             out[0, c, k] = -sign if wrong else (1.0 if met else -1.0)
-            margin = min(max(margin, 0.0), MOST) if met else min(max(margin, -MOST), -LEAST)
-            out[1, c, k] = -sign * MOST if wrong else margin
+            robustness = min(max(robustness, 0.0), MOST) if met else min(max(robustness, -MOST), -LEAST)
+            out[1, c, k] = -sign * MOST if wrong else robustness
 
 
 def _compared(node: Node, a: int, b: int, held: Held) -> Floats:
@@ -170,7 +170,7 @@ def _compared(node: Node, a: int, b: int, held: Held) -> Floats:
         apart = np.abs(apart) if node.op == Op.NOT_EQUAL else -np.abs(apart)
     apart = apart if isinstance(apart, np.ndarray) else np.full((1, b - a + 1), apart)  # of two numbers
     out = np.empty((2, *apart.shape))
-    margins_of_comparison(apart, node.op in _STRICT, held.scales[node.place], node.sign, out)
+    robustness_of_comparison(apart, node.op in _STRICT, held.scales[node.place], node.sign, out)
     return out
 
 
@@ -251,31 +251,31 @@ def _until(node: Node, a: int, b: int, held: Held) -> Floats:
 
 
 def decisive(node: Node, k: int, held: Held) -> int:
-    """Return the frame whose numbers give the margin of a condition in frame ``k``, on one channel."""
+    """Return the frame whose numbers give the robustness of a condition in frame ``k``, on one channel."""
     if node.op == Op.HOLDS or node.op in COMPARISONS:
         return k
     if node.op in (Op.NOT, Op.STATE):
         return decisive(node.parts[0], k, held)
     if node.op in (Op.AND, Op.OR):
-        margins = np.array([values(part, k, k, held)[1, 0, 0] for part in node.parts])
-        chosen = _extreme(margins, node.op == Op.AND)
+        robustness = np.array([values(part, k, k, held)[1, 0, 0] for part in node.parts])
+        chosen = _extreme(robustness, node.op == Op.AND)
         return k if chosen is None else decisive(node.parts[chosen], k, held)
     if node.op == Op.UNTIL:
         return _decisive_until(node, k, held)
     first, last = frames_of(node, held.rate_hz)
     lo, hi = (k - last, k - first) if node.op == Op.ONCE else (k + first, k + last)
     lo = max(lo, held.first)
-    margins = values(node.parts[0], lo, max(lo, hi), held)[1, 0]
-    chosen = _extreme(margins, node.op == Op.ALWAYS)
+    robustness = values(node.parts[0], lo, max(lo, hi), held)[1, 0]
+    chosen = _extreme(robustness, node.op == Op.ALWAYS)
     cut = node.op == Op.ALWAYS and held.lost and held.frames is not None and hi >= held.frames
-    if chosen is None or (cut and margins[chosen] > -1.0):
+    if chosen is None or (cut and robustness[chosen] > -1.0):
         return min(hi, held.end - 1)
     return decisive(node.parts[0], lo + chosen, held)
 
 
-def _extreme(margins: Floats, least: bool) -> int | None:
-    """Return the place of the least or largest margin; None where none is a number."""
-    return None if np.isnan(margins).all() else int((np.nanargmin if least else np.nanargmax)(margins))
+def _extreme(robustness: Floats, least: bool) -> int | None:
+    """Return the place of the least or largest robustness; None where none is a number."""
+    return None if np.isnan(robustness).all() else int((np.nanargmin if least else np.nanargmax)(robustness))
 
 
 def _decisive_until(node: Node, k: int, held: Held) -> int:
@@ -291,14 +291,14 @@ def _decisive_until(node: Node, k: int, held: Held) -> int:
     return decisive(node.parts[0], k + int(np.argmin(p[:j])), held)
 
 
-def number_of(margin: float) -> float | None:
-    """Return a margin, None where it has no number: decided by a state alone, beyond the bound, not applicable."""
-    return margin if isfinite(margin) and abs(margin) < MOST else None
+def number_of(robustness: float) -> float | None:
+    """Return a robustness, None where it has no number: decided by a state alone, beyond the bound, not applicable."""
+    return robustness if isfinite(robustness) and abs(robustness) < MOST else None
 
 
-def margin_text(margin: float) -> str:
-    """Return a margin for a table: ``0.42``, ``<0`` of a strict comparison of equals, "" where it has no number."""
-    number = number_of(margin)
+def robustness_text(robustness: float) -> str:
+    """Return a robustness for a table: ``0.42``, ``<0`` of a strict comparison of equals, "" where it has no number."""
+    number = number_of(robustness)
     if number is None:
         return ""
     return "<0" if -_TINY < number < 0.0 else f"{number:.3g}"
