@@ -125,7 +125,9 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
         Reader(f"reliability fmea X --rates {RATES} --out f.csv", **_CELLS, needs=(RATES,)),
         Reader(f"reliability fmea X --rates {RATES} --out f.html", **_CELLS, needs=(RATES,)),
     ),
-    "reliability margin --scenario": (Reader("reliability margin pitch_rate --scenario X", _SCENARIO, long=True),),
+    "reliability false-isolations --scenario": (
+        Reader("reliability false-isolations pitch_rate --scenario X", _SCENARIO, long=True),
+    ),
     "reliability plan --rates": (Reader("reliability plan --target 1e-7 --rates X", RATES),),
     "reliability report --cells": (
         Reader(

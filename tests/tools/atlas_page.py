@@ -29,16 +29,16 @@ STYLE: Final = (
 HEAD: Final = """# Worst cases
 
 What 1, 2 and 3 faults of one sign on one signal can do to the vote, by manager and aircraft: a [search](search.md)
-looks for the flight with the least robustness of the [requirement](requirements-format.md) `vote` (the vote stays within
-the threshold of the truth, or the signal is lost and that is announced), and what it finds is flown on {seeds} new seeds.
-A robustness is in thresholds of the signal; below 0 the requirement is violated.
+looks for the flight with the least robustness of the [requirement](requirements-format.md) `vote` (the vote stays
+within the threshold of the truth, or the signal is lost and that is announced), and what it finds is flown on {seeds}
+new seeds. A robustness is in thresholds of the signal; below 0 the requirement is violated.
 
 ![Median robustness of the vote and flights that violate it, by manager, aircraft, signal and faults](worst.svg)
 
-The number of a cell is the median robustness of its {seeds} flights; below it stands in how many of them the requirement
-is violated. Blue: in none. Yellow: in some. Red: in all. An outlined cell has a scenario in `faults/worst/`, of a
-search before this one: it may be worse than what this one found. The tables below have the same numbers,
-the faults, and why.
+The number of a cell is the median robustness of its {seeds} flights; below it stands in how many of them the
+requirement is violated. Blue: in none. Yellow: in some. Red: in all. An outlined cell has a scenario in
+`faults/worst/`, of a search before this one: it may be worse than what this one found. The tables below have the same
+numbers, the faults, and why.
 
 - Space: drifts (0.05 to 5 thresholds a second) or offsets (0.4 to 10 thresholds) on the first channels, each from 3
   to 6 s of 14 s in light turbulence.

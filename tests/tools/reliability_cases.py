@@ -20,8 +20,8 @@ from isolation_exact import isolations
 from rig.core.frame import S
 from rig.scenario.scenario import load
 from rig.studies.reliability.chain import probabilities, solve_file
-from rig.studies.reliability.margin import Effort, Margin, estimate
-from rig.studies.reliability.margin_bench import Bench
+from rig.studies.reliability.false_isolation_bench import Bench
+from rig.studies.reliability.false_isolations import Effort, FalseIsolationRate, estimate
 from rig.studies.reliability.one_signal import Recording
 
 WINSURE: Final = Path(__file__).parents[3] / "shared" / "data" / "winsure"
@@ -204,11 +204,11 @@ class Isolation:
             made.params["split_persistence"] = 0
         return made
 
-    def obtain(self, seed: int = 0, effort: Effort | None = None) -> Margin:
-        """The margin."""
+    def obtain(self, seed: int = 0, effort: Effort | None = None) -> FalseIsolationRate:
+        """The rate."""
         return estimate(self.bench(), seed, effort)
 
-    def intervals(self, found: Margin) -> float:
+    def intervals(self, found: FalseIsolationRate) -> float:
         """How many half-widths of its interval ``found`` is from what is expected."""
         assert found.per_hour is not None
         return abs(found.per_hour - self.expected) / (found.high - found.per_hour)

@@ -1,4 +1,4 @@
-"""Margins of a signal of a scenario: at given thresholds, and at the one that meets a target."""
+"""False-isolation rates of a signal of a scenario: at given thresholds, and at the one that meets a target."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rig.core.errors import BadInput
 from rig.core.frame import INDEX
 from rig.core.text import choices, quoted
 from rig.scenario.scenario import load
-from rig.studies.reliability.margin import Effort, Margin, estimate, margin
-from rig.studies.reliability.margin_bench import Bench
+from rig.studies.reliability.false_isolation_bench import Bench
+from rig.studies.reliability.false_isolations import Effort, FalseIsolationRate, estimate, estimate_or_bound
 from rig.studies.reliability.one_signal import recording
 
 CLOSE: Final = 0.01  # of the threshold: the search ends
@@ -34,8 +34,8 @@ def run(
     target: float | None,
     seed: int,
     effort: Effort,
-) -> tuple[list[Margin], Margin | None]:
-    """Return the margins at ``thresholds``, the scenario's own when not given, and the one that meets ``target``.
+) -> tuple[list[FalseIsolationRate], FalseIsolationRate | None]:
+    """Return the rates at ``thresholds``, the scenario's own when not given, and the one that meets ``target``.
 
     The truth is that of the healthy flight of the scenario as it is, with the overrides ``sets``.
     BadInput: signal, scenario, a setting, a degenerate estimate, a target that nothing meets.
@@ -52,18 +52,22 @@ def run(
         return Bench(load(scenario, [*sets, *more, *own.sets(threshold)]), signal, recorded)
 
     benches = [own] if thresholds is None else [at(threshold) for threshold in thresholds]
-    margins = [] if target is not None and thresholds is None else [margin(bench, seed, effort) for bench in benches]
+    rates = (
+        []
+        if target is not None and thresholds is None
+        else [estimate_or_bound(bench, seed, effort) for bench in benches]
+    )
     chosen = None if target is None else threshold_for(at, own.threshold, target, seed, effort)
-    return margins, chosen
+    return rates, chosen
 
 
-def shown(margin: Margin) -> float:
+def shown(rate: FalseIsolationRate) -> float:
     """Return what is shown of a channel's flight hour: the upper end of the rate, and failures in the first frames."""
-    return margin.high + margin.at_start
+    return rate.high + rate.at_start
 
 
-def threshold_for(benches: Benches, begin: float, target: float, seed: int, effort: Effort) -> Margin:
-    """Return the margin at the lowest threshold that was found to meet ``target``, per hour of one channel.
+def threshold_for(benches: Benches, begin: float, target: float, seed: int, effort: Effort) -> FalseIsolationRate:
+    """Return the rate at the lowest threshold that was found to meet ``target``, per hour of one channel.
 
     A degenerate estimate tells where to look, and shows nothing.
     begin : threshold with which to begin
@@ -81,7 +85,7 @@ def threshold_for(benches: Benches, begin: float, target: float, seed: int, effo
 
 def _bracket(
     benches: Benches, begin: float, target: float, seed: int, effort: Effort
-) -> tuple[Margin, Margin, list[Margin]]:
+) -> tuple[FalseIsolationRate, FalseIsolationRate, list[FalseIsolationRate]]:
     """Return a threshold that meets the target, the next lower one that does not, and all that were tried."""
     tried = [estimate(benches(begin), seed, effort)]
     up = shown(tried[0]) > target or tried[0].few is not None
@@ -97,7 +101,7 @@ def _bracket(
     raise BadInput(f"--target {target:g}: a threshold of {tried[-1].threshold:g} {verb} it")
 
 
-def _between(missed: Margin, met: Margin, target: float) -> float:
+def _between(missed: FalseIsolationRate, met: FalseIsolationRate, target: float) -> float:
     """Return a threshold between, by the logarithms of what they show, not too close to either."""
     high, low = (log(max(shown(each), _LEAST)) for each in (missed, met))
     share = (high - log(AIM * target)) / (high - low) if high > low else 0.5

@@ -9,13 +9,13 @@ from isolation_exact import isolations
 from numpy.typing import NDArray
 from reliability_cases import HELD_ONCE, ISOLATIONS, NOISE, Isolation
 
-import rig.studies.reliability.margin as module
+import rig.studies.reliability.false_isolations as module
 from rig.bench.splitting import Windows, run_windows
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS
 from rig.studies.reliability.channel_errors import Ends, corners, drawn_errors
-from rig.studies.reliability.margin import LEAST_SETS, Effort, bound, estimate, margin
-from rig.studies.reliability.margin_target import shown, threshold_for
+from rig.studies.reliability.false_isolation_target import shown, threshold_for
+from rig.studies.reliability.false_isolations import LEAST_SETS, Effort, bound, estimate, estimate_or_bound
 
 SMALL = Effort(flights=500, excursions=3000, most_repetitions=8)
 GAUSSIAN = ISOLATIONS[0]
@@ -49,7 +49,7 @@ def test_biases_give_the_rate_of_quasi_monte_carlo():
 def test_few_flights_without_a_tilt_are_refused():
     bench = named("biases, 0.0064 rad/s").bench()
     with pytest.raises(BadInput, match=r"pitch_rate: threshold 0\.0064: \d+ different sets of errors .*, 20 needed"):
-        margin(bench, effort=Effort(flights=400, excursions=1000, kappas=(1.0,)))
+        estimate_or_bound(bench, effort=Effort(flights=400, excursions=1000, kappas=(1.0,)))
 
 
 def test_too_few_carrying_sets_are_no_estimate():
@@ -80,7 +80,7 @@ def test_corners_lie_at_the_ends():
 
 def test_a_threshold_far_out_has_a_bound_and_nothing_is_split():
     case = replace(named("biases, 0.0064 rad/s"), threshold=0.02)
-    found = margin(case.bench())
+    found = estimate_or_bound(case.bench())
     assert found.per_hour is None and 0.0 < found.high < 1e-12
     assert bound(named("biases, 0.0064 rad/s").bench(), 0) > 1.0
 
@@ -101,8 +101,8 @@ def test_the_threshold_of_a_target_meets_it():
 
 
 def test_the_command_says_what_the_bundled_threshold_gives(rig_command):
-    code, out, _ = rig_command("reliability", "margin", "pitch_rate", "--set", "duration_s=2.5", "--json")
-    [found] = json.loads(out)["margins"]
+    code, out, _ = rig_command("reliability", "false-isolations", "pitch_rate", "--set", "duration_s=2.5", "--json")
+    [found] = json.loads(out)["false_isolations"]
     assert code == 0 and found["threshold"] == 0.011 and found["high"] < 1e-12 and found["per_hour"] is None
 
 
@@ -116,7 +116,7 @@ def test_the_command_says_what_the_bundled_threshold_gives(rig_command):
     ],
 )
 def test_bad_input_is_one_line(rig_command, more: list[str], said: str):
-    code, out, err = rig_command("reliability", "margin", *more)
+    code, out, err = rig_command("reliability", "false-isolations", *more)
     assert (code, out) == (2, "") and said in err and len(err.splitlines()) == 1
 
 
@@ -151,5 +151,5 @@ def test_too_few_sets_leave_the_bound_where_it_says_something(monkeypatch: pytes
     bench = named("biases, 0.0064 rad/s").bench()
     effort = Effort(flights=400, excursions=1000, kappas=(1.0,))
     monkeypatch.setattr(module, "bound", lambda bench, seed: 2.1e-5)
-    found = margin(bench, effort=effort)
+    found = estimate_or_bound(bench, effort=effort)
     assert (found.per_hour, found.low, found.high) == (None, None, 2.1e-5) and found.few is not None

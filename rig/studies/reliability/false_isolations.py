@@ -7,7 +7,7 @@ in which excursions begin.  From level to level as many excursions are run, from
 carries the weight of its flight.  Repetitions are independent, and give the interval.
 Where the errors at the very ends of their tolerances set nobody apart, there is nothing to split: then the rate is
 below a bound (``bound``), as a failure takes ``persistence`` such frames in a row and noise has no memory.
-Source: docs/reliability.md, 'Margin'; fixed-effort splitting, Garvels and Kroese (1998).
+Source: docs/reliability.md, 'False isolations'; fixed-effort splitting, Garvels and Kroese (1998).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rig.bench.splitting import CUT, REACHED, Held, Particles, Windows, run_excu
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS
 from rig.studies.reliability.channel_errors import KAPPAS, corners, drawn_errors
-from rig.studies.reliability.margin_bench import COUNTED, Bench
+from rig.studies.reliability.false_isolation_bench import COUNTED, Bench
 
 Floats = NDArray[np.float64]
 FLOOR: Final = 1e-12  # per channel hour, below which nothing is resolved
@@ -53,7 +53,7 @@ class Effort(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Margin:
+class FalseIsolationRate:
     """False isolations at one threshold."""
 
     threshold: float  # unit of the signal
@@ -88,7 +88,7 @@ class Repetition(NamedTuple):
     cut: int
 
 
-def margin(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
+def estimate_or_bound(bench: Bench, seed: int = 0, effort: Effort | None = None) -> FalseIsolationRate:
     """Estimate false isolations of one channel an hour; where too few sets of errors carry that, return the bound.
 
     BadInput: too few, and the bound says nothing
@@ -102,11 +102,11 @@ def margin(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
     return replace(estimated, per_hour=None, low=None, high=highest)
 
 
-def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
-    """Estimate as ``margin`` does, degenerate or not."""
+def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> FalseIsolationRate:
+    """Estimate as ``estimate_or_bound`` does, degenerate or not."""
     highest, spent = bound(bench, seed), effort or Effort()
     if highest < FLOOR:
-        return Margin(bench.threshold, None, None, highest, 0.0, [], 0.0, 0, 0)
+        return FalseIsolationRate(bench.threshold, None, None, highest, 0.0, [], 0.0, 0, 0)
     repetitions: list[Repetition] = []
     wanted = min(REPETITIONS, spent.most_repetitions)
     while len(repetitions) < wanted:
@@ -115,7 +115,7 @@ def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margi
         if wide and min(map(min, (each.sets for each in repetitions))) >= LEAST_SETS:
             wanted = min(wanted + REPETITIONS // 2, spent.most_repetitions)
     mean, half = _mean(repetitions), _half_width(repetitions)
-    return Margin(
+    return FalseIsolationRate(
         threshold=bench.threshold,
         per_hour=mean,
         low=max(mean - half, 0.0),
