@@ -1,4 +1,4 @@
-"""Flights of a league: the draws of its trials, in the closed loop, each as if it were flown alone."""
+"""Flights of a benchmark: the draws of its trials, in the closed loop, each as if it were flown alone."""
 
 from pathlib import Path
 

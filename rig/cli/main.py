@@ -17,12 +17,12 @@ import typer
 from typer.core import TyperArgument, TyperOption
 
 from rig.cli.aircraft import aircraft_app
+from rig.cli.benchmark import benchmark
 from rig.cli.campaign import app as campaign_app
 from rig.cli.catalogue import faults_app, scenario_app, signals
 from rig.cli.check import check
 from rig.cli.common import GROUP
 from rig.cli.fly import bench, fly
-from rig.cli.league import league
 from rig.cli.recordings import thresholds, vote
 from rig.cli.replay import diff, export, info, recover, replay
 from rig.cli.safety import reliability_app
@@ -54,7 +54,7 @@ _COMMANDS: Final = {
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
     REFERENCE: (signals, bench),
-    MANY: (check, search, league),
+    MANY: (check, search, benchmark),
 }
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 

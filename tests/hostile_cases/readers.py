@@ -96,19 +96,21 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "fly --unit": (_unit(f"fly everything.toml {_FLY} --unit X", _SCENARIO),),
     "fly scenario": (Reader(f"fly X {_FLY}", _SCENARIO),),
     "info log": (_log("info X"),),
-    "league --config": (Reader("league --recordings in.csv --config X", "vote.toml", ("in.csv",), long=True),),
-    "league --healthy": (Reader("league smoke --healthy X --out o", **_CAMPAIGN, named=False, long=True),),
-    "league --recordings": tuple(
-        Reader("league --recordings X --config vote.toml", sound, ("vote.toml",), long=True)
+    "benchmark --config": (Reader("benchmark --recordings in.csv --config X", "vote.toml", ("in.csv",), long=True),),
+    "benchmark --healthy": (Reader("benchmark smoke --healthy X --out o", **_CAMPAIGN, named=False, long=True),),
+    "benchmark --recordings": tuple(
+        Reader("benchmark --recordings X --config vote.toml", sound, ("vote.toml",), long=True)
         for sound in ("in.csv", "in.parquet")
     ),
-    "league --second": (
-        Reader("league smoke --healthy camp --second X --out o", **_CAMPAIGN, needs=("camp",), named=False, long=True),
+    "benchmark --second": (
+        Reader(
+            "benchmark smoke --healthy camp --second X --out o", **_CAMPAIGN, needs=("camp",), named=False, long=True
+        ),
     ),
-    "league --out": (
-        Reader("league smoke --healthy camp --out X", **_CAMPAIGN, needs=("camp",), named=False, long=True),
+    "benchmark --out": (
+        Reader("benchmark smoke --healthy camp --out X", **_CAMPAIGN, needs=("camp",), named=False, long=True),
     ),
-    "league campaign": (Reader("league X --healthy camp --out o", "campaign.toml", ("camp",), long=True),),
+    "benchmark campaign": (Reader("benchmark X --healthy camp --out o", "campaign.toml", ("camp",), long=True),),
     "recover log": (_log("recover X --out r.mcap"),),
     "reliability confirm --aircraft": (
         Reader("reliability confirm cuts --aircraft X", "own", ("cuts",), mark=_OWN, named=False, long=True),

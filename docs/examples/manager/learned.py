@@ -3,7 +3,7 @@
 The evidence that a channel is faulty is the weighted sum of its features: its log odds but for a constant.
 
     rig fly --set redundancy.manager=learned:Learned
-    rig league docs/examples/league.toml --managers learned:Learned --healthy HEALTHY --out DIR
+    rig benchmark docs/examples/benchmark.toml --managers learned:Learned --healthy HEALTHY --out DIR
 
 train_learned.py makes the weights.  Copy this file and learned.json beside your scenario.
 """
@@ -51,7 +51,7 @@ class Features:
 class Learned:
     """Median of the channels in use; fails a channel whose evidence exceeds the limit for 8 frames."""
 
-    calibrate = "limit"  # what a league chooses
+    calibrate = "limit"  # what a benchmark chooses
     limit = 12.0
 
     def __init__(self, params):

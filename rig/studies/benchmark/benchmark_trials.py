@@ -69,7 +69,7 @@ def of_signals(plan: Plan) -> tuple[str, list[OfSignal]]:
         fault = made.scenario.faults[made.tested]
         found.setdefault(fault.signal, of_cell(made))
     if len(aircraft) > 1:
-        raise BadInput(f"{plan.source}: flies {', '.join(sorted(aircraft))}: a league is of one aircraft")
+        raise BadInput(f"{plan.source}: flies {', '.join(sorted(aircraft))}: a benchmark is of one aircraft")
     return aircraft.pop(), list(found.values())
 
 

@@ -1,4 +1,4 @@
-"""Who takes part in a league, and which of its settings a calibration chooses.
+"""Who takes part in a benchmark, and which of its settings a calibration chooses.
 
 Ours is there four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the same with learned
 biases, with all slow-fault rules, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's
@@ -54,7 +54,7 @@ class Level(NamedTuple):
 
 
 class Entrant(NamedTuple):
-    """One row of the league."""
+    """One row of the benchmark."""
 
     name: str
     manager: str

@@ -1,4 +1,4 @@
-"""A league on recordings: too short for a budget, so everybody is calibrated to fail nobody in the other half.
+"""A benchmark on recordings: too short for a budget, so everybody is calibrated to fail nobody in the other half.
 
 Every second recording calibrates, the others are flown with a fault put into one channel, and the other way round.  A
 piece begins BEFORE_S ahead of the fault, so that what learns has learned; the faults are those of the trade-off of
@@ -52,7 +52,7 @@ MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail nobody
 Faults = Sequence[tuple[str, Kind, float]]
 
 
-def league(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
+def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
     """Return levels, false isolations in the halves that did not calibrate, table and differences.
 
     BadInput: fewer than two recordings, or all too short for a piece

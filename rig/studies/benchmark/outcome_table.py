@@ -1,4 +1,4 @@
-"""The table of a league: outcomes by entrant, kind and number of faults; paired differences to ours with intervals."""
+"""The table of a benchmark: outcomes by entrant, kind and number of faults; paired differences, with intervals."""
 
 from __future__ import annotations
 

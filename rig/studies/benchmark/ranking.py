@@ -1,4 +1,4 @@
-"""The verdict of a league in words: who keeps the price, and where ours loses and wins."""
+"""The verdict of a benchmark in words: which manager keeps the budget, and where ours loses and wins."""
 
 from __future__ import annotations
 

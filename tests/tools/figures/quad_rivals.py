@@ -48,7 +48,7 @@ CHANNELS: Final = 3  # of four that are faulty in turn
 
 
 def of_signal(name: str, flights: Sequence[DataBlock], limit: float) -> OfSignal:
-    """Return the axis as a league has it, in deg/s; ``limit`` of the sums of ``cusum``, spreads times frames."""
+    """Return the axis as a benchmark has it, in deg/s; ``limit`` of the sums of ``cusum``, spreads times frames."""
     spread = residuals([flight.samples for flight in flights], wraps=False).spread
     rivals = Rivals(cusum=Cusum(spread=spread, limit=limit))
     return OfSignal(name, parameters(GIVEN, 4, RATE_HZ), GIVEN, rivals, RATE_HZ)

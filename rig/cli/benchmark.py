@@ -1,4 +1,4 @@
-"""``rig league``: managers at one price."""
+"""``rig benchmark``: managers at one false-isolation rate."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _MANAGERS: Final = "cross-channel,cusum,glr,parity,innovation,selection,median"
 
 
 @dataclass(frozen=True, kw_only=True)
-class LeagueOptions:
-    """The options of ``rig league``."""
+class BenchmarkOptions:
+    """The options of ``rig benchmark``."""
 
     campaign: Annotated[str | None, arg("FILE|NAME", "A campaign of faults: file or bundled name.")] = None
     healthy: Annotated[Path | None, opt("HEALTHY", "Healthy flights: a flown campaign with its logs.")] = None
-    out: Annotated[Path | None, begun("Folder of the league")] = None
+    out: Annotated[Path | None, begun("Folder of the benchmark")] = None
     managers: Annotated[str, opt("NAME,NAME...", "Who takes part; ours always does.")] = _MANAGERS
     budget: Annotated[float, opt("RATE", "False isolations an hour and signal.")] = 0.01
     second: Annotated[Path | None, opt("HEALTHY", "Other healthy flights, to test the budget on.")] = None
@@ -44,23 +44,23 @@ class LeagueOptions:
 
 
 @takes_options
-def league(options: LeagueOptions) -> None:
+def benchmark(options: BenchmarkOptions) -> None:
     """Calibrate managers to one budget of false isolations, and give all of them the same faults."""
     given = {"CAMPAIGN": options.campaign, "--healthy": options.healthy, "--out": options.out}
     if options.recordings:
         refused = {**given, "--second": options.second, "--plot": options.plot}
         for name in (name for name, value in refused.items() if value is not None):
-            raise BadInput(f"--recordings: a league of recordings has no {name}")
+            raise BadInput(f"--recordings: a benchmark of recordings has no {name}")
         _recordings(options.recordings, options)
         return
     for name in (name for name, value in given.items() if value is None):
-        raise BadInput(f"rig league: {name} is needed, or --recordings with --config")
+        raise BadInput(f"rig benchmark: {name} is needed, or --recordings with --config")
     assert options.campaign is not None and options.healthy is not None and options.out is not None
     _flights(options.campaign, options.healthy, options.out, options)
 
 
-def _flights(campaign: str, healthy: Path, out: Path, options: LeagueOptions) -> None:
-    """Run a league of a campaign, print it, and draw it."""
+def _flights(campaign: str, healthy: Path, out: Path, options: BenchmarkOptions) -> None:
+    """Run a benchmark of a campaign, print it, and draw it."""
     from rig.studies.benchmark.entrants import entrants
     from rig.studies.benchmark.prepared import Asked
     from rig.studies.benchmark.run_benchmark import run
@@ -70,7 +70,7 @@ def _flights(campaign: str, healthy: Path, out: Path, options: LeagueOptions) ->
     plan = read_plan(campaign)
     require_apart({"--out": out, "--plot": options.plot}, [plan.source, healthy, options.second])
     require_page("--plot", options.plot)
-    with working("the league", not options.as_json, steps=True):
+    with working("the benchmark", not options.as_json, steps=True):
         result = run(plan, asked, out, options.workers)
         if options.plot is not None:
             from rig.studies.benchmark.benchmark_page import write
@@ -79,13 +79,13 @@ def _flights(campaign: str, healthy: Path, out: Path, options: LeagueOptions) ->
     emit(options.as_json, result, lambda: _show(result))
 
 
-def _recordings(inputs: list[Path], options: LeagueOptions) -> None:
-    """Run a league of recordings and print it."""
+def _recordings(inputs: list[Path], options: BenchmarkOptions) -> None:
+    """Run a benchmark of recordings and print it."""
     if options.config is None:
         raise BadInput("--recordings: needs --config, the settings of rig vote")
     from rig.log.recordings.alignment import AlignOptions
     from rig.studies.benchmark.entrants import entrants
-    from rig.studies.benchmark.on_recordings import league as of_recordings
+    from rig.studies.benchmark.on_recordings import benchmark as of_recordings
     from rig.studies.thresholds.data import load
     from rig.studies.thresholds.in_out import start
 
