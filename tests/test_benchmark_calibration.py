@@ -93,7 +93,7 @@ def test_only_managers_that_fail_somebody_have_levels():
     ]  # fmt: skip
 
 
-def test_a_rival_is_told_the_spread_and_the_largest_mean_of_healthy_residuals():
+def test_a_baseline_is_told_the_spread_and_the_largest_mean_of_healthy_residuals():
     signal, healthy = white_signal(), white(0.1, 8, 3000)
     healthy.flights["pitch_rate"][3].samples[:, 2] += 1.0
     found = measured(Entrant("bayes", "bayes"), signal, healthy)
@@ -105,7 +105,7 @@ def test_a_rival_is_told_the_spread_and_the_largest_mean_of_healthy_residuals():
     assert measured(Entrant("cross-voter", "cross-voter"), signal, healthy) == {}
 
 
-def test_variants_are_told_and_calibrated_like_their_rival():
+def test_variants_are_told_and_calibrated_like_their_baseline():
     (long, guess) = entrants("cusum 120,parity guess middle")[4:]
     healthy = white(0.1, 8, 9000)
     found = calibrate(long, white_signal(), healthy, 20.0)

@@ -43,7 +43,7 @@ DRIVERS = {
         f"{name}.py"
         for name in (
             "bench/inject",
-            "bench/rival_statistics",
+            "bench/baseline_statistics",
             "bench/splitting",
             "bench/one_signal_trials",
             "bench/unit_check",

@@ -85,7 +85,7 @@ def step(held, p, j, k, noise):
         sensors,
         None,
         None,
-        ManagerData(m.choice, m.params, p.manager[j : j + 1], m.boxes, m.lanes, m.rival),
+        ManagerData(m.choice, m.params, p.manager[j : j + 1], m.boxes, m.lanes, m.baseline),
         None,
     )
     p.frame[j] += 1

@@ -90,11 +90,11 @@ def _recordings(inputs: list[Path], options: BenchmarkOptions) -> None:
     from rig.studies.thresholds.in_out import start
 
     settings, _ = start(options.config)
-    rivals = entrants(options.managers)
+    baselines = entrants(options.managers)
     align = AlignOptions() if options.align else None
     with working("reading", not options.as_json):
         data = load(inputs, settings, str(options.config), options.repair_time, align)
-        result = of_recordings(data, settings, rivals)
+        result = of_recordings(data, settings, baselines)
     emit(options.as_json, result, lambda: _show_recordings(result))
 
 

@@ -100,7 +100,7 @@ def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float
     return configuration(
         scenario.rate_hz,
         form,
-        redundancy.manager.data.params[list(PARAMS.names or ())],  # without what a rival is told
+        redundancy.manager.data.params[list(PARAMS.names or ())],  # without what a baseline manager is told
         redundancy.discretes.params,
         redundancy.manager.data.boxes,
         trim,

@@ -66,7 +66,7 @@ FIGURES: Final = {  # name: its module
     ),
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
-    **{name: name for name in ("references", "tie_break", "throughput", "tolerant", "unit_failures", "quad_rivals")},
+    **{name: name for name in ("references", "tie_break", "throughput", "tolerant", "unit_failures", "quad_baselines")},
     "slow_drifts": "slow_drifts",
 }
 
@@ -224,7 +224,7 @@ PAGES: Final = {
         "Thresholds from a budget, and four recorders of one quadrotor",
         [
             Section("Real flights that did not design them", [f"{SHOW} thresholds_quad {QUADROTOR}"]),
-            Section("Ours and rivals at one budget", [f"{SHOW} quad_rivals {QUADROTOR}"]),
+            Section("Ours and baseline managers at one budget", [f"{SHOW} quad_baselines {QUADROTOR}"]),
             Section("Noise of known kinds", [f"{SHOW} thresholds_synthetic"]),
             Section("A million rows", [f"{SHOW} thresholds_speed"]),
             Section("Healthy channels failed", [f"{SHOW} quad_isolations {QUADROTOR}"]),

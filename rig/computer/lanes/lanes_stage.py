@@ -276,7 +276,7 @@ def of_lane(i, data, lanes):
     """Return the ComputerData of lane i: its own state, and the parameters that all have."""
     r, m, c, f = data.redundancy.references, data.redundancy.manager, data.control, data.faults
     references = ReferenceData(r.pressures, r.table, r.param, lanes.references[i])
-    manager = ManagerData(m.choice, m.params, lanes.manager[i], lanes.boxes[i], lanes.failed, m.rival)
+    manager = ManagerData(m.choice, m.params, lanes.manager[i], lanes.boxes[i], lanes.failed, m.baseline)
     discretes = DiscreteData(data.redundancy.discretes.params, lanes.discretes[i])
     control = ControlData(c.pressures, c.table, c.param, lanes.control[i], lanes.gain[i], c.fdi_param, lanes.fdi[i])
     faults = FaultData(

@@ -67,7 +67,7 @@ class Redundancy:
         name = DEFAULT if own else config.manager
         self.manager = Manager(
             name,
-            with_settings(params, name, config.rivals, [signal.name for signal in SIGNALS]),
+            with_settings(params, name, config.baselines, [signal.name for signal in SIGNALS]),
             box_signals=config.box_signals,
             box_persistence=config.box_persistence,
         )

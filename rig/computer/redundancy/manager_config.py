@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator, model_validator
 
 from rig.computer.analytic.references import Config as References
+from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.lowpass import gain
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS
 from rig.computer.redundancy.resets import Reset
-from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.core import settings
 from rig.core.frame import INDEX, SIGNALS, DecidedBy, S
 from rig.core.settings import Settings, in_frames, refuse_both
@@ -127,7 +127,7 @@ class Config(Settings):
     resets: list[Reset] = []
     references: References = References()
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
-    rivals: Rivals = Rivals()  # what the rivals among MANAGERS are told, each when it is the manager
+    baselines: Baselines = Baselines()  # what each of them is told when it is the manager
 
     @field_validator("manager")
     @classmethod
@@ -143,11 +143,11 @@ class Config(Settings):
             box_of_signals(boxes, tuple(INDEX))
         return boxes
 
-    @field_validator("rivals")
+    @field_validator("baselines")
     @classmethod
-    def _of_known_signals(cls, rivals: Rivals) -> Rivals:
-        rivals.refuse_others(INDEX)
-        return rivals
+    def _of_known_signals(cls, baselines: Baselines) -> Baselines:
+        baselines.refuse_others(INDEX)
+        return baselines
 
 
 class Param(NamedTuple):

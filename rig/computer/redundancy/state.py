@@ -100,7 +100,7 @@ class ManagerData(NamedTuple):
     state: NDArray[Any]  # (S,) STATE, in place
     boxes: NDArray[Any]  # (1,) box.BOXES, in place
     lanes: NDArray[Any]  # (4,) 1 where the computer of a channel is failed
-    rival: Any = None  # managers.Chosen; None: no rival
+    baseline: Any = None  # managers.Chosen; None: no baseline manager
 
 
 def new_state(params: NDArray[np.void]) -> NDArray[np.void]:

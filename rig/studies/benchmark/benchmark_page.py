@@ -1,4 +1,4 @@
-"""The report of a benchmark, one HTML file that opens without a network: verdict, share over size, delay over budget."""
+"""The report of a benchmark, one HTML file that opens without a network: verdict, share over size, delays."""
 
 from __future__ import annotations
 

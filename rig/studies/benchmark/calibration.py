@@ -53,7 +53,7 @@ class Calibrated:
     entrant: str
     signal: str
     values: dict[str, Any] = field(default_factory=dict)  # as entrants.manager takes them
-    shown: dict[str, float] = field(default_factory=dict)  # in thresholds, or as a rival has them
+    shown: dict[str, float] = field(default_factory=dict)  # in thresholds, or as a baseline manager has them
     keys: dict[str, Any] = field(default_factory=dict)  # of ours, the table of the signal in a scenario
     clusters: int | None = None  # events that the tail is fitted to
     shape: float | None = None

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.managers import RIVALS
+from rig.computer.redundancy.managers import BASELINES
 from rig.core.column import Column
 from rig.core.runs import cluster_starts
 from rig.core.threads import heed
@@ -47,7 +47,7 @@ def failing(
     if entrant.is_own:
         return _own(entrant, signal, values, flights, channels)
     made = manager(entrant, signal, values, channels)
-    if guesses and entrant.manager in RIVALS:
+    if guesses and entrant.manager in BASELINES:
         made.params["holds_ties"] = 0
     return [failures(flight.samples, flight.references, made) for flight in flights]
 

@@ -64,7 +64,7 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
     found, told = list[pl.DataFrame](), list[dict[str, Any]]()
     for place, (name, blocks) in enumerate(data.signals.items()):
         given, fitted, rate_hz = data.settings[name], len(blocks[0].samples), blocks[0].rate_hz
-        signal = OfSignal(name, parameters(given, fitted, rate_hz), given, config.rivals, rate_hz)
+        signal = OfSignal(name, parameters(given, fitted, rate_hz), given, config.baselines, rate_hz)
         for half in (0, 1):
             calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
             values = {entrant.name: _chosen(entrant, signal, calibrating) for entrant in entrants}
@@ -134,7 +134,7 @@ def _bound(signal: OfSignal, blocks: Sequence[DataBlock]) -> float:
 
 
 def _least(entrant: Entrant, signal: OfSignal, given: dict[str, Any], flights: Sequence[Flight]) -> dict[str, Any]:
-    """Return a rival's least levels of a grid with which it fails nobody."""
+    """Return a baseline's least levels of a grid with which it fails nobody."""
     highest = {**given, **{level.name: level.default * _HIGHEST for level in levels(entrant, signal)}}
     at = first_enough(lambda step: _fails(entrant, signal, scaled(entrant, signal, highest, step), flights), _STEPS)
     return scaled(entrant, signal, highest, (_STEPS if at is None else at) - 1)

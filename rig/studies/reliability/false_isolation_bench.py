@@ -36,7 +36,7 @@ class Bench:
 
     def __init__(self, scenario: Scenario, signal: str, recorded: Recording) -> None:
         self._one = one_signal(scenario, signal)
-        if not self._one.latches or self._one.manager.rival is not None:
+        if not self._one.latches or self._one.manager.baseline is not None:
             manager = scenario.redundancy.manager
             raise BadInput(f"redundancy.manager: {manager!r}: only cross-channel and cross-voter count to a failure")
         s = INDEX[signal]

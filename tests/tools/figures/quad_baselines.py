@@ -1,4 +1,5 @@
-"""Ours and rivals at one budget of false isolations on four IMUs of a quadrotor: a half designs, the other is flown.
+"""Ours and baseline managers at one budget of false isolations on four IMUs of a quadrotor: a half designs, the other
+is flown.
 
 One fault at a time in one of three channels of each flight and axis, after 20 to 60 % of the flight: right when the
 faulty channel is the first to be failed after that and nobody is failed before.
@@ -18,8 +19,8 @@ from numpy.typing import NDArray
 from figures import table
 from figures.quadrotor import AXES, config
 from figures.thresholds import EARLIEST, GIVEN, RATE_HZ, Signals
+from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines, Cusum
 from rig.computer.redundancy.managers import Manager
-from rig.computer.redundancy.rivals.rival_settings import Cusum, Rivals
 from rig.core.runs import cluster_starts
 from rig.log.recordings.alignment import AlignOptions
 from rig.studies.benchmark.calibration import calibrate
@@ -50,12 +51,12 @@ CHANNELS: Final = 3  # of four that are faulty in turn
 def of_signal(name: str, flights: Sequence[DataBlock], limit: float) -> OfSignal:
     """Return the axis as a benchmark has it, in deg/s; ``limit`` of the sums of ``cusum``, spreads times frames."""
     spread = residuals([flight.samples for flight in flights], wraps=False).spread
-    rivals = Rivals(cusum=Cusum(spread=spread, limit=limit))
-    return OfSignal(name, parameters(GIVEN, 4, RATE_HZ), GIVEN, rivals, RATE_HZ)
+    baselines = Baselines(cusum=Cusum(spread=spread, limit=limit))
+    return OfSignal(name, parameters(GIVEN, 4, RATE_HZ), GIVEN, baselines, RATE_HZ)
 
 
 def calibrated(name: str, axis: str, flights: list[DataBlock], budget_per_h: float, limit: float = 120.0) -> Manager:
-    """Return a rival with its level for the budget on ``flights``."""
+    """Return a baseline manager with its level for the budget on ``flights``."""
     signal, entrant = of_signal(axis, flights, limit), Entrant(name, name)
     rows = [
         Flight(f.name, np.ascontiguousarray(f.samples.T), np.full((f.samples.shape[1], 2), np.nan)) for f in flights
@@ -114,7 +115,7 @@ def row(title: str, make: Make, signals: Signals, budget_per_h: float) -> list[s
     return [title, f"{budget_per_h:g}", str(isolated), *shares, *kinds]
 
 
-def quad_rivals(folder: str, budgets: str = "10,3,1", names: str = "") -> None:
+def quad_baselines(folder: str, budgets: str = "10,3,1", names: str = "") -> None:
     """Print every entrant at every budget."""
     data = load([Path(folder)], config(1.0, 8), "", repair=True, aligned=AlignOptions(to_s=6.0))
     signals: dict[str, Any] = {name: data.signals[name] for name in AXES}

@@ -11,8 +11,8 @@ Harrison 1979, Generalized likelihood test for FDI in redundant sensor configura
 
 from __future__ import annotations
 
+from rig.computer.redundancy.baseline_managers import step
 from rig.computer.redundancy.baselines import mean_of
-from rig.computer.redundancy.rivals import step
 from rig.core.kernels import kernel
 
 

@@ -24,8 +24,8 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
-from rig.computer.redundancy.rivals import step
-from rig.computer.redundancy.rivals.rival_settings import MEMBERS, SETS
+from rig.computer.redundancy.baseline_managers import step
+from rig.computer.redundancy.baseline_managers.baseline_settings import MEMBERS, SETS
 from rig.core.frame import CHANNELS
 from rig.core.kernels import kernel
 

@@ -1,4 +1,5 @@
-"""What all rivals share in a frame: ranks and middle, one failure a signal, latches, the last channel, the records.
+"""What all baseline managers share in a frame: ranks and middle, one failure a signal, latches, the last channel, the
+records.
 
 The middle is the median of those in use; of an even number the usable reference, held between the two in the middle,
 else their mean (slow_faults.middle).  A sample that cannot be compared, or is stale, counts as with our manager; so do
@@ -20,7 +21,7 @@ from rig.core.frame import CHANNELS, DecidedBy
 from rig.core.kernels import kernel
 
 NOBODY: Final = -1
-RIVAL_STATE: Final = (
+BASELINE_STATE: Final = (
     ("statistic", "f8", (CHANNELS,)),  # of this frame, in the unit of the level that fails a channel
     ("run", "i8"),  # frames in a row above the limit, of the same channel
     ("run_of", "i8"),
@@ -162,6 +163,6 @@ def count(n, p, st):
 
 @kernel
 def begin_again(st):
-    """Forget what all rivals keep of a signal: another number of channels has another middle."""
+    """Forget what all baseline managers keep of a signal: another number of channels has another middle."""
     st["run"], st["run_of"] = 0, NOBODY
     st["statistic"][:] = 0.0

@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.computer.redundancy.rivals import step
-from rig.computer.redundancy.rivals.rival_settings import WINDOW
+from rig.computer.redundancy.baseline_managers import step
+from rig.computer.redundancy.baseline_managers.baseline_settings import WINDOW
 from rig.core.frame import CHANNELS
 from rig.core.kernels import kernel
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from rig.computer.redundancy.rivals import step
+from rig.computer.redundancy.baseline_managers import step
 from rig.core.frame import CHANNELS
 from rig.core.kernels import kernel
 

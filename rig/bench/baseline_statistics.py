@@ -1,4 +1,4 @@
-"""What a rival computes of rows, frame by frame and signal by signal, and which of it would fail a channel.
+"""What a baseline manager computes of rows, frame by frame and signal by signal, and which of it would fail a channel.
 
 For a calibration: nobody is failed by what is computed, so that one run shows all that a level would have done.  Its
 level is one of the settings ``ManagerKind.settings.levels``: one, or of 4, 3 and 2 samples.
@@ -24,12 +24,12 @@ class Statistics(NamedTuple):
     alarm: NDArray[np.uint8]  # (n, S), 1 where a channel would be failed
 
 
-def statistics(rows: Nested, rival: str, params: NDArray[np.void]) -> Statistics:
-    """Run a rival over ``rows`` (n,), whose votes and states it writes.
+def statistics(rows: Nested, baseline: str, params: NDArray[np.void]) -> Statistics:
+    """Run a baseline manager over ``rows`` (n,), whose votes and states it writes.
 
-    rival : of managers.RIVALS; params : (S,) of managers.with_settings
+    baseline : of managers.BASELINES; params : (S,) of managers.with_settings
     """
-    manager = Manager(rival, params.copy(), watches=True)
+    manager = Manager(baseline, params.copy(), watches=True)
     result = Statistics(np.zeros((len(rows), len(params), CHANNELS)), np.zeros((len(rows), len(params)), np.uint8))
     _watch(rows, manager.data, *result)
     return result

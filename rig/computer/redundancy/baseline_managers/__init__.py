@@ -1,6 +1,6 @@
-"""Rivals: monitors of the literature other than a comparison, as managers that can be flown beside ours.
+"""Baselines: monitors of the literature other than a comparison, as managers that can be flown beside ours.
 
-rival_settings.py  what each is told: pydantic models, and what kernels read of them
+baseline_settings.py  what each is told: pydantic models, and what kernels read of them
 step.py      what all share in a frame: ranks, middle, one failure, latches
 sums.py      cusum, innovation: sums of what exceeds an allowance
 glr.py       generalised likelihood ratio over the onset, of a step and of a ramp

@@ -1,4 +1,4 @@
-"""Statistics of the rivals against independent computations: theory, brute force, plain numpy."""
+"""Statistics of the baseline managers against independent computations: theory, brute force, plain numpy."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ import pytest
 from numpy.typing import NDArray
 from scipy import linalg, stats
 
-from rig.bench.rival_statistics import Statistics, statistics
+from rig.bench.baseline_statistics import Statistics, statistics
+from rig.computer.redundancy.baseline_managers.baseline_settings import BASELINE_PARAMS, Baselines, extended
+from rig.computer.redundancy.baseline_managers.sums import summed
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
-from rig.computer.redundancy.managers import RIVALS, with_settings
-from rig.computer.redundancy.rivals.rival_settings import RIVAL_PARAMS, Rivals, extended
-from rig.computer.redundancy.rivals.sums import summed
+from rig.computer.redundancy.managers import BASELINES, with_settings
 from rig.core.frame import nested, new_block
 from rig.core.kernels import long_kernel
 
 Floats = NDArray[np.float64]
 
 
-def watch(rival: str, samples: Floats, reference: Any = np.nan, persistence: int = 8, **settings: Any) -> Statistics:
-    """Run ``samples`` (n, channels) of one signal with a threshold of 1 through a rival."""
+def watch(baseline: str, samples: Floats, reference: Any = np.nan, persistence: int = 8, **settings: Any) -> Statistics:
+    """Run ``samples`` (n, channels) of one signal with a threshold of 1 through a baseline manager."""
     channels = samples.shape[1]
     params = np.zeros(1, PARAMS)
     fill(params[0], SignalConfig(threshold=1.0, persistence=persistence), (-1e6, 1e6), channels, False, 100.0)
-    params = with_settings(params, rival, Rivals.model_validate({rival: settings}), ["x"])
+    params = with_settings(params, baseline, Baselines.model_validate({baseline: settings}), ["x"])
     block = new_block(len(samples))
     block["channels"][:, 0] = np.nan
     block["channels"][:, 0, :channels], block["valid"][:, 0] = samples, 1
     block["ilm"][:, 0], block["reference"][:, 0], block["second_reference"][:, 0] = 2, reference, np.nan
-    return statistics(nested(block), rival, params)
+    return statistics(nested(block), baseline, params)
 
 
 def noise(n: int, channels: int = 4, seed: int = 1) -> Floats:
@@ -62,7 +62,7 @@ def markov_run_length(shift: float, k: float, h: float, states: int = 400) -> fl
 
 @pytest.mark.parametrize(("shift", "k", "h"), [(0.0, 0.5, 4.0), (0.0, 0.25, 6.0), (1.0, 0.5, 5.0)])
 def test_the_run_length_of_an_unbounded_cusum_is_that_of_theory(shift: float, k: float, h: float):
-    p = extended(np.zeros(1, PARAMS), RIVAL_PARAMS)
+    p = extended(np.zeros(1, PARAMS), BASELINE_PARAMS)
     p["allowance"], p["bounded"] = k, 0
     lengths = np.zeros(6000)
     run_lengths(np.random.default_rng(3).normal(shift, 1.0, 3_000_000), h, p[0], lengths)
@@ -173,7 +173,7 @@ CHANNELS_ONLY = np.array([[0.0, 0.1, -0.1], [0.2, 0.0, 0.6], [0.1, -0.2, 0.9], [
 
 
 def odds_of_both(samples: Floats, **told: float) -> tuple[Floats, Floats]:
-    """Log odds of the channels after the last frame: of the rival, and of the brute force."""
+    """Log odds of the channels after the last frame: of the baseline manager, and of the brute force."""
     settings: dict[str, Any] = {"bias": 0.0, "jump": 0.0, "walk": 0.0, "onset_per_frame": 1e-4, **told}
     found = watch("bayes", samples, bounded=False, spread=0.1, noise=2.0, fault_noise=8.0, **settings)
     squares = {
@@ -203,11 +203,11 @@ def test_over_frames_the_posterior_stays_near_that_of_brute_force():
     assert found == pytest.approx(expected, abs=1.0)
 
 
-@pytest.mark.parametrize("rival", [name for name in RIVALS if name != "weighted"])
-def test_who_watches_fails_nobody(rival: str):
+@pytest.mark.parametrize("baseline", [name for name in BASELINES if name != "weighted"])
+def test_who_watches_fails_nobody(baseline: str):
     samples = noise(60) * 0.02
     samples[20:, 3] += 5.0
-    found = watch(rival, samples, reference=0.0)
+    found = watch(baseline, samples, reference=0.0)
     assert found.alarm[-1, 0] == 1 and found.alarm[:20].sum() == 0
     assert found.statistic[-1, 0].argmax() == 3
 

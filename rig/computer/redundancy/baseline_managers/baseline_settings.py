@@ -1,4 +1,4 @@
-"""Settings of the rivals, ``[redundancy.rivals.<name>]``, and what they add to the records of a signal.
+"""Settings of the baseline managers, ``[redundancy.baselines.<name>]``, and what they add to the records of a signal.
 
 Amounts are in thresholds of the signal (``SignalConfig.threshold``), so that one number stands for all signals; a
 table ``signals.<signal>`` has what is different for one.  The defaults hold the sensors of the bundled aircraft, whose
@@ -23,8 +23,8 @@ MEMBERS: Final = CHANNELS + 1  # of "bayes": the channels, then the reference
 SETS: Final = 1 << MEMBERS
 
 
-class Rival(Settings):
-    """What each rival has."""
+class Baseline(Settings):
+    """What each baseline manager has."""
 
     levels: ClassVar[tuple[str, ...]] = ()  # the settings to calibrate: one, or of 4, 3, 2 channels
 
@@ -34,12 +34,12 @@ class Rival(Settings):
     signals: dict[str, dict[str, Any]] = {}  # of single signals, in place of the above
 
     @model_validator(mode="after")
-    def _single_signals(self) -> Rival:
+    def _single_signals(self) -> Baseline:
         for name in self.signals:
             self.of(name)
         return self
 
-    def of(self, signal: str) -> Rival:
+    def of(self, signal: str) -> Baseline:
         """Return the settings of one signal.  ValueError: a key or value of its table."""
         own = self.signals.get(signal)
         if own is None:
@@ -54,7 +54,7 @@ class Rival(Settings):
             raise ValueError(f"{key}: {first['msg'].removeprefix('Value error, ')}") from None
 
 
-class Cusum(Rival):
+class Cusum(Baseline):
     """Sums of residuals beyond an allowance, each side."""
 
     levels = ("allowance",)
@@ -63,7 +63,7 @@ class Cusum(Rival):
     limit: float = Field(default=24.0, gt=0)  # spreads times frames
 
 
-class Glr(Rival):
+class Glr(Baseline):
     """Largest log likelihood ratio of a step or ramp that began within a window."""
 
     levels = ("limit",)
@@ -73,7 +73,7 @@ class Glr(Rival):
     window: int = Field(default=WINDOW, ge=2, le=WINDOW)  # frames
 
 
-class Parity(Rival):
+class Parity(Baseline):
     """Squared length of the parity vector."""
 
     levels = ("limit", "limit_triplex", "limit_duplex")
@@ -84,7 +84,7 @@ class Parity(Rival):
     vote: Literal["mean", "middle"] = "mean"  # of those in use
 
 
-class Bayes(Rival):
+class Bayes(Baseline):
     """Log odds that a channel is faulty, over all sets of faulty members."""
 
     levels = ("limit",)
@@ -99,7 +99,7 @@ class Bayes(Rival):
     onset_per_frame: float = Field(default=1e-7, gt=0, lt=1)  # chance of a member
 
 
-class Innovation(Rival):
+class Innovation(Baseline):
     """Sums of distances to the reference beyond the least."""
 
     levels = ("allowance",)
@@ -108,14 +108,14 @@ class Innovation(Rival):
     limit: float = Field(default=24.0, gt=0)  # spreads times frames
 
 
-class Weighted(Rival):
+class Weighted(Baseline):
     """A weighted average; nothing is monitored."""
 
     scale: float = Field(default=1.0, gt=0)  # distance at which a sample loses half of its weight, thresholds
 
 
-class Rivals(Settings):
-    """The ``[redundancy.rivals]`` table: all that can be flown."""
+class Baselines(Settings):
+    """The ``[redundancy.baselines]`` table: all that can be flown."""
 
     cusum: Cusum = Cusum()
     glr: Glr = Glr()
@@ -126,14 +126,14 @@ class Rivals(Settings):
 
     def refuse_others(self, signals: Collection[str]) -> None:
         """ValueError where a table is of another signal than these."""
-        for rival in type(self).model_fields:
-            for name in getattr(self, rival).signals:
+        for baseline in type(self).model_fields:
+            for name in getattr(self, baseline).signals:
                 if name not in signals:
-                    raise ValueError(f"rivals.{rival}.signals: unknown signal, {choices(name, signals)}")
+                    raise ValueError(f"baselines.{baseline}.signals: unknown signal, {choices(name, signals)}")
 
 
 # What a signal's record has besides config.PARAMS; amounts in the unit of the signal.
-RIVAL_PARAMS: Final = (
+BASELINE_PARAMS: Final = (
     ("holds_ties", "u1"),
     ("bounded", "u1"),
     ("watches", "u1"),  # statistics alone: nobody is failed by them
@@ -169,16 +169,18 @@ def extended(records: NDArray[np.void], more: Sequence[tuple[Any, ...]]) -> NDAr
     return made
 
 
-def with_rival(params: NDArray[np.void], rival: str, rivals: Rivals, signals: Sequence[str]) -> NDArray[np.void]:
-    """Return (S,) config.PARAMS of ``signals`` with what a rival is told of each."""
-    made = extended(params, RIVAL_PARAMS)
+def with_baseline(
+    params: NDArray[np.void], baseline: str, baselines: Baselines, signals: Sequence[str]
+) -> NDArray[np.void]:
+    """Return (S,) config.PARAMS of ``signals`` with what a baseline manager is told of each."""
+    made = extended(params, BASELINE_PARAMS)
     for row, signal in zip(made, signals, strict=True):
-        _tell(row, getattr(rivals, rival).of(signal))
+        _tell(row, getattr(baselines, baseline).of(signal))
     return made
 
 
-def _tell(row: Any, chosen: Rival) -> None:
-    """Write the settings of one signal into its record; what a rival does not have stays as it is."""
+def _tell(row: Any, chosen: Baseline) -> None:
+    """Write the settings of one signal into its record; what a baseline manager does not have stays as it is."""
     threshold, told = float(row["threshold"]), chosen.model_dump()
     row["holds_ties"], row["bounded"] = chosen.ties == "hold", chosen.bounded
     row["spread"] = chosen.spread * threshold
