@@ -231,12 +231,12 @@ def test_a_unit_under_test_is_told_what_it_would_be_with_our_manager(baseline: s
     from rig.flight.loop import redundancy
     from rig.flight.unit_loop import config_of
     from rig.scenario import scenario
-    from rig.unit.unit_records import Form
+    from rig.unit.unit_records import Role
 
     told = []
     for manager in ("cross-channel", baseline):
         which = scenario.load("f16_pitch_rate_hardover", [f"redundancy.manager={manager}"])
-        told.append(config_of(which, redundancy(which), np.zeros(4), next(iter(Form))))
+        told.append(config_of(which, redundancy(which), np.zeros(4), next(iter(Role))))
     assert told[0].tobytes() == told[1].tobytes()
 
 

@@ -59,7 +59,7 @@ def tables(version: str) -> tuple[dict[str, str], dict[str, str]]:
 
 def unit_of(folder: Path, path: Path, inputs: dict[str, str], outputs: dict[str, str], **more: dict[str, Any]) -> Any:
     """The unit of a file; more : tables of other names."""
-    lines = ['name = "median"', 'carrier = "fmu"', f'path = "{path}"']
+    lines = ['name = "median"', 'transport = "fmu"', f'path = "{path}"']
     for name, table in {"inputs": inputs, "outputs": outputs, **more}.items():
         lines += [f"[fmu.{name}]", *(f'"{key}" = {json.dumps(value)}' for key, value in table.items())]
     (folder / "unit.toml").write_text("\n".join(lines))
@@ -244,7 +244,7 @@ WRONG = {
     "a vote less": (
         INPUTS,
         _without(OUTPUTS, "voted.heading"),
-        "fmu.outputs: voted.heading not mapped: form redundancy needs it",
+        "fmu.outputs: voted.heading not mapped: role redundancy needs it",
     ),
     "a group in parts": (
         INPUTS,
@@ -380,11 +380,11 @@ def test_a_step_of_four_digits_or_more_makes_a_frame_and_one_a_unit_of_the_last_
             assert not makes_a_frame(f"{float(step_s) + off:#.{digits}g}", steps, rate_hz)
 
 
-def test_a_mapping_is_of_the_carrier_fmu_alone(tmp_path: Path):
+def test_a_mapping_is_of_the_transport_fmu_alone(tmp_path: Path):
     unit_of(tmp_path, Path(__file__), {}, OUTPUTS)
     path = tmp_path / "unit.toml"
     path.write_text(path.read_text().replace('"fmu"', '"library"', 1))
-    with pytest.raises(BadInput, match="fmu: the carrier library has no variables to map"):
+    with pytest.raises(BadInput, match="fmu: the transport library has no variables to map"):
         read_unit(path)
 
 

@@ -1,4 +1,4 @@
-"""The records of the seam: what C makes of the header, what the committed files say, what the rig lays out."""
+"""The records of the interface: what C makes of the header, what the committed files say, what the rig lays out."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from rig.core.frame import INDEX, Block, DecidedBy, Ilm, Law, Pattern, State
 from rig.flight.loop import fly_rows, redundancy
 from rig.scenario import scenario
 from rig.unit.session import box_rule, settings_of
-from rig.unit.unit_records import Form, Said, members
+from rig.unit.unit_records import Role, Said, members
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
 
@@ -168,7 +168,7 @@ def test_the_first_valid_unit_votes_the_first_channel_in_range_and_holds_without
 
 def test_the_autopilot_puts_the_nose_and_the_wings_back_within_the_stops():
     record, rows = quiet(3)
-    record["form"], record["rate_hz"] = Form.FLIGHT_COMPUTER, 100.0
+    record["role"], record["rate_hz"] = Role.FLIGHT_COMPUTER, 100.0
     record["surface_low"], record["surface_high"] = -0.3, [0.3, 0.3, 0.3, 1.0]
     record["trim_surface"] = [0.01, 0.0, 0.0, 0.25]
     rows["channels"][:, INDEX["dynamic_pressure"]] = 5276.0

@@ -225,4 +225,4 @@ def udp(folder: Path, plan: list[Any], name: str | Path = "first_valid", **keys:
     sizes = {"input": INPUT, "output": OUTPUT, "config": CONFIG, "part": PART, "ready": READY}
     known = json.dumps({**{key: dtype.itemsize for key, dtype in sizes.items()}, "layout": LAYOUT, "version": VERSION})
     command = [sys.executable, str(HERE / "udp.py"), str(path), "{address}", json.dumps(plan), known]
-    return written(folder, {"name": "planned", "carrier": "udp", "command": command, **keys})
+    return written(folder, {"name": "planned", "transport": "udp", "command": command, **keys})

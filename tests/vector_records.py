@@ -17,7 +17,7 @@ from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.manager_config import PARAMS, told
 from rig.core.frame import CHANNELS, SURFACES, D, DecidedBy, Ilm, Pattern, S, State
 from rig.unit.session import configuration
-from rig.unit.unit_records import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Form, Kind, Said, blank
+from rig.unit.unit_records import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Kind, Role, Said, blank
 from rig.unit.vectors import Case
 
 RATE_HZ = 100.0
@@ -84,7 +84,7 @@ class Session:
         boxes["signals"], boxes["persistence"] = self.box_signals, self.box_persistence
         limits = np.array([(-0.5, 0.5)] * (len(SURFACES) - 1) + [(0.0, 1.0)])
         names = ("vectors", "vectors")
-        return configuration(RATE_HZ, Form.REDUNDANCY, params, discretes, boxes, np.zeros(len(SURFACES)), limits, names)
+        return configuration(RATE_HZ, Role.REDUNDANCY, params, discretes, boxes, np.zeros(len(SURFACES)), limits, names)
 
     def give(self, inputs: NDArray[Any], i: int, flown: Flown) -> None:
         """Write what signal ``i`` is given."""

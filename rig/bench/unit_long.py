@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rig.core.frame import CHANNELS, SURFACES, D, DecidedBy, Ilm, S
 from rig.core.units.constants import TWO_PI
-from rig.unit.unit_records import CONFIG, INPUT, MORE_THAN_HALF, TO_UNIT, Form, Kind, blank
+from rig.unit.unit_records import CONFIG, INPUT, MORE_THAN_HALF, TO_UNIT, Kind, Role, blank
 
 RATE_HZ: Final = 100.0
 FRAMES: Final = 5000
@@ -59,7 +59,7 @@ def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[
 def _config(draw: Generator, number: int) -> NDArray[Any]:
     """Return settings, none at its default; counts beyond eight bits but in the first session."""
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
-    config["rate_hz"], config["form"] = RATE_HZ, Form.REDUNDANCY
+    config["rate_hz"], config["role"] = RATE_HZ, Role.REDUNDANCY
     boxes = ((0, 1), (3, 12), (MORE_THAN_HALF, 20), (0, 1), (MORE_THAN_HALF, 9))
     config["box_signals"], config["box_persistence"] = boxes[number]
     config["surface_low"], config["surface_high"] = -0.5, [*[0.5] * (len(SURFACES) - 1), 1.0]

@@ -1,4 +1,5 @@
-"""The carrier ``fmu``: an FMU unpacked, its description compared, and the process started that steps it (fmu_host.py).
+"""The transport ``fmu``: an FMU unpacked, its description compared, and the process started that steps it
+(fmu_host.py).
 
 An FMU made with our description (fmu_description.py) has the records of unit_records.py as its variables; of any other
 the
@@ -54,7 +55,7 @@ class FmuLink(SocketLink):
 def child(unit: Unit, looks: int) -> FmuLink:
     """Start an FMU in a child process; BadInput when it is none that can be flown.  looks : as of UnitProcess"""
     if find_spec("fmpy") is None:
-        raise BadInput(f"{unit.source}: carrier fmu needs FMPy: pip install 'jsbsim-rig[fmi]'")
+        raise BadInput(f"{unit.source}: transport fmu needs FMPy: pip install 'jsbsim-rig[fmi]'")
     folder = TemporaryDirectory(prefix="rig-fmu-")
     try:
         named = f"{unit.source}: {unit.path}"

@@ -219,7 +219,7 @@ def _usual(unit: str) -> str:
 def _said(addresses: set[str], unit: Unit) -> tuple[Said, list[str]]:
     """Return the groups that are filled, and the field that is left out of one.
 
-    BadInput: a group in parts, but states or levels alone, or one missing that the form needs.
+    BadInput: a group in parts, but states or levels alone, or one missing that the role needs.
     """
     said, unsaid = Said(0), _left_out(addresses)
     for group in Said:
@@ -227,8 +227,8 @@ def _said(addresses: set[str], unit: Unit) -> tuple[Said, list[str]]:
         missing = [address for address in every if address not in addresses]
         if not missing:
             said |= group
-        elif len(missing) < len(every) or group == _NEEDED[unit.form]:
-            why = f"form {unit.form} needs it" if group == _NEEDED[unit.form] else "others of its group are"
+        elif len(missing) < len(every) or group == _NEEDED[unit.role]:
+            why = f"role {unit.role} needs it" if group == _NEEDED[unit.role] else "others of its group are"
             more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
             raise BadInput(f"{unit.source}: fmu.outputs: {missing[0]}{more} not mapped: {why}")
     return said, unsaid

@@ -52,7 +52,7 @@ _MEANINGS: Final = {
     "text": "UTF-8, ends with NUL: name of the unit, or the reason",
     # CONFIG
     "rate_hz": "frames a second",
-    "form": "of Form",
+    "role": "of Role",
     "box_signals": "signals of a box that accuse a channel until it is failed on all; -1: more than half; 0: never",
     "box_persistence": "frames in a row of that",
     "trim_surface": "rad, throttle 0 to 1: of the first frame; index of a surface",

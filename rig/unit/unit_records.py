@@ -1,10 +1,10 @@
 """The records that go between the rig and a unit under test: their fields follow from the frame's table.
 
 Little-endian, IEEE 754, naturally aligned, every gap a field of its own (``pad_...``), sizes a multiple of eight bytes.
-All carriers move the same bytes; docs/unit-records.md has the tables.
+All transports move the same bytes; docs/unit-records.md has the tables.
 
 Each version begins with the fields of the one before where they were: units that were built for an older one are still
-flown (SEAMS).
+flown (INTERFACES).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rig.computer.redundancy.manager_config import PARAMS, told
 from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, DecidedBy, Ilm, Law, Pattern, S, State
 from rig.core.frame.fields import BASES, FIELD, FIELDS
 
-VERSION: Final = 3  # of the seam; a change of a field changes LAYOUT alone
+VERSION: Final = 3  # of the interface; a change of a field changes LAYOUT alone
 TO_UNIT, FROM_UNIT = 0x49474952, 0x4F474952  # "RIGI", "RIGO" as little-endian words
 PART_BYTES: Final = 1024  # of CONFIG in one message that must fit into an Ethernet frame
 NAME_BYTES, TEXT_BYTES = 64, 192
@@ -51,7 +51,7 @@ class Said(IntFlag):
     SURFACE = 32
 
 
-class Form(IntEnum):
+class Role(IntEnum):
     """Parts of the flight computer that a unit may be."""
 
     REDUNDANCY = 0  # channels in, votes and states out
@@ -88,7 +88,7 @@ ANSWERS: Final[dict[str, Said]] = {
 }
 ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (
     Kind,
-    Form,
+    Role,
     Said,
     Ilm,
     State,
@@ -145,7 +145,7 @@ def _packed(entries: list[_Entry]) -> np.dtype[Any]:
 
 
 def _little(dtype: np.dtype[Any], names: Iterable[str]) -> np.dtype[Any]:
-    """Return fields of a record of our own settings as a record of the seam: the widest first."""
+    """Return fields of a record of our own settings as a record of the interface: the widest first."""
     kinds = {name: place(dtype, name)[0] for name in names}
     return _packed(_widest_first([(name, kind.base.newbyteorder("<"), kind.shape) for name, kind in kinds.items()]))
 
@@ -172,7 +172,7 @@ READY: Final = _packed([*_HEAD, ("text", f"S{TEXT_BYTES}", ()), *_TAIL])  # REFU
 _CONFIGURED: Final[list[_Entry]] = [
     *_HEAD,
     ("rate_hz", "<f8", ()),
-    ("form", "<i8", ()),
+    ("role", "<i8", ()),
     ("box_signals", "<i8", ()),
     ("box_persistence", "<i8", ()),
     ("trim_surface", "<f8", (len(SURFACES),)),
@@ -246,7 +246,7 @@ def _layout(version: int) -> int:
     return int.from_bytes(hashlib.sha256(described(version).encode()).digest()[:8], "little")
 
 
-class Seam(NamedTuple):
+class Interface(NamedTuple):
     """A version of the records that is flown: the first bytes of ours, with a tail of its own."""
 
     version: int
@@ -264,24 +264,28 @@ _OLDER: Final[dict[int, dict[str, np.dtype[Any]]]] = {
 }
 
 
-def _seam(version: int) -> Seam:
+def _interface(version: int) -> Interface:
     records = RECORDS | _OLDER.get(version, {})
     config, asked, answer = (records[name].itemsize for name in ("config", "input", "output"))
     unknown = [place(OUTPUT, name)[1] for name in OUTPUT.names or () if SINCE.get(name, 1) > version]
-    return Seam(version, _layout(version), config, asked, answer, min(unknown, default=answer))
+    return Interface(version, _layout(version), config, asked, answer, min(unknown, default=answer))
 
 
-SEAM: Final = _seam(VERSION)
-LAYOUT: Final = SEAM.layout
-OLD_SEAMS: Final = tuple(_seam(version) for version in range(VERSION - 1, 0, -1))  # the newest first
-SEAMS: Final = {(seam.version, seam.layout): seam for seam in (SEAM, *OLD_SEAMS)}
+INTERFACE: Final = _interface(VERSION)
+LAYOUT: Final = INTERFACE.layout
+OLD_INTERFACES: Final = tuple(_interface(version) for version in range(VERSION - 1, 0, -1))  # the newest first
+INTERFACES: Final = {(interface.version, interface.layout): interface for interface in (INTERFACE, *OLD_INTERFACES)}
 
 
-def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0, seam: Seam = SEAM) -> np.ndarray[Any, Any]:
-    """Return a record (1,) of a session with nothing in it but its head and length, where ``seam`` has that."""
+def blank(
+    dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0, interface: Interface = INTERFACE
+) -> np.ndarray[Any, Any]:
+    """Return a record (1,) of a session with nothing in it but its head and length, where ``interface`` has that."""
     record = np.zeros(1, dtype)
-    record["magic"], record["version"], record["kind"] = magic, seam.version, kind
-    record["layout"], record["session"] = seam.layout, session
-    size = {CONFIG: seam.config_bytes, INPUT: seam.input_bytes, OUTPUT: seam.output_bytes}.get(dtype, dtype.itemsize)
+    record["magic"], record["version"], record["kind"] = magic, interface.version, kind
+    record["layout"], record["session"] = interface.layout, session
+    size = {CONFIG: interface.config_bytes, INPUT: interface.input_bytes, OUTPUT: interface.output_bytes}.get(
+        dtype, dtype.itemsize
+    )
     record.view("u1")[size - 8 : size - 4] = np.frombuffer((size - 8).to_bytes(4, "little"), "u1")
     return record

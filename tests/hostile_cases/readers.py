@@ -46,7 +46,7 @@ _CAMPAIGN: Final[dict[str, Any]] = {"sound": "camp", "mark": "campaign.json"}
 _CELLS: Final[dict[str, Any]] = {"sound": "cells", "mark": "campaign.json"}  # of the campaign `reliability`
 _SCENARIO: Final = "everything.toml"
 _OWN: Final = "aircraft.toml"
-_NAMES: Final = 'name = "u"\npath = "X"\n', 'name = "u"\ncarrier = "udp"\ncommand = ["X"]\n'
+_NAMES: Final = 'name = "u"\npath = "X"\n', 'name = "u"\ntransport = "udp"\ncommand = ["X"]\n'
 _MAPPED: Final = "".join(f'"pitch_rate.{c}" = "X:pitch_rate.{c}"\n' for c in (1, 2))
 _MAPPING: Final = f"[default]\nthreshold = 0.1\n[mapping]\n{_MAPPED}"
 _BASE: Final = "\n[vary]\nseed = [1]\n"
@@ -236,7 +236,7 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
     ),
     "Unit.path": (
         Reader(f"fly everything.toml {_FLY} --unit u.toml", "noise.csv", (_SCENARIO,), (("u.toml", _NAMES[0]),)),
-        Reader("unit check u.toml", "noise.csv", (), (("u.toml", f'carrier = "fmu"\n{_NAMES[0]}'),)),
+        Reader("unit check u.toml", "noise.csv", (), (("u.toml", f'transport = "fmu"\n{_NAMES[0]}'),)),
     ),
     "Unit.command": (
         Reader(

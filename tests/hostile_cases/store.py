@@ -124,7 +124,7 @@ class Store:
         (self.folder / "rates.toml").write_text(rates)
         (self.folder / "noise.csv").write_text("".join(f"{k}e-6,2e-6,-3e-6,{-k}e-6\n" for k in range(99)))
         (self.folder / "redundancy.toml").write_text('[redundancy]\nmanager = "median"\n')
-        (self.folder / "unit.toml").write_text('name = "u"\ncarrier = "python"\nmanager = "evilmod:M"\n')
+        (self.folder / "unit.toml").write_text('name = "u"\ntransport = "python"\nmanager = "evilmod:M"\n')
         shutil.copytree(_CHECKOUT / "aircraft" / "f16", self.folder / "own")
         (self.folder / "trials").mkdir()
         (self.folder / "trials" / "trials.json").write_text('{"format": 1}')

@@ -44,8 +44,8 @@ enum rig_kind {
 };
 
 enum rig_form {
-    RIG_FORM_REDUNDANCY = 0,
-    RIG_FORM_FLIGHT_COMPUTER = 1,
+    RIG_ROLE_REDUNDANCY = 0,
+    RIG_ROLE_FLIGHT_COMPUTER = 1,
 };
 
 enum rig_said {
@@ -306,7 +306,7 @@ struct rig_config {
     int64_t frame;
     double time_s;
     double rate_hz;
-    int64_t form;
+    int64_t role;
     int64_t box_signals;
     int64_t box_persistence;
     double trim_surface[4];
@@ -330,7 +330,7 @@ RIG_ASSERT(offsetof(struct rig_config, session) == 16);
 RIG_ASSERT(offsetof(struct rig_config, frame) == 24);
 RIG_ASSERT(offsetof(struct rig_config, time_s) == 32);
 RIG_ASSERT(offsetof(struct rig_config, rate_hz) == 40);
-RIG_ASSERT(offsetof(struct rig_config, form) == 48);
+RIG_ASSERT(offsetof(struct rig_config, role) == 48);
 RIG_ASSERT(offsetof(struct rig_config, box_signals) == 56);
 RIG_ASSERT(offsetof(struct rig_config, box_persistence) == 64);
 RIG_ASSERT(offsetof(struct rig_config, trim_surface) == 72);

@@ -72,7 +72,7 @@ int rig_unit_open(const struct rig_config *wanted)
     roll = (struct pid){.p = 2.0, .i_1_s = 0.4, .d_s = 1.2};
     memset(voted, 0, sizeof voted);
     stepped = 0;
-    const int ours = wanted->form == RIG_FORM_FLIGHT_COMPUTER && wanted->rate_hz > 0.0;
+    const int ours = wanted->role == RIG_ROLE_FLIGHT_COMPUTER && wanted->rate_hz > 0.0;
     return ours && wanted->layout == RIG_UNIT_LAYOUT ? 0 : 1;
 }
 

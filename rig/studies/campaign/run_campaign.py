@@ -177,7 +177,7 @@ def _workers(unit: Unit | None, workers: int | None) -> int | None:
     """
     if unit is None:
         return workers
-    if unit.carrier == "python":
+    if unit.transport == "python":
         raise BadInput(f"{unit.source}: in a campaign a class is named by --set redundancy.manager={unit.manager}")
     if unit.address is None:
         return workers
