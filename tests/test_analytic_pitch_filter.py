@@ -124,9 +124,9 @@ def rows_threshold(aircraft: str) -> float:
 @pytest.mark.requirement("fault-tolerant", "the reference never asks the sensor")
 def test_as_a_reference_it_never_asks_the_sensor():
     """All four channels off: the reference stays, and says so by becoming unusable."""
-    lie = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2,3,4],start_s=20.0,offset=0.2}]'
+    sensor_fault = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2,3,4],start_s=20.0,offset=0.2}]'
     kept = ("control.vertical=stick", "redundancy.common_mode=report")  # a failed signal disputes nothing
-    healthy, rows = flown(*kept), flown(*kept, lie)
+    healthy, rows = flown(*kept), flown(*kept, sensor_fault)
     assert rows["truth"][:2001].tobytes() == healthy["truth"][:2001].tobytes()
     assert (rows["reference"][:2002, THETA] == healthy["reference"][:2002, THETA])[1:].all()
     assert not rows["reference_usable"][2100, THETA]
@@ -134,8 +134,8 @@ def test_as_a_reference_it_never_asks_the_sensor():
 
 @pytest.mark.requirement("fault-tolerant", "the reference never asks the sensor")
 def test_as_a_reference_it_settles_a_split_between_pairs():
-    lie = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2],start_s=20.0,offset=0.1}]'
-    rows = flown(lie, 'redundancy.signals.pitch_angle.tie_break=["reference"]')
+    sensor_fault = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2],start_s=20.0,offset=0.1}]'
+    rows = flown(sensor_fault, 'redundancy.signals.pitch_angle.tie_break=["reference"]')
     assert (rows["state"][-1, THETA] == [State.FAILED, State.FAILED, State.OK, State.OK]).all()
     assert (rows["decided_by"][2000:2010, THETA] == DecidedBy.REFERENCE).all()
 

@@ -316,7 +316,7 @@ def busy(n: int = 120) -> Block:
 @pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
 def test_no_reference_reads_truth_channels_or_the_signal_that_it_checks(config: Config):
     """Nor, of a signal that it remembers or was aligned with, a vote that its channels do not agree on."""
-    honest = {}
+    plain = {}
     for signal in SIGNALS:
         known, blind = busy(), busy()
         for field in ("truth", "flight", "channels", "surface", "command", "demand"):
@@ -328,15 +328,15 @@ def test_no_reference_reads_truth_channels_or_the_signal_that_it_checks(config: 
         blind["voted"][40 if remembers else 0 :, INDEX[signal.name]] = 1e6
         said = [ref(run(block, config, accelerometer=(4.0, 0.5, 1.0)), signal.name) for block in (known, blind)]
         assert said[0].tobytes() == said[1].tobytes()
-        honest[signal.name] = said[0]
-    assert {name for name, said in honest.items() if np.isfinite(said).any()} == {name for name, _ in PARTNERS}
+        plain[signal.name] = said[0]
+    assert {name for name, said in plain.items() if np.isfinite(said).any()} == {name for name, _ in PARTNERS}
 
 
 @pytest.mark.requirement("references", "its partners and they alone; lost with them")
 @pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
 def test_each_reference_reads_its_partners_and_they_alone(config: Config):
     aircraft: dict[str, Any] = {"accelerometer": (4.0, 0.5, 1.0), "pitch_rate_gain": 0.95, "elevator_arm_m": 3.0}
-    honest = run(busy(), config, **aircraft)
+    plain = run(busy(), config, **aircraft)
     for (name, chosen), partners in PARTNERS.items():
         if source(config, name) != chosen:
             continue
@@ -344,7 +344,7 @@ def test_each_reference_reads_its_partners_and_they_alone(config: Config):
         for signal in SIGNALS:
             moved = busy()
             moved["voted"][60:, INDEX[signal.name]] += 0.01 if signal.unit != "Pa" else 50.0
-            if ref(run(moved, config, **aircraft), name).tobytes() != ref(honest, name).tobytes():
+            if ref(run(moved, config, **aircraft), name).tobytes() != ref(plain, name).tobytes():
                 read.add(signal.name)
         assert read == {*partners, *REMEMBERED.get((name, chosen), ())}, (name, chosen)
 

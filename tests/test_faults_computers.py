@@ -86,10 +86,10 @@ def test_a_lane_that_was_failed_for_its_clock_relays_no_old_words():
 
 
 def test_a_lane_that_lies_beside_a_silent_one_takes_no_channel_of_the_good_ones_along():
-    """B is silent; D, who lies, leaves no majority until it is failed: within a signal's persistence."""
-    lie = '{kind="link_lie", signal="ccdl.D", offset_thresholds=5.0, different=true, start_s=0.3}'
+    """B is silent; D, which is byzantine, leaves no majority until it is failed: within a signal's persistence."""
+    byzantine = '{kind="link_byzantine", signal="ccdl.D", offset_thresholds=5.0, different=true, start_s=0.3}'
     loss = '{kind="link_loss", signal="ccdl.B", start_s=0.1}'
-    flight = flown(seconds=0.6, sets=(f"faults=[{loss}, {lie}]", EXACT))
+    flight = flown(seconds=0.6, sets=(f"faults=[{loss}, {byzantine}]", EXACT))
     out, test = out_from(flight, "D") or (0, LaneTest.NONE)
     assert test == LaneTest.COMMANDS and out <= 36
     held, sampled = flight.bus["channels"][:, 0, :, 2], flight.rows["channels"][:, :, 2]

@@ -231,7 +231,7 @@ def test_a_duplicate_frame_repeats_the_last_one():
     assert np.array_equal(rows["channels"][:, Q, 1], expected) and acts(rows) == [20, 30, 40, 50]
 
 
-@pytest.mark.parametrize(("word", "same"), [("blind", "good"), ("false alarm", "bad"), ("lying", "inverted")])
+@pytest.mark.parametrize(("word", "same"), [("blind", "good"), ("false alarm", "bad"), ("wrong", "inverted")])
 def test_an_in_line_monitor_may_be_described_by_its_fault(word, same):
     block = healthy()
     block["ilm"][30:, Q] = Ilm.BAD

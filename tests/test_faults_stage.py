@@ -161,7 +161,7 @@ EVERY = [
     {"kind": "quantisation", "step": 0.01, "signal": "reference.pitch_rate", "start_s": 0.1},
     {"kind": "cross_talk", "gain": 0.1, "source": "roll_rate", "signal": "pitch_rate", "channels": [2], "start_s": 0.1},
     {"kind": "duplicate_frame", "every_s": 0.03, "signal": "inertial.yaw_rate_rad_s", "start_s": 0.1},
-    {"kind": "ilm", "says": "lying", "signal": "pitch_rate", "channels": [1, 2], "start_s": 0.1},
+    {"kind": "ilm", "says": "wrong", "signal": "pitch_rate", "channels": [1, 2], "start_s": 0.1},
     {"kind": "rate_loss", "max_rate_per_s": 0.02, "signal": "surface.aileron", "start_s": 0.3},
     {"kind": "pitot_icing", "channels": [4], "start_s": 0.2, "pitot_rate_pa_s": -50.0},
     {"kind": "vane_icing", "start_s": 0.5},

@@ -36,9 +36,9 @@ def test_the_same_scenario_and_seed_give_the_same_bytes_and_another_seed_does_no
 def test_truth_never_reaches_redundancy_or_control():
     """Once the sensors have spoken, truth and flight condition become garbage; nothing that follows changes."""
     which = load("turbulence=light")
-    honest, blind = Rig(which), Rig(which)
+    seeing, blind = Rig(which), Rig(which)
     a, b = new_block(300), new_block(300)
-    for block, rig in ((a, honest), (b, blind)):
+    for block, rig in ((a, seeing), (b, blind)):
         rig.prepare(block)
         for k in range(len(block)):
             assert rig.plant.read(block, k) == 0

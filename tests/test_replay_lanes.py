@@ -19,7 +19,7 @@ from rig.log.recordings.flown_log import Recorded, recorded
 from rig.log.writer import LogWriter
 
 # Each with its fault within 8 s; servos in the first, whose lane is shut off.
-SCENARIOS = ("f16_wrong_command", "f16_link_lie", "f16_clock_drift", "f16_adc", "f16_power_loss")
+SCENARIOS = ("f16_wrong_command", "f16_link_byzantine", "f16_clock_drift", "f16_adc", "f16_power_loss")
 
 
 WORDS = np.array([state.name.lower() for state in State])

@@ -99,7 +99,7 @@ def test_in_line_monitors_that_lie_make_a_wrong_isolation():
     assert places(found) == [
         ("pitch_rate", 3, "missed"),
         ("pitch_rate", 4, "missed"),
-        ("pitch_rate", 1, "undetectable"),  # the lie itself spoils no sample
+        ("pitch_rate", 1, "undetectable"),  # a wrong monitor spoils no sample
         ("pitch_rate", 2, "undetectable"),
     ]
     assert (found.tie_break["ilm"].right, found.tie_break["ilm"].wrong, found.unresolved) == (0, 1, 0)

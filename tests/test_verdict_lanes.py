@@ -37,7 +37,7 @@ WRONG = 'kind="wrong_command", signal="computer.B", surface="elevator", does="ha
         (WRONG, "vote of commands", 5),  # 0.05 s, and a frame until accusations count
         ('kind="computer_stop", signal="computer.A"', "watchdog", 1),  # 0.02 s
         ('kind="link_frozen", signal="ccdl.D"', "link", 4),  # 0.05 s
-        ('kind="link_lie", signal="ccdl.A-B", offset_thresholds=3.0', "relays", 0),
+        ('kind="link_byzantine", signal="ccdl.A-B", offset_thresholds=3.0', "relays", 0),
     ],
 )
 def test_a_fault_of_a_lane_or_of_a_link_has_who_found_it_and_when(fault: str, by: str, frames: int):

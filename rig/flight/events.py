@@ -224,7 +224,7 @@ def _trust(frame: int, old: int, new: int, row: Any) -> Event | None:
     return None
 
 
-def _lie(frame: int, old: int, new: int, row: Any) -> Event | None:
+def _sensor_fault(frame: int, old: int, new: int, row: Any) -> Event | None:
     if new == SensorFault.RATE_BIAS:
         return Event(frame, "warning", "rate biased", "pitch_angle: the sensor is right, a rate of turn is biased")
     if new in (SensorFault.NONE, SensorFault.UNDETERMINED):
@@ -268,7 +268,7 @@ _DESCRIBE = {
     "source": _source,
     "law": _law,
     "trust": _trust,
-    "lie": _lie,
+    "sensor_fault": _sensor_fault,
     "unit": _unit,
     "end": _end,
 }

@@ -32,9 +32,9 @@ from rig.scenario.aircraft import bundled
 
 DECIDED: Final = (
     *("frame", "state", "level", "pattern", "decided_by", "reference_usable", "common_mode", "source"),
-    *("discrete_state", "discrete_level", "discrete_voted", "law", "trust", "lie", "end"),
+    *("discrete_state", "discrete_level", "discrete_voted", "law", "trust", "sensor_fault", "end"),
 )
-OF_FLIGHT: Final = {name: FIELD[name].enum for name in ("law", "trust", "lie", "end")}
+OF_FLIGHT: Final = {name: FIELD[name].enum for name in ("law", "trust", "sensor_fault", "end")}
 SHOWN: Final = 4  # entries of one decision
 Track = tuple[str, str, NDArray[Any], Callable[[int], str]]  # whose, what, a value each row, a row's value in words
 Entries = dict[tuple[str, str], list[tuple[int, str]]]  # (whose, what): the frames in which it changes, and to what

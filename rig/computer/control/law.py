@@ -27,7 +27,7 @@ def control_law(bus, fcc, data):
     """Fly one frame: signals to surfaces.
 
     bus, fcc : the row's BUS and FCC records; reads demand, inertial, voted, level, reference, reference_usable,
-               discrete_voted; writes source, command, surface, law, estimate, trust, lie
+               discrete_voted; writes source, command, surface, law, estimate, trust, sensor_fault
     data : ControlData
     A signal that is not finite keeps its last value; before the first one the surfaces stay at trim.
     """

@@ -142,7 +142,7 @@ def vote_commands(i, lead, fcc, links, health, data):
         for j in range(fitted):
             late = lead[i] - lead[j] > links.link[0]["window"]
             data.samples[j] = data.before[j, s] if late and i != j else data.told[j, s]
-            data.samples[j] += links.parts[LinkPart.LIE, i, j] * threshold[s]
+            data.samples[j] += links.parts[LinkPart.OFFSET, i, j] * threshold[s]
             data.valid[j] = is_engaged(health.lane[j]) and hears(i, j, links)
         p, st = data.params[s], data.state[i, s]
         data.decided_by[i, s] = manage_signal(data.samples, data.valid, data.ilm, np.nan, np.nan, p, st)

@@ -99,7 +99,7 @@ FIELDS: Final = (
     Field("acting", "actuation", (MOST_FAULTS // 8,), "byte", message=FLOWN),
     Field("law", "fcc", (), "enum", Law, message=CONTROL),
     Field("trust", "fcc", (), "enum", Trust, message=CONTROL),
-    Field("lie", "fcc", (), "enum", SensorFault, message=CONTROL),
+    Field("sensor_fault", "fcc", (), "enum", SensorFault, message=CONTROL),
     Field("end", "truth", (), "enum", End, message=FLOWN),
     # Channels that are commanded to be readmitted in this frame: bit 0 is channel 1.
     Field("reset", "bus", _SIGNALS, "small", since=4),
