@@ -1,4 +1,4 @@
-"""``rig fly`` and ``rig bench``, and how one flight is printed."""
+"""``rig fly`` and ``rig cost``, and how one flight is printed."""
 
 from __future__ import annotations
 
@@ -308,7 +308,7 @@ def _peaks(flight: Flight) -> str:
     )
 
 
-def bench(
+def cost(
     scenario: ScenarioName = None,
     sets: Sets = None,
     repeats: Annotated[int, opt("N", "Flights; the medians count.", min=1)] = 7,

@@ -22,7 +22,7 @@ from rig.cli.campaign import app as campaign_app
 from rig.cli.catalogue import faults_app, scenario_app, signals
 from rig.cli.check import check
 from rig.cli.common import GROUP
-from rig.cli.fly import bench, fly
+from rig.cli.fly import cost, fly
 from rig.cli.recordings import thresholds, vote
 from rig.cli.replay import diff, export, info, recover, replay
 from rig.cli.safety import reliability_app
@@ -53,7 +53,7 @@ _COMMANDS: Final = {
     LOOK: (view, report, watch, info),
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
-    REFERENCE: (signals, bench),
+    REFERENCE: (signals, cost),
     MANY: (check, search, benchmark),
 }
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer

@@ -74,7 +74,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "aircraft design name": (Reader("aircraft design X", "own", mark=_OWN, long=True),),
     "aircraft list folders": (Reader("aircraft list X", "own", mark=_OWN),),
     "aircraft show name": (Reader("aircraft show X", "own", mark=_OWN),),
-    "bench scenario": (Reader("bench X --repeats 1", _SCENARIO, long=True),),
+    "cost scenario": (Reader("cost X --repeats 1", _SCENARIO, long=True),),
     "campaign compare first": (Reader("campaign compare X camp", **_CAMPAIGN, needs=("camp",)),),
     "campaign compare second": (Reader("campaign compare camp X", **_CAMPAIGN, needs=("camp",)),),
     "campaign fly --unit": (_unit("campaign fly camp --run 0 --unit X", "camp"),),

@@ -132,7 +132,7 @@ PAGES: Final = {
                 r"^(result|flight   |report   logs|written|runs )",
             ),
             Section("Bad input", ["python tests/tools/hostile.py --cases 1000"], r"^\| (kind|all) |^\|-|cases in"),
-            Section("A frame", ["rig bench"] * 8, "^ratio"),
+            Section("A frame", ["rig cost"] * 8, "^ratio"),
             Section("A campaign", [f"{SHOW} throughput"]),
             Section("A unit under test", [UNITS_BUILT, f"{SHOW} unit_cost {UNITS}/build"]),
         ],

@@ -20,7 +20,8 @@ _FIRST_THETA_RAD: Final = 0.001  # sigma of the sensor at the start
 def monitor_pitch_angle(inertial, fcc, param, state, signals):
     """Replace the pitch angle in ``signals`` by its estimate while the sensor is declared faulty; write the status.
 
-    inertial : quantities of frame.INERTIAL; fcc : an FCC record, reads source, level, writes estimate, trust, sensor_fault
+    inertial : quantities of frame.INERTIAL; fcc : an FCC record, reads source, level, writes estimate, trust,
+    sensor_fault
     signals : (S,), all finite; param, state : one record of PARAM and of STATE; state in place
     A healthy sensor is passed on bit for bit.
     """
