@@ -319,7 +319,7 @@ def test_no_reference_reads_truth_channels_or_the_signal_that_it_checks(config: 
     plain = {}
     for signal in SIGNALS:
         known, blind = busy(), busy()
-        for field in ("truth", "flight", "channels", "surface", "command", "demand"):
+        for field in ("truth", "flight", "channels", "surface", "command", "autopilot_command"):
             blind[field] = np.nan
         own, aligned = (signal.name, source(config, signal.name)), ("pitch_angle", "roll_angle")
         remembers = own[0] in REMEMBERED.get(own, ()) or (own[0] in aligned and own[1] == "inertial")

@@ -49,7 +49,7 @@ def fly(
     block["level"] = CHANNELS
     block["level"][LOSS:, columns] = 0
     block["discrete_voted"][:, DISCRETE_INDEX["autopilot_engaged"]] = 1
-    block["demand"][100:, 1] = bank
+    block["autopilot_command"][100:, 1] = bank
     for k in range(n):
         assert plant.read(block, k) == 0, f"departed {(k - LOSS) / RATE_HZ} s after the loss"
         row = block[k]

@@ -177,9 +177,9 @@ def test_an_older_message_may_lack_fields_and_members_but_not_differ():
 
 @pytest.mark.parametrize(("attribute", "value"), [("name", "other"), ("number", 40), ("type", schema.DOUBLE + 4)])
 def test_an_older_field_of_another_name_number_or_type_is_not_read(attribute: str, value: Any):
-    whole = described("rig.Demand")
+    whole = described("rig.AutopilotCommand")
     setattr(whole.file[0].message_type[0].field[1], attribute, value)
-    assert schema.older(whole, schema.MESSAGES["rig.Demand"]) is None
+    assert schema.older(whole, schema.MESSAGES["rig.AutopilotCommand"]) is None
 
 
 def test_old_fields_keep_their_numbers():

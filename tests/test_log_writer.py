@@ -174,7 +174,7 @@ def enum_name(message, field):
 def test_protobuf_decodes_every_other_topic_to_the_rows(tmp_path):
     block, timing = write(tmp_path / "a.mcap", 20)
     for topic in FRAME_TOPICS:
-        if topic.message not in ("rig.Discrete", "rig.Control", "rig.Demand", "rig.Flight", "rig.Timing"):
+        if topic.message not in ("rig.Discrete", "rig.Control", "rig.AutopilotCommand", "rig.Flight", "rig.Timing"):
             continue
         messages = decoded(tmp_path / "a.mcap", topic.name)
         source = timing if topic.message == "rig.Timing" else block

@@ -14,7 +14,7 @@ from rig.core.frame import DecidedBy, Pattern, State
 from rig.core.units.angles import difference
 from rig.core.units.constants import TWO_PI
 
-# Multiples of 1/8 make sums and shifts exact, so that equality can be demanded.
+# Multiples of 1/8 make sums and shifts exact, so that equality can be asked for.
 EIGHTHS = st.integers(-80, 80).map(lambda n: n / 8)
 FRAMES = hnp.arrays(np.float64, (20, 4), elements=EIGHTHS)
 FEW = settings(max_examples=60, deadline=None)

@@ -114,7 +114,7 @@ def scored_by_the_clean_channels_that_the_flight_kept(which: scenario.Scenario, 
 def test_a_replay_reads_no_truth(flown):
     rows = read_log(flown).rows
     blind = rows.copy()
-    for name in ("truth", "discrete_truth", "flight", "demand", "command", "surface"):
+    for name in ("truth", "discrete_truth", "flight", "autopilot_command", "command", "surface"):
         blind[name] = 77
     again = vote_again(blind, recorded(flown).scenario)
     assert again["voted"].tobytes() == rows["voted"].tobytes()

@@ -212,7 +212,7 @@ def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
     tested.begin(config.copy())
     for k in range(HOSTILE_FRAMES):
         asked = np.zeros((), INPUT)
-        for name in (*REFERENCES, "channels", "inertial", "demand"):
+        for name in (*REFERENCES, "channels", "inertial", "autopilot_command"):
             asked[name] = draw.choice(numbers, asked[name].shape)
         for name in ("valid", "ilm", "discrete_valid", "discrete_ilm", "discrete_channels", "reset", "discrete_reset"):
             asked[name] = draw.integers(0, 3 if "ilm" in name else 2, asked[name].shape)

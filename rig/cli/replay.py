@@ -232,7 +232,11 @@ def export(
     layout: Annotated[str | None, opt("VIEWER", "Not a table, a layout to open the log with: foxglove.")] = None,
     signals: Annotated[
         str | None,
-        opt("A,B", "Signals, discretes, control, flight, inertial, demand, actuator.elevator.", show_default="all"),
+        opt(
+            "A,B",
+            "Signals, discretes, control, flight, inertial, autopilot_command, actuator.elevator.",
+            show_default="all",
+        ),
     ] = None,
     out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="<log>.<to>")] = None,
     for_vote: Annotated[bool, flag("--for-vote", "Only what rig vote reads.")] = False,

@@ -106,7 +106,7 @@ class Rig:
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)
 
     def prepare(self, block: Block) -> None:
-        """Draw and plan what is made a block at a time: stick, demands and commands, noise, chance."""
+        """Draw and plan what is made a block at a time: stick, autopilot commands and commands, noise, chance."""
         self.pilot.prepare(block)
         command(block, self.scenario.redundancy.resets, self.scenario.rate_hz)
         self.sensors.prepare(block)

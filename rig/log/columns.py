@@ -7,7 +7,7 @@ The table has a row a frame, its columns named as ``rig vote`` names its own:
     <signal>.voted .level .pattern .decided_by .state.1 ..  .trend.high .trend.low      what rig vote writes
     <signal>.truth .valid.1 ..  .reference_usable .source                             what only a flight has
     <discrete>.1 ..  .truth .voted .state.1 ..  .level .valid.1 ..  .ilm.1 ..
-    control.*, inertial.*, flight.*, demand.*         the fields of these topics
+    control.*, inertial.*, flight.*, autopilot_command.*         the fields of these topics
     actuator.<surface>.ram .asked.1 ..                of a flight with servo actuators
     computer.<A to D>.voted_<signal> ..               of a flight with several computers
     ccdl.state_A_B .. .age_A_B .. .outvoted_A_B ..    of the link from A to B, and so on
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 class Column:
     """One number of a frame: whose it is, its name in the owner's message, and its place in FLAT."""
 
-    owner: str  # a signal, a discrete, or the topic: control, inertial, flight, demand
+    owner: str  # a signal, a discrete, or the topic: control, inertial, flight, autopilot_command
     name: str
     field: str  # of FLAT
     index: tuple[int, ...]

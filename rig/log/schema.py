@@ -101,7 +101,7 @@ def _field(place: Place) -> Field:
 
 
 # The fields of each message; their numbers are their positions, from 1.
-_OF_FRAME: Final = ("rig.Signal", "rig.Discrete", "rig.Control", "rig.Demand", "rig.Inertial", "rig.Flight")
+_OF_FRAME: Final = ("rig.Signal", "rig.Discrete", "rig.Control", "rig.AutopilotCommand", "rig.Inertial", "rig.Flight")
 MESSAGES: Final = {
     **{name: tuple(map(_field, places(name))) for name in _OF_FRAME},
     "rig.Timing": tuple(Field(name, DOUBLE, name) for name in TIMING.names or ()),
@@ -135,7 +135,7 @@ FRAME_TOPICS: Final = (
     *(Topic(signal.topic, "rig.Signal", i) for i, signal in enumerate(SIGNALS)),
     *(Topic(discrete.topic, "rig.Discrete", i) for i, discrete in enumerate(DISCRETES)),
     Topic("/control", "rig.Control"),
-    Topic("/demand", "rig.Demand"),
+    Topic("/autopilot_command", "rig.AutopilotCommand"),
     Topic("/inertial", "rig.Inertial"),
     Topic("/flight", "rig.Flight"),
     Topic("/timing", "rig.Timing"),

@@ -43,7 +43,7 @@ enum rig_kind {
     RIG_KIND_REPLY = 7,
 };
 
-enum rig_form {
+enum rig_role {
     RIG_ROLE_REDUNDANCY = 0,
     RIG_ROLE_FLIGHT_COMPUTER = 1,
 };
@@ -133,12 +133,12 @@ enum rig_discrete_index {
     RIG_DISCRETE_AUTOPILOT_ENGAGED = 2,
 };
 
-enum rig_demand_index {
-    RIG_DEMAND_PITCH_ANGLE_RAD = 0,
-    RIG_DEMAND_ROLL_ANGLE_RAD = 1,
-    RIG_DEMAND_ALTITUDE_M = 2,
-    RIG_DEMAND_HEADING_RAD = 3,
-    RIG_DEMAND_AIRSPEED_M_S = 4,
+enum rig_autopilot_command_index {
+    RIG_AUTOPILOT_COMMAND_PITCH_ANGLE_RAD = 0,
+    RIG_AUTOPILOT_COMMAND_ROLL_ANGLE_RAD = 1,
+    RIG_AUTOPILOT_COMMAND_ALTITUDE_M = 2,
+    RIG_AUTOPILOT_COMMAND_HEADING_RAD = 3,
+    RIG_AUTOPILOT_COMMAND_AIRSPEED_M_S = 4,
 };
 
 enum rig_surface_index {
@@ -385,7 +385,7 @@ struct rig_input {
     double time_s;
     double reference[16];
     double second_reference[16];
-    double demand[5];
+    double autopilot_command[5];
     double channels[16][4];
     double inertial[9];
     uint8_t valid[16][4];
@@ -411,7 +411,7 @@ RIG_ASSERT(offsetof(struct rig_input, frame) == 24);
 RIG_ASSERT(offsetof(struct rig_input, time_s) == 32);
 RIG_ASSERT(offsetof(struct rig_input, reference) == 40);
 RIG_ASSERT(offsetof(struct rig_input, second_reference) == 168);
-RIG_ASSERT(offsetof(struct rig_input, demand) == 296);
+RIG_ASSERT(offsetof(struct rig_input, autopilot_command) == 296);
 RIG_ASSERT(offsetof(struct rig_input, channels) == 336);
 RIG_ASSERT(offsetof(struct rig_input, inertial) == 848);
 RIG_ASSERT(offsetof(struct rig_input, valid) == 920);

@@ -2,8 +2,8 @@
 
 Each lane samples its own channel and tells it to the others (exchange.py).  A message that comes later than the
 receiver reads is one of the frame before.  What is missing is not valid in the receiver's BUS, and no number; inertial
-unit, demands and commands are common to all lanes.  While nothing is broken and all messages are in time each lane has
-what was sampled, and nothing is exchanged one by one.
+unit and the pilot's commands are common to all lanes.  While nothing is broken and all messages are in time each lane
+has what was sampled, and nothing is exchanged one by one.
 """
 
 from __future__ import annotations

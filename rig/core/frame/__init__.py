@@ -62,9 +62,9 @@ from rig.core.frame.second_row import (
     parts_of,
 )
 from rig.core.frame.signals import (
+    AUTOPILOT_COMMANDS,
     CHANNELS,
     COMMANDS,
-    DEMANDS,
     DISCRETE_INDEX,
     DISCRETES,
     ESTIMATES,

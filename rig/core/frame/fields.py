@@ -5,7 +5,7 @@ FRAME (row.py), the log's messages (rig/log/schema.py), its column names and wha
 Parts, by who writes a field and who may read it:
 
     truth      what is so: plant and pilot; never read by the computer
-    bus        what the computer reads: sensors, inertial unit, faults on them, the pilot's demands and commands
+    bus        what the computer reads: sensors, inertial unit, faults on them, the pilot's commands
     fcc        what the computer writes
     actuation  what reaches the surfaces, and which faults act
 """
@@ -20,7 +20,7 @@ from typing import Final, Literal
 import numpy as np
 
 from rig.core.frame.enums import DecidedBy, End, Ilm, Law, Pattern, SensorFault, Source, State, Trust, UnitStatus
-from rig.core.frame.signals import CHANNELS, COMMANDS, DEMANDS, ESTIMATES, FLIGHT, INERTIAL, SURFACES, D, S
+from rig.core.frame.signals import AUTOPILOT_COMMANDS, CHANNELS, COMMANDS, ESTIMATES, FLIGHT, INERTIAL, SURFACES, D, S
 
 MOST_FAULTS: Final = 64  # of one scenario
 Part = Literal["truth", "bus", "fcc", "actuation"]
@@ -65,7 +65,13 @@ def _elements(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
 FIELDS: Final = (
     Field("truth", "truth", _SIGNALS, unit="signal"),  # the sticks by the pilot
     Field("flight", "truth", (len(FLIGHT),), message=FLOWN, elements=FLIGHT, newer=_FORCES),
-    Field("demand", "bus", (len(DEMANDS),), message="rig.Demand", elements=DEMANDS),
+    Field(
+        "autopilot_command",
+        "bus",
+        (len(AUTOPILOT_COMMANDS),),
+        message="rig.AutopilotCommand",
+        elements=AUTOPILOT_COMMANDS,
+    ),
     Field("channels", "bus", _EACH, unit="signal", stem="ch"),
     Field("inertial", "bus", (len(INERTIAL),), message="rig.Inertial", elements=INERTIAL, newer=_FORCES),
     Field("voted", "fcc", _SIGNALS, unit="signal"),

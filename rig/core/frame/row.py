@@ -8,7 +8,7 @@ bytes field by field: ``rows["voted"]`` of a FLAT block is ``rows["fcc"]["voted"
 
 Order of writing in one frame (see loop.py):
 
-    pilot      bus: demand, resets; truth: sticks, discrete_truth[autopilot_engaged]
+    pilot      bus: autopilot_command, resets; truth: sticks, discrete_truth[autopilot_engaged]
     plant      truth
     sensors    bus: channels, valid, ilm, the same of the discretes, inertial
     faults     bus, corrupted; actuation: acting

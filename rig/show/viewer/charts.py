@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import DEMANDS, SURFACES, Block
+from rig.core.frame import AUTOPILOT_COMMANDS, SURFACES, Block
 from rig.log.columns import COLUMNS
 from rig.show.viewer.derived import DEGREE_NAMES, degrees
 from rig.show.viewer.style import plain
@@ -19,7 +19,7 @@ from rig.show.viewer.style import plain
 class Chart(NamedTuple):
     """Lines of one unit.
 
-    names : of DEGREE_NAMES; or command_*, surface_*, actuator_*, demand_* of FRAME, and flight_* of FLIGHT
+    names : of DEGREE_NAMES; or command_*, surface_*, actuator_*, autopilot_command_* of FRAME, and flight_* of FLIGHT
     span  : the least that its axis shows, in its unit
     """
 
@@ -45,9 +45,14 @@ CONTROL: Final = (
     Chart("commanded heading", "deg", ("command_heading_rad",), 2.0),
     Chart("commanded and pressure altitude", "m", ("command_altitude_m", "command_pressure_altitude_m"), 20.0),
     Chart("commanded and equivalent airspeed", "m/s", ("command_airspeed_m_s", "command_equivalent_airspeed_m_s"), 5.0),
-    Chart("demanded changes of angles", "deg", tuple(f"demand_{name}" for name in DEMANDS if name[-4:] == "_rad"), 2.0),
-    Chart("demanded change of altitude", "m", ("demand_altitude_m",), 20.0),
-    Chart("demanded change of airspeed", "m/s", ("demand_airspeed_m_s",), 5.0),
+    Chart(
+        "commanded changes of angles",
+        "deg",
+        tuple(f"autopilot_command_{name}" for name in AUTOPILOT_COMMANDS if name[-4:] == "_rad"),
+        2.0,
+    ),
+    Chart("commanded change of altitude", "m", ("autopilot_command_altitude_m",), 20.0),
+    Chart("commanded change of airspeed", "m/s", ("autopilot_command_airspeed_m_s",), 5.0),
 )
 SURFACE: Final = (
     *(
@@ -73,7 +78,7 @@ _COLUMNS: Final = {column.path: column for column in COLUMNS}
 def place(name: str) -> tuple[str, str]:
     """Return topic and field in the log of a name of a chart."""
     where, _, field = name.partition("_")
-    topics = {"flight": "/flight", "position": "/flight", "demand": "/demand"}
+    topics = {"flight": "/flight", "position": "/flight", "autopilot_command": "/autopilot_command"}
     return (topics[where], field) if where in topics else ("/control", name)
 
 
