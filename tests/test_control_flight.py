@@ -76,8 +76,8 @@ def fly(
         assert plant.read(block, k) == 0, f"departed at {t[k]} s"
         block["voted"][k] = block["truth"][k] + error[k]
         control.step(block, k)
-        block["actuator"][k] = block["surface"][k]
-        block["actuator"][k, 0] = plant.trim[0] + elevator_factor * (block["surface"][k, 0] - plant.trim[0])
+        block["surface_command"][k] = block["surface"][k]
+        block["surface_command"][k, 0] = plant.trim[0] + elevator_factor * (block["surface"][k, 0] - plant.trim[0])
         plant.step(block, k)
     return block
 

@@ -62,7 +62,7 @@ def fly(
         if poison:
             row["truth"][:], row["flight"][:], row["channels"][:] = np.nan, np.nan, np.nan
         control.step(block, k)
-        block["actuator"][k] = block["surface"][k]
+        block["surface_command"][k] = block["surface"][k]
         row["truth"][:], row["flight"][:] = kept
         plant.step(block, k)
     return block
@@ -257,7 +257,7 @@ def step_all(block: Block) -> None:
     control.reset([0.01, -0.002, 0.003, 0.3])
     for k in range(len(block)):
         control.step(block, k)
-        block["actuator"][k] = block["surface"][k]
+        block["surface_command"][k] = block["surface"][k]
 
 
 def digest() -> str:

@@ -277,9 +277,9 @@ def test_a_surface_fault_changes_what_reaches_the_actuator_and_not_the_command(k
     command, true = clean["surface"][:, 0].copy(), clean["flight"][:, FLIGHT_INDEX["elevator_rad"]].copy()
     rows = faulted({**keys, "signal": "surface.elevator", "start_s": ON / 100})
     assert np.array_equal(rows["surface"], clean["surface"])
-    assert np.array_equal(rows["actuator"][:, 1:], clean["actuator"][:, 1:])
-    assert np.array_equal(rows["actuator"][:ON, 0], command[:ON])
-    assert np.allclose(rows["actuator"][ON:, 0], expected(command, true)[ON:], atol=1e-12)
+    assert np.array_equal(rows["surface_command"][:, 1:], clean["surface_command"][:, 1:])
+    assert np.array_equal(rows["surface_command"][:ON, 0], command[:ON])
+    assert np.allclose(rows["surface_command"][ON:, 0], expected(command, true)[ON:], atol=1e-12)
     assert acts(rows) == list(range(ON, N))
 
 

@@ -117,9 +117,11 @@ def test_a_jammed_surface_stays_where_it_was_while_the_law_commands_on():
     elevator = rows["flight"][:, FLIGHT_INDEX["elevator_rad"]]
     at = elevator[100]
     moved = np.abs(elevator[100:] - at)
-    assert (rows["actuator"][100:, 0] == at).all()
+    assert (rows["surface_command"][100:, 0] == at).all()
     assert moved.max() < 2e-4 and moved[-1] < 1e-9  # the servo's lag swings out
-    assert np.ptp(rows["surface"][100:, 0]) > 1e-4 and np.array_equal(rows["actuator"][:, 1:], rows["surface"][:, 1:])
+    assert np.ptp(rows["surface"][100:, 0]) > 1e-4 and np.array_equal(
+        rows["surface_command"][:, 1:], rows["surface"][:, 1:]
+    )
 
 
 @pytest.mark.long

@@ -139,7 +139,7 @@ def test_the_correction_is_bounded():
 def test_with_biased_gyros_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: str, bias: float, channels: list[int]):
     sensor_fault = fault("offset", signal='"pitch_rate"', offset=bias, channels=channels)
     rows, plain = flown(sensor_fault, aircraft=aircraft), flown(sensor_fault, aircraft=aircraft, law="autopilot")
-    assert rows["actuator"].tobytes() == plain["actuator"].tobytes()
+    assert rows["surface_command"].tobytes() == plain["surface_command"].tobytes()
     assert 0 < np.flatnonzero(rows["sensor_fault"] == SensorFault.RATE_BIAS)[0] - FAULT_FRAME < 300
     assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["sensor_fault"]) == {
         SensorFault.NONE,
@@ -160,7 +160,7 @@ def test_what_it_integrates_may_be_halved_in_a_turn_and_is_not_blamed_on_the_sen
 
 def test_a_unit_that_runs_away_changes_nothing():
     sensor_fault = 'faults=[{kind="hardover",signal="inertial.roll_rate_rad_s",start_s=20.0}]'
-    assert flown(sensor_fault)["actuator"].tobytes() == flown()["actuator"].tobytes()
+    assert flown(sensor_fault)["surface_command"].tobytes() == flown()["surface_command"].tobytes()
 
 
 @pytest.mark.requirement("fault-tolerant", "bound, reversion, arbiter")

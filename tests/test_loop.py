@@ -51,7 +51,7 @@ def test_truth_never_reaches_redundancy_or_control():
             row, data = nested(block)[k], rig.data
             think_lane(row, row["bus"], row["fcc"], k, ComputerData(data.redundancy, data.control, data.faults))
             block["truth"][k], block["flight"][k], block["discrete_truth"][k] = kept
-            block["actuator"][k] = block["surface"][k]
+            block["surface_command"][k] = block["surface"][k]
             actuate(row, rig.faults.data)
             rig.plant.step(block, k)
     assert same(a, b)

@@ -199,7 +199,7 @@ def test_small_motion_is_not_blown_up():
 
 def test_what_reaches_an_actuator_is_drawn_where_a_fault_changed_it():
     rows = new_block(3)
-    rows["frame"], rows["actuator"][:, 1] = np.arange(3), np.radians(4.0)  # of the aileron
+    rows["frame"], rows["surface_command"][:, 1] = np.arange(3), np.radians(4.0)  # of the aileron
     drawn = surfaces([of_surface(Table(rows), 100.0, i) for i in range(4)]).to_dict()
     changed = [trace["yaxis"] for trace in drawn["data"] if trace["name"] == "at the actuator"]
     assert changed == ["y2"]
@@ -210,7 +210,7 @@ def test_what_reaches_an_actuator_is_drawn_where_a_fault_changed_it():
 def test_a_flight_that_ends_not_finite_can_be_drawn():
     rows, s = new_block(4), INDEX["roll_angle"]
     rows["frame"], rows["truth"][:, s] = np.arange(4), [0.0, 1.0, np.inf, np.nan]
-    rows["voted"][:, s], rows["actuator"][:, 0] = [0.0, 1e300, np.nan, 0.0], [0.0, 1e300, np.inf, np.nan]
+    rows["voted"][:, s], rows["surface_command"][:, 0] = [0.0, 1e300, np.nan, 0.0], [0.0, 1e300, np.inf, np.nan]
     drawn = [of_flight(of_signal(Table(rows), 100.0, "roll_angle", 0.1), 100.0, "roll_angle", np.ones(4, bool))]
     off = line(rows["frame"] / 100.0, errors(Table(rows), "roll_angle") / 0.1)
     drawn += [vote_errors({"roll_angle": off}, {"roll_angle": 0.1})]

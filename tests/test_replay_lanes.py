@@ -49,7 +49,7 @@ def test_every_lane_says_the_same_again_to_the_bit(name: str, tmp_path: Path):
 
 def test_the_valves_of_a_lane_that_failed_are_shut_again(wrong_command: Recorded):
     lanes = read_log(wrong_command.path).lanes
-    assert lanes is not None and lanes["actuator"]["valve"][-1, :, 1].all()  # those of lane B
+    assert lanes is not None and lanes["servo"]["valve"][-1, :, 1].all()  # those of lane B
     fields = {field.name: field.verdict for field in verify(wrong_command).comparison.fields}
     assert fields["actuator.elevator.valve_2"] == "equal"
 

@@ -84,7 +84,7 @@ def test_a_flight_computer_flies_its_own_surfaces(tmp_path: Path):
     rows = flight.rows
     assert (rows["law"] == Law.EXTERNAL).all()
     assert np.isnan(rows["voted"]).all() and (rows["state"] == State.ABSENT).all()
-    assert np.array_equal(rows["surface"], rows["actuator"])
+    assert np.array_equal(rows["surface"], rows["surface_command"])
     assert np.ptp(rows["surface"][:, 0]) > 0
     assert flight.survived and flight.not_executed == []
 

@@ -86,7 +86,7 @@ def test_both_hydraulic_systems_cost_every_surface_at_once():
 def test_a_jam_fails_all_channels_and_costs_the_surface_when_the_last_one_is_shut_off():
     which, rows, lanes = flown(JAM, sets=('turbulence="severe"',), seconds=5.0)
     scored = score(which, Table(rows, lanes))
-    by = lanes["actuator"]["failed_by"][:, 0]
+    by = lanes["servo"]["failed_by"][:, 0]
     failed = [int(np.argmax(by[:, c] != 0)) for c in range(4)]
     assert by[-1].all() and scored.faults[0].failed_frame == min(failed)
     assert scored.faults[0].bypassed_frame == scored.actuators["elevator"].bypassed_frame == max(failed)
@@ -131,7 +131,7 @@ def test_a_fault_shorter_than_the_persistence_is_tolerated():
 def test_a_healthy_channel_that_is_shut_off_is_told(surface: int, kind: str, field: str, words: str):
     which, rows, lanes = flown(HARDOVER)
     tampered = lanes.copy()
-    tampered["actuator"]["failed_by"][ONSET + 12 :, surface, 2] = ActuatorMonitor.RAM
+    tampered["servo"]["failed_by"][ONSET + 12 :, surface, 2] = ActuatorMonitor.RAM
     scored, name = score(which, Table(rows, tampered)), MOVED[surface]
     (one,) = getattr(scored, field)
     assert (one.signal, one.channel, one.frame, one.decided_by) == (f"actuator.{name}", 3, ONSET + 12, "ram")

@@ -317,11 +317,11 @@ def test_the_band_is_the_vote_with_the_threshold_either_side_and_marks_the_fault
 def test_angles_of_control_are_in_degrees_and_a_heading_is_around_north() -> None:
     rows = new_block(1)
     rows["command"][:, COMMANDS.index("heading_rad")] = np.radians(359.0)
-    rows["actuator"][:, SURFACES.index("rudder_rad")] = np.radians(-4.0)
+    rows["surface_command"][:, SURFACES.index("rudder_rad")] = np.radians(-4.0)
     [found] = derived.degrees(rows)
     at = dict(zip(derived.DEGREE_NAMES, found, strict=True))
     assert at["command_heading_rad"] == pytest.approx(-1.0)
-    assert at["actuator_rudder_rad"] == pytest.approx(-4.0)
+    assert at["surface_command_rudder_rad"] == pytest.approx(-4.0)
     assert at["surface_rudder_rad"] == 0.0
 
 

@@ -114,7 +114,7 @@ class Rig:
         self.faults.prepare(block)
         if parts := self.scenario.lane_parts:
             self._lanes = lane_rows(len(block), parts, int(block["frame"][0]))
-            for part, stage in (("actuator", self.actuators), ("computer", self.computers)):
+            for part, stage in (("servo", self.actuators), ("computer", self.computers)):
                 if stage is not None:
                     stage.prepare(self._lanes[part])
         self.data = self._gather()

@@ -131,7 +131,7 @@ _NUMBERED: Final = {"channels": "", "discrete_channels": "", "state": ".state", 
 
 def name(column: Column) -> str:
     """Return the column's name in a table."""
-    if isinstance(column, LaneColumn) and column.part == "actuator":
+    if isinstance(column, LaneColumn) and column.part == "servo":
         return ".".join([column.owner, column.field, *(str(i + 1) for i in column.index[1:])])
     if isinstance(column, LaneColumn):
         return f"{column.owner}.{column.name}"

@@ -78,7 +78,7 @@ class Log:
     metadata: dict[str, str]
     result: dict[str, str] | None  # None when the flight was not ended by the loop
     attachments: dict[str, bytes]
-    # (n,): ``actuator`` (3,) of servos; ``computer`` (4,) and ``link`` (4, 4), receiver by sender, of computers.
+    # (n,): ``servo`` (3,) of servos; ``computer`` (4,) and ``link`` (4, 4), receiver by sender, of computers.
     lanes: NDArray[Any] | None = None
 
     @classmethod

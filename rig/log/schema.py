@@ -148,7 +148,7 @@ EVENTS: Final = Topic("/events", "foxglove.Log")
 TOPICS: Final = (*FRAME_TOPICS, *POSE_TOPICS, EVENTS)
 # In the log of a flight with servo actuators, or several computers, too: one message of each in every frame.
 LANE_TOPICS: Final[dict[LanePart, tuple[Topic, ...]]] = {
-    "actuator": tuple(Topic(f"/actuator/{name}", "rig.Actuator", i) for i, name in enumerate(MOVED)),
+    "servo": tuple(Topic(f"/actuator/{name}", "rig.Actuator", i) for i, name in enumerate(MOVED)),
     "computer": (
         *(Topic(f"/computer/{name}", "rig.Computer", i) for i, name in enumerate(COMPUTERS)),
         Topic("/ccdl", "rig.Ccdl"),  # of all computers: the first of an index is the receiver

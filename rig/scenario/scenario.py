@@ -165,7 +165,7 @@ class Scenario(Settings):
     @property
     def lane_parts(self) -> LaneParts:
         """Parts of the rows beside the frame's that a flight has."""
-        there: dict[LanePart, bool] = {"actuator": self.has_servos, "computer": self.computers.count > 1}
+        there: dict[LanePart, bool] = {"servo": self.has_servos, "computer": self.computers.count > 1}
         return tuple(part for part, is_there in there.items() if is_there)
 
     @property

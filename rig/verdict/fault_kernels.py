@@ -82,7 +82,7 @@ def at_its_place(row, clean, references, fault, out):
         return row["reference"][s], abs(difference(row["reference"][s], references[s], out.params[s]["wraps"]))
     if fault["surface"] >= 0:
         i = fault["surface"]
-        return row["actuator"][i], abs(row["actuator"][i] - row["surface"][i])
+        return row["surface_command"][i], abs(row["surface_command"][i] - row["surface"][i])
     return math.nan, 0.0
 
 

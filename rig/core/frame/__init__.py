@@ -44,7 +44,6 @@ from rig.core.frame.row import (
     to_frame,
 )
 from rig.core.frame.second_row import (
-    ACTUATOR,
     COMPUTER,
     COMPUTER_FIELDS,
     COMPUTERS,
@@ -54,6 +53,7 @@ from rig.core.frame.second_row import (
     LINK,
     LINKS,
     MOVED,
+    SERVO,
     SYSTEMS,
     LanePart,
     LaneParts,

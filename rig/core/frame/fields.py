@@ -82,7 +82,13 @@ FIELDS: Final = (
     Field("estimate", "fcc", (len(ESTIMATES),), message=CONTROL, elements=_elements("estimate_", ESTIMATES)),
     Field("surface", "fcc", (len(SURFACES),), message=CONTROL, elements=_elements("surface_", SURFACES)),
     # What reaches the actuators: ``surface``, unless a fault is between.
-    Field("actuator", "actuation", (len(SURFACES),), message=CONTROL, elements=_elements("actuator_", SURFACES)),
+    Field(
+        "surface_command",
+        "actuation",
+        (len(SURFACES),),
+        message=CONTROL,
+        elements=_elements("surface_command_", SURFACES),
+    ),
     Field("trend_high", "fcc", _SIGNALS, "byte"),
     Field("trend_low", "fcc", _SIGNALS, "byte"),
     Field("valid", "bus", _EACH, "flag"),  # 0: the sensor itself flags the sample

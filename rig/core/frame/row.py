@@ -15,7 +15,7 @@ Order of writing in one frame (see loop.py):
     references fcc: reference, second_reference; then corrupted by faults
     manager    fcc: voted, state, level, pattern, decided_by, ...; the same of the discretes
     control    fcc: source, law, command, surface, estimate, trust, sensor_fault
-    faults     actuation: actuator = surface, corrupted; acting
+    faults     actuation: surface_command = surface, corrupted; acting
 
 SI units throughout; angles in rad, load factors in g (1), sticks normalised (-1 to 1).
 """

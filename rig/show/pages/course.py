@@ -36,7 +36,7 @@ FIELDS: Final = (
         "decided_by",
         "source",
     ),
-    *("discrete_state", "law", "surface", "actuator", "flight"),
+    *("discrete_state", "law", "surface", "surface_command", "flight"),
 )
 LATEST_S: Final = 30.0  # an isolation later than this is not that of the first frame
 TOGETHER_S: Final = 2.0  # a fault that begins so shortly before a pattern is shown with it

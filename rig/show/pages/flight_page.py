@@ -89,7 +89,7 @@ def _figures(
     """Draw the pictures, by the id of their element, in the order of the page; names : signals with an event."""
     shown, flight = names[:MOST_SIGNALS], course.flight
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
-    surfaces = actuators.happened(scored) if "actuator" in log.lanes else []
+    surfaces = actuators.happened(scored) if "servo" in log.lanes else []
     lanes, thresholds = computers.happened(scored, log.events), _thresholds(scored, shown)
     labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
     beside = computers.states(course, rate_hz, scored.scenario.computers.count) if lanes else []
@@ -164,7 +164,7 @@ def _about(
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _said(one, rate_hz)) for one in moments],
-        "actuators": actuators.happened(scored) if "actuator" in log.lanes else [],
+        "actuators": actuators.happened(scored) if "servo" in log.lanes else [],
         "computers": computers.happened(scored, log.events),
         "signals": names[:MOST_SIGNALS],
         "alike": [one for one in alike[:MOST_GROUPS] if len(one) > 1],

@@ -128,7 +128,7 @@ _POSITIONS: Final = [FLIGHT_INDEX[SURFACES[i]] for i in _SURFACES]
 DEGREE_NAMES: Final = (
     *(f"command_{COMMANDS[i]}" for i in _COMMANDS),
     *(f"autopilot_command_{AUTOPILOT_COMMANDS[i]}" for i in _AUTOPILOT_COMMANDS),
-    *(f"{what}_{SURFACES[i]}" for what in ("surface", "actuator", "position") for i in _SURFACES),
+    *(f"{what}_{SURFACES[i]}" for what in ("surface", "surface_command", "position") for i in _SURFACES),
 )
 _ROUND: Final = [DEGREE_NAMES.index("command_heading_rad")]
 
@@ -139,7 +139,7 @@ def degrees(rows: Block) -> _Floats:
         rows["command"][:, _COMMANDS],
         rows["autopilot_command"][:, _AUTOPILOT_COMMANDS],
         rows["surface"][:, _SURFACES],
-        rows["actuator"][:, _SURFACES],
+        rows["surface_command"][:, _SURFACES],
         rows["flight"][:, _POSITIONS],
     ]
     numbers = np.concatenate(parts, axis=1) * scale_shown("rad")

@@ -226,7 +226,7 @@ def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Bl
         blamed=bool(blamed.any()),
         answered_after_s=answered_after_s(tolerant["sensor_fault"][onset:] == SensorFault.RATE_BIAS, rate_hz),
         early=bool((tolerant["sensor_fault"][:onset] == SensorFault.RATE_BIAS).any()),
-        identical=plain["actuator"].tobytes() == tolerant["actuator"].tobytes(),
+        identical=plain["surface_command"].tobytes() == tolerant["surface_command"].tobytes(),
         command=" ".join(["rig fly", f"--seed {case.seed}", *flags]),
     )
 
