@@ -6,6 +6,7 @@ Exit code 0 when the work was done (a lost aircraft is a result), 2 for bad inpu
 from __future__ import annotations
 
 import logging
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -33,6 +34,7 @@ from rig.cli.unit import unit_app
 from rig.cli.view import view, watch
 from rig.core.errors import BadInput, RigError
 from rig.core.interrupt import end_cleanly
+from rig.core.renamed import COMMANDS, OPTIONS, now_called
 from rig.core.text import shorten
 
 EXAMPLE: Final = "Example: rig fly f16_split_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
@@ -56,6 +58,7 @@ _COMMANDS: Final = {
     REFERENCE: (signals, cost),
     MANY: (check, search, benchmark),
 }
+_UNKNOWN_COMMAND: Final = re.compile("No such command '([^']*)'")
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
 for _parameter in (TyperArgument, TyperOption):  # help shows the names that we give to values, no types of Python
@@ -141,8 +144,21 @@ def _command() -> int:
             error.show()
             return error.exit_code
         path = error.ctx.command_path if error.ctx else "rig"
+        if renamed := _renamed(error):
+            raise BadInput(renamed) from None
         message = shorten(error.format_message().rstrip("."), MOST_OF_A_WORD)
         raise BadInput(f"{message}; see: {path} --help") from None
+
+
+def _renamed(error: Any) -> str:
+    """Return what a command or an option of before is called now; "" of what is none."""
+    unknown, context = _UNKNOWN_COMMAND.match(error.format_message()), error.ctx
+    group = f"rig {context.info_name}" if context and context.parent else "rig"
+    command, option = f"{group} {unknown[1]}" if unknown else "", getattr(error, "option_name", "")
+    for old, names in ((command, COMMANDS), (option, OPTIONS)):
+        if old in names:
+            return now_called(old, names[old])
+    return ""
 
 
 def _verbose_first(arguments: list[str]) -> list[str]:

@@ -39,6 +39,7 @@ from rig.core.frame import (
     Table,
 )
 from rig.core.frame.fields import FIELD
+from rig.core.renamed import TOPICS, now_called
 from rig.core.text import choices, quoted
 from rig.core.units.quantities import unit_of_name
 from rig.log.schema import LANE_MESSAGES, LANE_TOPICS, MESSAGES, TOPICS_OF_ROWS, Field, Topic
@@ -178,6 +179,8 @@ def dataframe(table: Table, time_s: NDArray[np.float64], owners: Sequence[str] =
     allowed = [*OWNERS, *lane_owners(table)]
     for owner in owners:
         if owner not in allowed:
+            if new := TOPICS.get(f"/{owner}"):
+                raise BadInput(now_called(owner, new.removeprefix("/")))
             raise BadInput(f"unknown {quoted(owner)}, {choices(owner, allowed, 'rig signals')}")
     values = {column: column.of(table) for column in (*chosen(table.rows, owners), *chosen_lanes(table, owners))}
     return of_columns({TIME: time_s, **{name(c): v for c, v in values.items()}}, {name(c): c for c in values})

@@ -15,6 +15,7 @@ from rig.core.blocks import cuts
 from rig.core.errors import BadInput, BadLog
 from rig.core.event import Event
 from rig.core.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, Table, lane_rows, links
+from rig.core.renamed import data_now
 from rig.core.text import choices, quoted
 from rig.log.scan import About, iter_parts
 
@@ -165,7 +166,7 @@ def scenario_of(metadata: Mapping[str, str], where: object) -> dict[str, Any]:
         scenario = None
     if not isinstance(scenario, dict):
         raise BadLog(f"{where}: the scenario in its metadata is damaged")
-    return scenario
+    return data_now(scenario)
 
 
 def unit_of(metadata: Mapping[str, str]) -> dict[str, Any]:

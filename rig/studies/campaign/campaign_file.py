@@ -19,6 +19,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from rig.core.errors import BadInput
 from rig.core.files import bundled, is_file
+from rig.core.renamed import CAMPAIGNS, now_called
 from rig.core.settings import Settings, build, read_toml
 from rig.core.text import quoted
 
@@ -199,6 +200,8 @@ def find(name: str | Path) -> Path:
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
         if is_file(candidate):
             return candidate
+    if new := CAMPAIGNS.get(wanted.stem):
+        raise BadInput(now_called(str(wanted), new))
     raise BadInput(f"{wanted}: no such file; bundled: {', '.join(names())}")
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rig.core.frame import FLIGHT_INDEX, INDEX
+from rig.core.renamed import formula_now, now_called
 from rig.core.text import choices, quoted
 from rig.world.faults.grammar import Grammar, Op, Refused, Step, Steps, Window, parse
 
@@ -174,6 +175,8 @@ def _is_signal(name: Name) -> bool:
 
 def unknown_family(name: str) -> str:
     """Return what to say of a name that is no quantity whatever the signals are."""
+    if (new := formula_now(name)) != name:
+        return now_called(name, new)
     forms = [*(f"{family}.<signal>" for family in OF_SIGNALS), *(f"{family}.<signal>.<N>" for family in OF_CHANNELS)]
     accepted = [
         *forms,
