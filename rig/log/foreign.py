@@ -41,6 +41,13 @@ def topics(path: Path) -> dict[str, str]:
         return _topics(summary(file))
 
 
+def schemas(path: Path) -> dict[str, Schema]:
+    """Return what describes the messages of each topic that has it, in the order of their channels.  BadLog."""
+    with _opened(path) as file:
+        contents = summary(file)
+    return {c.topic: contents.schemas[c.schema_id] for c in contents.channels.values() if c.schema_id}
+
+
 def fields(path: Path) -> dict[str, set[str]]:
     """Return the fields of FRAME in each topic of a flight's vote; none of another file.  BadLog as ``topics``."""
     with _opened(path) as file:

@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from mcap.records import Schema
 from numpy.typing import NDArray
 
 from rig.bench.replay.compare_flights import Comparison, Field, joined, of_column, tolerances
 from rig.core.blocks import cuts
 from rig.core.errors import BadLog
 from rig.core.frame import INDEX, SIGNALS
+from rig.core.renamed import field_now
 from rig.core.text import shorten
 from rig.log import LogFile, foreign
 from rig.log.columns import COLUMNS, LANE_COLUMNS
@@ -70,23 +73,31 @@ def _is_voted(path: Path) -> bool:
 
 def _voted(path: Path) -> Side:
     """Read a vote: of a flight's log by its own scenario only what the flight has too, else all fields."""
-    of_flight = foreign.fields(path)
+    of_flight = {topic: set(map(field_now, fields)) for topic, fields in foreign.fields(path).items()}
     wanted = {
-        topic: {field.name for field in MESSAGES[schema] if not of_flight or field.source in of_flight[topic]}
-        for topic, schema in foreign.topics(path).items()
-        if schema == "rig.Signal" or topic in of_flight
+        topic: _fields(schema, of_flight.get(topic))
+        for topic, schema in foreign.schemas(path).items()
+        if schema.name == "rig.Signal" or topic in of_flight
     }
     columns, wraps, rows = dict[str, NDArray[Any]](), dict[str, bool](), 0
     for topic, source in foreign.read(path, wanted).items():
         name, rows = topic.rsplit("/", 1)[1], len(source.time_s)
         on_circle = name in INDEX and SIGNALS[INDEX[name]].wraps
-        for field, values in source.fields.items():
+        for field, values in ((field_now(field), values) for field, values in source.fields.items()):
             columns[f"{name}.{field}"], wraps[f"{name}.{field}"] = values, on_circle and field in _ANGLES
 
     def blocks() -> Iterator[tuple[NDArray[np.int64], Part]]:
         return ((np.arange(rows)[part], lambda name, part=part: columns[name][part]) for part in cuts(rows))
 
     return Side(path, None, rows, wraps, blocks, {}, partial=bool(of_flight))
+
+
+def _fields(schema: Schema, of_flight: set[str] | None) -> set[str]:
+    """Return the fields of a message of ours, by the names that it was written with; of_flight : those that count."""
+    (message,) = FileDescriptorSet.FromString(schema.data).file[0].message_type
+    sources = {field.name: field.source for field in MESSAGES[schema.name]}
+    names = {field.name: sources.get(field_now(field.name)) for field in message.field}
+    return {name for name, source in names.items() if source and (of_flight is None or source in of_flight)}
 
 
 def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:
