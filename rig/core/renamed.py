@@ -6,6 +6,7 @@ a log or a campaign's folder, is read by this table.
 
 from __future__ import annotations
 
+import re
 from typing import Any, Final
 
 # Keys of files, each where the new key may stand.
@@ -79,6 +80,20 @@ IN_LAYOUT: Final = {
     "Role": "Form",
     "autopilot_command": "demand",
 }
+
+
+_FROM_LAYOUT: Final = {old: new for new, old in IN_LAYOUT.items()}
+_WORD: Final = re.compile(r"\w+")
+
+
+def in_layout(text: str) -> str:
+    """Return a text of names of a unit's records with those of then."""
+    return _WORD.sub(lambda word: IN_LAYOUT.get(word[0], word[0]), text)
+
+
+def of_layout(text: str) -> str:
+    """Return a text of names of a unit's records of then with those of now."""
+    return _WORD.sub(lambda word: _FROM_LAYOUT.get(word[0], word[0]), text)
 
 
 def now_called(old: str, new: str) -> str:

@@ -21,6 +21,7 @@ from typing import Any, Final, get_args
 from xml.etree import ElementTree
 
 from rig.core.errors import BadInput
+from rig.core.renamed import in_layout
 from rig.core.text import quoted
 from rig.unit import transport as links
 from rig.unit.fmu_description import IDENTIFIER, TOKEN, TOKENS, Place, Version, variables
@@ -167,7 +168,7 @@ def _runs(version: Version, known: dict[str, Described], records: int, named: st
     for variable in variables(version):
         if SINCE.get(re.split(r"\[", variable.name)[0], 1) > records:
             continue
-        found = known.get(variable.name)
+        found = known.get(variable.name) or known.get(in_layout(variable.name))  # of one that was made before
         if found is None or found.type != variable.type(version):
             raise BadInput(f"{named} has no variable {variable.name} of type {variable.type(version)}")
         if variable.name == "stepped":  # the child counts itself

@@ -25,6 +25,7 @@ from typing import Any, Final, NamedTuple
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS, Law
 from rig.core.frame.fields import FIELD
+from rig.core.renamed import of_layout
 from rig.core.text import choices
 from rig.core.units.conversion import conversion
 from rig.core.units.quantities import unit_of_name
@@ -152,6 +153,8 @@ def _expanded(key: str, variable: str, elements: dict[str, Element], where: str)
     shape = re.compile(re.escape(key).replace(r"\*", r"([^.]+)"))
     fits = [(address, match) for address in elements if (match := shape.fullmatch(address))]
     if not fits:
+        if (new := of_layout(key)) != key:
+            raise BadInput(f"{where}: is now called {new}")
         raise BadInput(f"{where}: no such element; {choices(key, elements, 'docs/unit-records.md')}")
     parts = variable.split("*")
     return [(address, "".join(map("".join, zip(parts, (*match.groups(), ""), strict=True)))) for address, match in fits]

@@ -10,7 +10,6 @@ flown (INTERFACES).
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Iterable, Iterator
 from enum import IntEnum, IntFlag
 from typing import Any, Final, NamedTuple
@@ -21,7 +20,7 @@ from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.manager_config import PARAMS, told
 from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, DecidedBy, Ilm, Law, Pattern, S, State
 from rig.core.frame.fields import BASES, FIELD, FIELDS
-from rig.core.renamed import IN_LAYOUT
+from rig.core.renamed import in_layout
 
 VERSION: Final = 3  # of the interface; a change of a field changes LAYOUT alone
 TO_UNIT, FROM_UNIT = 0x49474952, 0x4F474952  # "RIGI", "RIGO" as little-endian words
@@ -107,7 +106,6 @@ def members(enum: type[IntEnum] | type[IntFlag], version: int = VERSION) -> list
     return [member for member in enum if not isinstance(member, DecidedBy) or version >= since.get(member, 1)]
 
 
-_WORD: Final = re.compile(r"\w+")
 _Entry = tuple[str, Any, tuple[int, ...]]
 _HEAD: Final[list[_Entry]] = [
     ("magic", "<u4", ()),
@@ -245,7 +243,7 @@ def described(version: int = VERSION) -> str:
         lines += [f"  {e.offset} {e.name} {e.record or e.base.str} {e.shape}" for e in walk(dtype)]
     enums = (enum for enum in ENUMS if version > 1 or enum is not Status)
     lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in enums for member in members(enum, version)]
-    return _WORD.sub(lambda word: IN_LAYOUT.get(word[0], word[0]), "\n".join(lines))
+    return in_layout("\n".join(lines))
 
 
 def _layout(version: int) -> int:
