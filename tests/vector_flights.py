@@ -204,7 +204,7 @@ def bursting(seed: int) -> Flown:
 
 def biased(seed: int) -> Flown:
     """A random signal whose channels differ by slow faults."""
-    draw = random.Random(f"slow_faults {seed}")
+    draw = random.Random(f"lasting {seed}")  # the word that the vectors were drawn by
     return Flown(slow_faults(with_slow_faults(build(draw.choice), draw.choice)))
 
 
