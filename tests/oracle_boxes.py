@@ -1,4 +1,4 @@
-"""What several channels have in common, once more from the requirement alone: a box that dies, channels that come back.
+"""What several channels have in common, once more from the requirement alone: LRU failure, channels that come back.
 
 Flights of several signals: channels that fall silent or go off on many signals at once, and on few.  A failed channel
 agrees in a frame in which its sample can be compared and lies within the threshold of the vote, behind the filter.

@@ -114,9 +114,9 @@ def test_thresholds_and_who_decided_are_named_with_their_figures(split: Path):
     text = split.read_text()
     cards = re.findall(r'<div class="card"><b[^>]*>(.*?)</b><span>(.*?)</span>', text)
     assert ("reference", "found the faults or failed the channels") in cards
-    assert "pitch_rate threshold 2.86 deg/s, outlier threshold 0.63 deg/s" in text
+    assert "pitch_rate threshold 2.86 deg/s, isolation threshold 0.63 deg/s" in text
     names = {trace.get("name") for trace in figures(text)["moment-pitch_rate"]["data"]}
-    assert "vote ± outlier threshold 0.63 deg/s" in names
+    assert "vote ± isolation threshold 0.63 deg/s" in names
     assert figures(text)["votes"]["data"][0]["name"] == "pitch_rate, threshold 2.86 deg/s"
 
 

@@ -1,4 +1,4 @@
-"""A channel that is out on several signals at once is a box that died."""
+"""A channel that is out on several signals at once is a failed LRU."""
 
 from typing import Any
 

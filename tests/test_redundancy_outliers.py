@@ -1,4 +1,4 @@
-"""One channel of four or three that agree, further from the majority than the outlier threshold: by hand."""
+"""One channel of four or three that agree, further from the majority than the isolation threshold: by hand."""
 
 from typing import Any
 

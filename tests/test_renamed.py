@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig.verdict.requirements.grammar import Refused
 
 from rig.core import renamed
 from rig.core.errors import BadInput
@@ -22,6 +21,7 @@ from rig.studies.campaign.tables import OF
 from rig.unit.unit_file import read_unit
 from rig.unit.unit_records import INTERFACES
 from rig.verdict.requirements.formula import check_formula
+from rig.world.faults.grammar import Refused
 
 LOG = Path(__file__).parent / "logs" / "flight_schema_6.mcap"
 OF_SIGNAL = "redundancy.signals.pitch_rate"
@@ -104,9 +104,9 @@ def test_an_old_option_is_one_line(old: str, rig_command: Any):
 
 
 def test_an_old_quantity_is_one_line():
-    with pytest.raises(Refused, match="twin.voted.pitch_rate is now called baseline.voted.pitch_rate"):
+    with pytest.raises(Refused, match=r"twin\.voted\.pitch_rate is now called baseline\.voted\.pitch_rate"):
         check_formula("always[0, 1] twin.voted.pitch_rate < 1")
-    with pytest.raises(BadInput, match="^demand is now called autopilot_command$"):
+    with pytest.raises(BadInput, match=r"^demand is now called autopilot_command$"):
         read_log(LOG).to_polars("demand")
 
 
@@ -138,7 +138,7 @@ def test_a_log_of_before_is_read_with_the_names_of_now(rig_command: Any, tmp_pat
 
 def test_the_layout_of_a_unit_is_the_one_of_before():
     """So that units that were built before still fly: the names are hashed as they were."""
-    assert {version: layout for version, layout in INTERFACES} == {
+    assert dict(INTERFACES) == {
         3: 0x0A5A1850E6B4B34B,
         2: 0x4D75E2CCA0F8866C,
         1: 0xBAEC0C917FEBB05E,

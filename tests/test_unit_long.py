@@ -213,7 +213,7 @@ SLOW = [
     ),
     Defect("the bias of a readmitted channel kept", "s->slow_faults.bias[c] = 0.0;", ""),
     Defect(
-        "outlier thresholds before the biases are learned",
+        "isolation thresholds before the biases are learned",
         "slow_is_learned(&f, &s->slow_faults) ? outlier_threshold(f.n, p) : 0.0",
         "outlier_threshold(f.n, p)",
     ),

@@ -131,7 +131,7 @@ def keys_of(version: int, transport: str) -> dict[str, Any]:
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("transport", TRANSPORTS)
 def test_an_older_unit_flies_the_bits_of_our_own_manager(tmp_path: Path, version: int, transport: str):
-    """Of a flight without a split, a dead box or a sensor that sticks, of which it is not told."""
+    """Of a flight without a split, a failed LRU or a sensor that sticks, of which it is not told."""
     digests = set()
     for keys in ({"path": str(library("monitor"))}, keys_of(version, transport)):
         flight = rig.fly(overrides=SHORT, out=tmp_path, unit=written(tmp_path, {"name": "u", **keys}))

@@ -58,7 +58,7 @@ def test_two_failures_in_a_row_are_both_detected():
 def test_a_drift_exceeds_the_threshold_when_its_rate_says():
     found = scored("f16_angle_of_attack_drift", "faults.0.rate_per_s=0.003", "duration_s=25")
     (fault,) = found.faults
-    # 0.003 rad/s (t - 10 s) > 0.016 rad, the outlier threshold: the first frame after 15.3333 s
+    # 0.003 rad/s (t - 10 s) > 0.016 rad, the isolation threshold: the first frame after 15.3333 s
     assert (fault.onset_frame, fault.exceeded_frame) == (1000, 1534)
     assert fault.outcome == "detected" and fault.failed_frame is not None
     assert fault.delay_from_exceeded_frames == fault.failed_frame - 1534

@@ -1,4 +1,4 @@
-"""Healthy channels that are failed: with a box that died, by the rule of common mode, or wrongly."""
+"""Healthy channels that are failed: with a failed LRU, by the rule of common mode, or wrongly."""
 
 from typing import Any
 

@@ -47,7 +47,7 @@ def flight(
     faults: list[dict[str, Any]], frames: int = 100, *overrides: str, exact: bool = False
 ) -> tuple[Scenario, Block]:
     """Rows of ``frames`` frames at a constant truth, through every stage but the aircraft."""
-    plain = "redundancy.signals.pitch_rate.threshold=0.05"  # and no outlier threshold
+    plain = "redundancy.signals.pitch_rate.threshold=0.05"  # and no isolation threshold
     which = scenario.load(
         None, [f"duration_s={frames / 100}", "faults=[]", plain, *(EXACT if exact else ()), *overrides]
     )

@@ -1,4 +1,4 @@
-"""Conformance vectors of what the signals have in common: boxes that die, references that read other signals."""
+"""Conformance vectors of what the signals have in common: LRU failures, references that read other signals."""
 
 from __future__ import annotations
 
@@ -154,13 +154,13 @@ def in_sets(common: Common) -> bool:
 # Title, what its flights must reach, and the seeds from which these are looked for.
 BOXES: list[tuple[str, Callable[[Common], bool], tuple[int, ...]]] = [
     (
-        "a box that dies is failed on all its signals",
+        "a failed LRU is failed on all its signals",
         lambda common: {"1 failed as boxes", "failed where nothing spoke against it"} <= common.oracle.rules,
         (3, 6, 20),
     ),
     ("and on those of no other box", in_sets, (9, 131, 238)),
     (
-        "two boxes that die together are failed",
+        "two LRUs that fail together are failed",
         lambda common: {"2 failed as boxes", "failed where it was silent"} <= common.oracle.rules,
         (49, 60),
     ),
@@ -170,7 +170,7 @@ BOXES: list[tuple[str, Callable[[Common], bool], tuple[int, ...]]] = [
         (29, 60, 74),
     ),
     ("a majority of those that are in the box", lambda common: common.hangs_on(all_signals=MajorityOfAll), (80, 321)),
-    ("a box that dies on nearly every signal", lambda common: common.everywhere, (545, 553)),
+    ("an LRU that fails on nearly every signal", lambda common: common.everywhere, (545, 553)),
     (
         "more than half of the signals of a box accuse it",
         lambda common: common.flight.box_signals == -1 and common.hangs_on_needed(2) and common.hangs_on_needed(3),

@@ -173,7 +173,7 @@ def levelled(seed: int) -> Flown:
 
 
 def with_limits(seed: int) -> Flown:
-    """A random signal with outlier thresholds."""
+    """A random signal with isolation thresholds."""
     draw = random.Random(f"outliers {seed}")
     return Flown(with_outliers(slow_faults(build(draw.choice)), draw.choice))
 

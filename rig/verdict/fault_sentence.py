@@ -241,7 +241,7 @@ def _vote(fault: FaultScore, context: Context) -> str:
 
 
 def _threshold(fault: FaultScore, context: Context) -> str:
-    """Return what the monitor allows, by name and figure: ``outlier threshold of 0.63 deg/s``."""
+    """Return what the monitor allows, by name and figure: ``isolation threshold of 0.63 deg/s``."""
     value = context.threshold(fault)
     if value is None:
         return "threshold"

@@ -62,7 +62,7 @@ class Monitored(NamedTuple):
     def of(cls, params: NDArray[np.void], discretes: NDArray[np.void], box_signals: int | None) -> Monitored:
         """Return the blank records; params, discretes : config.PARAMS and DISCRETE_PARAMS.
 
-        A single channel of four is measured by the outlier threshold where there is one.
+        A single channel of four is measured by the isolation threshold where there is one.
         """
         outlier = params["outlier_threshold"]
         signals = blank_records(

@@ -1,4 +1,4 @@
-/* A box that dies: a channel accused on several signals of a box at once is failed on all signals of that box.
+/* LRU failure: a channel accused on several signals of a box at once is failed on all signals of that box.
  *
  * redundancy.md of that name.
  */

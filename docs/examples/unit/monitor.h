@@ -7,7 +7,7 @@
  * tie_break.c    splits
  * references.c   the references' own monitor, the last channel, two references against all channels
  * persistence.c  counts, answers that last, latched failures, readmission
- * boxes.c        boxes that die
+ * boxes.c        LRU failures
  * rules.c        what version 3 of the records tells of a signal, and what becomes of a split that nobody answers
  * discretes.c    the voter of the discretes
  *

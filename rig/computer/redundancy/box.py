@@ -1,10 +1,10 @@
-"""A box that dies: a channel accused on several signals of a box at once is failed on all signals of that box.
+"""LRU failure: a channel accused on several signals of a box at once is failed on all signals of that box.
 
 A box is a named set of signals that one unit of each channel measures: air data, inertial, sticks.
 
 One frame's evidence against a channel on one signal: it miscompares, its sample is not comparable, or an in-line
 monitor or the reference blames it for a split.  Trend, extremes and middle are no evidence.
-Ours: docs/redundancy.md, 'A box that dies'; Zhang 2023, sections 2 and 6, name a computer's channel fault logic only.
+Ours: docs/redundancy.md, 'LRU failure'; Zhang 2023, sections 2 and 6, name a computer's channel fault logic only.
 """
 
 from __future__ import annotations

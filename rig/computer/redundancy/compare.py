@@ -1,7 +1,7 @@
 """Cross-channel comparison: which samples count, how they are ranked, which pattern they make.
 
 Source: Zhang 2023, section 2 (what a miscompare is) and section 3 with figures 2 and 3 (splits).
-Ours: thresholds by the number of samples, the outlier threshold, what is not comparable.
+Ours: thresholds by the number of samples, the isolation threshold, what is not comparable.
 """
 
 from __future__ import annotations
@@ -93,9 +93,9 @@ def exchange(x, order, i, j):
 def pattern_of(x, order, n, within, limit, miscomparing):
     """Return the pattern of ``n`` ranked samples, outliers included; ``miscomparing`` as of ``classify``.
 
-    Where all agree ``within`` they are compared once more by the outlier threshold, which a single channel must keep
+    Where all agree ``within`` they are compared once more by the isolation threshold, which a single channel must keep
     to while the others show a majority: without one at that scale nobody is blamed (ours: 'Outliers' in docs).
-    limit : the outlier threshold, 0 for none
+    limit : the isolation threshold, 0 for none
     """
     pattern = classify(x, order, n, within, miscomparing)
     if pattern != Pattern.NORMAL or limit <= 0.0:

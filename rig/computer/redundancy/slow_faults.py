@@ -89,7 +89,7 @@ def has_learned(n, p, st):
 
 @kernel
 def outlier_limit(n, p, st):
-    """Return the outlier threshold of ``n`` samples; 0, none, until it can be kept to without the biases."""
+    """Return the isolation threshold of ``n`` samples; 0, none, until it can be kept to without the biases."""
     limit = outlier_threshold(n, p)
     return limit if limit > 0.0 and has_learned(n, p, st) else 0.0
 

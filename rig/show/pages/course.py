@@ -99,7 +99,7 @@ class Limit(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Name and figure: ``outlier threshold 0.63 deg/s``."""
+        """Name and figure: ``isolation threshold 0.63 deg/s``."""
         return f"{self.name} {quantity(self.value, SIGNALS[INDEX[self.signal]].unit)}"
 
 
@@ -107,7 +107,7 @@ def limit(resolved: Mapping[str, Any], signal: str) -> Limit:
     """Return the limit of a signal's monitor, by a scenario as plain data."""
     value = threshold(resolved, signal)
     other = value != resolved["redundancy"]["signals"][signal]["threshold"]
-    return Limit(signal, "outlier threshold" if other else "threshold", value)
+    return Limit(signal, "isolation threshold" if other else "threshold", value)
 
 
 class Moment(NamedTuple):

@@ -219,7 +219,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
 
 
 def _off_by(scored: Scored, names: Sequence[str]) -> str:
-    """Return what the tile of wrong votes says: whose threshold, which is not the outlier threshold."""
+    """Return what the tile of wrong votes says: whose threshold, which is not the isolation threshold."""
     limits = [
         f"{name} {quantity(value, SIGNALS[INDEX[name]].unit)}" for name, value in _thresholds(scored, names).items()
     ]

@@ -113,7 +113,7 @@ def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
 
 
 def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dict[str, Any]:
-    """Return the levels times 2^(-step / 16); of ours the thresholds, outlier thresholds and allowance."""
+    """Return the levels times 2^(-step / 16); of ours the thresholds, isolation thresholds and allowance."""
     factor = 2.0 ** (-step / 16.0)
     names = tuple(level.name for level in levels(entrant, signal)) or (
         "threshold",

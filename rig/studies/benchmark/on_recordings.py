@@ -147,7 +147,10 @@ def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: 
 def _ours(
     entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float = 0.0
 ) -> dict[str, Any]:
-    """Return ours with the least threshold, and with biases within ``bound`` the least outlier threshold behind it."""
+    """Return ours with the least threshold.
+
+    And with biases within ``bound`` the least isolation threshold behind it.
+    """
     if bound > 0.0:
         highest = _ours(entrant, signal, flights, highest)["threshold"]
     none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")
@@ -170,7 +173,7 @@ def _slow_faults(
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
     """Yield ours with each persistence and limit of the sums, 0 for none, and margins over thresholds and allowance.
 
-    No outlier threshold lies within the noise of single frames, as of ``rig thresholds``.
+    No isolation threshold lies within the noise of single frames, as of ``rig thresholds``.
     """
     flights, bound = _flights(blocks), _bound(signal, blocks)
     least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, CHANNELS, CHANNELS)

@@ -31,7 +31,7 @@ from rig.studies.thresholds.slow_fault_limits import (
 from rig.studies.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
 
 Floats = NDArray[np.float64]
-BESIDE: Final = 1e-4  # of healthy frames beyond an outlier threshold: one beside a transient makes it last longer
+BESIDE: Final = 1e-4  # of healthy frames beyond an isolation threshold: one beside a transient makes it last longer
 EXACT: Final = ("equalise_s", "stale_frames")  # keys that are not rounded
 FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
 
@@ -71,7 +71,7 @@ class Design:
 
     @property
     def single(self) -> Threshold:
-        """Return that by which one of all channels is found: behind a channel equalisation its outlier threshold."""
+        """Return that by which one of all channels is found: behind a channel equalisation its isolation threshold."""
         return self.outliers.get(max(self.thresholds), self.threshold)
 
     def settings(self, given: RecordedSignal) -> RecordedSignal:
@@ -106,7 +106,7 @@ class Grid:
     filters_s: Sequence[float] = (0.0, 0.1)
     seed: int = 0
     slow_faults: Sequence[Rule] = ()
-    transients: bool = False  # no threshold within the noise of single frames, as no outlier threshold ever is
+    transients: bool = False  # no threshold within the noise of single frames, as no isolation threshold ever is
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,10 +185,10 @@ def _biased(
     bound: float,
     asked: tuple[Grid, int, int],
 ) -> Design | None:
-    """Return ``plain`` with channel equalisation and outlier thresholds behind them; None where those are not lower.
+    """Return ``plain`` with channel equalisation and isolation thresholds behind them; None where those are not lower.
 
     Who has a larger bias than the bound would be an outlier for all of a flight, so none is cut; no threshold is below
-    it: what is hidden by a bias stays within what two samples may be apart.  Nor is an outlier threshold within the
+    it: what is hidden by a bias stays within what two samples may be apart.  Nor is an isolation threshold within the
     noise of single frames: a transient of persistence - 1 frames with a noisy one beside it would fail a channel.
     """
     bound = rounded_up(bound)
