@@ -51,10 +51,7 @@ def who_failed(row: Any, s: int, c: int) -> str:
 
 
 def decider(code: int, comparable: bool) -> str:
-    """Return the name of the DecidedBy ``code`` of a row, if it decided on a ``comparable`` channel.
-
-    Else comparison.
-    """
+    """Return the name of the DecidedBy ``code`` of a row if it decided on a ``comparable`` channel, or comparison."""
     decided_by = DecidedBy(code)
     undecided = not comparable or decided_by in (DecidedBy.NONE, DecidedBy.UNRESOLVED)
     return COMPARISON if undecided else decided_by.name.lower()

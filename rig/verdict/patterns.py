@@ -60,10 +60,7 @@ def _episode(record: np.void, p: NDArray[np.void], failures: NDArray[Any]) -> Ep
 
 
 def _asked(pattern: Pattern, reported: Sequence[DecidedBy], p: NDArray[np.void]) -> tuple[str, ...]:
-    """Return the tie-break rules asked in any frame: in their order, up to the one that answered.
-
-    All when nobody did.
-    """
+    """Return the rules asked in any frame: in their order, up to the one that answered, or all."""
     order = _order(pattern, [DecidedBy(code) for code in p["tie_break"] if code])
     reached = [order.index(r) + 1 if r in order else len(order) for r in reported]
     return tuple(r.name.lower() for r in order[: max(reached)]) + (("box",) if DecidedBy.BOX in reported else ())

@@ -263,10 +263,7 @@ def told(part: str) -> tuple[str, ...]:
 
 
 def without_lanes(tie_break: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return (n, TIE_BREAKS) tie-break rules in their order without the lanes' health.
-
-    Which one computer alone has not.
-    """
+    """Return (n, TIE_BREAKS) tie-break rules in their order without the lanes' health: one computer has no lanes."""
     rows = [[code for code in row if code != DecidedBy.LANE] for row in tie_break.tolist()]
     return np.array([row + [0] * (TIE_BREAKS - len(row)) for row in rows], dtype=np.int64).reshape(-1, TIE_BREAKS)
 

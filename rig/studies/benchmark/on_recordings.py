@@ -147,10 +147,7 @@ def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: 
 def _ours(
     entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float = 0.0
 ) -> dict[str, Any]:
-    """Return ours with the least threshold.
-
-    And with biases within ``bound`` the least isolation threshold behind it.
-    """
+    """Return ours with the least threshold; with biases within ``bound`` the least isolation threshold too."""
     if bound > 0.0:
         highest = _ours(entrant, signal, flights, highest)["threshold"]
     none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")

@@ -88,10 +88,7 @@ def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]
 
 
 def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """Return the designed thresholds in place of those of ``given``.
-
-    Whose isolation thresholds then ask nothing more.
-    """
+    """Return the designed thresholds in place of those of ``given``, whose isolation thresholds then rest."""
     for level in ("", "_triplex"):
         if getattr(given, f"outlier_threshold{level}") is not None:
             keys.setdefault(f"outlier_threshold{level}", keys.get(f"threshold{level}", keys["threshold"]))
