@@ -108,7 +108,7 @@ def test_the_second_campaign_is_counted_for_those_that_can_fail_somebody(whole: 
     assert set(counted) == {
         "cross-channel",
         "cross-channel bias",
-        "cross-channel slow_faults",
+        "cross-channel slow",
         "cross-channel shipped",
         "cusum",
     }
