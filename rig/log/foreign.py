@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
@@ -41,11 +42,18 @@ def topics(path: Path) -> dict[str, str]:
         return _topics(summary(file))
 
 
-def schemas(path: Path) -> dict[str, Schema]:
-    """Return what describes the messages of each topic that has it, in the order of their channels.  BadLog."""
+def messages_of(path: Path) -> dict[str, tuple[str, list[str]]]:
+    """Return the message of each topic that rig vote or a flight wrote, and the names of its fields.  BadLog."""
     with _opened(path) as file:
         contents = summary(file)
-    return {c.topic: contents.schemas[c.schema_id] for c in contents.channels.values() if c.schema_id}
+    of = {c.topic: contents.schemas[c.schema_id] for c in contents.channels.values() if c.schema_id}
+    ours = {topic: schema for topic, schema in of.items() if schema.name.startswith("rig.")}
+    return {topic: (schema.name, _names(schema)) for topic, schema in ours.items()}
+
+
+def _names(schema: Schema) -> list[str]:
+    (message,) = FileDescriptorSet.FromString(schema.data).file[0].message_type
+    return [field.name for field in message.field]
 
 
 def fields(path: Path) -> dict[str, set[str]]:

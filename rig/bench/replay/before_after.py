@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from mcap.records import Schema
 from numpy.typing import NDArray
 
 from rig.bench.replay.compare_flights import Comparison, Field, joined, of_column, tolerances
@@ -75,9 +73,9 @@ def _voted(path: Path) -> Side:
     """Read a vote: of a flight's log by its own scenario only what the flight has too, else all fields."""
     of_flight = {topic: set(map(field_now, fields)) for topic, fields in foreign.fields(path).items()}
     wanted = {
-        topic: _fields(schema, of_flight.get(topic))
-        for topic, schema in foreign.schemas(path).items()
-        if schema.name == "rig.Signal" or topic in of_flight
+        topic: _fields(message, names, of_flight.get(topic))
+        for topic, (message, names) in foreign.messages_of(path).items()
+        if message == "rig.Signal" or topic in of_flight
     }
     columns, wraps, rows = dict[str, NDArray[Any]](), dict[str, bool](), 0
     for topic, source in foreign.read(path, wanted).items():
@@ -92,12 +90,11 @@ def _voted(path: Path) -> Side:
     return Side(path, None, rows, wraps, blocks, {}, partial=bool(of_flight))
 
 
-def _fields(schema: Schema, of_flight: set[str] | None) -> set[str]:
-    """Return the fields of a message of ours, by the names that it was written with; of_flight : those that count."""
-    (message,) = FileDescriptorSet.FromString(schema.data).file[0].message_type
-    sources = {field.name: field.source for field in MESSAGES[schema.name]}
-    names = {field.name: sources.get(field_now(field.name)) for field in message.field}
-    return {name for name, source in names.items() if source and (of_flight is None or source in of_flight)}
+def _fields(message: str, names: Sequence[str], of_flight: set[str] | None) -> set[str]:
+    """Return which ``names`` of a message, as it was written, are fields of ours; of_flight : the fields that count."""
+    sources = {field.name: field.source for field in MESSAGES[message]}
+    given = {name: sources.get(field_now(name)) for name in names}
+    return {name for name, source in given.items() if source and (of_flight is None or source in of_flight)}
 
 
 def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:

@@ -25,7 +25,7 @@ from rig.scenario.scenario import Scenario
 from rig.studies.benchmark.own_class import calibrated_number
 
 OURS: Final = DEFAULT
-BIASED, SLOW_FAULTS, SHIPPED = f"{OURS} bias", f"{OURS} slow_faults", f"{OURS} shipped"
+BIASED, SLOW_FAULTS, SHIPPED = f"{OURS} bias", f"{OURS} slow", f"{OURS} shipped"
 UNBOUNDED: Final = "unbounded"
 VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of baseline managers, named behind one: "cusum 60 guess"
     "guess": {"ties": "guess"},
