@@ -102,7 +102,7 @@ def test_the_shell_is_given_the_completions():
     environment = {"_RIG_COMPLETE": "complete_bash", "COMP_WORDS": "rig fly f16_split_2_2_l", "COMP_CWORD": "2"}
     command = [sys.executable, "-c", "from rig.cli.main import app; app(prog_name='rig')"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
-    assert done.stdout.split() == ["f16_split_2_2_level", "f16_split_2_2_wrong_ilm"]
+    assert done.stdout.split() == ["f16_split_2_2_level"]
 
 
 def test_scenarios_are_listed_with_aircraft_and_title(rig_command):
