@@ -20,6 +20,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from rig.bench.replay.vote_again import vote_again
 from rig.cli import main as cli
+from rig.core import renamed
 from rig.core.errors import BadLog
 from rig.core.frame import DISCRETES, INDEX, SIGNALS, Ilm, State, Trust, UnitStatus
 from rig.log import read_log, recover, schema
@@ -62,10 +63,11 @@ def told() -> dict[str, dict[int, Any]]:
 def test_every_number_is_the_one_that_any_reader_finds():
     rows, messages, compared = read_log(FLOWN).rows, told(), 0
     for column in COLUMNS:
-        topic = next(topic for topic in messages if topic.endswith(f"/{column.owner}"))
+        topic = next(topic for topic in messages if renamed.TOPICS.get(topic, topic).endswith(f"/{column.owner}"))
         values = column.of(rows)
-        if column.name in messages[topic][0].DESCRIPTOR.fields_by_name:
-            theirs = [getattr(messages[topic][k], column.name) for k in range(len(rows))]
+        names = {renamed.field_now(name): name for name in messages[topic][0].DESCRIPTOR.fields_by_name}
+        if column.name in names:
+            theirs = [getattr(messages[topic][k], names[column.name]) for k in range(len(rows))]
             assert np.array_equal(values, theirs, equal_nan=True), column.path
             compared += 1
     assert compared == sum(len(message.DESCRIPTOR.fields) for topic, message in first(messages).items())
@@ -104,7 +106,7 @@ def test_the_commands_work_on_it(run: Any, tmp_path: Path):
     assert code in (0, 1) and "10 different" in out  # references that version did not have, or had otherwise
     code, out, _ = run("score", log)
     assert code == 0 and "detected" in out
-    assert run("report", log)[0] == 0 and "schema 2 (this rig writes 6)" in log.with_suffix(".html").read_text()
+    assert run("report", log)[0] == 0 and "schema 2 (this rig writes 7)" in log.with_suffix(".html").read_text()
     assert run("export", log, "--to", "npz")[0] == 0
     assert run("view", log, "--save", tmp_path / "a.rrd")[0] == 0 and (tmp_path / "a.rrd").stat().st_size > 10_000
     assert run("replay", log, "--set", "redundancy.signals.pitch_rate.persistence=4")[0] in (0, 1)
@@ -191,7 +193,7 @@ def test_old_fields_keep_their_numbers():
         if record.name in schema.MESSAGES:
             (message,) = FileDescriptorSet.FromString(record.data).file[0].message_type
             ours = [field.name for field in schema.MESSAGES[record.name]]
-            assert ours[: len(message.field)] == [field.name for field in message.field]
+            assert ours[: len(message.field)] == [renamed.field_now(field.name) for field in message.field]
             assert set(ours[len(message.field) :]) <= NEW | FORCES | {"reply_us"} | {
                 f"{stem}_{c}" for stem in ("valid", "ilm") for c in range(1, 5)
             }

@@ -197,8 +197,8 @@ BOXES = [
     Defect("a majority of boxes failed", "(2 * candidates) <= units", "candidates <= units"),
     Defect(
         "the trend accuses a box",
-        "(f->rule == RIG_DECIDED_BY_ILM) || (f",
-        "(f->rule == RIG_DECIDED_BY_TREND) || (f",
+        "(f->decided_by == RIG_DECIDED_BY_ILM) || (f",
+        "(f->decided_by == RIG_DECIDED_BY_TREND) || (f",
     ),
 ]
 DISCRETES = [

@@ -28,7 +28,7 @@ REFERENCES = [
     ),
     Defect(
         "any pair suspected",
-        "settled && (f->rule == RIG_DECIDED_BY_EXTREMES) && (s->level == 2)",
+        "settled && (f->decided_by == RIG_DECIDED_BY_EXTREMES) && (s->level == 2)",
         "settled && (s->level == 2)",
     ),
     Defect(
@@ -67,7 +67,7 @@ SPLITS = [
         "= split->stood >= p",
     ),
     Defect("an answer is its rule alone", "&& (blames == split->blames) &&", "&&"),
-    Defect("an answer is whom it blames alone", "same = (f->rule == split->rule) && (blames", "same = (blames"),
+    Defect("an answer is whom it blames alone", "same = (f->decided_by == split->rule) && (blames", "same = (blames"),
     Defect("never given up", "(most > 0) && (s->split", "(most < 0) && (s->split"),
     Defect("given up a frame late", "(s->split.unresolved >= most)", "(s->split.unresolved > most)"),
     Defect(
