@@ -59,7 +59,7 @@ DRIVERS = {
     ),
 }
 # Words of an outcome that mean other things too: sides, missed frames, columns.
-PLAIN = {"right", "wrong", "missed", "none", "kept"}
+PLAIN = {"right", "wrong", "missed", "none", "kept", "correct"}
 # Where a word of an outcome stands in a file that makes none: a heading, or another thing of that name.
 NAMED = {
     *(("studies/benchmark/outcome_table.py", word) for word in ("isolated", "wrong channel")),  # headings
