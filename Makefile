@@ -6,7 +6,7 @@ STAMP := $(VENV)/.stamp
 # Hundreds of processes of the tests would read all sources anew: here Python keeps what it has compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: fly suite test test-all wheel check lint types imports coverage bench measured requirements golden designs replay digests docs setup clean
+.PHONY: fly suite test test-all wheel check lint types imports coverage cost measured requirements golden designs replay digests docs setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -40,11 +40,11 @@ imports: setup
 FLIGHTS := keeps_every_reference_usable or run_away_together or reads_its_partners or settled_rightly or as_a_reference
 
 coverage: setup  ## statements and branches of the monitor, its kernels interpreted: all of them, or it fails
-	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n auto tests/test_redundancy_*.py tests/test_bench_rival_statistics.py tests/test_analytic_*.py -k "not ($(FLIGHTS))" \
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n auto tests/test_redundancy_*.py tests/test_bench_baseline_statistics.py tests/test_analytic_*.py -k "not ($(FLIGHTS))" \
 		--cov=rig.computer.redundancy --cov=rig.computer.analytic --cov-branch --cov-report=term-missing --cov-fail-under=100
 
-bench: setup  ## what a frame costs, against bare JSBSim in the same process
-	$(BIN)/rig bench
+cost: setup  ## what a frame costs, against bare JSBSim in the same process
+	$(BIN)/rig cost
 
 measured: setup  ## write docs/measured/: figures of this commit on this machine; only="cost evidence" for some of them
 	$(BIN)/python tests/tools/measured.py $(only)

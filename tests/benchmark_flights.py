@@ -1,4 +1,4 @@
-"""A small league: a campaign of one signal, healthy flights flown once, and made ones of white noise."""
+"""A small benchmark: a campaign of one signal, healthy flights flown once, and made ones of white noise."""
 
 from functools import cache
 from pathlib import Path
@@ -14,9 +14,9 @@ from rig.studies.benchmark.entrants import OfSignal
 from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.plan import Plan
 
-CAMPAIGN = Path("docs/examples/league.toml")
-SMALL = Path("docs/examples/league_small.toml").resolve()
-HEALTHY = Path("docs/examples/league_healthy.toml")
+CAMPAIGN = Path("docs/examples/benchmark.toml")
+SMALL = Path("docs/examples/benchmark_small.toml").resolve()
+HEALTHY = Path("docs/examples/benchmark_healthy.toml")
 RATE_HZ = 100.0
 
 
@@ -25,7 +25,7 @@ def plan() -> Plan:
     """Return the example with pitch rate alone."""
     campaign = read(CAMPAIGN, {})
     cases = {**campaign.cases, "signal": campaign.cases["signal"][:1]}
-    return Plan(campaign.model_copy(update={"cases": cases}), "league.toml")
+    return Plan(campaign.model_copy(update={"cases": cases}), "benchmark.toml")
 
 
 @cache
@@ -88,7 +88,7 @@ def white_signal(persistence: int = 1) -> OfSignal:
     params = signal.params.copy()
     for field in ("threshold", "threshold_triplex", "threshold_duplex"):
         params[field] = 1.0
-    params["persistence"] = params["singular_persistence"] = persistence
+    params["persistence"] = params["split_persistence"] = persistence
     params["low"], params["high"], params["stale_frames"] = -1e9, 1e9, 0
     return signal._replace(params=params)
 

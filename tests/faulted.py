@@ -38,7 +38,7 @@ def healthy(frames: int = 60) -> Block:
     block["discrete_valid"], block["discrete_ilm"], block["discrete_level"] = 1, Ilm.GOOD, 4
     block["inertial"] = values[:, None]
     block["reference"] = values[:, None]
-    block["surface"] = block["actuator"] = values[:, None] * 0.4
+    block["surface"] = block["surface_command"] = values[:, None] * 0.4
     block["flight"] = values[:, None] * 0.2
     return block
 
@@ -78,7 +78,7 @@ def acts(rows: Block, i: int = 0) -> list[int]:
 
 def column(rows: Block, place: str) -> np.ndarray:
     """The values of a place, of channel 2 where there are channels."""
-    field = {"channel": "channels", "inertial": "inertial", "reference": "reference", "surface": "actuator"}[
+    field = {"channel": "channels", "inertial": "inertial", "reference": "reference", "surface": "surface_command"}[
         site(place)
     ]
     values = rows[field][:, number(place)]

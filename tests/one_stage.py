@@ -101,7 +101,7 @@ def remember(block: Block, k: int, data: references.ReferenceData) -> None:
 def fly(flying: Plant | LinearPlant, commands: np.ndarray) -> Block:
     """Every row read and stepped; commands (n, 4), absolute."""
     block = new_block(len(commands))
-    block["actuator"] = commands
+    block["surface_command"] = commands
     for k in range(len(block)):
         flying.read(block, k)
         flying.step(block, k)

@@ -12,8 +12,8 @@ from itertools import pairwise
 from statistics import median
 
 from oracle_answers import Settings, View, first_answer
-from oracle_lasting import Lasting
 from oracle_references import FAR, References
+from oracle_slow_faults import SlowFaults
 from oracle_split import Split
 from oracle_trend import Trend
 
@@ -24,7 +24,7 @@ class Frame:
     states: list[str]
     level: int
     pattern: str
-    resolver: str
+    decided_by: str
     trend: tuple[int, int]
     usable: bool
     common: bool = False
@@ -56,7 +56,7 @@ class Oracle:
     rules: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        self.lasting, self.references = Lasting(self.s), References(self.s)
+        self.slow_faults, self.references = SlowFaults(self.s), References(self.s)
 
     def step(
         self,
@@ -68,7 +68,7 @@ class Oracle:
         in_dispute: bool = False,
     ) -> Frame:
         """``lanes``: channels whose computers are failed; ``in_dispute``: what a reference of the signal reads."""
-        self.rules = self.references.rules = self.split.rules = self.lasting.rules = set()
+        self.rules = self.references.rules = self.split.rules = self.slow_faults.rules = set()
         self.comparable = self.without_stale(samples, reference)
         view = self.view(self.comparable, ilm, self.s.limited(reference), lanes)
         level = self.level
@@ -76,23 +76,23 @@ class Oracle:
         view.lonely = set(view.use) if disputed_by else self.miscomparing(view.seen) or self.outliers(view.seen)
         self.name(view)
         self.trend.remember(view.ranks if view.x else None, len(view.x), self.s)
-        self.reached("frozen side", self.singular and self.trend.still.count(0) == 1)
-        resolver, vote, wrong = self.decide(view, disputed_by)
+        self.reached("frozen side", self.in_split and self.trend.still.count(0) == 1)
+        decided_by, vote, wrong = self.decide(view, disputed_by)
         self.split.whole = len(view.use) == level
-        self.split.hear(resolver, wrong, self.s)
-        resolver = self.refer(view, vote, self.s.limited(second), resolver, in_dispute)
-        self.accused = self.evidence(view, resolver, wrong)
+        self.split.hear(decided_by, wrong, self.s)
+        decided_by = self.refer(view, vote, self.s.limited(second), decided_by, in_dispute)
+        self.accused = self.evidence(view, decided_by, wrong)
         self.count(view, vote)
-        resolver = self.fail_and_learn(view, resolver, wrong)
+        decided_by = self.fail_and_learn(view, decided_by, wrong)
         if self.level != level:
-            self.references.level_changed(resolver == "extremes" and self.split.settled(self.s) and self.level == 2)
+            self.references.level_changed(decided_by == "extremes" and self.split.settled(self.s) and self.level == 2)
         self.rise = 0.0 if self.vote is None else self.s.change(vote, self.vote)
         self.vote = vote
         self.smooth("vote", vote)
         states = [self.state(c, view, wrong) for c in range(self.s.channels)]
         high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.trend.bits)
         usable, common = self.references.trusted and reference is not None, self.references.common
-        return Frame(vote, states, self.level, self.split.pattern, resolver, (high, low), usable, common)
+        return Frame(vote, states, self.level, self.split.pattern, decided_by, (high, low), usable, common)
 
     @property
     def level(self) -> int:
@@ -104,10 +104,10 @@ class Oracle:
 
     def without_stale(self, samples: list[float | None], reference: float | None) -> list[float | None]:
         """The samples that can be compared: those that repeat for too long cannot."""
-        stale = self.lasting.stale(samples, self.in_use, reference, self.references.trusted)
-        self.references.standing = self.lasting.standing
+        stale = self.slow_faults.stale(samples, self.in_use, reference, self.references.trusted)
+        self.references.standing = self.slow_faults.standing
         self.reached("stale", stale)
-        self.reached("stale in a split", stale and self.singular)
+        self.reached("stale in a split", stale and self.in_split)
         return [None if c in stale else x for c, x in enumerate(samples)]
 
     def view(
@@ -121,7 +121,7 @@ class Oracle:
         self.start = self.memory.get("vote", median(use.values()) if use else None)
         smooth = {c: self.smooth(c, x) for c, x in here.items()}
         beside = {c: x for c, x in smooth.items() if x is not None and c in use}
-        seen = {c: x - self.lasting.bias[c] for c, x in beside.items()}
+        seen = {c: x - self.slow_faults.bias[c] for c, x in beside.items()}
         reference = None if reference is None else near(reference, base)
         smooth_reference, refs = self.smooth("reference", reference), self.references
         view = View(self.s, use, seen, beside, ilm, reference, smooth_reference, refs.trusted)
@@ -167,8 +167,8 @@ class Oracle:
         agree = all(above - below <= self.s.within(len(use)) for below, above in pairwise(ranked))
         if limit is None or not agree:
             return set()
-        self.reached("outlier: biases not learned", not self.lasting.settled(use))
-        if not self.lasting.settled(use):
+        self.reached("outlier: biases not learned", not self.slow_faults.settled(use))
+        if not self.slow_faults.settled(use):
             return set()
         close = {c for c in use for d in use if d != c and abs(use[c] - use[d]) <= limit}
         self.reached("outlier", close and len(close) < len(use))
@@ -186,16 +186,16 @@ class Oracle:
         return "ilm" if view.ilm[c] == "bad" else "reference" if off else ""
 
     @property
-    def singular(self) -> bool:
+    def in_split(self) -> bool:
         """Whether the frame's pattern has no majority."""
-        return self.split.singular
+        return self.split.in_split
 
     def still(self) -> bool:
-        """Whether the counts stand still: in a singular run of r frames and for min(r, limit) frames after it."""
-        if self.singular:
+        """Whether the counts stand still: in a run of splits of r frames and for min(r, limit) frames after it."""
+        if self.in_split:
             self.run += 1
             return True
-        after = min(self.run, self.s.singular_persistence)
+        after = min(self.run, self.s.split_persistence)
         self.reached("freeze: what was left is longer", 0 < after < self.freeze)
         left, self.run = max(self.freeze, after), 0
         self.freeze = max(left - 1, 0)
@@ -210,7 +210,7 @@ class Oracle:
                 self.reached("freeze: not comparable", still)
                 self.counts[c] += 1
             elif still and len(view.use) > 1:
-                after = moves and not self.singular
+                after = moves and not self.in_split
                 self.reached("freeze: miscompare not counted" if c in view.lonely else "freeze: count kept", after)
             else:
                 self.reached("freeze: last channel exempt", still and moves)
@@ -225,36 +225,36 @@ class Oracle:
     def off(self, c: int, view: View, vote: float) -> bool:
         """Whether the sample itself is off the vote, by more than it may be."""
         n, limit = len(view.use), None
-        if self.lasting.settled(view.use):
+        if self.slow_faults.settled(view.use):
             limit = self.s.outlier_of(n)
-        return abs(self.s.change(view.use[c], vote) - self.lasting.bias[c]) > (limit or self.s.within(n))
+        return abs(self.s.change(view.use[c], vote) - self.slow_faults.bias[c]) > (limit or self.s.within(n))
 
-    def fail(self, view: View, resolver: str, wrong: set[int]) -> None:
-        """Latch who has miscompared for long enough, and who is wrong in a singular pattern that has lasted."""
+    def fail(self, view: View, decided_by: str, wrong: set[int]) -> None:
+        """Latch who has miscompared for long enough, and who is wrong in a split that has lasted."""
         late = {c for c in range(self.s.channels) if self.counts[c] >= self.s.persistence}
-        self.reached(f"last channel: failed by {resolver}", len(view.use) == 1 and set(view.use) <= late)
+        self.reached(f"last channel: failed by {decided_by}", len(view.use) == 1 and set(view.use) <= late)
         self.failed |= late
         if self.split.settled(self.s):
-            self.reached(f"{self.split.pattern} settled by {resolver}", wrong)
+            self.reached(f"{self.split.pattern} settled by {decided_by}", wrong)
             self.failed |= wrong
-        elif self.singular and self.split.lasted >= self.s.singular_persistence:
+        elif self.in_split and self.split.lasted >= self.s.split_persistence:
             self.reached("an answer too young", wrong)
 
-    def fail_and_learn(self, view: View, resolver: str, wrong: set[int]) -> str:
+    def fail_and_learn(self, view: View, decided_by: str, wrong: set[int]) -> str:
         """Latch, those of small deviations too; what is summed begins again then, else biases move."""
         view.trusted = self.references.trusted  # as this frame left it
-        slow = self.lasting.summed(view) if resolver != "common" else set()
+        slow = self.slow_faults.summed(view) if decided_by != "common" else set()
         self.reached("slow", slow)
         self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
         self.failed |= slow
-        self.fail(view, resolver, wrong)
+        self.fail(view, decided_by, wrong)
         if self.split.given_up(self.s):
             self.reached("given up")
-            self.failed, resolver = set(range(self.s.channels)), "given_up"
-        if not self.lasting.level_changed(self.failed):
-            self.reached("bias learned", self.s.bias_bound and len(view.use) > 1 and view.pattern == "normal")
-            self.lasting.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
-        return "slow" if slow else resolver
+            self.failed, decided_by = set(range(self.s.channels)), "given_up"
+        if not self.slow_faults.level_changed(self.failed):
+            self.reached("bias learned", self.s.equalise_bound and len(view.use) > 1 and view.pattern == "normal")
+            self.slow_faults.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
+        return "slow" if slow else decided_by
 
     # Section 2.
 
@@ -283,13 +283,13 @@ class Oracle:
     # Section 3: the vote.
 
     def decide(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
-        """Resolver, vote and who is wrong."""
+        """DecidedBy, vote and who is wrong."""
         n = len(view.x)
         if not n:
             return "none", self.vote if self.vote is not None else self.s.limited(0.0) or 0.0, set()
         if disputed_by:
             return self.instead_of_the_last(view, disputed_by)
-        if self.singular:
+        if self.in_split:
             return self.resolve(view)
         if n in (2, 4) and view.ascending[n // 2] in view.lonely:
             return "none", view.x[n // 2 - 1], set()
@@ -306,7 +306,7 @@ class Oracle:
         return disputed_by, reference, set()
 
     def resolve(self, view: View) -> tuple[str, float, set[int]]:
-        """The answer of the resolvers; without one the vote stays where it stood between two channels."""
+        """The answer of the tie-break rules; without one the vote stays where it stood between two channels."""
         answer = first_answer(view)
         self.reached(f"{view.pattern} by {answer[0] if answer else 'nobody'}")
         if answer is None:
@@ -316,23 +316,23 @@ class Oracle:
 
     # What references say: oracle_references.py.
 
-    def refer(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
+    def refer(self, view: View, vote: float, second: float | None, decided_by: str, in_dispute: bool) -> str:
         """Fail the pair of extremes, or all channels, for their references; return who decided then."""
         if self.references.cuts(view):
             self.failed |= set(view.use)
-            resolver = "reference"
+            decided_by = "reference"
         self.references.monitor(view)
         all_in_use = len(view.use) > 1 and set(view.use) == self.in_use
         if self.references.lost(view, vote, second, all_in_use and not self.readmitted, in_dispute):
             self.failed = set(range(self.s.channels))
             return "common"
-        return resolver
+        return decided_by
 
     # Boxes: oracle_boxes.py asks for every signal.
 
-    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
+    def evidence(self, view: View, decided_by: str, wrong: set[int]) -> set[int]:
         """The channels in use against which this frame speaks."""
         silent = self.in_use - set(view.use)
-        if self.singular:
-            return silent | (wrong if resolver in ("ilm", "reference") else set())
+        if self.in_split:
+            return silent | (wrong if decided_by in ("ilm", "reference") else set())
         return silent | (view.lonely - self.failed)

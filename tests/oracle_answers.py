@@ -1,4 +1,4 @@
-"""The oracle's frame and its resolvers: sections 4 to 6 of the requirement, each as one plain function."""
+"""The oracle's frame and its tie-break rules: sections 4 to 6 of the requirement, each as one plain function."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ class Settings:
     outlier: float | None = None  # of four samples that agree within the threshold, and of three; none where not given
     outlier_triplex: float | None = None
     filter_share: float = 0.0  # of a new sample in what is compared; 0: the sample itself
-    bias_bound: float = 0.0
+    equalise_bound: float = 0.0
     bias_share: float = 0.0  # of what is left, a frame
     slow_allowance: float = 0.0
     slow_limit: float = 0.0  # unit times frames
     stale_frames: int = 0
     persistence: int = 8
-    singular_persistence: int = 10
+    split_persistence: int = 10
     count_down: float = 0.0  # what an agreeing frame takes off a count; 0: all of it
     unresolved_frames: int = 0  # of a split that no rule answers, until it is given up; 0: never
-    resolvers: tuple[str, ...] = ("ilm", "lane", "reference", "trend", "extremes", "middle")
+    tie_break: tuple[str, ...] = ("ilm", "lane", "reference", "trend", "extremes", "middle")
     trend_frames: int = 8
     trend_small: float = -1.0  # changes up to which one frame is trend enough; below zero: none
     trend_tumbles: bool = False  # bytes begun again every trend_frames
@@ -84,7 +84,7 @@ class View:
     s: Settings
     use: dict[int, float]
     seen: dict[int, float]
-    beside: dict[int, float]  # what stands beside the reference: as seen, with the learned bias
+    beside: dict[int, float]  # what stands beside the reference: as seen, with the channel equalisation
     ilm: Sequence[str]
     reference: float | None  # finite
     seen_reference: float | None
@@ -226,7 +226,7 @@ def by_middle(view: View) -> Answer | None:
     return view.use[view.by_seen[1]], {view.by_seen[0], view.by_seen[2]}
 
 
-RESOLVERS: dict[str, Callable[[View], Answer | None]] = {
+TIE_BREAKS: dict[str, Callable[[View], Answer | None]] = {
     "ilm": by_ilm,
     "lane": by_lane,
     "reference": by_reference,
@@ -238,8 +238,8 @@ RESOLVERS: dict[str, Callable[[View], Answer | None]] = {
 
 def first_answer(view: View) -> tuple[str, float, set[int]] | None:
     """The first answer in the configured order, extremes and middle after all others."""
-    for name in sorted(view.s.resolvers, key=lambda name: name in LAST_ASKED):
-        answer = RESOLVERS[name](view)
+    for name in sorted(view.s.tie_break, key=lambda name: name in LAST_ASKED):
+        answer = TIE_BREAKS[name](view)
         if answer is not None:
             return (name, *answer)
     return None

@@ -1,4 +1,4 @@
-"""What several channels have in common, once more from the requirement alone: a box that dies, channels that come back.
+"""What several channels have in common, once more from the requirement alone: LRU failure, channels that come back.
 
 Flights of several signals: channels that fall silent or go off on many signals at once, and on few.  A failed channel
 agrees in a frame in which its sample can be compared and lies within the threshold of the vote, behind the filter.
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from oracle import Frame, Oracle
-from oracle_answers import RESOLVERS, Settings
+from oracle_answers import TIE_BREAKS, Settings
 
 SIGNALS = 6
 # Samples, in-line monitors, reference, second reference.
@@ -79,7 +79,7 @@ class BoxOracle:
         self.rules.add(f"{len(dead)} failed as boxes")
         self.rules.add("failed where it was silent" if now & one.accused else "failed where nothing spoke against it")
         one.failed |= now
-        one.lasting.level_changed(one.failed)
+        one.slow_faults.level_changed(one.failed)
         one.references.level_changed()
         states = ["failed" if c in one.failed else state for c, state in enumerate(frame.states)]
         return Frame(
@@ -153,8 +153,8 @@ def row(
 def some_settings(draw: random.Random, **more: Any) -> Settings:
     return Settings(
         persistence=draw.randint(1, 8),
-        singular_persistence=draw.randint(1, 10),
-        resolvers=tuple(draw.sample(list(RESOLVERS), draw.choice([6, 6, 5, 3, 2]))),
+        split_persistence=draw.randint(1, 10),
+        tie_break=tuple(draw.sample(list(TIE_BREAKS), draw.choice([6, 6, 5, 3, 2]))),
         unresolved_frames=draw.choice([0, 0, 12]),
         referred=draw.random() < 0.3,
         channels=draw.choice([4, 4, 4, 3]),
@@ -177,7 +177,7 @@ class ResettableOracle(Oracle):
                 self.readmitted = True
                 self.references.level_changed()
                 self.counts[c] = self.agreed[c] = 0
-                self.lasting.forget(c)
+                self.slow_faults.forget(c)
 
     def step(self, samples: list[float | None], *given: Any) -> Frame:  # pyright: ignore[reportIncompatibleMethodOverride]  # hands all on
         out = set(self.failed)
@@ -186,7 +186,7 @@ class ResettableOracle(Oracle):
         for c, x in enumerate(self.comparable):
             agrees = (
                 x is not None
-                and self.s.apart(self.memory[c] - self.lasting.bias[c], self.memory["vote"]) <= self.s.threshold
+                and self.s.apart(self.memory[c] - self.slow_faults.bias[c], self.memory["vote"]) <= self.s.threshold
             )
             self.agreed[c] = self.agreed[c] + 1 if c in out and agrees else 0
         return frame

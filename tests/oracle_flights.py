@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
-from oracle_answers import RESOLVERS, Settings
+from oracle_answers import TIE_BREAKS, Settings
 
 Pick = Callable[[Sequence[Any]], Any]
 
@@ -32,7 +32,7 @@ NOBODY_SAYS = [("absent",) * 4]
 MONITORS = [SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, ONE_SIDE, NOBODY_SAYS, NOBODY_SAYS]
 REFERENCES = [None, None, 0.0, 0.25, 3.0, -1.5, 1.5, 6.25]
 SECONDS = [*REFERENCES, 3.25, 2.5, -2.0]
-ORDERS = list(permutations(RESOLVERS))
+ORDERS = list(permutations(TIE_BREAKS))
 NOBODY = [()]
 ONE_OR_TWO = [c for n in (1, 2) for c in permutations(range(4), n)]
 ALL_BUT_ONE = [*permutations(range(4), 3), (0, 1, 2, 3)]
@@ -63,8 +63,8 @@ def some_settings(pick: Pick, turn: bool) -> Settings:
     return Settings(
         threshold=1.0 + beside,
         persistence=pick(range(1, 8)),
-        singular_persistence=pick(range(1, 7)),
-        resolvers=tuple(pick(ORDERS)[: pick([6, 6, 5, 4, 3, 2, 1, 0])]),
+        split_persistence=pick(range(1, 7)),
+        tie_break=tuple(pick(ORDERS)[: pick([6, 6, 5, 4, 3, 2, 1, 0])]),
         trend_frames=pick([1, 2, 3, 4, 8]),
         reference_threshold=pick([0.5, 1.0, 2.0]) + beside,
         second_threshold=pick([0.5, 1.0, 2.0]) + beside,
@@ -154,11 +154,11 @@ def at_the_stop(flight: Flight, pick: Pick) -> Flight:
 
 def left_by_extremes(flight: Flight, pick: Pick) -> Flight:
     """Four apart, of which two are left, that agree or not, and are in order or not; then the flight."""
-    s = replace(flight.settings, channels=4, threshold_duplex=pick([None, 2.0]), resolvers=("trend", "extremes"))
+    s = replace(flight.settings, channels=4, threshold_duplex=pick([None, 2.0]), tie_break=("trend", "extremes"))
     value, slopes = pick([0.0, 3.0]), pick([(0.0, 0.0), (0.125, -0.125), (-0.125, 0.125), (0.125, 0.125)])
     offsets = pick([(0.0, 1.75), (0.0, 2.25), (1.75, 0.0), (0.0, 5.0)])
     reference = pick([None, 0.0, 0.875, 6.25, -3.25, 3.5])
-    before = s.singular_persistence + pick(range(4))
+    before = s.split_persistence + pick(range(4))
     frames = before + pick([4, 9, 14])
     samples: list[list[float | None]] = [
         [value + off + k * slope for off, slope in zip(offsets, slopes, strict=True)] + [value + 9.0, value - 9.0]
@@ -182,9 +182,9 @@ def before_the(flight: Flight, first: Flight) -> Flight:
 def held(flight: Flight, pick: Pick) -> Flight:
     """A split that is answered in few frames, with samples missing in single ones and channels that jump; then the
     flight."""
-    resolvers = pick([("ilm",), ("reference",), ("ilm", "reference")])
-    waits = {"singular_persistence": pick([4, 6, 10]), "unresolved_frames": pick([0, 6, 12, 20])}
-    s = replace(flight.settings, resolvers=resolvers, **waits)
+    tie_break = pick([("ilm",), ("reference",), ("ilm", "reference")])
+    waits = {"split_persistence": pick([4, 6, 10]), "unresolved_frames": pick([0, 6, 12, 20])}
+    s = replace(flight.settings, tie_break=tie_break, **waits)
     calm, frames = pick([1, 3]), pick([8, 14, 24])
     offsets = pick(pick([SPLIT, APART]) if s.channels == 4 else APART)
     value, slope = pick([0.0, 3.0]), pick([0.0, 0.125])
@@ -250,11 +250,11 @@ def filtered(flight: Flight, pick: Pick) -> Flight:
     return replace(flight, settings=chosen, samples=samples, references=references)
 
 
-def lasting(flight: Flight, pick: Pick) -> Flight:
+def slow_faults(flight: Flight, pick: Pick) -> Flight:
     """The same for longer and with biases, which are learned, summed, or neither; samples may not repeat for ever."""
     s = flight.settings
     more = {
-        "bias_bound": min(pick([0.0, 0.3, 0.9]), *map(s.within, (2, 3, 4))),
+        "equalise_bound": min(pick([0.0, 0.3, 0.9]), *map(s.within, (2, 3, 4))),
         "bias_share": pick([0.05, 0.3]),
         "slow_allowance": pick([0.10037, 0.30171]),
         "slow_limit": pick([0.0, 0.30713, 1.11131]),
@@ -292,7 +292,7 @@ def with_commands(flight: Flight, pick: Pick) -> Flight:
 
 def by_all(flight: Flight, pick: Pick) -> Flight:
     """The same with several of these at once."""
-    for change in (held, left_by_extremes, by_level, filtered, with_outliers, lasting, at_the_stop, with_commands):
+    for change in (held, left_by_extremes, by_level, filtered, with_outliers, slow_faults, at_the_stop, with_commands):
         if pick([True, False]) and not (flight.settings.turn and change in (left_by_extremes, at_the_stop)):
             flight = change(flight, pick)
     return flight

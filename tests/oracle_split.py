@@ -1,4 +1,4 @@
-"""The oracle's memory of a pattern without a majority: how long it lasts, who has answered, what is held meanwhile."""
+"""The oracle's memory of a split: how long it lasts, who has answered, what is held meanwhile."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ class Split:
         self.pattern, self.closed = pattern, closed
 
     @property
-    def singular(self) -> bool:
+    def in_split(self) -> bool:
         """Whether the pattern has no majority."""
         return ":" in self.pattern
 
-    def hear(self, resolver: str, wrong: set[int], s: Settings) -> None:
+    def hear(self, decided_by: str, wrong: set[int], s: Settings) -> None:
         """The frame's answer: it has stood for one frame more, or begins to."""
-        held, over = resolver == "unresolved", self.whole and not self.singular
+        held, over = decided_by == "unresolved", self.whole and not self.in_split
         self.basis = held or over
         if over:
             self.open, self.ranked = 0, frozenset()
         if self.closed:
             return
-        answer = (resolver, frozenset(wrong)) if self.singular else None
+        answer = (decided_by, frozenset(wrong)) if self.in_split else None
         if answer is not None and answer == self.answer:
             self.stood += 1
         else:
             covered = min(self.silent, self.lasted - 1, s.trend_frames - 1)
-            self.stood = 1 + (covered if resolver == "trend" else 0)
+            self.stood = 1 + (covered if decided_by == "trend" else 0)
         self.answer = answer
         self.silent = self.silent + 1 if held else 0
         if held:
@@ -58,17 +58,17 @@ class Split:
 
     def not_held(self, s: Settings) -> None:
         """The count of frames without an answer ends with an answer that has stood, and else goes on later."""
-        if not self.singular:
+        if not self.in_split:
             self.rules.add("open: kept in a frame with a gap")
-        elif 2 * self.stood >= s.singular_persistence:
+        elif 2 * self.stood >= s.split_persistence:
             self.rules.add("open: an answer has stood")
             self.open = 0
         else:
             self.rules.add("open: kept beside a young answer")
 
     def settled(self, s: Settings) -> bool:
-        wait = s.singular_persistence
-        return self.singular and not self.closed and self.lasted >= wait and 2 * self.stood >= wait
+        wait = s.split_persistence
+        return self.in_split and not self.closed and self.lasted >= wait and 2 * self.stood >= wait
 
     def given_up(self, s: Settings) -> bool:
         return 0 < s.unresolved_frames <= self.open

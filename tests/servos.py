@@ -41,12 +41,12 @@ def moved(
     seed: int = 0,
     **settings: Any,
 ) -> NDArray[Any]:
-    """The records (n, 3) ACTUATOR of all frames; every surface is asked for ``asked`` (n,), rad."""
+    """The records (n, 3) SERVO of all frames; every surface is asked for ``asked`` (n,), rad."""
     config = Config(model="servo", **(EXACT | settings))
     surfaces = dict.fromkeys(MOVED, SURFACE)
     watch = monitors(config, stops_of(surfaces), rate_hz)
     servos = Actuators(config, surfaces, np.full(3, trim), rate_hz, 1, SeedSequence(seed), watch)
-    servos.prepare(lane_rows(len(asked))["actuator"])
+    servos.prepare(lane_rows(len(asked))["servo"])
     by_channel, out = servos.data.asked, np.zeros(4)
     step = bind(move_surfaces, by_channel, out, 0, servos.data)
     for k, wanted in enumerate(asked):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rig.computer.analytic.flight_path import VERTICAL, climb, path_angle, path_pitch_angle, pitch_on_path, pitching
 from rig.computer.analytic.pitch_filter import PARAM, STATE, Noise, begin, correct, follow_path, parameters, predict
-from rig.core.frame import INDEX, Resolver, S, State
+from rig.core.frame import INDEX, DecidedBy, S, State
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
 
@@ -124,9 +124,9 @@ def rows_threshold(aircraft: str) -> float:
 @pytest.mark.requirement("fault-tolerant", "the reference never asks the sensor")
 def test_as_a_reference_it_never_asks_the_sensor():
     """All four channels off: the reference stays, and says so by becoming unusable."""
-    lie = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2,3,4],start_s=20.0,offset=0.2}]'
+    sensor_fault = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2,3,4],start_s=20.0,offset=0.2}]'
     kept = ("control.vertical=stick", "redundancy.common_mode=report")  # a failed signal disputes nothing
-    healthy, rows = flown(*kept), flown(*kept, lie)
+    healthy, rows = flown(*kept), flown(*kept, sensor_fault)
     assert rows["truth"][:2001].tobytes() == healthy["truth"][:2001].tobytes()
     assert (rows["reference"][:2002, THETA] == healthy["reference"][:2002, THETA])[1:].all()
     assert not rows["reference_usable"][2100, THETA]
@@ -134,10 +134,10 @@ def test_as_a_reference_it_never_asks_the_sensor():
 
 @pytest.mark.requirement("fault-tolerant", "the reference never asks the sensor")
 def test_as_a_reference_it_settles_a_split_between_pairs():
-    lie = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2],start_s=20.0,offset=0.1}]'
-    rows = flown(lie, 'redundancy.signals.pitch_angle.resolvers=["reference"]')
+    sensor_fault = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2],start_s=20.0,offset=0.1}]'
+    rows = flown(sensor_fault, 'redundancy.signals.pitch_angle.tie_break=["reference"]')
     assert (rows["state"][-1, THETA] == [State.FAILED, State.FAILED, State.OK, State.OK]).all()
-    assert (rows["resolver"][2000:2010, THETA] == Resolver.REFERENCE).all()
+    assert (rows["decided_by"][2000:2010, THETA] == DecidedBy.REFERENCE).all()
 
 
 def test_a_lost_partner_takes_it_along_and_gives_it_back():

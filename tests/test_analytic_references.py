@@ -17,7 +17,7 @@ from rig.computer.analytic.reference_sources import FROM_UNIT, PARTNERS, REMEMBE
 from rig.computer.analytic.references import STATE, References, look_back
 from rig.computer.redundancy import measured_thresholds
 from rig.computer.redundancy.manager_config import parameters
-from rig.core.frame import INDEX, INERTIAL, SIGNALS, Block, Pattern, Resolver, State, new_block
+from rig.core.frame import INDEX, INERTIAL, SIGNALS, Block, DecidedBy, Pattern, State, new_block
 from rig.core.units.atmosphere import air_density
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
@@ -316,10 +316,10 @@ def busy(n: int = 120) -> Block:
 @pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
 def test_no_reference_reads_truth_channels_or_the_signal_that_it_checks(config: Config):
     """Nor, of a signal that it remembers or was aligned with, a vote that its channels do not agree on."""
-    honest = {}
+    plain = {}
     for signal in SIGNALS:
         known, blind = busy(), busy()
-        for field in ("truth", "flight", "channels", "surface", "command", "demand"):
+        for field in ("truth", "flight", "channels", "surface", "command", "autopilot_command"):
             blind[field] = np.nan
         own, aligned = (signal.name, source(config, signal.name)), ("pitch_angle", "roll_angle")
         remembers = own[0] in REMEMBERED.get(own, ()) or (own[0] in aligned and own[1] == "inertial")
@@ -328,15 +328,15 @@ def test_no_reference_reads_truth_channels_or_the_signal_that_it_checks(config: 
         blind["voted"][40 if remembers else 0 :, INDEX[signal.name]] = 1e6
         said = [ref(run(block, config, accelerometer=(4.0, 0.5, 1.0)), signal.name) for block in (known, blind)]
         assert said[0].tobytes() == said[1].tobytes()
-        honest[signal.name] = said[0]
-    assert {name for name, said in honest.items() if np.isfinite(said).any()} == {name for name, _ in PARTNERS}
+        plain[signal.name] = said[0]
+    assert {name for name, said in plain.items() if np.isfinite(said).any()} == {name for name, _ in PARTNERS}
 
 
 @pytest.mark.requirement("references", "its partners and they alone; lost with them")
 @pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
 def test_each_reference_reads_its_partners_and_they_alone(config: Config):
     aircraft: dict[str, Any] = {"accelerometer": (4.0, 0.5, 1.0), "pitch_rate_gain": 0.95, "elevator_arm_m": 3.0}
-    honest = run(busy(), config, **aircraft)
+    plain = run(busy(), config, **aircraft)
     for (name, chosen), partners in PARTNERS.items():
         if source(config, name) != chosen:
             continue
@@ -344,7 +344,7 @@ def test_each_reference_reads_its_partners_and_they_alone(config: Config):
         for signal in SIGNALS:
             moved = busy()
             moved["voted"][60:, INDEX[signal.name]] += 0.01 if signal.unit != "Pa" else 50.0
-            if ref(run(moved, config, **aircraft), name).tobytes() != ref(honest, name).tobytes():
+            if ref(run(moved, config, **aircraft), name).tobytes() != ref(plain, name).tobytes():
                 read.add(signal.name)
         assert read == {*partners, *REMEMBERED.get((name, chosen), ())}, (name, chosen)
 
@@ -364,27 +364,27 @@ def test_a_lost_partner_makes_its_references_unusable_until_it_is_back(lost: str
 
 @pytest.mark.parametrize("torn", [signal.name for signal in SIGNALS])
 @pytest.mark.parametrize(
-    ("pattern", "resolver"),
+    ("pattern", "decided_by"),
     [
-        *((one, Resolver.NONE) for one in Pattern if one.is_singular),
-        (Pattern.NORMAL, Resolver.REFERENCE),
-        (Pattern.NORMAL, Resolver.ILM),
+        *((one, DecidedBy.NONE) for one in Pattern if one.is_split),
+        (Pattern.NORMAL, DecidedBy.REFERENCE),
+        (Pattern.NORMAL, DecidedBy.ILM),
     ],
 )
 def test_a_vote_without_majority_or_of_a_disputed_last_channel_leaves_no_trace(
-    torn: str, pattern: Pattern, resolver: Resolver
+    torn: str, pattern: Pattern, decided_by: DecidedBy
 ):
     """References that read a vote without majority are NaN; of a disputed last channel they read the vote before."""
     quiet, wild = busy(), busy()
     for block in (quiet, wild):
-        block["pattern"][40:48, INDEX[torn]], block["resolver"][40:48, INDEX[torn]] = pattern, resolver
+        block["pattern"][40:48, INDEX[torn]], block["decided_by"][40:48, INDEX[torn]] = pattern, decided_by
     wild["voted"][40:48, INDEX[torn]] += 1.0
     run(quiet)
     run(wild)
     for (name, chosen), partners in PARTNERS.items():
         if source(BY_PARTNERS, name) == chosen:
             gone = np.zeros(len(wild), bool)
-            gone[41:49] = torn in partners and pattern.is_singular
+            gone[41:49] = torn in partners and pattern.is_split
             assert np.array_equal(np.isnan(ref(wild, name)), gone), name
             assert ref(wild, name).tobytes() == ref(quiet, name).tobytes()
 
@@ -399,8 +399,8 @@ def test_the_manager_can_ask_which_signals_had_no_majority():
         remember(block, k, stage.data)
     all_signals = (1 << len(SIGNALS)) - 1
     kept = stage.state[0]
-    assert (kept["singular"], kept["lost"]) == (1 << INDEX["heading"], 1 << INDEX["pitch_rate"])
-    unsure = kept["singular"] | kept["lost"] | 1 << INDEX["roll_angle"]
+    assert (kept["in_split"], kept["lost"]) == (1 << INDEX["heading"], 1 << INDEX["pitch_rate"])
+    unsure = kept["in_split"] | kept["lost"] | 1 << INDEX["roll_angle"]
     assert kept["agreed"] == all_signals & ~unsure
 
 
@@ -444,13 +444,13 @@ def test_a_copied_state_goes_on_alike():
         remember(block, k, stage.data)
     other = References(Config(), designed(), RATE)
     other.state = copy.deepcopy(stage.state)
-    twin = block.copy()
-    for rows, one in ((block, stage), (twin, other)):
+    baseline = block.copy()
+    for rows, one in ((block, stage), (baseline, other)):
         for k in range(60, len(rows)):
             refer(rows, k, one.data)
             remember(rows, k, one.data)
     for name in ("reference", "reference_usable"):  # fields: padding does not survive a copy
-        assert block[name].tobytes() == twin[name].tobytes()
+        assert block[name].tobytes() == baseline[name].tobytes()
 
 
 def test_coefficients_go_straight_between_the_points():
@@ -557,7 +557,7 @@ def test_a_lost_pitch_rate_still_has_its_reference_and_takes_those_that_read_it_
 @pytest.mark.parametrize("aircraft", ["f16", "b747", "b737"])
 @pytest.mark.parametrize("bad", [[1, 2], [3, 4]])
 def test_by_attitude_a_split_over_threshold_and_worst_error_is_settled_rightly(aircraft: str, bad: list[int]):
-    sets = [f"aircraft={aircraft}", 'redundancy.signals.pitch_rate.resolvers=["reference"]', "turbulence=moderate"]
+    sets = [f"aircraft={aircraft}", 'redundancy.signals.pitch_rate.tie_break=["reference"]', "turbulence=moderate"]
     faults = f'faults=[{{kind="offset",signal="pitch_rate",channels={bad},start_s=1.0,offset=0.13}}]'
     rows = flown(faults, *sets, 'redundancy.references.pitch_rate="attitude"', seconds=4.0)
     failed = np.flatnonzero(rows["state"][-1, INDEX["pitch_rate"]] == State.FAILED) + 1
@@ -569,28 +569,28 @@ def test_by_attitude_a_split_over_threshold_and_worst_error_is_settled_rightly(a
 @pytest.mark.parametrize("bad", [[1, 2], [3, 4]])
 def test_by_the_inertial_unit_a_split_just_over_the_threshold_is_settled_rightly(signal, offset, bad):
     faults = f'faults=[{{kind="offset",signal="{signal}",channels={bad},start_s=1.0,offset={offset}}}]'
-    asked = f'redundancy.signals.{signal}.resolvers=["reference"]'
+    asked = f'redundancy.signals.{signal}.tie_break=["reference"]'
     rows = flown(faults, asked, f'redundancy.references.{signal}="inertial"', "turbulence=moderate", seconds=4.0)
     failed = np.flatnonzero(rows["state"][-1, INDEX[signal]] == State.FAILED) + 1
     assert failed.tolist() == bad
-    assert Resolver.REFERENCE in rows["resolver"][:, INDEX[signal]]
+    assert DecidedBy.REFERENCE in rows["decided_by"][:, INDEX[signal]]
 
 
 @pytest.mark.parametrize(
-    ("level", "pattern", "resolver", "agreed"),
+    ("level", "pattern", "decided_by", "agreed"),
     [
-        (4, Pattern.NORMAL, Resolver.NONE, True),
-        (1, Pattern.NORMAL, Resolver.NONE, True),
-        (1, Pattern.NORMAL, Resolver.REFERENCE, False),
-        (1, Pattern.NORMAL, Resolver.ILM, False),
-        (4, Pattern.ISOLATED, Resolver.NONE, False),
-        (4, Pattern.P2_2, Resolver.TREND, False),
-        (0, Pattern.LOST, Resolver.NONE, False),
+        (4, Pattern.NORMAL, DecidedBy.NONE, True),
+        (1, Pattern.NORMAL, DecidedBy.NONE, True),
+        (1, Pattern.NORMAL, DecidedBy.REFERENCE, False),
+        (1, Pattern.NORMAL, DecidedBy.ILM, False),
+        (4, Pattern.ISOLATED, DecidedBy.NONE, False),
+        (4, Pattern.P2_2, DecidedBy.TREND, False),
+        (0, Pattern.LOST, DecidedBy.NONE, False),
     ],
 )
-def test_a_last_channel_feeds_what_is_remembered_unless_it_is_disputed(level, pattern, resolver, agreed):
+def test_a_last_channel_feeds_what_is_remembered_unless_it_is_disputed(level, pattern, decided_by, agreed):
     state, block, s = np.zeros(1, STATE), new_block(1), INDEX["static_pressure"]
-    block["level"], block["pattern"], block["resolver"] = level, pattern, resolver
+    block["level"], block["pattern"], block["decided_by"] = level, pattern, decided_by
     look_back(block[0], state[0])
     assert bool((int(state[0]["agreed"]) >> s) & 1) == agreed
 
@@ -608,8 +608,8 @@ def test_two_healthy_last_channels_that_are_references_of_each_other_stay_in_use
     faults += ", {kind='offset', signal='reference.yaw_rate', start_s=2.02, duration_s=0.05, offset=0.3}"
     given = scenario.load(None, ["duration_s=2.3", "turbulence='light'", f"faults=[{faults}]"])
     rows = np.concatenate([block.copy() for block, _ in frames(Rig(given), given)])
-    assert Resolver.REFERENCE in rows["resolver"][200:, INDEX["yaw_rate"]]  # else nothing was tried
+    assert DecidedBy.REFERENCE in rows["decided_by"][200:, INDEX["yaw_rate"]]  # else nothing was tried
     for name, near in (("lateral_load_factor", 0.1), ("angle_of_sideslip", 0.02)):
         s = INDEX[name]
-        assert rows["level"][-1, s] == 1 and Resolver.REFERENCE not in rows["resolver"][200:, s], name
+        assert rows["level"][-1, s] == 1 and DecidedBy.REFERENCE not in rows["decided_by"][200:, s], name
         assert np.abs(rows["voted"] - rows["truth"])[200:, s].max() < near, name

@@ -21,7 +21,7 @@ from rig.log.recordings.vote_config import VoteConfig
 N = 600
 RNG = np.random.default_rng(3)
 NOISE = [RNG.normal(0.0, 0.1, N) for _ in range(4)]
-SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10, "range": [-50.0, 50.0]}
+SETTINGS = {"threshold": 1.0, "persistence": 8, "split_persistence": 10, "range": [-50.0, 50.0]}
 CONFIG = VoteConfig(default=SETTINGS)
 OFFSET = {"kind": "offset", "signal": "gyro", "channels": [2], "start_s": 7.0, "offset": 3.0}
 

@@ -15,7 +15,7 @@ from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.vote_config import VoteConfig
 
 N = 600
-SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10}
+SETTINGS = {"threshold": 1.0, "persistence": 8, "split_persistence": 10}
 
 
 def flat() -> list[Any]:

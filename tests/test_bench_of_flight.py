@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import rig
 from rig.cli.main import app
-from rig.core.frame import INDEX, Resolver
+from rig.core.frame import INDEX, DecidedBy
 from rig.log import read_log
 
 RUNNER = CliRunner()
@@ -54,11 +54,11 @@ def test_the_log_of_a_flight_is_voted_as_it_was_in_flight(name: str, tmp_path: P
     exit_code, compared = _vote_and_diff(Path(flight.log), tmp_path / "voted.mcap")
     assert (exit_code, compared["counts"]["different"], compared["fields"]) == (0, 0, [])
     assert compared["counts"]["equal"] > 16 * 25
-    resolvers = set(read_log(flight.log).rows["resolver"].ravel())
+    tie_break = set(read_log(flight.log).rows["decided_by"].ravel())
     if name == "a box":
-        assert Resolver.BOX in resolvers
+        assert DecidedBy.BOX in tie_break
     if name == "common hardovers":
-        assert Resolver.COMMON in resolvers
+        assert DecidedBy.COMMON in tie_break
 
 
 def test_a_long_flight_is_voted_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -16,14 +16,14 @@ from rig.bench.rows_of_recording import FIELDS
 from rig.bench.vote_rows import vote
 from rig.computer.redundancy.manager_config import MANAGERS
 from rig.core.errors import BadInput
-from rig.core.frame import INDEX, SIGNALS, Pattern, Resolver, State
+from rig.core.frame import INDEX, SIGNALS, DecidedBy, Pattern, State
 from rig.log.recordings.read import read
 from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, read_config
 
 K = np.arange(30.0)
 RISING = np.stack([0.1 * K, 0.1 * K + 0.1, 0.1 * K + 5, 0.1 * K + 5.1], axis=1)
-SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10}
+SETTINGS = {"threshold": 1.0, "persistence": 8, "split_persistence": 10}
 
 
 @pytest.fixture
@@ -71,8 +71,8 @@ def test_constant_pairs_go_to_the_smaller_pair(run: Any):
     table, found = run(columns(constant(0, 0.1, 5, 5.1)), SETTINGS)
     assert failed(found) == {3: (10, "trend"), 4: (10, "trend")}
     assert table["x.pattern"].to_list() == ["2:2"] * 10 + ["normal"] * 20
-    assert table["x.resolver"].to_list() == ["unresolved"] * 8 + ["trend"] * 2 + ["none"] * 20
-    assert found["signals"]["x"]["singular_share"] == pytest.approx(10 / 30)
+    assert table["x.decided_by"].to_list() == ["unresolved"] * 8 + ["trend"] * 2 + ["none"] * 20
+    assert found["signals"]["x"]["split_share"] == pytest.approx(10 / 30)
 
 
 def test_rising_pairs_go_to_the_larger_pair(run: Any):
@@ -82,7 +82,7 @@ def test_rising_pairs_go_to_the_larger_pair(run: Any):
 
 
 def test_a_reference_asked_first_saves_the_pair_that_the_trend_would_fail(run: Any):
-    settings = {**SETTINGS, "resolvers": ["reference", "trend"]}
+    settings = {**SETTINGS, "tie_break": ["reference", "trend"]}
     _, found = run(columns(RISING, ref=0.1 * K), settings)
     assert failed(found) == {3: (10, "reference"), 4: (10, "reference")}
 
@@ -262,14 +262,14 @@ def test_the_mean_fails_nobody_and_says_so(run: Any):
     assert failed(found) == {} and (table["x.voted"] == 1).all()
 
 
-def test_names_of_patterns_and_resolvers_are_those_of_the_table():
-    from rig.bench.write_votes import PATTERNS, RESOLVERS, STATES
+def test_names_of_patterns_and_rules_are_those_of_the_table():
+    from rig.bench.write_votes import PATTERNS, STATES, TIE_BREAKS
 
     assert PATTERNS == ("normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost")
     ours = ("box", "common", "slow", "lane", "given_up")
-    assert ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", *ours) == RESOLVERS
+    assert ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", *ours) == TIE_BREAKS
     assert [State[name.upper()] for name in STATES] == [0, 1, 2]
-    assert len(PATTERNS) == len(Pattern) and len(RESOLVERS) == len(Resolver)
+    assert len(PATTERNS) == len(Pattern) and len(TIE_BREAKS) == len(DecidedBy)
 
 
 @pytest.mark.parametrize(

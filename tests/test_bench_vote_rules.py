@@ -72,9 +72,9 @@ def test_a_split_that_nobody_answers_is_counted_told_and_given_up_after_its_time
 
 def test_a_wait_shorter_than_an_answer_must_stand_is_refused_and_the_default_gives_way(run: Any):
     code, error = run({"x": SPLIT}, {"unresolved_s": 0.05})
-    said = "unresolved_s: 0.05 s are 5 frames, fewer than the 10 of singular_persistence of x"
+    said = "unresolved_s: 0.05 s are 5 frames, fewer than the 10 of split_persistence of x"
     assert code == 2 and said in error
-    slow = {"threshold": 1.0, "singular_persistence": 150, "resolvers": ["ilm"]}
+    slow = {"threshold": 1.0, "split_persistence": 150, "tie_break": ["ilm"]}
     assert why(run({"x": SPLIT}, {"default": slow}), "x") == [(150, "given_up")] * 4
 
 

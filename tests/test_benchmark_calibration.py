@@ -11,7 +11,7 @@ import rig
 from rig.core.errors import BadInput
 from rig.studies.benchmark.calibration import calibrate, require_time
 from rig.studies.benchmark.calibration_data import measured, read
-from rig.studies.benchmark.entrants import BIASED, LASTING, OURS, Entrant, entrants, fails_nobody, levels
+from rig.studies.benchmark.entrants import BIASED, OURS, SLOW_FAULTS, Entrant, entrants, fails_nobody, levels
 from rig.studies.benchmark.healthy_flights import isolations, transients
 
 
@@ -52,7 +52,7 @@ def test_a_learned_bias_lets_ours_see_less_where_channels_differ_by_constants():
 
 @pytest.mark.long
 def test_all_that_lasts_is_what_thresholds_chooses_sums_where_noise_dominates():
-    found = calibrate(Entrant(LASTING, OURS), white_signal(8), white(0.1, 10, 9000), 20.0)
+    found = calibrate(Entrant(SLOW_FAULTS, OURS), white_signal(8), white(0.1, 10, 9000), 20.0)
     assert 0.0 < found.values["slow_allowance"] < 0.1 and found.values["slow_limit"] > 24 * 0.05
     assert found.keys["slow_allowance"] == found.values["slow_allowance"]
 
@@ -93,7 +93,7 @@ def test_only_managers_that_fail_somebody_have_levels():
     ]  # fmt: skip
 
 
-def test_a_rival_is_told_the_spread_and_the_largest_mean_of_healthy_residuals():
+def test_a_baseline_is_told_the_spread_and_the_largest_mean_of_healthy_residuals():
     signal, healthy = white_signal(), white(0.1, 8, 3000)
     healthy.flights["pitch_rate"][3].samples[:, 2] += 1.0
     found = measured(Entrant("bayes", "bayes"), signal, healthy)
@@ -105,7 +105,7 @@ def test_a_rival_is_told_the_spread_and_the_largest_mean_of_healthy_residuals():
     assert measured(Entrant("cross-voter", "cross-voter"), signal, healthy) == {}
 
 
-def test_variants_are_told_and_calibrated_like_their_rival():
+def test_variants_are_told_and_calibrated_like_their_baseline():
     (long, guess) = entrants("cusum 120,parity guess middle")[4:]
     healthy = white(0.1, 8, 9000)
     found = calibrate(long, white_signal(), healthy, 20.0)

@@ -1,4 +1,4 @@
-"""Flights of a league: the draws of its trials, in the closed loop, each as if it were flown alone."""
+"""Flights of a benchmark: the draws of its trials, in the closed loop, each as if it were flown alone."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def test_a_flight_is_that_of_its_scenario_with_what_was_calibrated(told: Told, t
     size, drawn = scenario.faults[0].size, values[0, "rate_thresholds_per_s"][0]
     assert size is not None and not size.thresholds and size.value == pytest.approx(drawn * threshold)
     sets = {
-        "cusum": {"redundancy.manager": "cusum", "redundancy.rivals.cusum.signals.pitch_rate.allowance": 0.3},
+        "cusum": {"redundancy.manager": "cusum", "redundancy.baselines.cusum.signals.pitch_rate.allowance": 0.3},
         OURS: {f"redundancy.signals.pitch_rate.{key}": value for key, value in KEYS[OURS].items()},
     }
     for name, overrides in sets.items():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from benchmark_flights import white, white_signal
 
-from rig.computer.redundancy.rivals.rival_settings import Rivals
+from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.studies.benchmark.entrants import Entrant, OfSignal
 from rig.studies.benchmark.healthy_flights import counted, exceeded, isolations, transients
 
@@ -27,7 +27,7 @@ def test_bursts_below_the_persistence_fail_nobody(name: str):
 
 
 def test_as_published_every_burst_fails_somebody():
-    signal = white_signal(8)._replace(rivals=Rivals.model_validate({"cusum": {"bounded": False}}))
+    signal = white_signal(8)._replace(baselines=Baselines.model_validate({"cusum": {"bounded": False}}))
     assert all(row["failed"] == row["bursts"] == 10 for row in bursts("cusum", signal, {}))
 
 

@@ -1,4 +1,4 @@
-"""A league of recordings: half of them calibrates, the other half has the faults."""
+"""A benchmark of recordings: half of them calibrates, the other half has the faults."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,8 +11,8 @@ import pytest
 from rig.core.errors import BadInput
 from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark import on_recordings as recorded
-from rig.studies.benchmark.entrants import BIASED, LASTING, OURS, SHIPPED, entrants
-from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, league
+from rig.studies.benchmark.entrants import BIASED, OURS, SHIPPED, SLOW_FAULTS, entrants
+from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, benchmark
 from rig.studies.thresholds.data import Data, load
 from rig.studies.thresholds.design import DataBlock
 from rig.studies.thresholds.tradeoff import pieces
@@ -53,7 +53,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Data:
 
 @pytest.fixture(scope="module")
 def result(data: Data) -> dict[str, Any]:
-    return league(data, CONFIG, entrants("cross-voter,median,benchmark_flights:Limited"))
+    return benchmark(data, CONFIG, entrants("cross-voter,median,benchmark_flights:Limited"))
 
 
 def of_three_in_a_row(blocks: Sequence[DataBlock]) -> float:
@@ -74,7 +74,7 @@ def test_a_level_is_the_least_that_fails_nobody_in_its_half_and_a_margin(data: D
 def test_flights_that_are_noisier_than_others_of_their_half_ask_for_a_margin(tmp_path: Path):
     write(tmp_path, 8, apart=0.0, noise=(0.02, 0.02, 0.036, 0.036), names="x")
     data = load([tmp_path], CONFIG, "config")
-    for row in league(data, CONFIG, entrants("cross-voter"))["levels"]:
+    for row in benchmark(data, CONFIG, entrants("cross-voter"))["levels"]:
         if row["entrant"] in (OURS, "cross-voter"):
             quiet = data.signals["x"][row["half"] :: 4]
             assert row["told"]["threshold"] > 2.0 * of_three_in_a_row(quiet)
@@ -110,13 +110,13 @@ def test_what_is_large_is_found_and_who_fails_nobody_misses_it(result: dict[str,
 def test_where_noise_dominates_what_lasts_finds_more(tmp_path: Path):
     """Offsets of a twentieth of the motion, below the noise of a sample."""
     write(tmp_path, 4, apart=0.1, noise=(0.1,), names="x")
-    found = league(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
-    told = [row["told"] for row in found["levels"] if row["entrant"] == LASTING]
+    found = benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
+    told = [row["told"] for row in found["levels"] if row["entrant"] == SLOW_FAULTS]
     assert len(told) == 2 and any(0.0 < of["slow_allowance"] < of["slow_limit"] for of in told)
     small = {
         row["entrant"]: row for row in found["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
     }
-    assert small[LASTING]["isolated"] > small[BIASED]["isolated"] + PIECES / 2
+    assert small[SLOW_FAULTS]["isolated"] > small[BIASED]["isolated"] + PIECES / 2
 
 
 def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):
@@ -130,24 +130,24 @@ def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):
 def test_too_few_or_too_short_recordings_are_one_line(tmp_path: Path):
     write(tmp_path, 1, seconds=2)
     with pytest.raises(BadInput, match="--recordings: 1 recording: one half calibrates"):
-        league(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
+        benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
     write(tmp_path, 2, seconds=2)
     with pytest.raises(BadInput, match="--recordings: all are shorter than the 18 s of a trial"):
-        league(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
+        benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
 
 
 @pytest.mark.parametrize(
     ("more", "said"),
     [
         ([], "--recordings: needs --config"),
-        (["--config", "c.toml", "--healthy", "H"], "--recordings: a league of recordings has no --healthy"),
+        (["--config", "c.toml", "--healthy", "H"], "--recordings: a benchmark of recordings has no --healthy"),
     ],
 )
 def test_options_that_do_not_go_together_are_one_line(rig_command: Any, more: list[str], said: str):
-    code, out, err = rig_command("league", "--recordings", "R", *more)
+    code, out, err = rig_command("benchmark", "--recordings", "R", *more)
     assert (code, out, err.count("\n")) == (2, "", 1) and said in err
 
 
-def test_a_league_without_anything_says_what_is_needed(rig_command: Any):
-    code, _, err = rig_command("league")
+def test_a_benchmark_without_anything_says_what_is_needed(rig_command: Any):
+    code, _, err = rig_command("benchmark")
     assert code == 2 and "CAMPAIGN is needed, or --recordings with --config" in err

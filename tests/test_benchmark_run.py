@@ -1,4 +1,4 @@
-"""One league: the same bytes with one and two workers and after an interruption; what it refuses."""
+"""One benchmark: the same bytes with one and two workers and after an interruption; what it refuses."""
 
 import json
 import os
@@ -29,7 +29,7 @@ from rig.studies.campaign.run_campaign import run as fly
 @pytest.fixture(scope="module")
 def healthy(once: Any) -> Path:
     campaign = read(HEALTHY, {"duration_s": 20.0}).model_copy(update={"runs": 12})
-    return once("league-healthy", lambda place: fly(Plan(campaign, str(HEALTHY)), place / "out", workers=1).out)
+    return once("benchmark-healthy", lambda place: fly(Plan(campaign, str(HEALTHY)), place / "out", workers=1).out)
 
 
 def asked(healthy: Path, **more: Any) -> Asked:
@@ -41,7 +41,7 @@ def whole(healthy: Path, once: Any) -> tuple[Path, dict[str, Any]]:
     def make(place: Path) -> tuple[Path, dict[str, Any]]:
         return place / "out", run(small(), asked(healthy, second=healthy), place / "out")
 
-    return once("league", make)
+    return once("benchmark", make)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -55,7 +55,7 @@ def test_two_workers_write_the_same_bytes(whole: tuple[Path, Any], healthy: Path
 
 
 @pytest.mark.long
-def test_an_interrupted_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
+def test_an_interrupted_benchmark_goes_on_to_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
     def interrupt(what: str, done: int, total: int) -> None:
         if what == "trials" and done == 1:
             raise KeyboardInterrupt
@@ -68,7 +68,7 @@ def test_an_interrupted_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any]
 
 
 @pytest.mark.long
-def test_a_killed_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
+def test_a_killed_benchmark_goes_on_to_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
     """With two workers, killed once levels are written and units have begun to be."""
     begin = "import sys; from pathlib import Path; import test_benchmark_run as t; t.killed(*map(Path, sys.argv[1:]))"
     path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
@@ -85,7 +85,7 @@ def test_a_killed_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any], heal
 
 
 def killed(healthy: Path, out: Path) -> None:
-    """Run the league of ``whole`` in a process of its own, slowly, so that it can be killed on its way."""
+    """Run the benchmark of ``whole`` in a process of its own, slowly, so that it can be killed on its way."""
     with listening(lambda what, *_: time.sleep(1.0 if what == "trials" else 0.0)):
         run(small(), asked(healthy, second=healthy), out, workers=2)
 
@@ -108,16 +108,18 @@ def test_the_second_campaign_is_counted_for_those_that_can_fail_somebody(whole: 
     assert set(counted) == {
         "cross-channel",
         "cross-channel bias",
-        "cross-channel lasting",
+        "cross-channel slow",
         "cross-channel shipped",
         "cusum",
     }
     assert all(row["expected"] == pytest.approx(row["hours"]) for row in counted.values())  # one an hour
 
 
-def test_another_league_in_the_folder_is_refused_and_left_alone(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
+def test_another_benchmark_in_the_folder_is_refused_and_left_alone(
+    whole: tuple[Path, Any], healthy: Path, tmp_path: Path
+):
     out = shutil.copytree(whole[0], tmp_path / "copy")
-    with pytest.raises(BadInput, match=r"--out .*: holds another league: seed was 0, is 7"):
+    with pytest.raises(BadInput, match=r"--out .*: holds another benchmark: seed was 0, is 7"):
         run(small(), asked(healthy, second=healthy, seed=7), out)
     assert content(out) == content(whole[0])
 
@@ -139,8 +141,8 @@ def test_a_damaged_unit_is_named_with_its_remedy(whole: tuple[Path, Any], health
     assert content(out) == content(whole[0])
 
 
-@pytest.mark.parametrize("name", ["league.json", "levels.json"])
-def test_a_damaged_league_or_its_edited_levels_are_refused_in_one_line(
+@pytest.mark.parametrize("name", ["benchmark.json", "levels.json"])
+def test_a_damaged_benchmark_or_its_edited_levels_are_refused_in_one_line(
     whole: tuple[Path, Any], healthy: Path, tmp_path: Path, name: str
 ):
     path = shutil.copytree(whole[0], tmp_path / "copy") / name
@@ -149,21 +151,21 @@ def test_a_damaged_league_or_its_edited_levels_are_refused_in_one_line(
     edited = data[:at] + str((int(data[at]) + 1) % 10) + data[at + 1 :]  # one digit of a number
     for text in ("[1]", "{}", "1", "[" * 100_000, '{"a": 1e999}', edited):
         path.write_text(text)
-        with pytest.raises(BadInput, match=rf"{name}|holds another league") as error:
+        with pytest.raises(BadInput, match=rf"{name}|holds another benchmark") as error:
             run(small(), asked(healthy, second=healthy), path.parent)
         assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("left", ["lock", ".league.json.0123abcd.part", ".levels.json.0123abcd.part"])
-def test_a_folder_of_a_first_moment_is_a_leagues(tmp_path: Path, left: str):
+@pytest.mark.parametrize("left", ["lock", ".benchmark.json.0123abcd.part", ".levels.json.0123abcd.part"])
+def test_a_folder_of_a_first_moment_is_a_benchmarks(tmp_path: Path, left: str):
     (tmp_path / left).touch()
     STUDY.require(tmp_path)
 
 
-def test_what_is_not_a_league_or_too_short_is_refused_before_anything_is_written(healthy: Path, tmp_path: Path):
+def test_what_is_not_a_benchmark_or_too_short_is_refused_before_anything_is_written(healthy: Path, tmp_path: Path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("x")
-    with pytest.raises(BadInput, match="not a league's folder, and not empty"):
+    with pytest.raises(BadInput, match="not a benchmark's folder, and not empty"):
         run(small(), asked(healthy), tmp_path / "full")
     for budget, said in ((1e-4, "is too little for a budget of 0.0001 an hour: 100 h are needed"), (0.0, "--budget")):
         with pytest.raises(BadInput, match=said):
@@ -175,7 +177,7 @@ def test_the_command_prints_levels_the_table_and_where_ours_loses(
     whole: tuple[Path, Any], healthy: Path, tmp_path: Path
 ):
     command = [
-        "league",
+        "benchmark",
         str(SMALL),
         "--managers",
         "cusum,median",
@@ -185,11 +187,11 @@ def test_the_command_prints_levels_the_table_and_where_ours_loses(
         str(healthy),
     ]
     command += ["--second", str(healthy), "--out", str(whole[0]), "--trials", "4", "--workers", "1"]
-    command += ["--flights", "2", "--plot", str(tmp_path / "league.html")]
+    command += ["--flights", "2", "--plot", str(tmp_path / "benchmark.html")]
     shown = CliRunner().invoke(app, command)
     assert shown.exit_code == 0 and "calibrated to 1 false isolations an hour and signal, on 0.0667 h" in shown.output
     assert "microseconds a signal and frame" in shown.output and "flown in closed loop" in shown.output
-    page = (tmp_path / "league.html").read_text()
+    page = (tmp_path / "benchmark.html").read_text()
     assert "share isolated" in page and "median delay" in page and whole[1]["verdict"][0] in page
     data = json.loads(CliRunner().invoke(app, [*command, "--json"]).stdout)
     assert data["verdict"] == whole[1]["verdict"] and all(sentence in shown.output for sentence in data["verdict"])
@@ -209,8 +211,8 @@ def faulty(folder: Path, text: str) -> Path:
         ({"--managers": "benchmark_flights:Nameless"}, "", "calibrate = 'gain': must name a number above 0"),
         ({"--managers": "cross-channel"}, "", "--managers: name one or more besides cross-channel"),
         ({}, "[set]\nfaults = []\n", "no fault to detect"),
-        ({}, '[set]\n"redundancy.signals.pitch_rate.bias_bound" = 9.0\n', "bias_bound: at most the threshold"),
-        ({"--plot": "league.txt"}, "", "its name must end with .html"),
+        ({}, '[set]\n"redundancy.signals.pitch_rate.equalise_bound" = 9.0\n', "equalise_bound: at most the threshold"),
+        ({"--plot": "benchmark.txt"}, "", "its name must end with .html"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
@@ -224,5 +226,7 @@ def test_bad_input_is_one_line_and_nothing_is_written(
         "--budget": "1",
         **options,
     }
-    code, out, err = rig_command("league", str(campaign), "--json", *(word for pair in given.items() for word in pair))
+    code, out, err = rig_command(
+        "benchmark", str(campaign), "--json", *(word for pair in given.items() for word in pair)
+    )
     assert (code, out, err.count("\n")) == (2, "", 1) and said in err and not (tmp_path / "out").exists()

@@ -25,8 +25,8 @@ def test_what_an_entrant_sees_does_not_depend_on_who_else_takes_part_or_in_which
     for others in (first, last):
         assert others.filter(pl.col("entrant") == "cusum").equals(alone)
     assert first.filter(pl.col("entrant") == "median").equals(last.filter(pl.col("entrant") == "median"))
-    twin = rows(MEDIAN, MEDIAN._replace(name="again"))
-    halves = [twin.filter(pl.col("entrant") == name).drop("entrant") for name in ("median", "again")]
+    baseline = rows(MEDIAN, MEDIAN._replace(name="again"))
+    halves = [baseline.filter(pl.col("entrant") == name).drop("entrant") for name in ("median", "again")]
     assert halves[0].equals(halves[1])
 
 
@@ -63,6 +63,6 @@ def test_a_campaign_without_a_fault_to_detect_is_refused():
     from rig.studies.campaign.campaign_file import read
     from rig.studies.campaign.plan import Plan
 
-    healthy = Plan(read("docs/examples/league_healthy.toml"), "healthy.toml")
+    healthy = Plan(read("docs/examples/benchmark_healthy.toml"), "healthy.toml")
     with pytest.raises(BadInput, match=r"healthy.toml: run \d+: no fault to detect"):
         of_signals(healthy)

@@ -37,7 +37,7 @@ def test_states_of_the_reference_that_change_nothing_share_a_sentence():
 
 def test_without_a_loss_it_says_so_and_names_who_is_behind():
     lines = said(rows=[group("cusum", -0.3, -0.1, kind="all")])
-    assert lines[0] == "cross-channel loses in no group: no rival isolates significantly more"
+    assert lines[0] == "cross-channel loses in no group: no baseline manager isolates significantly more"
     assert "ahead of cusum" in lines[1] and "-20.0 points" in lines[1]
 
 

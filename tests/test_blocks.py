@@ -42,7 +42,7 @@ from rig.verdict.score_records import Yardstick
 from rig.verdict.scoring import score_of
 from rig.verdict.unfaulted import MeasuredAgain
 
-# Each stage that draws, or that looks back, in one flight: noise and drift of sensors, monitors that lie, a fault by
+# Each stage that draws, or that looks back, in one flight: noise and drift of sensors, wrong monitors, a fault by
 # chance, one of noise, one that waits for a vote, and a heading around north.
 RANDOM = [
     "turbulence='severe'",

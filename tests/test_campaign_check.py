@@ -56,7 +56,7 @@ def test_a_suite_is_met_and_read_by_junitparser(rig_command, tmp_path):
     vote = found["vote pitch_rate"]
     assert vote.classname == "short" and vote.result == [] and str(vote.system_out).startswith("rig fly ")
     known = {each.attrib["name"]: each.attrib["value"] for each in vote._elem.iter("property")}
-    assert known["id"] == "vote" and 0.0 < float(known["margin"]) < 1.0 and known["command"] == vote.system_out
+    assert known["id"] == "vote" and 0.0 < float(known["robustness"]) < 1.0 and known["command"] == vote.system_out
     assert JUnitXml.fromfile("out.xml").tests == 4
 
 
@@ -82,8 +82,10 @@ def test_one_changed_threshold_fails_with_the_id_and_the_margin(rig_command, tmp
     write(tmp_path, f', "{q}.threshold" = 2.0, "{q}.stale_frames" = 0')
     code, out, _ = rig_command("check", "suite.toml", "--junit", "out.xml")
     (failure,) = junit_tests("out.xml")["found pitch_rate"].result
-    assert code == 1 and isinstance(failure, Failure) and failure.message.startswith("found pitch_rate: margin -1 at")
-    assert "found pitch_rate" in out and "margin -1" in out
+    assert (
+        code == 1 and isinstance(failure, Failure) and failure.message.startswith("found pitch_rate: robustness -1 at")
+    )
+    assert "found pitch_rate" in out and "robustness -1" in out
 
 
 def test_logs_and_campaigns_are_cases_too(rig_command, tmp_path):
@@ -115,11 +117,14 @@ def test_logs_and_campaigns_are_cases_too(rig_command, tmp_path):
         ('[[cases]]\nscenario = "no_such"\n', "suite.toml: cases: scenario: no_such: no such file"),
         ('[[cases]]\nlog = "no.mcap"\n', "suite.toml: cases: log: no.mcap: no such log"),
         ('[[cases]]\nlog = "a"\nscenario = "b"\n', "a case has one of scenario, log, campaign"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\nruns = 2\n', "runs: is for campaign"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\nwithout = ["x"]\n', "without: no requirement 'x' among its own"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\n' * 2, "f16_stuck_twins: two cases of this name"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\nset = { "canard" = 1 }\n', "suite.toml: f16_stuck_twins: .*canard"),
-        ('[[cases]]\nscenario = "f16_stuck_twins"\nrequirements = ["x"]\n', "x: no such file of requirements"),
+        ('[[cases]]\nscenario = "f16_stuck_together"\nruns = 2\n', "runs: is for campaign"),
+        ('[[cases]]\nscenario = "f16_stuck_together"\nwithout = ["x"]\n', "without: no requirement 'x' among its own"),
+        ('[[cases]]\nscenario = "f16_stuck_together"\n' * 2, "f16_stuck_together: two cases of this name"),
+        (
+            '[[cases]]\nscenario = "f16_stuck_together"\nset = { "canard" = 1 }\n',
+            "suite.toml: f16_stuck_together: .*canard",
+        ),
+        ('[[cases]]\nscenario = "f16_stuck_together"\nrequirements = ["x"]\n', "x: no such file of requirements"),
     ],
 )
 def test_a_bad_suite_is_one_line(rig_command, tmp_path, suite, says):

@@ -174,7 +174,7 @@ def test_a_unit_and_its_build_are_named_and_one_manager_is_compared_with_it(rig_
 def test_a_script_that_a_command_names_is_part_of_its_build(tmp_path: Path):
     (tmp_path / "u.py").write_text("1\n")
     (tmp_path / "u.toml").write_text(
-        f'name = "s"\ncarrier = "udp"\ncommand = ["{sys.executable}", "u.py", "{{address}}"]\n'
+        f'name = "s"\ntransport = "udp"\ncommand = ["{sys.executable}", "u.py", "{{address}}"]\n'
     )
     before = read_unit(tmp_path / "u.toml")
     was, logged = before.build(), before.about()

@@ -15,7 +15,7 @@ from rig.core.frame import SIGNALS
 from rig.studies.campaign import table_parts as parts
 from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.campaign_page import report
-from rig.studies.campaign.campaign_summary import by_resolver, compare, headline
+from rig.studies.campaign.campaign_summary import by_rule, compare, headline
 from rig.studies.campaign.folder import Folder, open_folder
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.tables import OF, RUNS, TABLES, Rows
@@ -41,7 +41,7 @@ def rows(numbers: range) -> Rows:
         ],
         "faults": [{"run": n, "fault": 0, "channel": 1, "outcome": "detected"} for n in numbers],
         "alarms": [{"run": n, "signal": "pitch_rate", "channel": 2, "time_s": 0.5} for n in numbers if odd[n]],
-        "episodes": [{"run": n, "begin_s": 0.5, "resolver": "unresolved"} for n in numbers if odd[n]],
+        "episodes": [{"run": n, "begin_s": 0.5, "decided_by": "unresolved"} for n in numbers if odd[n]],
         "signals": [{"run": n, "signal": signal.name} for n in numbers for signal in SIGNALS],
     }
 
@@ -163,17 +163,17 @@ def test_a_part_of_a_version_without_these_columns_has_none_and_the_same_hash(ou
     assert headline(open_folder(out).tables)["failed_with_box"] == 0
 
 
-def test_channels_that_a_rule_failed_are_counted_with_the_alarms_and_blame_no_resolver(out: Path):
+def test_channels_that_a_rule_failed_are_counted_with_the_alarms_and_blame_no_rule(out: Path):
     box = rows(range(3))
     box["runs"][0] |= {"failed_with_box": 2}
-    alarm = {"run": 0, "kind": "failed with its box", "channel": 2, "time_s": 0.5, "resolver": "box"}
+    alarm = {"run": 0, "kind": "failed with its box", "channel": 2, "time_s": 0.5, "decided_by": "box"}
     box["alarms"] += [{**alarm, "signal": name} for name in ("heading", "pitch_rate")]
     for name in TABLES:
         (out / name / f"{FIRST}.parquet").unlink()
     open_folder(out).write(box)
     tables = open_folder(out).tables
     assert headline(tables)["failed_with_box"] == 2 and headline(tables)["false_alarms"]["count"] == 2
-    assert not any(row["resolver"] == "box" for row in by_resolver(tables))
+    assert not any(row["decided_by"] == "box" for row in by_rule(tables))
 
 
 def test_reply_times_that_are_not_in_these_bins_are_named(out: Path):

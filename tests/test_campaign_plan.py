@@ -168,7 +168,7 @@ def test_a_grid_of_more_points_than_runs_makes_no_more_than_the_runs(tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("name", "runs"), [("smoke", 60), ("pitch-rate", 960), ("singular", 2268), ("false-alarm", 90), ("aircraft", 400)]
+    ("name", "runs"), [("smoke", 60), ("pitch-rate", 960), ("splits", 2268), ("false-alarm", 90), ("aircraft", 400)]
 )
 def test_every_bundled_campaign_can_be_flown(name: str, runs: int):
     made = Plan(read(name), str(find(name)))
@@ -179,7 +179,7 @@ def test_every_bundled_campaign_can_be_flown(name: str, runs: int):
 def test_a_campaign_read_back_from_plain_data_is_the_same(tmp_path: Path):
     from rig.studies.campaign.campaign_file import from_what
 
-    made = Plan(read("singular"), "x")
+    made = Plan(read("splits"), "x")
     back = Plan(from_what(made.campaign.what(), "y"), "y")
     assert back.choices == made.choices and back[7].data == made[7].data
 

@@ -52,7 +52,7 @@ def counting(run: dict[str, Any], rows: Rows) -> dict[str, Any]:
     counts = {name.replace(" ", "_"): sum(f["outcome"] == name for f in own["faults"]) for name in outcomes}
     kinds = {"false alarm": "false_alarms", "wrong isolation": "wrong_isolations"}
     counts |= {column: sum(a["kind"] == kind for a in own["alarms"]) for kind, column in kinds.items()}
-    counts["unresolved"] = sum(e["resolver"] == "unresolved" for e in own["episodes"])
+    counts["unresolved"] = sum(e["decided_by"] == "unresolved" for e in own["episodes"])
     return {**run, **counts}
 
 
@@ -78,13 +78,13 @@ def fault(number: int, magnitude: float | None, outcome: str, **more: Any) -> di
     detected = outcome == "detected"
     row = {"run": number, "fault": 0, "id": "f", "signal": "pitch_rate", "channel": 1, "kind": "offset"}
     row |= {"magnitude": magnitude, "outcome": outcome, "isolation": "right" if detected else "none"}
-    delays = {"delay_from_onset_s": 0.08, "delay_from_exceeded_s": 0.07, "resolver": "comparison"} if detected else {}
+    delays = {"delay_from_onset_s": 0.08, "delay_from_exceeded_s": 0.07, "decided_by": "comparison"} if detected else {}
     return {**row, **delays, "pattern": "isolated" if detected else "normal", **more}
 
 
-def episode(number: int, resolver: str, verdict: str, asked: list[str]) -> dict[str, Any]:
+def episode(number: int, decided_by: str, verdict: str, asked: list[str]) -> dict[str, Any]:
     place = {"run": number, "signal": "pitch_rate", "pattern": "2:2", "begin_s": 1.0, "frames": 10, "failed": []}
-    return {**place, "asked": asked, "resolver": resolver, "verdict": verdict}
+    return {**place, "asked": asked, "decided_by": decided_by, "verdict": verdict}
 
 
 @pytest.fixture
@@ -101,7 +101,14 @@ def folder(tmp_path: Path) -> Folder:
     faults.append(fault(3, None, "detected", kind="dropout", channel=2, delay_from_onset_s=0.2))
     faults.append(fault(4, 0.5, "not executed", channel=3))
     alarms = [
-        {"run": 9, "kind": "wrong isolation", "signal": "pitch_rate", "channel": 4, "time_s": 2.0, "resolver": "trend"},
+        {
+            "run": 9,
+            "kind": "wrong isolation",
+            "signal": "pitch_rate",
+            "channel": 4,
+            "time_s": 2.0,
+            "decided_by": "trend",
+        },
         *({"run": 11, "kind": "false alarm", "signal": "heading", "channel": c, "time_s": 2.0} for c in (1, 2)),
     ]
     order = ["ilm", "trend", "reference"]
@@ -138,20 +145,20 @@ def test_for_people_the_counts_of_the_faults_add_up(folder: Folder, tmp_path: Pa
     assert "detection 25 of 31: " in said and "correct isolation 24 of 31: " in said
 
 
-def test_rates_are_those_of_each_magnitude_pattern_and_resolver(folder: Folder):
+def test_rates_are_those_of_each_magnitude_pattern_and_rule(folder: Folder):
     found = summary(folder)
     by_size = {row["size"]: row for row in found["by_magnitude"]}
     assert counted(by_size[0.01]["detection_of_all"]) == (0, 10) and by_size[0.01]["detection"]["value"] is None
     assert counted(by_size[0.1]["detection"]) == (24, 30)
     assert {row["pattern"]: row["acted"] for row in found["by_pattern"]} == {"isolated": 25, "normal": 16}
-    by = {row["resolver"]: (row["faulty"], row["healthy"]) for row in found["by_resolver"]}
+    by = {row["decided_by"]: (row["faulty"], row["healthy"]) for row in found["by_rule"]}
     assert by == {"comparison": (25, 0), "trend": (0, 1)}
     levels = {(row["key"], row["level"]): row["runs"] for row in found["by_varied"]}
     assert levels == {("turbulence", "none"): 20, ("turbulence", "light"): 19}
 
 
-def test_the_truth_table_of_the_resolvers_counts_who_was_asked_and_right(folder: Folder):
-    found = {row["resolver"]: row for row in summary(folder)["resolvers"] if row["pattern"] == "2:2"}
+def test_the_truth_table_of_the_rules_counts_who_was_asked_and_right(folder: Folder):
+    found = {row["decided_by"]: row for row in summary(folder)["tie_break"] if row["pattern"] == "2:2"}
     counts = {
         name: [row[key] for key in ("asked", "answered", "right", "wrong", "open")] for name, row in found.items()
     }

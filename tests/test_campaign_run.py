@@ -163,7 +163,7 @@ def test_a_run_with_lanes_or_servos_has_the_digest_of_the_table_when_it_is_flown
         flight, digest = again(campaign, number, tmp_path)
         assert flight.digest == digest
         there.add(flight.scenario.lane_parts)
-    assert there == {(), ("actuator",), ("computer",), ("actuator", "computer")}
+    assert there == {(), ("servo",), ("computer",), ("servo", "computer")}
 
 
 def test_a_campaign_logs_in_chunks_as_large_as_they_may_be(tmp_path: Path):

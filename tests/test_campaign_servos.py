@@ -34,14 +34,14 @@ def rows(flight: CampaignFlight) -> list[Row]:
 
 def test_a_fault_of_a_channel_has_the_monitor_that_found_it_and_the_delay(rows: list[Row]) -> None:
     coil, wire, loss, _ = rows
-    assert (coil["resolver"], wire["resolver"], loss["resolver"]) == ("current", "continuity", None)
+    assert (coil["decided_by"], wire["decided_by"], loss["decided_by"]) == ("current", "continuity", None)
     assert 0.04 <= coil["delay_from_onset_s"] <= 0.06  # its persistence, 0.05 s
     assert 0.01 <= wire["delay_from_onset_s"] <= 0.03  # 0.02 s
 
 
 def test_a_stuck_valve_is_found_by_its_own_monitor_once_the_channel_is_shut_off(rows: list[Row]) -> None:
     coil, *_, valve = rows
-    assert (valve["kind"], valve["resolver"]) == ("sov_stuck", "valve")
+    assert (valve["kind"], valve["decided_by"]) == ("sov_stuck", "valve")
     assert 0.04 <= valve["failed_s"] - coil["failed_s"] <= 0.06  # its persistence, 0.05 s
 
 
@@ -69,7 +69,7 @@ def test_a_report_counts_kinds_by_their_monitors() -> None:
             "kind": ["lvdt", "lvdt", "lvdt", "offset"],
             "signal": ["actuator.rudder"] * 3 + ["pitch_rate"],
             "onset_s": [1.0, 1.0, 1.0, 1.0],
-            "resolver": ["position", "ram", None, None],
+            "decided_by": ["position", "ram", None, None],
             "delay_from_onset_s": [0.1, 0.3, None, None],
         }
     )

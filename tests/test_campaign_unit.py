@@ -22,7 +22,7 @@ CAMPAIGN = """
 base = "f16_pitch_rate_hardover"
 seed = 7
 runs = 12
-twin = true
+baseline = true
 [set]
 duration_s = 2.0
 "faults.0.start_s" = 0.5
@@ -95,7 +95,7 @@ def test_a_campaign_goes_on_only_with_the_build_that_it_was_begun_with(tmp_path:
 
 
 def test_a_box_is_one_worker(tmp_path: Path):
-    box = written(tmp_path, {"name": "box", "carrier": "udp", "address": "127.0.0.1:9", "start_s": 0.2})
+    box = written(tmp_path, {"name": "box", "transport": "udp", "address": "127.0.0.1:9", "start_s": 0.2})
     with pytest.raises(BadInput, match=r"--workers 2: the unit at 127\.0\.0\.1:9 is one"):
         fly(tmp_path, box, "out", workers=2)
     assert fly(tmp_path, box, "out", runs=1).outcomes == {"unit refused": 1}

@@ -29,7 +29,7 @@ def rig(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         (["aircraft", "show", "zeppelin"], "unknown aircraft 'zeppelin'"),
         (["aircraft", "design", "zeppelin"], "unknown aircraft 'zeppelin'"),
         (["recover", "nowhere.mcap"], "nowhere.mcap"),
-        (["bench", "nowhere.toml"], "no such file"),
+        (["cost", "nowhere.toml"], "no such file"),
         (["fly", "no\nwhere\x1b[2J.toml"], "no where\\u001b[2J.toml: no such file"),
         (["fly", "x" * 5000], ": no such file; nearest bundled: "),
         (["diff", "x" * 5000, "y"], "File name too long"),

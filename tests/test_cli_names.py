@@ -90,7 +90,7 @@ def test_the_log_the_header_and_info_name_manager_and_overrides(rig_command):
 
 
 def test_names_are_completed():
-    assert complete.scenarios("f16_singular_1_1_1") == ["f16_singular_1_1_1", "f16_singular_1_1_1_1"]
+    assert complete.scenarios("f16_split_1_1_1") == ["f16_split_1_1_1", "f16_split_1_1_1_1"]
     assert complete.aircraft("b7") == ["b707", "b737", "b747"]
     assert complete.kinds("hard") == ["hardover"] and complete.campaigns("smo") == ["smoke"]
     assert "overview" in complete.tabs("over")
@@ -99,10 +99,10 @@ def test_names_are_completed():
 
 
 def test_the_shell_is_given_the_completions():
-    environment = {"_RIG_COMPLETE": "complete_bash", "COMP_WORDS": "rig fly f16_singular_2_2_l", "COMP_CWORD": "2"}
+    environment = {"_RIG_COMPLETE": "complete_bash", "COMP_WORDS": "rig fly f16_split_2_2_l", "COMP_CWORD": "2"}
     command = [sys.executable, "-c", "from rig.cli.main import app; app(prog_name='rig')"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
-    assert done.stdout.split() == ["f16_singular_2_2_level", "f16_singular_2_2_lying_ilm"]
+    assert done.stdout.split() == ["f16_split_2_2_level"]
 
 
 def test_scenarios_are_listed_with_aircraft_and_title(rig_command):

@@ -72,7 +72,7 @@ def test_from_nothing_to_a_scenario_that_violates(
     monkeypatch.setattr("rig.studies.search.run_search.SEEDS", 3)
     arguments = ("search", space(tmp_path), "--requirement", "vote", "--flights", "36", "--bench", "--workers", "1")
     code, out, err = rig_command(*arguments, "--out", "s")
-    assert code == 0 and out.splitlines()[0].startswith("flights ") and "least margin" in err
+    assert code == 0 and out.splitlines()[0].startswith("flights ") and "least robustness" in err
     code, again, _ = rig_command(*arguments, "--out", "s", "--json")
     figures = json.loads(again)
     assert figures == json.loads((tmp_path / "s" / "search.json").read_text())

@@ -88,6 +88,6 @@ def test_jsbsim_without_its_files_is_one_line_that_says_so(rig_command, monkeypa
         raise OSError("Can't find the default root directory")
 
     monkeypatch.setattr(jsbsim, "FGFDMExec", nowhere)
-    code, _, err = rig_command("bench")
+    code, _, err = rig_command("cost")
     said = "JSBSim: Can't find the default root directory: its package is not installed as a whole"
     assert code == 1 and err.splitlines()[-1] == f"failed: {said}"

@@ -82,7 +82,7 @@ def test_a_title_and_a_folder_are_text_in_every_command_that_shows_them(
     log = str(next(tmp_path.rglob("*.mcap")).relative_to(tmp_path))
     for arguments in (
         ["info", log],
-        ["score", log, "--no-twin"],
+        ["score", log, "--no-baseline"],
         ["scenario", "show", "s.toml"],
         ["scenario", "check", "s.toml"],
         ["watch", log],
@@ -130,7 +130,7 @@ def test_campaign_titles_are_text(tmp_path: Path, capsys: pytest.CaptureFixture[
     rate = {"value": None, "of": 0}
     head = dict.fromkeys(("detection", "right_isolation", "wrong_isolation", "survival", "false_alarms"), rate)
     counts = dict.fromkeys(("faults", "not_executed", "undetectable"), 0)
-    empty = {"resolvers": [], "servos": [], "requirements": []}
+    empty = {"tie_break": [], "servos": [], "requirements": []}
     show.report(
         {"title": MARKUP + ACTS, "headline": {"done": 1, **counts, **head}, "runs": 1, **empty}, tmp_path / "[/x]"
     )

@@ -12,9 +12,9 @@ from interpreted import printed
 from rig.computer.control import gains_file as gains
 from rig.computer.control.autopilot import Config, Control
 from rig.core.frame import (
+    AUTOPILOT_COMMANDS,
     CHANNELS,
     COMMANDS,
-    DEMANDS,
     DISCRETE_INDEX,
     INDEX,
     SIGNALS,
@@ -73,13 +73,13 @@ def test_engaging_and_disengaging_do_not_move_the_surfaces() -> None:
         assert block["law"][k] != block["law"][k - 1]
 
 
-def test_what_is_held_is_what_was_flown_at_engagement_plus_the_demand() -> None:
+def test_what_is_held_is_what_was_flown_at_engagement_plus_the_command() -> None:
     block = level_flight(50)
     block["discrete_voted"][:20, ENGAGED] = 0
     block["voted"][:20, INDEX["heading"]] = 6.2
     block["voted"][20:, INDEX["heading"]] = 6.25
-    block["demand"][30:, DEMANDS.index("heading_rad")] = 0.1
-    block["demand"][30:, DEMANDS.index("altitude_m")] = 100.0
+    block["autopilot_command"][30:, AUTOPILOT_COMMANDS.index("heading_rad")] = 0.1
+    block["autopilot_command"][30:, AUTOPILOT_COMMANDS.index("altitude_m")] = 100.0
     fly(block)
     heading, altitude = (block["command"][:, COMMANDS.index(name)] for name in ("heading_rad", "altitude_m"))
     assert heading[25] == 6.25
@@ -114,7 +114,7 @@ def test_a_signal_that_is_no_number_keeps_its_last_value(value: float) -> None:
 def test_without_any_number_the_surfaces_stay_at_trim() -> None:
     block = level_flight(20)
     block["voted"] = np.nan
-    block["demand"] = np.nan
+    block["autopilot_command"] = np.nan
     fly(block)
     assert (block["surface"] == TRIM).all()
     assert np.isfinite(block["command"]).all()
@@ -127,7 +127,7 @@ def test_any_signals_within_and_beyond_their_ranges_give_surfaces_within_their_s
     span = np.array([max(-signal.low, signal.high) for signal in SIGNALS])
     block["voted"] = rng.normal(size=(400, S)) * span
     block["voted"][rng.random((400, S)) < 0.1] = rng.choice([np.nan, np.inf, 1e300, -1e300])
-    block["demand"] = rng.normal(size=(400, len(DEMANDS))) * 1e3
+    block["autopilot_command"] = rng.normal(size=(400, len(AUTOPILOT_COMMANDS))) * 1e3
     block["discrete_voted"][:, ENGAGED] = rng.random(400) < 0.5
     fly(block)
     low, high = np.array(LIMITS).T
@@ -171,12 +171,12 @@ def test_the_stick_cannot_pull_beyond_the_alpha_limit() -> None:
 def test_a_copy_of_the_state_flies_on_alike() -> None:
     block = level_flight(200, noise=0.01)
     control = fly(block[:100])
-    twin = Control(Config(), gains.read(AIRCRAFT / "f16" / "gains.toml"), 100.0, LIMITS)
-    twin.state[:] = control.state
+    baseline = Control(Config(), gains.read(AIRCRAFT / "f16" / "gains.toml"), 100.0, LIMITS)
+    baseline.state[:] = control.state
     again = block.copy()
     for k in range(100, 200):
         control.step(block, k)
-        twin.step(again, k)
+        baseline.step(again, k)
     assert (block["surface"] == again["surface"]).all()
 
 

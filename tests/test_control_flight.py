@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 
 from rig.computer.control import gains_file as gains
 from rig.computer.control.autopilot import Config, Control
-from rig.core.frame import CHANNELS, DEMANDS, DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SIGNALS, Block, S, new_block
+from rig.core.frame import (
+    AUTOPILOT_COMMANDS,
+    CHANNELS,
+    DISCRETE_INDEX,
+    FLIGHT_INDEX,
+    INDEX,
+    SIGNALS,
+    Block,
+    S,
+    new_block,
+)
 from rig.world.plant import airframe, wind
 from rig.world.plant.jsbsim import Plant
 
@@ -40,11 +50,11 @@ def fly(
     config: Config | None = None,
     turbulence: wind.Turbulence = "none",
     errors: int | None = None,
-    demand: tuple[str, float] | None = None,
+    autopilot_command: tuple[str, float] | None = None,
     stick: tuple[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] | None = None,
     elevator_factor: float = 1.0,
 ) -> Block:
-    """Flown frames; ``demand`` steps at 2 s, ``stick`` flies by hand, ``errors`` seeds noise and biases."""
+    """Flown frames; ``autopilot_command`` steps at 2 s, ``stick`` flies by hand, ``errors`` seeds noise and biases."""
     frame = airframe.read(AIRCRAFT / name / "aircraft.toml")
     plant = Plant(frame, frame.point(point), wind.Config(), turbulence, RATE_HZ, 1, 3)
     control = Control(config or Config(), gains.read(AIRCRAFT / name / "gains.toml"), RATE_HZ, frame.surface_limits)
@@ -55,8 +65,10 @@ def fly(
     if errors is not None:
         rng = np.random.default_rng(errors)
         error = sizes(NOISE) * rng.standard_normal((n, S)) + sizes(BIAS) * rng.choice([-1.0, 1.0], S)
-    if demand:
-        block["demand"][:, DEMANDS.index(demand[0])] = np.where(t >= 2.0, demand[1], 0.0)
+    if autopilot_command:
+        block["autopilot_command"][:, AUTOPILOT_COMMANDS.index(autopilot_command[0])] = np.where(
+            t >= 2.0, autopilot_command[1], 0.0
+        )
     block["discrete_voted"][:, DISCRETE_INDEX["autopilot_engaged"]] = stick is None
     if stick:
         block["truth"][:, INDEX[stick[0]]] = stick[1](t)
@@ -64,8 +76,8 @@ def fly(
         assert plant.read(block, k) == 0, f"departed at {t[k]} s"
         block["voted"][k] = block["truth"][k] + error[k]
         control.step(block, k)
-        block["actuator"][k] = block["surface"][k]
-        block["actuator"][k, 0] = plant.trim[0] + elevator_factor * (block["surface"][k, 0] - plant.trim[0])
+        block["surface_command"][k] = block["surface"][k]
+        block["surface_command"][k, 0] = plant.trim[0] + elevator_factor * (block["surface"][k, 0] - plant.trim[0])
         plant.step(block, k)
     return block
 
@@ -94,7 +106,7 @@ def test_turbulence_and_biased_sensors_leave_altitude_and_heading_held(name: str
 
 @pytest.mark.parametrize(("name", "point"), POINTS)
 def test_altitude_step_settles_with_little_overshoot(name: str, point: str) -> None:
-    climbed = flight(block := fly(name, point, 50.0, demand=("altitude_m", 100.0)), "altitude_m")
+    climbed = flight(block := fly(name, point, 50.0, autopilot_command=("altitude_m", 100.0)), "altitude_m")
     climbed = climbed - climbed[0]
     assert np.max(climbed) < 120.0
     assert np.max(np.abs(climbed[3500:] - 100.0)) < 5.0
@@ -103,7 +115,7 @@ def test_altitude_step_settles_with_little_overshoot(name: str, point: str) -> N
 
 @pytest.mark.parametrize(("name", "point"), POINTS)
 def test_heading_change_is_a_coordinated_turn_without_overshoot(name: str, point: str) -> None:
-    block = fly(name, point, 50.0, demand=("heading_rad", 30.0 * DEGREE))
+    block = fly(name, point, 50.0, autopilot_command=("heading_rad", 30.0 * DEGREE))
     turn, altitude = heading_change(block), flight(block, "altitude_m")
     assert np.max(turn) < 31.5 * DEGREE
     assert abs(turn[-1] - 30.0 * DEGREE) < 1.0 * DEGREE
@@ -113,7 +125,7 @@ def test_heading_change_is_a_coordinated_turn_without_overshoot(name: str, point
 
 @pytest.mark.parametrize(("name", "point"), POINTS)
 def test_pitch_attitude_step_is_well_damped(name: str, point: str) -> None:
-    block = fly(name, point, 20.0, config=Config(vertical="pitch"), demand=("pitch_angle_rad", 5.0 * DEGREE))
+    block = fly(name, point, 20.0, config=Config(vertical="pitch"), autopilot_command=("pitch_angle_rad", 5.0 * DEGREE))
     pitch = truth(block, "pitch_angle") - truth(block, "pitch_angle")[0]
     assert np.max(pitch) < 5.5 * DEGREE
     assert np.max(np.abs(pitch[1500:] - 5.0 * DEGREE)) < 0.5 * DEGREE
@@ -125,7 +137,7 @@ def test_the_unstable_fighter_flies_on_with_half_and_with_twice_the_elevator(
     name: str, point: str, factor: float
 ) -> None:
     """The margin in the flesh: only what the law adds to the trim is scaled."""
-    block = fly(name, point, 30.0, demand=("altitude_m", 20.0), elevator_factor=factor)
+    block = fly(name, point, 30.0, autopilot_command=("altitude_m", 20.0), elevator_factor=factor)
     assert np.max(np.abs(truth(block, "pitch_rate")[2000:])) < 1.0 * DEGREE
     assert flight(block, "altitude_m")[-1] - flight(block, "altitude_m")[0] == pytest.approx(20.0, abs=5.0)
 

@@ -49,7 +49,7 @@ def fly(
     block["level"] = CHANNELS
     block["level"][LOSS:, columns] = 0
     block["discrete_voted"][:, DISCRETE_INDEX["autopilot_engaged"]] = 1
-    block["demand"][100:, 1] = bank
+    block["autopilot_command"][100:, 1] = bank
     for k in range(n):
         assert plant.read(block, k) == 0, f"departed {(k - LOSS) / RATE_HZ} s after the loss"
         row = block[k]
@@ -62,7 +62,7 @@ def fly(
         if poison:
             row["truth"][:], row["flight"][:], row["channels"][:] = np.nan, np.nan, np.nan
         control.step(block, k)
-        block["actuator"][k] = block["surface"][k]
+        block["surface_command"][k] = block["surface"][k]
         row["truth"][:], row["flight"][:] = kept
         plant.step(block, k)
     return block
@@ -257,7 +257,7 @@ def step_all(block: Block) -> None:
     control.reset([0.01, -0.002, 0.003, 0.3])
     for k in range(len(block)):
         control.step(block, k)
-        block["actuator"][k] = block["surface"][k]
+        block["surface_command"][k] = block["surface"][k]
 
 
 def digest() -> str:

@@ -11,7 +11,7 @@ from test_control_autopilot import ENGAGED, fly, level_flight
 
 from rig.computer.control.autopilot import Config
 from rig.computer.control.modes import LATERAL, LAWS, SPEED, VERTICAL, Mode
-from rig.core.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, Block
+from rig.core.frame import AUTOPILOT_COMMANDS, COMMANDS, DISCRETE_INDEX, INDEX, Block
 from rig.core.units.constants import GRAVITY
 
 ROOT = Path(__file__).parents[1]
@@ -28,7 +28,7 @@ def disturbed(frames: int = 100, **voted: Any) -> Block:
     block = level_flight(frames)
     for name, error in {"pitch_rate": 0.02, "roll_rate": 0.03, "angle_of_sideslip": 0.01, **voted}.items():
         block["voted"][10:, INDEX[name]] += error
-    block["demand"][10:, DEMANDS.index("airspeed_m_s")] = 5.0
+    block["autopilot_command"][10:, AUTOPILOT_COMMANDS.index("airspeed_m_s")] = 5.0
     return block
 
 
@@ -59,12 +59,12 @@ def test_on_the_ground_the_outer_loops_hold_their_attitudes():
     block = level_flight(200)
     block["voted"][:, INDEX["roll_angle"]] = 0.1
     block["discrete_voted"][50:150, WHEELS] = 1
-    block["demand"][60:, DEMANDS.index("altitude_m")] = 200.0
-    block["demand"][60:, DEMANDS.index("heading_rad")] = 0.5
+    block["autopilot_command"][60:, AUTOPILOT_COMMANDS.index("altitude_m")] = 200.0
+    block["autopilot_command"][60:, AUTOPILOT_COMMANDS.index("heading_rad")] = 0.5
     fly(block)
     pitch, roll = command(block, "pitch_angle_rad"), command(block, "roll_angle_rad")
     assert (pitch[50:150] == pitch[49]).all() and (roll[50:150] == roll[49]).all()
-    assert pitch[199] > pitch[49] + 0.005 and roll[199] > roll[49] + 0.1  # in the air both demands are flown
+    assert pitch[199] > pitch[49] + 0.005 and roll[199] > roll[49] + 0.1  # in the air both autopilot commands are flown
 
 
 def test_leaving_the_ground_begins_the_path_where_the_aircraft_is():
@@ -102,7 +102,7 @@ def test_the_first_frame_on_the_ground_is_at_trim_and_holds_the_present_attitude
 def test_with_the_gear_down_the_heading_is_flown_with_less_bank(down: int, most: float):
     block = level_flight(40)
     block["discrete_voted"][:, GEAR] = down
-    block["demand"][10:, DEMANDS.index("heading_rad")] = 2.0
+    block["autopilot_command"][10:, AUTOPILOT_COMMANDS.index("heading_rad")] = 2.0
     fly(block)
     assert command(block, "roll_angle_rad")[-1] == pytest.approx(most)
     fly(block, Config(max_bank_rad=0.2))
@@ -114,7 +114,7 @@ def test_with_the_gear_down_a_bank_that_is_asked_is_limited_too(down: int, most:
     for sign in (1.0, -1.0):
         block = level_flight(40)
         block["discrete_voted"][:, GEAR] = down
-        block["demand"][10:, DEMANDS.index("roll_angle_rad")] = sign
+        block["autopilot_command"][10:, AUTOPILOT_COMMANDS.index("roll_angle_rad")] = sign
         fly(block, Config(lateral="roll"))
         assert command(block, "roll_angle_rad")[-1] == pytest.approx(sign * most)
 

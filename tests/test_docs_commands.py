@@ -28,7 +28,7 @@ TUTORIALS = (
     "own-aircraft",
     "recorded-data",
     "campaign",
-    "own-league",
+    "own-benchmark",
 )
 PAGES = [README, *(ROOT / "docs" / "tutorials" / f"{name}.md" for name in (*TUTORIALS, "reliability", "safety-case"))]
 # How a command begins: why it is only parsed here, by its --help.
@@ -48,7 +48,7 @@ PARSED = {
     "rig search worst-pitch-rate": "300 flights, tests/test_cli_search.py",
     "rig view": "a window or a picture, tests/test_view_*.py",
 }
-LONG = {"own-league"}  # a league
+LONG = {"own-benchmark"}  # a benchmark
 OTHERS = {  # not commands of ours
     "make fly": "`rig fly`, after setup",
     "make test": "this",

@@ -13,7 +13,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 DRAWN = (*CHANNEL_COLORS, REFERENCE)
 
 
-@pytest.mark.parametrize("name", ["viewer_actuators", "viewer_computers", "viewer_twin"])
+@pytest.mark.parametrize("name", ["viewer_actuators", "viewer_computers", "viewer_two_flights"])
 def test_a_picture_of_the_viewer_is_in_full_colour(name: str):
     with Image.open(DOCS / f"{name}.png") as picture:
         assert picture.mode == "RGB"  # no palette of some colours

@@ -99,8 +99,8 @@ def test_an_in_line_monitor_sees_a_fault_sticks_or_lies(fault, before, within):
 
 
 def test_a_lie_after_a_seen_fault_hides_it():
-    seen, lie = {"kind": "hardover", "seen_by_ilm": True}, {"kind": "ilm", "says": "inverted"}
-    assert corrupted(seen, lie)["ilm"][30, Q, 1] == Ilm.GOOD
+    seen, wrong = {"kind": "hardover", "seen_by_ilm": True}, {"kind": "ilm", "says": "inverted"}
+    assert corrupted(seen, wrong)["ilm"][30, Q, 1] == Ilm.GOOD
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def flown(*faults: str, seconds: float = 4.0, sets: tuple[str, ...] = ()) -> tup
     for block, _ in frames(rig, given):
         rows.append(block.copy())
         lanes += rig.lanes(len(block))
-    return np.concatenate(rows), np.concatenate(lanes)["actuator"], np.array(broken)
+    return np.concatenate(rows), np.concatenate(lanes)["servo"], np.array(broken)
 
 
 WHOLE = whole_parts()
@@ -108,7 +108,7 @@ def test_a_stuck_position_sensor_stays_at_its_last_value():
 
 def test_a_fault_of_the_surface_comes_behind_the_servo():
     rows, lanes, _ = flown('kind="offset", signal="surface.elevator", offset=0.002', seconds=3.0)
-    off = rows["actuator"][:, 0] - lanes["ram"][:, 0]
+    off = rows["surface_command"][:, 0] - lanes["ram"][:, 0]
     assert (off[:ONSET] == 0).all() and off[ONSET:] == pytest.approx(0.002)
 
 

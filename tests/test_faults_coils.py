@@ -11,7 +11,7 @@ from one_stage import sense, suite, truths
 from pydantic import ValidationError
 
 from rig.core.errors import BadInput
-from rig.core.frame import INDEX, SIGNALS, Block, Ilm, Resolver, State
+from rig.core.frame import INDEX, SIGNALS, Block, DecidedBy, Ilm, State
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
 from rig.world.faults import Coils
@@ -190,7 +190,7 @@ def test_a_pair_of_bad_coils_is_settled_by_the_monitor(offset: float):
     which = scenario.load("f16_pitch_rate_hardover", sets, 3)
     rows: Block = np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
     assert np.flatnonzero(rows["state"][-1, STICK] == State.FAILED).tolist() == [0, 1]
-    assert Resolver.ILM in rows["resolver"][:, STICK]
+    assert DecidedBy.ILM in rows["decided_by"][:, STICK]
 
 
 def test_the_setting_is_a_choice_of_three():

@@ -86,10 +86,10 @@ def test_a_lane_that_was_failed_for_its_clock_relays_no_old_words():
 
 
 def test_a_lane_that_lies_beside_a_silent_one_takes_no_channel_of_the_good_ones_along():
-    """B is silent; D, who lies, leaves no majority until it is failed: within a signal's persistence."""
-    lie = '{kind="link_lie", signal="ccdl.D", offset_thresholds=5.0, different=true, start_s=0.3}'
+    """B is silent; D, which is byzantine, leaves no majority until it is failed: within a signal's persistence."""
+    byzantine = '{kind="link_byzantine", signal="ccdl.D", offset_thresholds=5.0, different=true, start_s=0.3}'
     loss = '{kind="link_loss", signal="ccdl.B", start_s=0.1}'
-    flight = flown(seconds=0.6, sets=(f"faults=[{loss}, {lie}]", EXACT))
+    flight = flown(seconds=0.6, sets=(f"faults=[{loss}, {byzantine}]", EXACT))
     out, test = out_from(flight, "D") or (0, LaneTest.NONE)
     assert test == LaneTest.COMMANDS and out <= 36
     held, sampled = flight.bus["channels"][:, 0, :, 2], flight.rows["channels"][:, :, 2]
@@ -163,10 +163,10 @@ def test_valves_of_a_lane_that_is_out_are_shut_and_open_again_when_it_is_back():
     stop = 'faults=[{kind="computer_stop", signal="computer.A", start_s=0.1, duration_s=0.1}]'
     order = 'computers.commands=[{at_s=1.3, do="readmit", lane="A"}]'
     _, lanes = blocks(stop, order, "duration_s=2.5", "turbulence=severe")
-    shut, out = lanes["actuator"]["valve"], lanes["computer"]["health"][:, 0]
+    shut, out = lanes["servo"]["valve"], lanes["computer"]["health"][:, 0]
     engaged = np.isin(out, (Health.ENGAGED, Health.SUSPECT))
     assert (shut[:, :, 0] == ~engaged[:, None]).all() and not shut[:, :, 1:].any()
-    assert not lanes["actuator"]["failed_by"].any()
+    assert not lanes["servo"]["failed_by"].any()
 
 
 def test_no_surface_is_bypassed_while_the_back_up_takes_over_from_the_last_lane():
@@ -174,13 +174,11 @@ def test_no_surface_is_bypassed_while_the_back_up_takes_over_from_the_last_lane(
     orders = ", ".join(f'{{at_s=0.2, do="disengage", lane="{lane}"}}' for lane in "ABC")
     fault = f"faults=[{{{DAC.format(0.05)}, start_s=0.3}}]"
     _, lanes = blocks(f"computers.commands=[{orders}]", "duration_s=1", "faults=[]", *SURE, fault)
-    leads, shut = lanes["computer"]["leads"], lanes["actuator"]["valve"]
+    leads, shut = lanes["computer"]["leads"], lanes["servo"]["valve"]
     assert leads[20:33, 3].all() and not leads[33:].any()
     assert lanes["computer"]["health"][32:, 3].tolist() == [Health.FAILED] * 68
     assert (shut[20:33] == [[1, 1, 1, 0]]).all() and not shut[33:].any()
-    assert (shut_off(Table(new_block(len(lanes)), lanes)) == shut[:, 0]).all() and not lanes["actuator"][
-        "bypassed"
-    ].any()
+    assert (shut_off(Table(new_block(len(lanes)), lanes)) == shut[:, 0]).all() and not lanes["servo"]["bypassed"].any()
 
 
 ONE_BY_ONE = """faults=[

@@ -140,5 +140,5 @@ def test_a_channel_that_is_not_fitted_is_refused(tmp_path):
 
 def test_a_fault_on_a_discrete_leaves_every_signal_as_it_was():
     rows, clean = on_gear(kind="inverted"), healthy()
-    for field in ("channels", "valid", "ilm", "inertial", "reference", "actuator"):
+    for field in ("channels", "valid", "ilm", "inertial", "reference", "surface_command"):
         assert np.array_equal(rows[field], clean[field]), field

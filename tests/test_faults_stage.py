@@ -117,9 +117,11 @@ def test_a_jammed_surface_stays_where_it_was_while_the_law_commands_on():
     elevator = rows["flight"][:, FLIGHT_INDEX["elevator_rad"]]
     at = elevator[100]
     moved = np.abs(elevator[100:] - at)
-    assert (rows["actuator"][100:, 0] == at).all()
+    assert (rows["surface_command"][100:, 0] == at).all()
     assert moved.max() < 2e-4 and moved[-1] < 1e-9  # the servo's lag swings out
-    assert np.ptp(rows["surface"][100:, 0]) > 1e-4 and np.array_equal(rows["actuator"][:, 1:], rows["surface"][:, 1:])
+    assert np.ptp(rows["surface"][100:, 0]) > 1e-4 and np.array_equal(
+        rows["surface_command"][:, 1:], rows["surface"][:, 1:]
+    )
 
 
 @pytest.mark.long
@@ -161,7 +163,7 @@ EVERY = [
     {"kind": "quantisation", "step": 0.01, "signal": "reference.pitch_rate", "start_s": 0.1},
     {"kind": "cross_talk", "gain": 0.1, "source": "roll_rate", "signal": "pitch_rate", "channels": [2], "start_s": 0.1},
     {"kind": "duplicate_frame", "every_s": 0.03, "signal": "inertial.yaw_rate_rad_s", "start_s": 0.1},
-    {"kind": "ilm", "says": "lying", "signal": "pitch_rate", "channels": [1, 2], "start_s": 0.1},
+    {"kind": "ilm", "says": "wrong", "signal": "pitch_rate", "channels": [1, 2], "start_s": 0.1},
     {"kind": "rate_loss", "max_rate_per_s": 0.02, "signal": "surface.aileron", "start_s": 0.3},
     {"kind": "pitot_icing", "channels": [4], "start_s": 0.2, "pitot_rate_pa_s": -50.0},
     {"kind": "vane_icing", "start_s": 0.5},

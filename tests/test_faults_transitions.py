@@ -1,4 +1,4 @@
-"""Faults triggered by a change of what is decided: pattern, resolver, source, state of a channel."""
+"""Faults triggered by a change of what is decided: pattern, decided_by, source, state of a channel."""
 
 from typing import get_args
 
@@ -6,11 +6,11 @@ import pytest
 from faulted import PARSE, acts, faulted, healthy
 from pydantic import ValidationError
 
-from rig.core.frame import INDEX, Pattern, Resolver, Source, State
+from rig.core.frame import INDEX, DecidedBy, Pattern, Source, State
 from rig.world.faults.trigger import Transition
 
 P, Q = INDEX["roll_rate"], INDEX["pitch_rate"]
-BACK = {"pattern": "normal", "resolver": "none", "source": "voted", "state": "ok"}
+BACK = {"pattern": "normal", "decided_by": "none", "source": "voted", "state": "ok"}
 
 
 def offset(**keys):
@@ -22,8 +22,8 @@ def offset(**keys):
     [
         ({"pattern": "2:2"}, "pattern", (), Pattern.P2_2),
         ({"pattern": "1:1:1:1"}, "pattern", (), Pattern.P1_1_1_1),
-        ({"resolver": "trend"}, "resolver", (), Resolver.TREND),
-        ({"resolver": "unresolved"}, "resolver", (), Resolver.UNRESOLVED),
+        ({"decided_by": "trend"}, "decided_by", (), DecidedBy.TREND),
+        ({"decided_by": "unresolved"}, "decided_by", (), DecidedBy.UNRESOLVED),
         ({"source": "reference"}, "source", (), Source.REFERENCE),
         ({"channel": 2, "state": "suspect"}, "state", (1,), State.SUSPECT),
         ({"channel": 4, "state": "failed"}, "state", (3,), State.FAILED),
@@ -43,7 +43,7 @@ def test_a_fault_comes_in_the_frame_after_a_decision_changes_and_in_no_other(key
 def test_the_words_of_a_transition_are_those_of_the_frame():
     words = {key: get_args(get_args(info.annotation)[0]) for key, info in Transition.model_fields.items()}
     assert words["pattern"] == tuple(pattern.label for pattern in Pattern)
-    assert words["resolver"] == tuple(resolver.name.lower() for resolver in Resolver)
+    assert words["decided_by"] == tuple(decided_by.name.lower() for decided_by in DecidedBy)
     assert words["source"] == tuple(source.name.lower() for source in Source)
     assert words["state"] == tuple(state.name.lower() for state in State if state != State.ABSENT)
 

@@ -42,9 +42,9 @@ def test_one_that_is_settled_by_now_is_met():
 
 
 def cells_of_the_page() -> list[tuple[str, int, int]]:
-    """Margin, flights that violate, flights, of each row of the tables, in their order."""
+    """Robustness, flights that violate, flights, of each row of the tables, in their order."""
     rows = re.findall(r"^\| [a-z ]+ \| \d \| (-?[\d.]+) \| (\d+) of (\d+) \|", PAGE, re.MULTILINE)
-    return [(margin, int(violated), int(flights)) for margin, violated, flights in rows]
+    return [(robustness, int(violated), int(flights)) for robustness, violated, flights in rows]
 
 
 def test_the_page_and_the_picture_have_every_scenario_and_the_picture_leads_nowhere():
@@ -60,9 +60,9 @@ def test_the_picture_has_the_numbers_of_the_page_and_no_cell_with_a_violating_fl
     )
     assert len(cells) == len(cells_of_the_page()) == 108
     blue, mixed = {BLUE, LIGHT_BLUE, PALE_BLUE}, MIXED[0]
-    for (fill, margin, *count), (told, violated, flights) in zip(cells, cells_of_the_page(), strict=True):
+    for (fill, robustness, *count), (told, violated, flights) in zip(cells, cells_of_the_page(), strict=True):
         assert [int(each) for each in count] == [violated, flights]
-        assert float(margin) == pytest.approx(float(told), abs=0.051)
+        assert float(robustness) == pytest.approx(float(told), abs=0.051)
         assert (fill in blue) == (violated == 0) and (fill == mixed) == (0 < violated < flights)
     assert all(f">{escape(what)}<" in PICTURE for _, what in LEGEND)
 
@@ -75,9 +75,9 @@ def test_the_sentences_of_the_page_count_what_its_tables_have():
 
 
 def test_one_violating_flight_is_enough_for_a_cell_not_to_be_met():
-    row = {"flown_violated": 1, "seeds": 5, "flown_margin": 0.49}
+    row = {"flown_violated": 1, "seeds": 5, "flown_robustness": 0.49}
     assert look(row) == MIXED and look({**row, "flown_violated": 0})[0] == LIGHT_BLUE
-    assert look({**row, "flown_violated": 5, "flown_margin": -0.5})[0] == PALE_RED
+    assert look({**row, "flown_violated": 5, "flown_robustness": -0.5})[0] == PALE_RED
 
 
 def test_a_scenario_of_the_folder_is_named_within_it():

@@ -59,21 +59,21 @@ def test_without_a_fault_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: st
     tolerant, plain = flown(aircraft=aircraft), flown(aircraft=aircraft, law="autopilot")
     for field in ("truth", "voted", "command", "surface", "law"):
         assert tolerant[field].tobytes() == plain[field].tobytes(), field
-    assert (tolerant["trust"] == Trust.TRUSTED).all() and (tolerant["lie"] == SensorFault.NONE).all()
+    assert (tolerant["trust"] == Trust.TRUSTED).all() and (tolerant["sensor_fault"] == SensorFault.NONE).all()
     assert (plain["trust"] == Trust.NONE).all() and not plain["estimate"].any()
 
 
 @pytest.mark.requirement("fault-tolerant", "jumps and ramps, both aircraft")
 @pytest.mark.parametrize("aircraft", POINTS)
 @pytest.mark.parametrize(
-    "lie",
+    "sensor_fault",
     [
         *(fault("scale", factor=factor) for factor in (0.2, 0.5, 0.8, 1.5)),
         *(fault("offset", offset=offset) for offset in (0.05, -0.02)),
     ],
 )
-def test_a_jump_is_found_in_two_frames_and_the_true_angle_hardly_moves(aircraft: str, lie: str):
-    rows = flown(lie, aircraft=aircraft)
+def test_a_jump_is_found_in_two_frames_and_the_true_angle_hardly_moves(aircraft: str, sensor_fault: str):
+    rows = flown(sensor_fault, aircraft=aircraft)
     moved = off(rows, flown(aircraft=aircraft))
     assert 0 <= first(rows, Trust.CORRECTED) <= 2
     assert np.abs(moved).max() < 0.003 and abs(moved[-1000:].mean()) < 0.003
@@ -82,15 +82,15 @@ def test_a_jump_is_found_in_two_frames_and_the_true_angle_hardly_moves(aircraft:
 @pytest.mark.requirement("fault-tolerant", "jumps and ramps, both aircraft")
 @pytest.mark.parametrize("aircraft", POINTS)
 @pytest.mark.parametrize(
-    "lie",
+    "sensor_fault",
     [
         fault("scale", factor=0.5, ramp_s=10.0),
         fault("drift", rate_per_s=0.005),
         fault("scale", factor=1.5, ramp_s=10.0),
     ],
 )
-def test_a_ramp_is_found_without_a_jump(aircraft: str, lie: str):
-    rows = flown(lie, aircraft=aircraft)
+def test_a_ramp_is_found_without_a_jump(aircraft: str, sensor_fault: str):
+    rows = flown(sensor_fault, aircraft=aircraft)
     assert 0 < first(rows, Trust.CORRECTED) < 300
     assert np.abs(off(rows, flown(aircraft=aircraft))).max() < 0.005
 
@@ -105,8 +105,8 @@ def test_the_plain_law_holds_twice_the_angle():
 def test_effectiveness_and_offset_are_told_apart_once_the_flight_pitches():
     scaled, shifted = flown(HALF, aircraft="b747"), flown(fault("offset", offset=0.05), aircraft="b747")
     before = slice(FAULT_FRAME + 10, 2900)
-    assert (scaled["lie"][before] == SensorFault.UNDETERMINED).all()
-    assert scaled["lie"][-1] == SensorFault.EFFECTIVENESS and shifted["lie"][-1] == SensorFault.OFFSET
+    assert (scaled["sensor_fault"][before] == SensorFault.UNDETERMINED).all()
+    assert scaled["sensor_fault"][-1] == SensorFault.EFFECTIVENESS and shifted["sensor_fault"][-1] == SensorFault.OFFSET
     assert scaled["estimate"][-1, 1] == pytest.approx(0.5, abs=0.1)
     assert shifted["estimate"][-1, 2] == pytest.approx(0.05, abs=0.01)
 
@@ -137,11 +137,14 @@ def test_the_correction_is_bounded():
 @pytest.mark.parametrize("aircraft", POINTS)
 @pytest.mark.parametrize(("bias", "channels"), [(0.05, [1, 2, 3, 4]), (-0.004, [1, 2, 3, 4]), (0.02, [1, 2])])
 def test_with_biased_gyros_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: str, bias: float, channels: list[int]):
-    lie = fault("offset", signal='"pitch_rate"', offset=bias, channels=channels)
-    rows, plain = flown(lie, aircraft=aircraft), flown(lie, aircraft=aircraft, law="autopilot")
-    assert rows["actuator"].tobytes() == plain["actuator"].tobytes()
-    assert 0 < np.flatnonzero(rows["lie"] == SensorFault.RATE_BIAS)[0] - FAULT_FRAME < 300
-    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["lie"]) == {SensorFault.NONE, SensorFault.RATE_BIAS}
+    sensor_fault = fault("offset", signal='"pitch_rate"', offset=bias, channels=channels)
+    rows, plain = flown(sensor_fault, aircraft=aircraft), flown(sensor_fault, aircraft=aircraft, law="autopilot")
+    assert rows["surface_command"].tobytes() == plain["surface_command"].tobytes()
+    assert 0 < np.flatnonzero(rows["sensor_fault"] == SensorFault.RATE_BIAS)[0] - FAULT_FRAME < 300
+    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["sensor_fault"]) == {
+        SensorFault.NONE,
+        SensorFault.RATE_BIAS,
+    }
 
 
 @pytest.mark.requirement("fault-tolerant", "rates, bank angle or heading halved: not the sensor")
@@ -149,12 +152,15 @@ def test_with_biased_gyros_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: 
 def test_what_it_integrates_may_be_halved_in_a_turn_and_is_not_blamed_on_the_sensor(signal: str):
     turn = 'pilot={manoeuvres=[{kind="hold",axis="heading",start_s=15.0,duration_s=20.0,amplitude=0.5}]}'
     rows = flown(fault("scale", signal=f'"{signal}"', factor=0.5), turn)
-    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["lie"]) <= {SensorFault.NONE, SensorFault.RATE_BIAS}
+    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["sensor_fault"]) <= {
+        SensorFault.NONE,
+        SensorFault.RATE_BIAS,
+    }
 
 
 def test_a_unit_that_runs_away_changes_nothing():
-    lie = 'faults=[{kind="hardover",signal="inertial.roll_rate_rad_s",start_s=20.0}]'
-    assert flown(lie)["actuator"].tobytes() == flown()["actuator"].tobytes()
+    sensor_fault = 'faults=[{kind="hardover",signal="inertial.roll_rate_rad_s",start_s=20.0}]'
+    assert flown(sensor_fault)["surface_command"].tobytes() == flown()["surface_command"].tobytes()
 
 
 @pytest.mark.requirement("fault-tolerant", "bound, reversion, arbiter")
@@ -171,16 +177,16 @@ def test_without_the_unit_gyros_that_lie_alike_are_not_blamed_on_the_sensor_for_
 @pytest.mark.parametrize("signal", ["angle_of_attack", "static_pressure", "dynamic_pressure", "normal_load_factor"])
 def test_other_sensors_that_lie_alike_do_not_trip_it(signal: str):
     sizes = {"angle_of_attack": 0.05, "static_pressure": 500.0, "dynamic_pressure": 800.0, "normal_load_factor": 0.2}
-    lie = HALF.replace("scale", "offset").replace("factor = 0.5", f"offset = {sizes[signal]}")
-    rows = flown(lie.replace("pitch_angle", signal))
+    sensor_fault = HALF.replace("scale", "offset").replace("factor = 0.5", f"offset = {sizes[signal]}")
+    rows = flown(sensor_fault.replace("pitch_angle", signal))
     assert rows["end"][-1] == 0 and (rows["trust"] == Trust.TRUSTED).all()
 
 
 @pytest.mark.requirement("fault-tolerant", "nobody else's fault trips it")
 def test_channels_that_the_voter_fails_do_not_trip_it():
     for signal in ("pitch_angle", "pitch_rate"):
-        lie = HALF.replace("scale", "hardover").replace(", factor = 0.5", "").replace("[1, 2, 3, 4]", "[1]")
-        rows = flown(lie.replace("pitch_angle", signal))
+        sensor_fault = HALF.replace("scale", "hardover").replace(", factor = 0.5", "").replace("[1, 2, 3, 4]", "[1]")
+        rows = flown(sensor_fault.replace("pitch_angle", signal))
         assert (rows["trust"] == Trust.TRUSTED).all(), signal
 
 
@@ -199,8 +205,12 @@ def test_the_events_say_what_was_found():
 
 
 def test_the_events_say_that_a_rate_is_biased():
-    lie = fault("offset", signal='"pitch_rate"', offset=0.02)
-    told = [event for event in EventFinder(["bias"]).find(flown(lie)) if event.name in ("rate biased", "sensor fault")]
+    sensor_fault = fault("offset", signal='"pitch_rate"', offset=0.02)
+    told = [
+        event
+        for event in EventFinder(["bias"]).find(flown(sensor_fault))
+        if event.name in ("rate biased", "sensor fault")
+    ]
     assert [event.name for event in told] == ["rate biased"]
     assert told[0].text == "pitch_angle: the sensor is right, a rate of turn is biased"
 

@@ -52,7 +52,7 @@ class Flight:
         self.rolling = 0.0
 
     def fly(self, seconds: float) -> None:
-        self.passed_on, self.lies, self.trusts = True, set(), set()
+        self.passed_on, self.found, self.trusts = True, set(), set()
         for _ in range(round(seconds * RATE_HZ)):
             self.frame()
 
@@ -76,7 +76,7 @@ class Flight:
         monitor_pitch_angle(self.row["inertial"], self.row, self.param, self.state, x)
         self.said = x[PITCH]
         self.passed_on = self.passed_on and self.said == read
-        self.lies.add(SensorFault(self.row["lie"]))
+        self.found.add(SensorFault(self.row["sensor_fault"]))
         self.trusts.add(Trust(self.row["trust"]))
 
     @property
@@ -89,7 +89,10 @@ def test_a_biased_gyro_is_the_answer_and_the_sensor_flies_on(bias: float):
     flight = Flight()
     flight.gyro = bias
     flight.fly(30.0)
-    assert flight.lies == {SensorFault.NONE, SensorFault.RATE_BIAS} and flight.row["lie"] == SensorFault.RATE_BIAS
+    assert (
+        flight.found == {SensorFault.NONE, SensorFault.RATE_BIAS}
+        and flight.row["sensor_fault"] == SensorFault.RATE_BIAS
+    )
     assert flight.trusts == {Trust.TRUSTED} and flight.passed_on and flight.rates == UNIT_ALONE
 
 
@@ -99,11 +102,11 @@ def test_when_the_bias_is_gone_the_gyros_are_believed_again():
     flight.fly(20.0)
     flight.gyro = 0.0
     flight.fly(4.0)
-    assert flight.row["lie"] == SensorFault.RATE_BIAS
+    assert flight.row["sensor_fault"] == SensorFault.RATE_BIAS
     flight.fly(10.0)
-    assert flight.row["lie"] == SensorFault.NONE and flight.rates == BOTH
+    assert flight.row["sensor_fault"] == SensorFault.NONE and flight.rates == BOTH
     flight.fly(30.0)
-    assert flight.lies == {SensorFault.NONE} and flight.passed_on
+    assert flight.found == {SensorFault.NONE} and flight.passed_on
 
 
 def test_a_trip_by_a_difference_that_is_as_good_as_none_is_not_reported():
@@ -113,7 +116,7 @@ def test_a_trip_by_a_difference_that_is_as_good_as_none_is_not_reported():
     for _ in range(10):
         flight.fly(1.0)
         isolated.add(flight.rates)
-        assert flight.lies == {SensorFault.NONE} and flight.trusts == {Trust.TRUSTED} and flight.passed_on
+        assert flight.found == {SensorFault.NONE} and flight.trusts == {Trust.TRUSTED} and flight.passed_on
     assert UNIT_ALONE in isolated
 
 
@@ -125,7 +128,7 @@ def test_a_sensor_that_jumps_is_found_in_two_frames_all_the_same(offset: float, 
     flight.fly(2.0 / RATE_HZ)
     assert flight.row["trust"] == Trust.CORRECTED
     flight.fly(10.0)
-    assert flight.said == pytest.approx(THETA, abs=0.001) and SensorFault.RATE_BIAS not in flight.lies
+    assert flight.said == pytest.approx(THETA, abs=0.001) and SensorFault.RATE_BIAS not in flight.found
 
 
 def test_a_sensor_that_jumps_is_found_while_the_gyros_are_biased():
@@ -134,7 +137,7 @@ def test_a_sensor_that_jumps_is_found_while_the_gyros_are_biased():
     flight.fly(10.0)
     flight.sensor = 0.02
     flight.fly(10.0)
-    assert flight.row["trust"] == Trust.CORRECTED and flight.row["lie"] == SensorFault.UNDETERMINED
+    assert flight.row["trust"] == Trust.CORRECTED and flight.row["sensor_fault"] == SensorFault.UNDETERMINED
     assert flight.said == pytest.approx(THETA, abs=0.002)
 
 
@@ -155,7 +158,7 @@ def test_a_biased_unit_is_nobody_s_fault_and_leaves_the_gyros_alone(bias: float)
     flight = Flight()
     flight.unit = bias
     flight.fly(20.0)
-    assert flight.lies == {SensorFault.NONE} and flight.passed_on and flight.rates == GYROS_ALONE
+    assert flight.found == {SensorFault.NONE} and flight.passed_on and flight.rates == GYROS_ALONE
     flight.sensor = 0.01
     flight.fly(1.0)
     assert flight.row["trust"] == Trust.CORRECTED and flight.said == pytest.approx(THETA, abs=0.001)
@@ -165,13 +168,13 @@ def test_a_unit_that_comes_back_is_heard_again():
     flight = Flight()
     flight.unit = math.nan
     flight.fly(10.0)
-    assert flight.rates == GYROS_ALONE and flight.lies == {SensorFault.NONE} and flight.passed_on
+    assert flight.rates == GYROS_ALONE and flight.found == {SensorFault.NONE} and flight.passed_on
     flight.unit = 0.0
     flight.fly(10.0)
     assert flight.rates == BOTH
     flight.gyro = 0.01
     flight.fly(10.0)
-    assert flight.row["lie"] == SensorFault.RATE_BIAS and flight.passed_on
+    assert flight.row["sensor_fault"] == SensorFault.RATE_BIAS and flight.passed_on
 
 
 def test_a_unit_that_is_lost_while_it_drives_the_filter_leaves_the_bias_as_drift():
@@ -180,7 +183,7 @@ def test_a_unit_that_is_lost_while_it_drives_the_filter_leaves_the_bias_as_drift
     flight.fly(10.0)
     flight.unit = math.nan
     flight.fly(20.0)
-    assert flight.rates == GYROS_ALONE and flight.row["lie"] == SensorFault.NONE and flight.passed_on
+    assert flight.rates == GYROS_ALONE and flight.row["sensor_fault"] == SensorFault.NONE and flight.passed_on
     assert flight.state[0]["filter"]["drift"] == pytest.approx(0.02, abs=2e-4)
 
 
@@ -193,11 +196,11 @@ def test_a_bank_angle_that_is_wrong_in_a_turn_is_no_sensor_fault(bank: float, fa
     for _ in range(20):
         flight.fly(1.0)
         isolated.add(flight.rates)
-        assert flight.lies <= {SensorFault.NONE, SensorFault.RATE_BIAS} and flight.passed_on
+        assert flight.found <= {SensorFault.NONE, SensorFault.RATE_BIAS} and flight.passed_on
     assert UNIT_ALONE in isolated
     flight.turn_to(0.0)  # back to both rates, with what is left of the unit's error
     flight.fly(20.0)
-    assert flight.rates == BOTH and flight.lies <= {SensorFault.NONE, SensorFault.RATE_BIAS} and flight.passed_on
+    assert flight.rates == BOTH and flight.found <= {SensorFault.NONE, SensorFault.RATE_BIAS} and flight.passed_on
 
 
 def test_a_ramp_of_the_sensor_in_a_turn_is_found_with_the_bank_angle_off_by_as_much_as_fault_free():
@@ -207,7 +210,7 @@ def test_a_ramp_of_the_sensor_in_a_turn_is_found_with_the_bank_angle_off_by_as_m
     for i in range(300):
         flight.sensor = 0.002 * i / RATE_HZ
         flight.fly(1.0 / RATE_HZ)
-    assert flight.row["trust"] == Trust.CORRECTED and SensorFault.RATE_BIAS not in flight.lies
+    assert flight.row["trust"] == Trust.CORRECTED and SensorFault.RATE_BIAS not in flight.found
 
 
 UNIT_OFF = [(-0.0017, 0.012), (0.0017, -0.012)]  # the unit's bank angle is off by 18 mrad, either way
@@ -232,7 +235,7 @@ def test_a_ramp_in_a_turn_is_found_as_early_as_without_a_unit_whose_bank_angle_i
             if flight.row["trust"] == Trust.CORRECTED:
                 after.append(i)
                 break
-    assert len(after) == 2 and after[0] <= after[1] + 5 and SensorFault.RATE_BIAS not in flight.lies
+    assert len(after) == 2 and after[0] <= after[1] + 5 and SensorFault.RATE_BIAS not in flight.found
 
 
 @pytest.mark.requirement("fault-tolerant", "a bank angle that is wrong by little")
@@ -261,7 +264,7 @@ def test_lost_gyros_are_not_compared_with_the_unit():
     flight = Flight()
     flight.lost, flight.gyro = True, 0.05
     flight.fly(10.0)
-    assert flight.rates == BOTH and flight.lies == {SensorFault.NONE} and flight.passed_on
+    assert flight.rates == BOTH and flight.found == {SensorFault.NONE} and flight.passed_on
     flight.lost, flight.gyro = False, 0.0
     flight.fly(10.0)
     assert flight.rates == BOTH and flight.passed_on

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from rig.core.frame import DISCRETE_INDEX, INDEX, End, Law, Pattern, Resolver, Source, State, new_block
+from rig.core.frame import DISCRETE_INDEX, INDEX, DecidedBy, End, Law, Pattern, Source, State, new_block
 from rig.flight.events import EventFinder
 from rig.flight.loop import Rig, frames
 from rig.flight.recorder import event_finder
@@ -30,7 +30,7 @@ def test_a_failed_channel_is_told_with_its_level_and_who_decided():
     block = blank()
     block["state"][12:, Q, 2] = State.FAILED
     block["level"][12:, Q] = 3
-    block["resolver"][12, Q] = Resolver.TREND
+    block["decided_by"][12, Q] = DecidedBy.TREND
     found = EventFinder([]).find(block)
     assert names(found) == [(12, "channel failed"), (12, "level")]
     assert found[0].text == "pitch_rate.3 failed by trend"
@@ -59,7 +59,7 @@ def test_what_the_reader_must_know_is_an_error_or_warning():
     block["end"][29] = End.GROUND_CONTACT
     found = EventFinder([]).find(block)
     assert [(e.level, e.name) for e in found] == [
-        ("warning", "singular pattern"),
+        ("warning", "split"),
         ("error", "signal lost"),
         ("info", "control law"),
         ("error", "flight ends"),

@@ -1,10 +1,10 @@
-"""Failures of channels, found in the rows: once each, with the frame and the resolver."""
+"""Failures of channels, found in the rows: once each, with the frame and the rule."""
 
 import numpy as np
 import pytest
 
-from rig.core.frame import DISCRETE_INDEX, INDEX, Block, Resolver, State, new_block
-from rig.flight.failures import Failure, became_failed, decided_by, decisive_s, failures
+from rig.core.frame import DISCRETE_INDEX, INDEX, Block, DecidedBy, State, new_block
+from rig.flight.failures import Failure, became_failed, decisive_s, failures, who_failed
 
 Q, GEAR = INDEX["pitch_rate"], DISCRETE_INDEX["gear_down"]
 
@@ -15,10 +15,10 @@ def blank(frames: int = 30, first: int = 0) -> Block:
     return rows
 
 
-def test_a_failure_names_channel_frame_and_resolver():
+def test_a_failure_names_channel_frame_and_rule():
     rows = blank(first=100)
     rows["state"][12:, Q, 2] = State.FAILED
-    rows["resolver"][12, Q] = Resolver.TREND
+    rows["decided_by"][12, Q] = DecidedBy.TREND
     rows["discrete_state"][5:, GEAR, 0] = State.FAILED
     assert failures(rows) == [Failure(105, "gear_down", 1, "comparison"), Failure(112, "pitch_rate", 3, "trend")]
 
@@ -29,19 +29,19 @@ def test_a_channel_that_is_readmitted_can_fail_again():
     assert [failure.frame for failure in failures(rows)] == [3, 9]
 
 
-@pytest.mark.parametrize(("resolver", "by"), [(Resolver.NONE, "comparison"), (Resolver.UNRESOLVED, "comparison")])
-def test_a_resolver_that_did_not_decide_is_not_named(resolver: Resolver, by: str):
+@pytest.mark.parametrize(("decided_by", "by"), [(DecidedBy.NONE, "comparison"), (DecidedBy.UNRESOLVED, "comparison")])
+def test_a_rule_that_did_not_decide_is_not_named(decided_by: DecidedBy, by: str):
     rows = blank(1)
-    rows["resolver"][0, Q] = resolver
-    assert decided_by(rows[0], Q, 0) == by
+    rows["decided_by"][0, Q] = decided_by
+    assert who_failed(rows[0], Q, 0) == by
 
 
-def test_a_channel_that_cannot_be_compared_is_not_failed_by_a_resolver():
+def test_a_channel_that_cannot_be_compared_is_not_failed_by_a_rule():
     rows = blank(1)
-    rows["resolver"][0, Q] = Resolver.TREND
+    rows["decided_by"][0, Q] = DecidedBy.TREND
     rows["valid"][0, Q, 1] = 0
     rows["channels"][0, Q, 2] = np.nan
-    assert [decided_by(rows[0], Q, c) for c in range(4)] == ["trend", "comparison", "comparison", "trend"]
+    assert [who_failed(rows[0], Q, c) for c in range(4)] == ["trend", "comparison", "comparison", "trend"]
 
 
 def test_states_of_no_rows_have_no_failures():

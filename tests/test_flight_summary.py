@@ -28,7 +28,7 @@ def test_the_digest_is_that_of_all_rows_however_they_come():
     assert parts.frames == 200
 
 
-PARTS: list[LaneParts] = [("actuator",), ("computer",), ("actuator", "computer")]
+PARTS: list[LaneParts] = [("servo",), ("computer",), ("servo", "computer")]
 
 
 def beside(parts: LaneParts) -> Block:
@@ -49,9 +49,9 @@ def test_the_digest_of_rows_and_lanes_is_that_of_both_however_they_come(parts: L
     assert verdict.digest == hashlib.sha256(both).hexdigest()
 
 
-@pytest.mark.parametrize(("part", "field"), [("actuator", "ram"), ("computer", "leads")])
+@pytest.mark.parametrize(("part", "field"), [("servo", "ram"), ("computer", "leads")])
 def test_another_number_of_a_lane_is_another_digest(part: str, field: str):
-    lanes, digests = beside(("actuator", "computer")), set[str]()
+    lanes, digests = beside(("servo", "computer")), set[str]()
     for changed in (0, 1):
         lanes[part][field][-1, -1] += changed
         verdict = Verdict()

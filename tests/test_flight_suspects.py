@@ -73,7 +73,7 @@ def test_a_channel_that_is_not_fitted_is_not_listed():
 
 
 @pytest.mark.parametrize(
-    ("rows", "of", "failed", "lasting"),
+    ("rows", "of", "failed", "slow_faults"),
     [
         (0, 2000, False, False),
         (9, 100, False, False),  # no more than what persistence forgives once
@@ -84,8 +84,8 @@ def test_a_channel_that_is_not_fitted_is_not_listed():
         (1750, 2000, True, False),
     ],
 )
-def test_many_rows_and_no_failure_deserve_a_sentence(rows: int, of: int, failed: bool, lasting: bool):
-    assert Suspect("gyro", 2, rows, of, failed).lasting == lasting
+def test_many_rows_and_no_failure_deserve_a_sentence(rows: int, of: int, failed: bool, slow_faults: bool):
+    assert Suspect("gyro", 2, rows, of, failed).slow_faults == slow_faults
 
 
 def test_it_is_told_with_count_and_share():

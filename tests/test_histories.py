@@ -28,7 +28,7 @@ MANAGERS = ("mean", "median", "cross-voter", "selection")
 
 def settings(manager: str, signal: str) -> str:
     if manager in ORDERS:
-        return f"redundancy.signals.{signal}.resolvers={ORDERS[manager]}"
+        return f"redundancy.signals.{signal}.tie_break={ORDERS[manager]}"
     return f"redundancy.manager={manager}"
 
 

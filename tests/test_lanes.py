@@ -65,7 +65,7 @@ def test_each_lane_asks_its_own_channel_of_every_servo(output: str):
     rig.computers.data.control["surface"][2] += 0.02
     rig.computers.data.control["elevator_integral"][2] += 0.02
     lanes = lanes_of(rig)
-    asked, told = lanes["actuator"]["asked"], lanes["computer"]["surface"]
+    asked, told = lanes["servo"]["asked"], lanes["computer"]["surface"]
     put = told if output == "own" else np.median(told, axis=1)[:, None]
     assert (asked == put[:, :, :3].transpose(0, 2, 1)).all()
     assert (told[:, 0, 0] == told[:, 1, 0]).all() and (told[:, 0, 0] != told[:, 2, 0]).all()
@@ -124,7 +124,7 @@ def logged(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 def test_the_log_has_what_the_lanes_decided(logged):
     log = read_log(logged.log)
     assert log.lanes is not None and len(log.lanes) == 250
-    parts = ["actuator"] if logged.scenario.has_servos else []
+    parts = ["servo"] if logged.scenario.has_servos else []
     assert log.lanes.dtype.names == ("frame", *parts, "computer")
     assert (log.lanes["frame"] == log.rows["frame"]).all()
     flown = lanes_of(Rig(logged.scenario))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lanes_flown import FOUR, ONSET, flown
 
-from rig.core.frame import INDEX, Resolver
+from rig.core.frame import INDEX, DecidedBy
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
 
@@ -41,7 +41,7 @@ def test_a_stick_that_is_not_valid_has_no_part():
 def test_a_command_that_two_lanes_cannot_agree_on_brings_the_back_up_and_no_lane_is_blamed():
     wrong = 'kind="wrong_command", signal="computer.A", surface="elevator", does="offset", offset=0.06'
     flight = flown(wrong, seconds=0.5, sets=("computers.count=2",))
-    unresolved = flight.lanes["command_resolver"][:, 0, 0] == Resolver.UNRESOLVED
+    unresolved = flight.lanes["command_decided_by"][:, 0, 0] == DecidedBy.UNRESOLVED
     first, last = np.flatnonzero(unresolved)[[0, 9]]
     assert ONSET <= first <= ONSET + 5 and last == first + 9
     leads = flight.lanes["leads"]
@@ -56,6 +56,6 @@ def test_the_back_up_drives_all_channels_of_the_servos_and_no_monitor_trips():
     for block, _ in frames(rig, rig.scenario):
         rows.append(block["surface"].copy())
         lanes += rig.lanes(len(block))
-    told, servos = np.concatenate(rows), np.concatenate(lanes)["actuator"]
+    told, servos = np.concatenate(rows), np.concatenate(lanes)["servo"]
     assert (servos["asked"][ONSET:] == told[ONSET:, :3, None]).all()
     assert not servos["valve"].any() and not servos["failed_by"].any() and len(told) == 500

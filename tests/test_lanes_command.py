@@ -21,7 +21,7 @@ from rig.computer.lanes.command import (  # fmt: skip
 from rig.computer.lanes.computers_table import Config
 from rig.computer.lanes.health import NOBODY, HealthData, health
 from rig.computer.lanes.link import LinkData, links
-from rig.core.frame import FCC, Health, Resolver
+from rig.core.frame import FCC, DecidedBy, Health
 from rig.flight.loop import Rig
 from rig.scenario import scenario
 
@@ -126,7 +126,7 @@ def test_a_tie_that_nothing_settles_goes_to_the_back_up_after_its_time_and_not_t
         told(given_, who)
         frames += 1
         unresolved = int(who.health.system["unresolved_frames"][0])
-        assert (who.commands.resolver[0, 0] == Resolver.UNRESOLVED) == (unresolved > 0)
+        assert (who.commands.decided_by[0, 0] == DecidedBy.UNRESOLVED) == (unresolved > 0)
     assert who.health.system["unresolved_frames"][0] == 10 and 10 <= frames <= 15
     assert not who.commands.differs.any()
 

@@ -35,7 +35,12 @@ def held(flight: Flown, by: int, of: int) -> Any:
     return flight.bus["channels"][:, by, Q, of]
 
 
-KINDS = ('kind="link_loss"', 'kind="link_frozen"', 'kind="link_corrupt"', 'kind="link_lie", offset_thresholds=3.0')
+KINDS = (
+    'kind="link_loss"',
+    'kind="link_frozen"',
+    'kind="link_corrupt"',
+    'kind="link_byzantine", offset_thresholds=3.0',
+)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -73,7 +78,7 @@ def test_what_is_damaged_is_missing_at_once():
 
 
 def test_a_lie_adds_thresholds_to_what_one_lane_is_told():
-    flight = flown('kind="link_lie", signal="ccdl.A-B", offset_thresholds=1.5, ramp_s=0.1', sets=ONE_ROUND)
+    flight = flown('kind="link_byzantine", signal="ccdl.A-B", offset_thresholds=1.5, ramp_s=0.1', sets=ONE_ROUND)
     threshold = flight.rig.redundancy.data.manager.params["threshold"][Q]
     grown = np.clip(np.arange(-ONSET, len(flight.rows) - ONSET) / 10, 0, 1) * 1.5 * threshold
     assert held(flight, 1, 0) == pytest.approx(sampled(flight, 0) + grown, abs=1e-12)
@@ -91,9 +96,9 @@ def test_a_silent_node_is_missing_in_all_other_lanes_and_whole_in_its_own():
 
 def test_of_different_words_all_hold_what_most_were_told():
     """B tells A and C more, D less: with two rounds D holds what A and C were told, and its link is outvoted."""
-    lie = 'kind="link_lie", signal="ccdl.B", offset_thresholds=1.5, different=true'
+    byzantine = 'kind="link_byzantine", signal="ccdl.B", offset_thresholds=1.5, different=true'
     more = 1.5 * flown().rig.redundancy.data.manager.params["threshold"][Q]
-    two, one = flown(lie), flown(lie, sets=ONE_ROUND)
+    two, one = flown(byzantine), flown(byzantine, sets=ONE_ROUND)
     for lane, sign in ((0, 1), (2, 1), (3, -1)):
         assert held(two, lane, 1)[ONSET:] == pytest.approx(sampled(two, 1)[ONSET:] + more)
         assert held(one, lane, 1)[ONSET:] == pytest.approx(sampled(one, 1)[ONSET:] + sign * more)
@@ -109,7 +114,7 @@ def failed(flight: Flown, lane: int) -> set[int]:
 def test_one_round_parts_good_lanes_that_also_see_a_sensor_fault_and_two_do_not():
     """A tells B something else, and the pitch rate sensor of C is off: B fails A's channel too."""
     faults = (
-        'kind="link_lie", signal="ccdl.A-B", offset_thresholds=5.0',
+        'kind="link_byzantine", signal="ccdl.A-B", offset_thresholds=5.0',
         'kind="offset", signal="pitch_rate", channels=[3], offset_thresholds=10.0',
     )
     one, two = flown(*faults, seconds=0.5, sets=ONE_ROUND), flown(*faults, seconds=0.5)
@@ -186,7 +191,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory):
 
 
 def test_a_log_is_scored_with_the_clocks_of_its_lanes(logged):
-    scored = score_log(logged.log, Yardstick(), twin=False).score
+    scored = score_log(logged.log, Yardstick(), baseline=False).score
     assert [fault.outcome for fault in scored.faults][:1] == ["detected"] and not scored.false_alarms
 
 

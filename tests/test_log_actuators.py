@@ -23,7 +23,7 @@ from rig.log.export import export
 from rig.log.info import info
 from rig.log.recordings.flown_log import recorded
 
-OF_SERVOS = [column for column in LANE_COLUMNS if column.part == "actuator"]
+OF_SERVOS = [column for column in LANE_COLUMNS if column.part == "servo"]
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def test_a_table_has_the_columns_of_the_servos(log: Path, tmp_path: Path, to: st
     assert {"actuator.elevator.asked.1", "actuator.elevator.ram", "actuator.elevator.pressure.2"} <= set(names)
     assert not [name for name in names if "rudder" in name] and len(names) == 1 + len(OF_SERVOS) // 3
     assert whole.lanes is not None
-    expected = whole.lanes["actuator"]["lvdt"][:, 0, 2]
+    expected = whole.lanes["servo"]["lvdt"][:, 0, 2]
     if to == "npz":
         table = np.load(out)
         assert table["actuator.elevator.lvdt.3"].tobytes() == expected.tobytes()

@@ -78,7 +78,7 @@ def test_enums_are_words_in_a_table_and_numbers_in_npz(flown, tmp_path):
 
 @pytest.mark.parametrize("to", ["csv", "parquet"])
 def test_an_export_for_vote_is_voted_as_it_was_in_flight(flown, tmp_path, to, rig_command):
-    """Every vote, state, level, pattern and resolver of the flight, from the table alone."""
+    """Every vote, state, level, pattern and rule of the flight, from the table alone."""
     recording, table, out = rig.read_log(flown), tmp_path / f"a.{to}", tmp_path / "voted.parquet"
     code, _, err = rig_command("export", flown, "--to", to, "--for-vote", "--out", table)
     assert (code, err) == (0, "")

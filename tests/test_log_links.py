@@ -17,12 +17,12 @@ from rig.log.export import export
 
 A, B, C = range(3)
 LOST = 'kind="link_loss", signal="ccdl.A-B", start_s=0.5'
-LIES = 'kind="link_lie", signal="ccdl.C-B", offset_thresholds=5.0, start_s=1.0, duration_s=0.1'
+BYZANTINE = 'kind="link_byzantine", signal="ccdl.C-B", offset_thresholds=5.0, start_s=1.0, duration_s=0.1'
 
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    sets = ["duration_s=2.5", "computers.count=4", f"faults=[{{{LOST}}}, {{{LIES}}}]"]
+    sets = ["duration_s=2.5", "computers.count=4", f"faults=[{{{LOST}}}, {{{BYZANTINE}}}]"]
     return fly(None, overrides=sets, out=tmp_path_factory.mktemp("links"))
 
 

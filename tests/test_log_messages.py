@@ -55,7 +55,10 @@ def lz4_zeros(count: int) -> bytes:
 
 
 BOMBS: dict[str, tuple[list[Chunk], str]] = {
-    "honest": ([by_hand.chunk(by_hand.zeros(GIGABYTES, GIGABYTES), GIGABYTES, "zstd")], "a chunk claims 6000000000 b"),
+    "as stated": (
+        [by_hand.chunk(by_hand.zeros(GIGABYTES, GIGABYTES), GIGABYTES, "zstd")],
+        "a chunk claims 6000000000 b",
+    ),
     "claims less than its frame": (
         [by_hand.chunk(by_hand.zeros(GIGABYTES, GIGABYTES), 1000, "zstd")],
         "a chunk claims 1000 bytes and its contents 6000000000",
@@ -80,7 +83,7 @@ BOMBS: dict[str, tuple[list[Chunk], str]] = {
 def test_bombs_are_refused_in_one_line_with_little_memory(tmp_path: Path):
     for k, (chunks, _) in enumerate(BOMBS.values()):
         by_hand.write(tmp_path / f"{k}.mcap", chunks)
-    by_hand.write(tmp_path / "summary.mcap", BOMBS["honest"][0], summary_at=len(by_hand.MAGIC))
+    by_hand.write(tmp_path / "summary.mcap", BOMBS["as stated"][0], summary_at=len(by_hand.MAGIC))
     assert (tmp_path / "0.mcap").stat().st_size < 200_000
     (tmp_path / "c.toml").write_text('[default]\nthreshold = 1.0\n[mapping]\n"x.1" = "/imu:x"\n"x.2" = "/imu:x"\n')
     names = [f"{k}.mcap" for k in range(len(BOMBS))] + ["summary.mcap"]

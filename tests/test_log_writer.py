@@ -19,7 +19,7 @@ from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from rig.core.errors import BadInput, RigError
-from rig.core.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, TIMING, Ilm, Pattern, Resolver, State, Table, new_block
+from rig.core.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, TIMING, DecidedBy, Ilm, Pattern, State, Table, new_block
 from rig.flight.events import Event
 from rig.log import read_log, recover
 from rig.log.chunk_layout import ROW, log_times
@@ -30,7 +30,7 @@ from rig.log.writer import LogWriter
 from rig.scenario.scenario import load
 
 RATE = 100.0
-U1_LIMITS = {"state": 4, "discrete_state": 4, "ilm": 3, "pattern": 7, "resolver": 7, "law": 3, "end": 8}
+U1_LIMITS = {"state": 4, "discrete_state": 4, "ilm": 3, "pattern": 7, "decided_by": 7, "law": 3, "end": 8}
 U1_LIMITS |= {"discrete_ilm": U1_LIMITS["ilm"]}
 WHOLE_BYTE = ("trend_high", "trend_low", "acting")
 
@@ -163,7 +163,7 @@ def test_protobuf_decodes_a_signal_to_the_rows(tmp_path, i):
         for name in ("level", "trend_high", "trend_low", "reference_usable"):
             assert getattr(message, name) == row[name][i]
         assert enum_name(message, "pattern") == Pattern(row["pattern"][i]).name
-        assert enum_name(message, "resolver") == Resolver(row["resolver"][i]).name
+        assert enum_name(message, "decided_by") == DecidedBy(row["decided_by"][i]).name
 
 
 def enum_name(message, field):
@@ -174,7 +174,7 @@ def enum_name(message, field):
 def test_protobuf_decodes_every_other_topic_to_the_rows(tmp_path):
     block, timing = write(tmp_path / "a.mcap", 20)
     for topic in FRAME_TOPICS:
-        if topic.message not in ("rig.Discrete", "rig.Control", "rig.Demand", "rig.Flight", "rig.Timing"):
+        if topic.message not in ("rig.Discrete", "rig.Control", "rig.AutopilotCommand", "rig.Flight", "rig.Timing"):
             continue
         messages = decoded(tmp_path / "a.mcap", topic.name)
         source = timing if topic.message == "rig.Timing" else block

@@ -36,9 +36,9 @@ def test_the_same_scenario_and_seed_give_the_same_bytes_and_another_seed_does_no
 def test_truth_never_reaches_redundancy_or_control():
     """Once the sensors have spoken, truth and flight condition become garbage; nothing that follows changes."""
     which = load("turbulence=light")
-    honest, blind = Rig(which), Rig(which)
+    seeing, blind = Rig(which), Rig(which)
     a, b = new_block(300), new_block(300)
-    for block, rig in ((a, honest), (b, blind)):
+    for block, rig in ((a, seeing), (b, blind)):
         rig.prepare(block)
         for k in range(len(block)):
             assert rig.plant.read(block, k) == 0
@@ -51,7 +51,7 @@ def test_truth_never_reaches_redundancy_or_control():
             row, data = nested(block)[k], rig.data
             think_lane(row, row["bus"], row["fcc"], k, ComputerData(data.redundancy, data.control, data.faults))
             block["truth"][k], block["flight"][k], block["discrete_truth"][k] = kept
-            block["actuator"][k] = block["surface"][k]
+            block["surface_command"][k] = block["surface"][k]
             actuate(row, rig.faults.data)
             rig.plant.step(block, k)
     assert same(a, b)

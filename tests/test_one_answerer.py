@@ -43,7 +43,7 @@ DRIVERS = {
         f"{name}.py"
         for name in (
             "bench/inject",
-            "bench/rival_statistics",
+            "bench/baseline_statistics",
             "bench/splitting",
             "bench/one_signal_trials",
             "bench/unit_check",
@@ -59,7 +59,7 @@ DRIVERS = {
     ),
 }
 # Words of an outcome that mean other things too: sides, missed frames, columns.
-PLAIN = {"right", "wrong", "missed", "none", "kept"}
+PLAIN = {"right", "wrong", "missed", "none", "kept", "correct"}
 # Where a word of an outcome stands in a file that makes none: a heading, or another thing of that name.
 NAMED = {
     *(("studies/benchmark/outcome_table.py", word) for word in ("isolated", "wrong channel")),  # headings
@@ -177,7 +177,7 @@ def test_score_campaign_report_injection_and_trial_have_the_same_word_for_a_faul
     fault = f'{{id="{TESTED}",signal="pitch_rate",start_s=1.0,{keys}}}'
     which, healthy = (scenario.load(None, ["duration_s=2.0", f"faults=[{some}]"]) for some in (fault, ""))
     flight, clean = (fly(each, out=tmp_path / str(i)) for i, each in enumerate((which, healthy)))
-    scored = score_log(flight.log, Yardstick(), twin=False)
+    scored = score_log(flight.log, Yardstick(), baseline=False)
     words = [each.word for each in scored.score.faults]
     assert set(words) == {expected}
     assert [row["isolation"] for row in campaign_rows("faults", 0, which, scored.score)] == [

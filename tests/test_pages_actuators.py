@@ -30,7 +30,7 @@ def test_the_page_has_the_surface_with_channel_time_and_monitor(flight: Flight, 
 
 
 def test_the_picture_shows_the_channel_leave_its_threshold_and_end(flight: Flight):
-    log, scored = flight.recorded, score_log(flight.log, Yardstick(), twin=False)
+    log, scored = flight.recorded, score_log(flight.log, Yardstick(), baseline=False)
     (one,) = happened(scored)
     assert (one.surface, one.begin) == ("elevator", ONSET - 50)
     assert log.lanes is not None

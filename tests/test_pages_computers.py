@@ -47,7 +47,7 @@ def test_the_states_are_those_of_lanes_and_of_votes_that_were_not_normal(flight:
 
 
 def test_the_picture_shows_one_command_leave_the_threshold_of_the_others(flight: Flight):
-    log, scored = flight.recorded, score_log(flight.log, Yardstick(), twin=False)
+    log, scored = flight.recorded, score_log(flight.log, Yardstick(), baseline=False)
     one = computers.happened(scored, log.events)
     assert one is not None and one.begin == ONSET - 50 and log.lanes is not None
     kept = log.table[one.begin : one.end]

@@ -95,7 +95,7 @@ def test_the_page_asks_nothing_of_a_network(page: tuple[dict[str, Any], str]):
 def split(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of a 2:2 that the reference settles."""
     folder = tmp_path_factory.mktemp("split")
-    flown = fly("f16_singular_2_2_level", overrides=["duration_s=12"], out=folder)
+    flown = fly("f16_split_2_2_level", overrides=["duration_s=12"], out=folder)
     report(flown.log, folder / "split.html")
     return folder / "split.html"
 
@@ -107,16 +107,16 @@ def test_the_decision_draws_the_reference_that_decided_and_the_frames_that_it_to
     counted = numbers(lines["frames, 2:2"]["y"])
     assert counted.max() == 10.0 and counted[50:60].tolist() == list(range(1, 11))
     said = [note["text"] for note in drawn["layout"]["annotations"]]
-    assert "persistence 8" in said and "singular persistence 10" in said
+    assert "persistence 8" in said and "split persistence 10" in said
 
 
 def test_thresholds_and_who_decided_are_named_with_their_figures(split: Path):
     text = split.read_text()
     cards = re.findall(r'<div class="card"><b[^>]*>(.*?)</b><span>(.*?)</span>', text)
     assert ("reference", "found the faults or failed the channels") in cards
-    assert "pitch_rate threshold 2.86 deg/s, outlier threshold 0.63 deg/s" in text
+    assert "pitch_rate threshold 2.86 deg/s, isolation threshold 0.63 deg/s" in text
     names = {trace.get("name") for trace in figures(text)["moment-pitch_rate"]["data"]}
-    assert "vote ± outlier threshold 0.63 deg/s" in names
+    assert "vote ± isolation threshold 0.63 deg/s" in names
     assert figures(text)["votes"]["data"][0]["name"] == "pitch_rate, threshold 2.86 deg/s"
 
 
@@ -199,7 +199,7 @@ def test_small_motion_is_not_blown_up():
 
 def test_what_reaches_an_actuator_is_drawn_where_a_fault_changed_it():
     rows = new_block(3)
-    rows["frame"], rows["actuator"][:, 1] = np.arange(3), np.radians(4.0)  # of the aileron
+    rows["frame"], rows["surface_command"][:, 1] = np.arange(3), np.radians(4.0)  # of the aileron
     drawn = surfaces([of_surface(Table(rows), 100.0, i) for i in range(4)]).to_dict()
     changed = [trace["yaxis"] for trace in drawn["data"] if trace["name"] == "at the actuator"]
     assert changed == ["y2"]
@@ -210,7 +210,7 @@ def test_what_reaches_an_actuator_is_drawn_where_a_fault_changed_it():
 def test_a_flight_that_ends_not_finite_can_be_drawn():
     rows, s = new_block(4), INDEX["roll_angle"]
     rows["frame"], rows["truth"][:, s] = np.arange(4), [0.0, 1.0, np.inf, np.nan]
-    rows["voted"][:, s], rows["actuator"][:, 0] = [0.0, 1e300, np.nan, 0.0], [0.0, 1e300, np.inf, np.nan]
+    rows["voted"][:, s], rows["surface_command"][:, 0] = [0.0, 1e300, np.nan, 0.0], [0.0, 1e300, np.inf, np.nan]
     drawn = [of_flight(of_signal(Table(rows), 100.0, "roll_angle", 0.1), 100.0, "roll_angle", np.ones(4, bool))]
     off = line(rows["frame"] / 100.0, errors(Table(rows), "roll_angle") / 0.1)
     drawn += [vote_errors({"roll_angle": off}, {"roll_angle": 0.1})]

@@ -68,17 +68,17 @@ def test_a_response_outside_the_band_at_the_end_is_not_settled():
 
 
 @pytest.mark.requirement("ding2015", "true pitch angle 2")
-def test_honestly_the_true_pitch_angle_goes_to_twice_what_is_wanted():
-    run = ding2015.honest(DESIGN, "estimate", 60.0)
+def test_in_the_complete_model_the_true_pitch_angle_goes_to_twice_what_is_wanted():
+    run = ding2015.complete(DESIGN, "estimate", 60.0)
     assert run.pitch[-1] == pytest.approx(2.0, abs=1e-6)
     assert run.followed[-1] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_the_printed_law_fed_with_the_true_state_goes_to_zero():
-    assert ding2015.honest(DESIGN, "truth", 60.0).pitch[-1] == pytest.approx(0.0, abs=1e-6)
+    assert ding2015.complete(DESIGN, "truth", 60.0).pitch[-1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_honest_experiment_is_the_aircraft_the_sensor_and_the_observer():
+def test_the_complete_experiment_is_the_aircraft_the_sensor_and_the_observer():
     """The same by an integrator of stiff equations, written out."""
     x_r, u_r = ding2015.reference()
     assert A @ x_r + B @ u_r == pytest.approx(np.zeros(4), abs=1e-9)
@@ -94,7 +94,7 @@ def test_the_honest_experiment_is_the_aircraft_the_sensor_and_the_observer():
     kept = {"method": "Radau", "rtol": 1e-8, "atol": 1e-9}
     first = solve_ivp(rates(DESIGN.k1_left, 1.0), (0.0, 5.0), np.zeros(8), **kept).y[:, -1]
     second = solve_ivp(rates(DESIGN.k2[:, :4], 0.5), (5.0, 8.0), first, **kept).y[:, -1]
-    run = ding2015.honest(DESIGN, "estimate", 8.0)
+    run = ding2015.complete(DESIGN, "estimate", 8.0)
     assert run.pitch[500] == pytest.approx(first[3], abs=1e-4)
     assert run.pitch[-1] == pytest.approx(second[3], abs=1e-4)
 
@@ -171,7 +171,7 @@ def test_the_command_writes_page_and_picture_and_one_object(tmp_path: Path):
     result = CliRunner().invoke(app, ["study", "ding2015", "--out", str(tmp_path / "new"), "--json"])
     found = json.loads(result.stdout)
     wanted = {"k2_max_error", "stacked_max_error", "k1_left_max_error", "settling_time_s"}
-    assert wanted | {"honest_true_pitch", "honest_measured_pitch"} <= set(found)
+    assert wanted | {"complete_true_pitch", "complete_measured_pitch"} <= set(found)
     page, picture = (Path(name) for name in found["figures"])
     assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size > 50_000
     text = page.read_text()

@@ -75,16 +75,16 @@ def test_errors_count_from_the_onset_on_against_the_flight_without_the_fault():
     healthy, plain, tolerant = rows(), rows(), rows()
     plain["flight"][1000, ALTITUDE] = 0.0  # before the onset
     plain["flight"][3000, ALTITUDE], tolerant["flight"][4000, ALTITUDE] = 990.0, 1036.0
-    tolerant["lie"][2050:] = SensorFault.RATE_BIAS
+    tolerant["sensor_fault"][2050:] = SensorFault.RATE_BIAS
     found = measure(CASE, FAULT, plain, tolerant, healthy)
     assert (found.plain_m, found.tolerant_m, found.within) == (10.0, 36.0, False)
     assert found.answered_after_s == pytest.approx(0.5) and not found.blamed and found.identical and not found.early
-    tolerant["lie"][1999] = SensorFault.RATE_BIAS
+    tolerant["sensor_fault"][1999] = SensorFault.RATE_BIAS
     assert measure(CASE, FAULT, plain, tolerant, healthy).early
 
 
 def test_who_is_blamed_or_flown_without_is_counted():
-    for field, value in (("trust", Trust.CORRECTED), ("lie", SensorFault.OFFSET)):
+    for field, value in (("trust", Trust.CORRECTED), ("sensor_fault", SensorFault.OFFSET)):
         tolerant = rows()
         tolerant[field][5000] = value
         assert measure(CASE, FAULT, rows(), tolerant, rows()).blamed

@@ -226,7 +226,7 @@ def test_the_gear_is_up_and_no_wheel_touches() -> None:
 def test_the_sticks_and_the_other_stages_fields_are_left_alone() -> None:
     flying = plant()
     block = new_block(1)
-    others = {name: block[name].copy() for name in ("channels", "voted", "demand", "command", "surface")}
+    others = {name: block[name].copy() for name in ("channels", "voted", "autopilot_command", "command", "surface")}
     block["truth"][0, [INDEX["stick_pitch"], INDEX["pedal"]]] = 0.5
     block["discrete_truth"][0, DISCRETE_INDEX["autopilot_engaged"]] = 1
     flying.read(block, 0)

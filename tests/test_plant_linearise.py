@@ -76,7 +76,7 @@ def fly(
     commands[["elevator", "aileron", "rudder", "throttle"].index(surface)] += step
     for k in range(frames):
         plant.read(block, k)
-        block["actuator"][k] = commands
+        block["surface_command"][k] = commands
         plant.step(block, k)
     change = block["truth"][-1] - block["truth"][0]
     names = {

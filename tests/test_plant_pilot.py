@@ -57,10 +57,10 @@ def test_manoeuvres_add_up_and_sticks_stop_at_full_deflection():
     assert out[150] == 0.5 and out[250] == 1.0
 
 
-def test_a_demand_goes_to_its_own_axis_unclipped():
+def test_an_autopilot_command_goes_to_its_own_axis_unclipped():
     block = flown({"kind": "step", "axis": "altitude", "start_s": 0.0, "amplitude": 100.0})
-    assert (block["demand"][:, 2] == 100.0).all()
-    assert (block["demand"][:, [0, 1, 3, 4]] == 0).all()
+    assert (block["autopilot_command"][:, 2] == 100.0).all()
+    assert (block["autopilot_command"][:, [0, 1, 3, 4]] == 0).all()
 
 
 def test_the_engage_switch_follows_the_moments():

@@ -22,7 +22,7 @@ def fly(air: wind.Config, frames: int, turbulence: wind.Turbulence = "none", see
     plane = airframe.read(AIRCRAFT / "b747" / "aircraft.toml")
     plant = jsbsim.Plant(plane, plane.point(), air, turbulence, 100.0, 1, seed)
     block = new_block(frames)
-    block["actuator"] = plant.trim
+    block["surface_command"] = plant.trim
     for k in range(frames):
         plant.read(block, k)
         plant.step(block, k)

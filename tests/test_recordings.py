@@ -98,7 +98,7 @@ BAD_CONFIGS = {
     "reference threshold": ({"default": {"threshold": 1.0, "reference_threshold": 0.0}}, "reference_threshold"),
     "trend frames 0": ({"default": {"threshold": 1.0, "trend_frames": 0}}, "trend_frames: input should be greater"),
     "trend frames 9": ({"default": {"threshold": 1.0, "trend_frames": 9}}, "trend_frames: input should be less"),
-    "resolver": ({"default": {"threshold": 1.0, "resolvers": ["dice"]}}, "resolvers.0"),
+    "decided_by": ({"default": {"threshold": 1.0, "tie_break": ["dice"]}}, "tie_break.0"),
     "manager": ({"default": {"threshold": 1.0, "manager": "dice"}}, "manager"),
     "range": ({"default": {"threshold": 1.0, "range": [1.0, -1.0]}}, "range: low must be below high"),
     "half a range": ({"default": {"threshold": 1.0, "range": [1.0]}}, "range"),
@@ -191,7 +191,7 @@ def test_all_formats_hold_the_same(ending: str, rig: Any):
     for name, signal in expected.items():
         assert table[f"{name}.voted"].to_numpy().tobytes() == signal.voted.tobytes()
         assert table[f"{name}.level"].to_list() == signal.level.tolist()
-    assert table.columns[:5] == ["time_s", "x.voted", "x.level", "x.pattern", "x.resolver"]
+    assert table.columns[:5] == ["time_s", "x.voted", "x.level", "x.pattern", "x.decided_by"]
     assert list(found["signals"]) == ["x", "gyro.left"] and found["rows"] == 40
     assert found["signals"]["x"]["channels"][1]["failed"] == [{"frame": 13, "time_s": 0.24, "why": "invalid"}]
 

@@ -56,8 +56,8 @@ def test_a_persistence_in_seconds_has_the_same_rows_whatever_the_decimals_of_the
     rows = np.arange(900)
     columns = {f"gyro.{channel}": np.zeros(900) for channel in (1, 2, 3, 4)}
     path = tmp_path / "in.csv"
-    settings = RecordedSignal(threshold=1.0, persistence_s=0.1, singular_persistence_s=0.1)
+    settings = RecordedSignal(threshold=1.0, persistence_s=0.1, split_persistence_s=0.1)
     pl.DataFrame({"time_s": np.round(rows / 300.0, decimals), **columns}).write_csv(path)
     recording = read(path, VoteConfig())
     (params,) = params_of(recording, {"gyro": settings})
-    assert (params["persistence"], params["singular_persistence"]) == (30, 30)
+    assert (params["persistence"], params["split_persistence"]) == (30, 30)

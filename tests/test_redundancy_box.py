@@ -1,4 +1,4 @@
-"""A channel that is out on several signals at once is a box that died."""
+"""A channel that is out on several signals at once is a failed LRU."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from one_stage import step_stage
 from rig.computer.redundancy.box import MOST_BOXES, box_of_signals
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
-from rig.core.frame import SIGNALS, Ilm, Pattern, Resolver, S, State, new_block
+from rig.core.frame import SIGNALS, DecidedBy, Ilm, Pattern, S, State, new_block
 
 FRAMES = 30
 
@@ -24,7 +24,7 @@ def fly(
     fade_s: float = 0.0,
     boxes: Any = 1,
 ) -> Any:
-    """``samples`` (S, 4) or (FRAMES, S, 4) through the manager; threshold 1, persistence 8, singular 10."""
+    """``samples`` (S, 4) or (FRAMES, S, 4) through the manager; threshold 1, persistence 8, split 10."""
     params = np.zeros(S, PARAMS)
     for row in params:
         fill(row, SignalConfig(threshold=1.0, fade_s=fade_s), (-1000.0, 1000.0), fitted, False, 100.0)
@@ -56,7 +56,7 @@ def test_a_channel_off_on_four_signals_is_failed_on_all_at_its_eighth_frame():
     block = fly(apart(4, 2))
     assert all(failed_at(block, s) == [None, None, 8, None] for s in range(S))
     assert (block["level"][7:] == 3).all() and (block["level"][:7] == 4).all()
-    assert (block["resolver"][7, 4:] == Resolver.BOX).all()
+    assert (block["decided_by"][7, 4:] == DecidedBy.BOX).all()
 
 
 def test_three_signals_are_three_faults_and_no_box():
@@ -79,7 +79,7 @@ def test_two_boxes_that_die_together_are_identified_by_the_signals_with_evidence
 def test_the_trend_is_no_evidence_against_a_box():
     block = fly(apart(S, 2, 3, off=-5.0))
     assert all(failed_at(block, s) == [10, 10, None, None] for s in range(S))
-    assert not (block["resolver"] == Resolver.BOX).any()
+    assert not (block["decided_by"] == DecidedBy.BOX).any()
 
 
 @pytest.mark.requirement("redundancy", "a box that is out on four signals is out on all")
@@ -106,7 +106,7 @@ def test_contradicting_evidence_fails_nobody():
     """Half of the references speak for one pair, half for the other."""
     reference = np.where(np.arange(S) < 8, 0.0, 5.0)
     block = fly(apart(S, 2, 3), reference=reference)
-    assert not (block["resolver"] == Resolver.BOX).any()
+    assert not (block["decided_by"] == DecidedBy.BOX).any()
 
 
 def test_one_of_two_boxes_is_identified_by_its_evidence():
@@ -178,7 +178,7 @@ def fly_boxes(samples: Any, box_signals: int | None = None) -> Any:
 def test_a_box_dies_by_its_own_signals_and_on_its_own(off: list[int], failed: list[int]):
     block = fly_boxes(off_on(*off))
     assert failed_by_box(block) == failed
-    assert (block["resolver"][2, failed] == Resolver.BOX).all() and (block["level"][2, failed] == 3).all()
+    assert (block["decided_by"][2, failed] == DecidedBy.BOX).all() and (block["level"][2, failed] == 3).all()
     assert (block["level"][2, np.setdiff1d(np.arange(S), failed)] == 4).all()
 
 

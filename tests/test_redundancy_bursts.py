@@ -1,6 +1,6 @@
 """Bursts behind a filter: what of them counts, and what does not; by hand.
 
-Frames are counted from 1 as in the requirement. Threshold 1, persistence 8, singular persistence 10, so that a step of
+Frames are counted from 1 as in the requirement. Threshold 1, persistence 8, split persistence 10, so that a step of
 the filter is at most 2/15.
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import rows, vote_samples
 
-from rig.core.frame import Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Pattern, State
 
 NAN = np.nan
 ALIKE = (0, 0, 0, 0)
@@ -78,14 +78,14 @@ def test_a_burst_after_a_gap_or_in_the_first_rows_fails_nobody(
     assert (out.pattern == Pattern.NORMAL).all() and (out.state[before + gap :, :n] == State.OK).all()
 
 
-# Patterns without a majority.
+# Splits.
 
 SPLIT, APART, PAIR = (0, 0.1, 900, 900.1), (0, 300, 600, 900), (0, 900, NAN, NAN)
 
 
 def settled(samples: Any, **more: Any) -> Any:
     channels = 2 if np.isnan(samples[0, 2]) else 3 if np.isnan(samples[0, 3]) else 4
-    return vote_samples(samples, **SLOW, reference=0.0, resolvers=["reference"], channels=channels, **more)
+    return vote_samples(samples, **SLOW, reference=0.0, tie_break=["reference"], channels=channels, **more)
 
 
 def burst(frames: int, split: tuple[float, ...], rest: int = 90) -> Any:
@@ -117,9 +117,9 @@ def test_an_interruption_takes_nothing_from_the_frames_that_a_split_has_lasted()
 
 def test_nor_from_the_wait_of_a_split_that_nobody_answers():
     samples = rows((20, ALIKE), (12, SPLIT), (3, ALIKE), (30, SPLIT))
-    out = vote_samples(samples, **SLOW, resolvers=[], params={"unresolved_frames": 20})
-    assert out.failed_at() == [20 + 12 + 3 + 15] * 4 and out.resolver[49] == Resolver.GIVEN_UP
-    closed = vote_samples(burst(12, SPLIT), **SLOW, resolvers=[], params={"unresolved_frames": 6})
+    out = vote_samples(samples, **SLOW, tie_break=[], params={"unresolved_frames": 20})
+    assert out.failed_at() == [20 + 12 + 3 + 15] * 4 and out.decided_by[49] == DecidedBy.GIVEN_UP
+    closed = vote_samples(burst(12, SPLIT), **SLOW, tie_break=[], params={"unresolved_frames": 6})
     assert closed.failed_at() == [None] * 4 and (closed.pattern[27:36] == Pattern.P2_2).all()
 
 
@@ -144,6 +144,6 @@ def test_a_hold_goes_on_where_a_split_is_closed_for_a_frame():
     samples[:, :2] = 0.0
     samples[20:, 0], samples[20:, 1] = -400.0, 800.0
     samples[30, :2] = 100.0
-    out = vote_samples(samples, **SLOW, channels=2, resolvers=[])
-    assert (out.resolver[27:] == Resolver.UNRESOLVED).all()
+    out = vote_samples(samples, **SLOW, channels=2, tie_break=[])
+    assert (out.decided_by[27:] == DecidedBy.UNRESOLVED).all()
     assert out.voted[30:] == pytest.approx(np.full(10, 100.0))

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.computer.analytic.reference_sources import FROM_UNIT, PARTNERS, SECOND, Config, second
-from rig.core.frame import INDEX, Resolver, Source, State
+from rig.core.frame import INDEX, DecidedBy, Source, State
 from rig.flight.stages import redundancy
 from rig.scenario import scenario
 from rig.studies.campaign.flying import fly
@@ -36,7 +36,7 @@ def test_by_choice_the_signal_is_lost_and_its_reference_usable():
     found = contradicted(0.0, 0.0, frames=12, fails=True)  # after the reference was set aside, at frame 8
     assert found.reference_usable[10] == 0
     assert found.failed_at() == [12] * 4 and found.level.tolist() == [4] * 11 + [0] * 19
-    assert found.resolver[11] == Resolver.COMMON and (found.reference_usable[11:] == 1).all()
+    assert found.decided_by[11] == DecidedBy.COMMON and (found.reference_usable[11:] == 1).all()
 
 
 def test_after_a_readmission_the_reference_has_its_whole_persistence_to_agree():
@@ -172,8 +172,8 @@ def test_a_log_from_before_the_rule_is_flown_as_it_was():
 
 
 def test_a_wrong_pair_that_in_line_monitors_keep_is_failed_by_both_references():
-    found = fly(scenario.load("f16_singular_2_2_lying_ilm", ["duration_s=15"]))
+    found = fly(scenario.load("f16_split_2_2_wrong_ilm", ["duration_s=15"]))
     s = INDEX["pitch_rate"]
     by_ilm, by_both = (int((found.rows["state"][:, s, c] == State.FAILED).argmax()) for c in (0, 2))
-    assert by_both == by_ilm + 10 and found.rows["resolver"][by_both, s] == Resolver.COMMON
+    assert by_both == by_ilm + 10 and found.rows["decided_by"][by_both, s] == DecidedBy.COMMON
     assert (found.rows["source"][by_both:, s] == Source.REFERENCE).all()

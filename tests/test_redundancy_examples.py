@@ -1,10 +1,10 @@
-"""The table of examples that every implementation of the monitor must satisfy (eps 1, persistence 8, singular 10)."""
+"""The table of examples that every implementation of the monitor must satisfy (eps 1, persistence 8, split 10)."""
 
 import numpy as np
 import pytest
 from conftest import constant, vote_samples
 
-from rig.core.frame import Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Pattern, State
 
 K = np.arange(30.0)
 RISING = np.stack([0.1 * K, 0.1 * K + 0.1, 0.1 * K + 5, 0.1 * K + 5.1], axis=1)
@@ -33,8 +33,8 @@ def test_constant_pairs_go_to_the_smaller_pair():
     out = vote_samples(constant(0, 0.1, 5, 5.1))
     assert out.failed_at() == [None, None, 10, 10]
     assert (out.pattern[:10] == Pattern.P2_2).all()
-    assert (out.resolver[8:10] == Resolver.TREND).all()  # eight changes seen
-    assert (out.resolver[:8] == Resolver.UNRESOLVED).all()
+    assert (out.decided_by[8:10] == DecidedBy.TREND).all()  # eight changes seen
+    assert (out.decided_by[:8] == DecidedBy.UNRESOLVED).all()
 
 
 def test_rising_pairs_go_to_the_larger_pair():
@@ -45,9 +45,9 @@ def test_rising_pairs_go_to_the_larger_pair():
 
 @pytest.mark.requirement("redundancy", "2:2 by trend, by reference, by in-line monitors")
 def test_a_reference_asked_first_saves_the_pair_that_the_trend_would_fail():
-    out = vote_samples(RISING, reference=0.1 * K, resolvers=["reference", "trend"])
+    out = vote_samples(RISING, reference=0.1 * K, tie_break=["reference", "trend"])
     assert out.failed_at() == [None, None, 10, 10]
-    assert (out.resolver[:10] == Resolver.REFERENCE).all()
+    assert (out.decided_by[:10] == DecidedBy.REFERENCE).all()
     assert np.allclose(out.voted[:10], 0.1 * K[:10] + 0.1)
 
 

@@ -10,7 +10,7 @@ import pytest
 from conftest import Voted, rows, vote_samples
 from numpy.typing import NDArray
 
-from rig.core.frame import Ilm, Resolver
+from rig.core.frame import DecidedBy, Ilm
 
 NAN = np.nan
 GOOD, BAD, ABSENT = int(Ilm.GOOD), int(Ilm.BAD), int(Ilm.ABSENT)
@@ -22,8 +22,8 @@ def held(*samples: tuple[float, ...], truth: Any = 0.0, **more: Any) -> Voted:
     n = len(samples[0])
     block = np.full((len(samples), 4), NAN)
     block[:, :n] = samples
-    out = vote_samples(block, channels=n, resolvers=more.pop("resolvers", []), **more)
-    silent = out.resolver == Resolver.UNRESOLVED
+    out = vote_samples(block, channels=n, tie_break=more.pop("tie_break", []), **more)
+    silent = out.decided_by == DecidedBy.UNRESOLVED
     plain = np.nanmean(block, axis=1)
     assert (np.abs(out.voted - truth) <= np.abs(np.subtract(plain, truth)) + 1e-12)[silent].all()
     return out
@@ -108,16 +108,16 @@ def test_nor_does_a_row_in_which_monitors_or_a_reference_speak_for_the_bad_side(
     """The reference lies above: the vote is the middle of it and of the ranks 0 and 5."""
     together, split = flight
     samples = (together, split, split, split, split, split)
-    out = held(*samples, resolvers=["ilm"], ilm=said(4, 6, *four))
+    out = held(*samples, tie_break=["ilm"], ilm=said(4, 6, *four))
     assert out.voted == pytest.approx([0.4, 0.4, 0.4, by_monitors, 0.4, 0.4])
     reference = rows((3, NAN), (1, 6), (2, NAN))
-    out = held(*samples, resolvers=["reference"], reference=reference)
-    assert out.resolver[3] == Resolver.REFERENCE and out.voted == pytest.approx([0.4, 0.4, 0.4, 5.0, 0.4, 0.4])
+    out = held(*samples, tie_break=["reference"], reference=reference)
+    assert out.decided_by[3] == DecidedBy.REFERENCE and out.voted == pytest.approx([0.4, 0.4, 0.4, 5.0, 0.4, 0.4])
 
 
 def test_where_a_split_begins_with_an_answer_both_have_half_after_it():
     samples = (PAIR[0], *[PAIR[1]] * 3)
-    out = held(*samples, resolvers=["ilm"], ilm=said(2, 4, BAD, GOOD, ABSENT, ABSENT))
+    out = held(*samples, tie_break=["ilm"], ilm=said(2, 4, BAD, GOOD, ABSENT, ABSENT))
     assert out.voted == pytest.approx([0.4, 5.0, 2.5, 2.5])
 
 

@@ -1,4 +1,4 @@
-"""The small kernels one by one: resolvers, trend, weights, settings."""
+"""The small kernels one by one: tie-break rules, trend, weights, settings."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ from rig.computer.redundancy.manager_config import (
 )
 from rig.computer.redundancy.resets import Reset, command
 from rig.computer.redundancy.state import STATE
-from rig.core.frame import SIGNALS, Ilm, Resolver, State, new_block
+from rig.core.frame import SIGNALS, DecidedBy, Ilm, State, new_block
 
 LOW, HIGH, NONE = opinions.LOW_SIDE, opinions.HIGH_SIDE, opinions.NO_ANSWER
 ORDER = np.array([2, 0, 3, 1])  # channels by ascending value: 3 and 1 below, 4 and 2 above
@@ -79,15 +79,15 @@ def test_a_reference_makes_a_triplex_with_the_two_ranks(high, low, reference, si
 
 
 def test_a_split_around_a_reference_that_is_near_neither_fails_all_four():
-    out = vote_samples(constant(0, 0.1, 5, 5.1), reference=2.5, resolvers=["reference"])
+    out = vote_samples(constant(0, 0.1, 5, 5.1), reference=2.5, tie_break=["reference"])
     assert out.failed_at() == [10, 10, 10, 10]
     assert (out.voted == 2.5).all() and out.level[9] == 0
 
 
 def test_a_split_around_a_reference_that_is_near_both_fails_nobody():
-    out = vote_samples(constant(0, 0.1, 1.6, 1.7), reference=0.8, resolvers=["reference"])
+    out = vote_samples(constant(0, 0.1, 1.6, 1.7), reference=0.8, tie_break=["reference"])
     assert out.failed_at() == [None] * 4
-    assert (out.resolver == Resolver.REFERENCE).all() and (out.voted == 0.8).all()
+    assert (out.decided_by == DecidedBy.REFERENCE).all() and (out.voted == 0.8).all()
 
 
 def test_an_unusable_reference_is_not_asked():
@@ -95,15 +95,17 @@ def test_an_unusable_reference_is_not_asked():
     samples = constant(0, 0, 0, 0, frames=60)
     reference[:20] = 9.0  # off a healthy vote for long enough
     samples[20:, 2:] = 5.0
-    out = vote_samples(samples, reference=reference, resolvers=["reference"])
-    assert (out.resolver[20:] == Resolver.UNRESOLVED).all() and out.failed_at() == [None] * 4
+    out = vote_samples(samples, reference=reference, tie_break=["reference"])
+    assert (out.decided_by[20:] == DecidedBy.UNRESOLVED).all() and out.failed_at() == [None] * 4
 
 
-@pytest.mark.parametrize(("resolvers", "first"), [(["trend", "ilm"], Resolver.TREND), (["ilm", "trend"], Resolver.ILM)])
-def test_the_resolvers_are_asked_in_their_order(resolvers, first):
+@pytest.mark.parametrize(
+    ("tie_break", "first"), [(["trend", "ilm"], DecidedBy.TREND), (["ilm", "trend"], DecidedBy.ILM)]
+)
+def test_the_rules_are_asked_in_their_order(tie_break, first):
     ilm = np.tile([BAD, BAD, GOOD, GOOD], (30, 1))
-    out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=ilm, resolvers=resolvers)
-    assert out.resolver[8] == first
+    out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=ilm, tie_break=tie_break)
+    assert out.decided_by[8] == first
 
 
 def test_a_duplex_split_is_settled_like_a_quadruplex_one():
@@ -120,15 +122,15 @@ def test_a_duplex_split_is_settled_like_a_quadruplex_one():
 def test_two_samples_of_which_one_moves_have_no_trend(moving):
     samples = np.column_stack([constant(0, 5), np.full((30, 2), np.nan)])
     samples[:, moving] += 0.1 * np.arange(30)
-    out = vote_samples(samples, channels=2, resolvers=["trend"], trend_frames=3)
-    assert (out.resolver == Resolver.UNRESOLVED).all()
+    out = vote_samples(samples, channels=2, tie_break=["trend"], trend_frames=3)
+    assert (out.decided_by == DecidedBy.UNRESOLVED).all()
     assert out.trend_high.max() == 7 * moving and out.trend_low.max() == 7 * (1 - moving)
 
 
 @pytest.mark.parametrize("frames", range(1, 9))
 def test_a_trend_byte_of_any_length_answers_after_as_many_changes(frames):
     out = vote_samples(constant(0, 0.1, 5, 5.1), trend_frames=frames)
-    asked = np.flatnonzero(out.resolver == Resolver.TREND)
+    asked = np.flatnonzero(out.decided_by == DecidedBy.TREND)
     assert asked[0] == frames
     rising = vote_samples(constant(0, 0.1, 5, 5.1) + np.arange(30.0)[:, None], trend_frames=frames)
     assert rising.trend_high[frames] == 2**frames - 1 == rising.trend_high.max()
@@ -144,9 +146,9 @@ def test_a_trend_byte_shifts_left_and_keeps_the_last_bits():
 def test_a_trend_byte_starts_anew_when_the_number_of_valid_samples_changes():
     samples = constant(0, 0.1, 5, 5.1, frames=20)
     samples[6, 0] = np.nan
-    out = vote_samples(samples, resolvers=["trend"], trend_frames=3)
-    assert (out.resolver[3:6] == Resolver.TREND).all()
-    assert (out.resolver[7:10] == Resolver.UNRESOLVED).all() and (out.resolver[10:16] == Resolver.TREND).all()
+    out = vote_samples(samples, tie_break=["trend"], trend_frames=3)
+    assert (out.decided_by[3:6] == DecidedBy.TREND).all()
+    assert (out.decided_by[7:10] == DecidedBy.UNRESOLVED).all() and (out.decided_by[10:16] == DecidedBy.TREND).all()
 
 
 @pytest.mark.parametrize(
@@ -217,8 +219,8 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
         "outlier_threshold": 0.0,
         "outlier_threshold_triplex": 0.0,
         "filter_gain": 0.0,
-        "bias_bound": 0.0,
-        "bias_gain": 0.001,
+        "equalise_bound": 0.0,
+        "equalise_gain": 0.001,
         "slow_allowance": 0.0,
         "slow_limit": 0.0,
         "stale_frames": 0,
@@ -232,12 +234,12 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
         "deviation": 1.25,
         "deviation_frames": 250.0,
         "persistence": 8,
-        "singular_persistence": 10,
+        "split_persistence": 10,
         "trend_frames": 8,
         "readmit_frames": 100,
         "fade_frames": 25,
         "fitted": 3,
-        "resolvers": [1, 10, 3, 2, 4, 5],
+        "tie_break": [1, 10, 3, 2, 4, 5],
         "wraps": 1,
         "weighted": 0,
         "count_down": 0.0,
@@ -259,7 +261,7 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
         filter_s=0.02,
         reference_threshold=0.7,
         mean="trend-weighted",
-        resolvers=["reference"],
+        tie_break=["reference"],
         selection_deviation=2.0,
         selection_integral_s=0.5,
     )
@@ -271,7 +273,7 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     assert (row["deviation"][0], row["deviation_frames"][0]) == (2.0, 50.0)
     row = np.zeros(1, PARAMS)
     fill(row[0], chosen, (-1.0, 2.0), 4, False, 100.0)
-    assert row["resolvers"][0].tolist() == [3, 0, 0, 0, 0, 0]
+    assert row["tie_break"][0].tolist() == [3, 0, 0, 0, 0, 0]
 
 
 def test_every_signal_has_its_own_settings_range_and_channels():
@@ -286,7 +288,7 @@ def test_every_signal_has_its_own_settings_range_and_channels():
 
 
 def test_the_smallest_settings_are_one_frame():
-    least = SignalConfig(threshold=1.0, persistence=1, singular_persistence=1, trend_frames=1, readmit_frames=1)
+    least = SignalConfig(threshold=1.0, persistence=1, split_persistence=1, trend_frames=1, readmit_frames=1)
     assert least.fade_s == 0.0 and Reset(at_s=0.0, signal="heading").channels == [1, 2, 3, 4]
     with pytest.raises(ValidationError):
         Reset(at_s=0.0, signal="heading", channels=[0])
@@ -305,8 +307,8 @@ def test_a_reset_is_commanded_in_the_first_frame_not_before_it():
         {"persistence": 0},
         {"trend_frames": 0},
         {"trend_frames": 9},
-        {"resolvers": ["ilm", "ilm"]},
-        {"resolvers": ["oracle"]},
+        {"tie_break": ["ilm", "ilm"]},
+        {"tie_break": ["oracle"]},
         {"mean": "mode"},
         {"outlier_threshold": 1.01},
         {"outlier_threshold": 0.0},
@@ -342,9 +344,7 @@ def test_every_manager_of_the_house_and_any_class_may_be_named(manager):
     assert Config.model_validate({"manager": manager, "signals": signals}).manager == manager
 
 
-@pytest.mark.parametrize(
-    "key", ["readmit_frames", "singular_persistence", "selection_deviation", "selection_integral_s"]
-)
+@pytest.mark.parametrize("key", ["readmit_frames", "split_persistence", "selection_deviation", "selection_integral_s"])
 def test_nothing_is_counted_to_zero(key):
     with pytest.raises(ValidationError):
         SignalConfig.model_validate({"threshold": 1.0, key: 0})
@@ -400,11 +400,11 @@ def test_resets_of_other_blocks_are_not_commanded_and_those_of_one_frame_add_up(
 @pytest.mark.parametrize(("rate_hz", "frames"), [(25.0, 2), (100.0, 8), (400.0, 32), (110.0, 9), (1.0, 1), (1e-5, 1)])
 def test_a_persistence_in_seconds_lasts_at_least_as_long_at_every_rate(rate_hz, frames):
     row = np.zeros(1, PARAMS)[0]
-    fill(row, SignalConfig(threshold=1.0, persistence_s=0.08, singular_persistence_s=0.08), (-1, 1), 4, False, rate_hz)
-    assert (row["persistence"], row["singular_persistence"]) == (frames, frames)
+    fill(row, SignalConfig(threshold=1.0, persistence_s=0.08, split_persistence_s=0.08), (-1, 1), 4, False, rate_hz)
+    assert (row["persistence"], row["split_persistence"]) == (frames, frames)
 
 
-@pytest.mark.parametrize("name", ["persistence", "singular_persistence"])
+@pytest.mark.parametrize("name", ["persistence", "split_persistence"])
 def test_a_persistence_is_in_frames_or_in_seconds(name):
     with pytest.raises(ValidationError, match=f"{name} and {name}_s are the same setting"):
         SignalConfig.model_validate({"threshold": 1.0, name: 8, f"{name}_s": 0.08})
@@ -434,7 +434,7 @@ def test_a_split_cannot_be_given_up_before_it_can_be_settled(wait_s: float, refu
     """Ten frames at 100 Hz; 0 never gives up."""
     config = Config.model_validate({"unresolved_s": wait_s, "signals": {s.name: {"threshold": 1.0} for s in SIGNALS}})
     if refused:
-        with pytest.raises(ValueError, match="fewer than the 10 of singular_persistence of pitch_rate; 0: never"):
+        with pytest.raises(ValueError, match="fewer than the 10 of split_persistence of pitch_rate; 0: never"):
             refuse_short_wait(config, 100.0)
     else:
         refuse_short_wait(config, 100.0)

@@ -7,7 +7,7 @@ import pytest
 from conftest import rows, vote_samples
 from numpy.typing import NDArray
 
-from rig.core.frame import Ilm, Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Ilm, Pattern, State
 from rig.core.units.constants import TWO_PI
 
 NAN = np.nan
@@ -36,7 +36,7 @@ def test_the_last_channel_fails_at_the_eighth_frame_in_which_its_monitor_says_ba
     assert np.allclose(out.voted[10:], 1.0)  # no reference: the last vote is held
     assert (out.state[10:17, 3] == State.SUSPECT).all() and out.state[9, 3] == State.OK
     assert (out.pattern[:18] == Pattern.NORMAL).all() and (out.pattern[18:] == Pattern.LOST).all()
-    assert (out.resolver[:10] == Resolver.NONE).all() and out.resolver[17] == Resolver.ILM
+    assert (out.decided_by[:10] == DecidedBy.NONE).all() and out.decided_by[17] == DecidedBy.ILM
     assert out.level[16] == 1 and (out.level[17:] == 0).all()
 
 
@@ -60,24 +60,24 @@ def test_the_last_channel_fails_beyond_one_and_a_half_reference_thresholds(
     assert (out.voted[:10] == 0).all()
     if failed:
         assert np.allclose(out.voted[10:18], side * 2 * thresholds)
-        assert out.resolver[17] == Resolver.REFERENCE and out.state[16, 3] == State.SUSPECT
+        assert out.decided_by[17] == DecidedBy.REFERENCE and out.state[16, 3] == State.SUSPECT
     else:
-        assert (out.voted == 0).all() and (out.resolver == Resolver.NONE).all()
+        assert (out.voted == 0).all() and (out.decided_by == DecidedBy.NONE).all()
 
 
 def test_a_bad_monitor_is_enough_when_the_reference_agrees_and_the_vote_is_the_reference():
     out = vote_samples(alone(0.0), ilm=says(BAD, since=11), reference=np.full(30, 0.25))
     assert out.failed_at()[3] == 18
     assert (out.voted[:10] == 0).all() and (out.voted[10:18] == 0.25).all()
-    assert out.resolver[17] == Resolver.ILM
+    assert out.decided_by[17] == DecidedBy.ILM
 
 
-@pytest.mark.parametrize(("until", "resolver"), [(30, Resolver.ILM), (17, Resolver.REFERENCE)])
-def test_who_spoke_in_the_last_frame_decided_the_monitor_first(until: int, resolver: Resolver):
+@pytest.mark.parametrize(("until", "decided_by"), [(30, DecidedBy.ILM), (17, DecidedBy.REFERENCE)])
+def test_who_spoke_in_the_last_frame_decided_the_monitor_first(until: int, decided_by: DecidedBy):
     reference = rows((10, NAN), (20, 5.0))
     out = vote_samples(alone(0.0), ilm=says(BAD, since=11, until=until), reference=reference)
     assert out.failed_at()[3] == 18
-    assert out.resolver[17] == resolver
+    assert out.decided_by[17] == decided_by
 
 
 def test_one_frame_without_a_word_against_it_resets_the_last_channels_count():

@@ -44,5 +44,5 @@ def test_a_burst_of_less_than_its_persistence_moves_no_mean(learned: ModuleType)
         after, plain = with_burst.update(hit), without.update(residual)
         if k >= 200:
             assert np.abs(after - plain)[..., 1:].max() < 0.02 and after[0, 1, 0] < 0.1
-    lasting = [with_burst.update(np.array([[0.0, 100.0, 0.0, 0.0]])) for _ in range(8)]
-    assert lasting[-1][0, 1, 0] == 3.0
+    faded = [with_burst.update(np.array([[0.0, 100.0, 0.0, 0.0]])) for _ in range(8)]
+    assert faded[-1][0, 1, 0] == 3.0

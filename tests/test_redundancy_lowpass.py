@@ -7,7 +7,7 @@ import pytest
 from conftest import constant, vote_samples
 
 from rig.computer.redundancy.lowpass import gain
-from rig.core.frame import Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Pattern, State
 
 RATE_HZ = 100.0  # of vote_samples
 ALIKE = (0.0, 0.0, 0.0, 0.0)
@@ -131,8 +131,8 @@ def test_a_reference_begins_at_the_filtered_vote_too():
     1.16, 1.05 and 0.95, and off the lower one's by more."""
     samples = constant(0.0, 0.0, 3.0, 3.0, frames=25)
     reference = np.where(np.arange(1, 26) < 20, np.nan, 3.0)
-    out = vote_samples(samples, reference=reference, filter_s=0.1, resolvers=["reference"], singular_persistence=30)
-    assert (out.resolver[19:] == Resolver.REFERENCE).all() and (out.state[19:, :2] == State.SUSPECT).all()
+    out = vote_samples(samples, reference=reference, filter_s=0.1, tie_break=["reference"], split_persistence=30)
+    assert (out.decided_by[19:] == DecidedBy.REFERENCE).all() and (out.state[19:, :2] == State.SUSPECT).all()
     assert (out.state[19:21, 2:] == State.SUSPECT).all() and (out.state[21:, 2:] == State.OK).all()
 
 
@@ -149,10 +149,10 @@ def test_the_halves_of_a_split_are_those_of_the_filtered_samples():
     samples = constant(*ALIKE, frames=120)
     samples[20:] = 0.0, 0.2, 4.0, 4.2
     samples[20:, 0] += 3.9 * np.where(np.arange(100) % 2 == 0, 1.0, -1.0)  # now with the one half, now with neither
-    given = {"threshold": 1.5, "reference_threshold": 3.0, "reference": 0.0, "resolvers": ["reference"]}
+    given = {"threshold": 1.5, "reference_threshold": 3.0, "reference": 0.0, "tie_break": ["reference"]}
     out = vote_samples(samples, filter_s=0.3, **given)
     assert list(out.state[-1]) == [State.OK, State.OK, State.FAILED, State.FAILED]
-    assert Resolver.REFERENCE in out.resolver
+    assert DecidedBy.REFERENCE in out.decided_by
     assert vote_samples(samples, **given).failed_at()[2:] == [None, None]
 
 

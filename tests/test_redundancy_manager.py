@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from conftest import constant, vote_samples
 
-from rig.core.frame import Ilm, Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Ilm, Pattern, State
 
 GOOD, BAD = int(Ilm.GOOD), int(Ilm.BAD)
 
@@ -88,16 +88,16 @@ def test_three_good_monitors_that_follow_the_pairing_settle_a_split():
 @pytest.mark.parametrize("flags", [[GOOD, BAD, BAD, GOOD], [GOOD] * 4, [BAD] * 4, [GOOD, GOOD, GOOD, BAD]])
 def test_monitors_that_contradict_the_pairing_are_not_believed(flags):
     out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=np.tile(flags, (30, 1)))
-    assert (out.resolver[8:10] == Resolver.TREND).all()
+    assert (out.decided_by[8:10] == DecidedBy.TREND).all()
 
 
 @pytest.mark.requirement("redundancy", "unresolved: hold, fail nobody")
 def test_a_split_that_nobody_settles_holds_and_fails_nobody():
     samples = constant(0, 0.1, 5, 5.1)
     samples[::2] += 0.01  # neither rising nor still: the trend bytes are mixed
-    out = vote_samples(samples, resolvers=["trend"], trend_frames=3)
+    out = vote_samples(samples, tie_break=["trend"], trend_frames=3)
     assert out.failed_at() == [None] * 4
-    assert (out.resolver[3:] == Resolver.UNRESOLVED).all()
+    assert (out.decided_by[3:] == DecidedBy.UNRESOLVED).all()
     assert np.abs(np.diff(out.voted[3:])).max() == pytest.approx(0.01)
 
 
@@ -235,6 +235,6 @@ def test_a_channel_that_is_not_fitted_is_absent(channels):
 def test_a_reference_of_an_angle_is_taken_on_the_side_where_it_is():
     turn = 2 * np.pi
     samples = constant(turn - 0.05, turn - 0.04, 0.3, 0.31)
-    angle = {"wraps": True, "limits": (0.0, turn), "threshold": 0.1, "resolvers": ["reference"]}
+    angle = {"wraps": True, "limits": (0.0, turn), "threshold": 0.1, "tie_break": ["reference"]}
     assert vote_samples(samples, reference=0.31, **angle).failed_at() == [10, 10, None, None]
     assert vote_samples(samples, reference=turn - 0.05, **angle).failed_at() == [None, None, 10, 10]

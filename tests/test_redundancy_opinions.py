@@ -1,6 +1,6 @@
 """The trend's windows and frozen sides, and the health of the computers: by hand.
 
-Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, singular persistence 10.
+Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, split persistence 10.
 """
 
 from typing import Any
@@ -11,11 +11,11 @@ from conftest import constant, vote_samples
 from numpy.typing import NDArray
 
 from rig.computer.redundancy import opinions
-from rig.core.frame import Ilm, Pattern, Resolver
+from rig.core.frame import DecidedBy, Ilm, Pattern
 
 NAN = np.nan
 SPLIT = (0, 0.1, 5, 5.1)
-ALONE: dict[str, Any] = {"resolvers": ["trend"]}
+ALONE: dict[str, Any] = {"tie_break": ["trend"]}
 
 
 def moving(*slopes: float, frames: int = 30, start: tuple[float, ...] = SPLIT) -> NDArray[np.float64]:
@@ -26,7 +26,7 @@ def moving(*slopes: float, frames: int = 30, start: tuple[float, ...] = SPLIT) -
 
 def asked_at(out: Any) -> list[int]:
     """The frames, from 1, in which the trend answers."""
-    return (np.flatnonzero(out.resolver == Resolver.TREND) + 1).tolist()
+    return (np.flatnonzero(out.decided_by == DecidedBy.TREND) + 1).tolist()
 
 
 # A frozen side.
@@ -37,7 +37,7 @@ def asked_at(out: Any) -> list[int]:
 def test_a_side_that_does_not_move_beside_one_that_does_is_no_trend(slopes: tuple[float, ...]):
     """Falling, both bytes are zero as for two that are still: the paper's byte would call the smaller side right."""
     out = vote_samples(moving(*slopes), **ALONE)
-    assert (out.resolver == Resolver.UNRESOLVED).all() and out.failed_at() == [None] * 4
+    assert (out.decided_by == DecidedBy.UNRESOLVED).all() and out.failed_at() == [None] * 4
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_one_frame_in_which_one_side_is_still_is_no_trend():
 def test_the_newest_frame_may_contradict_those_before():
     samples = moving(0.125, 0.125, 0.125, 0.125)
     samples[12:] = samples[11] - 0.015625 * np.arange(1, 19)[:, None]
-    out = vote_samples(samples, resolvers=["trend"], trend_small=0.03125, singular_persistence=30)
+    out = vote_samples(samples, tie_break=["trend"], trend_small=0.03125, split_persistence=30)
     assert out.voted[11] == pytest.approx(samples[11, 2:].mean())  # eight frames rising
     assert out.voted[12] == pytest.approx(samples[12, :2].mean())  # one falling
 
@@ -98,7 +98,7 @@ def test_a_tumbling_window_is_begun_again_and_its_verdict_stands_until_the_next(
     """Windows of four changes end in rows 5, 9, 13; in the third a side falls once, in row 11."""
     samples = moving(0.125, 0.125, 0.125, 0.125)
     samples[10:, 2:] -= 0.25
-    more: dict[str, Any] = {"trend_frames": 4, "singular_persistence": 30}
+    more: dict[str, Any] = {"trend_frames": 4, "split_persistence": 30}
     out = vote_samples(samples, **ALONE, **more, trend_window="tumbling")
     assert asked_at(out) == [*range(5, 13), *range(17, 31)]
     assert out.trend_high[:14].tolist() == [0, 1, 3, 7, 15, 1, 3, 7, 15, 1, 2, 5, 11, 1]
@@ -110,7 +110,7 @@ def test_a_tumbling_window_is_begun_again_and_its_verdict_stands_until_the_next(
 def test_a_verdict_does_not_outlive_a_change_of_the_number_of_samples():
     samples = moving(0.125, 0.125, 0.125, 0.125)
     samples[6, 0] = NAN
-    out = vote_samples(samples, **ALONE, trend_frames=4, singular_persistence=30, trend_window="tumbling")
+    out = vote_samples(samples, **ALONE, trend_frames=4, split_persistence=30, trend_window="tumbling")
     assert asked_at(out) == [5, 6, *range(12, 31)]  # four changes from the eighth row on
 
 
@@ -169,7 +169,7 @@ def flown(samples: Any, *failed: int, **more: Any) -> Any:
 @pytest.mark.requirement("redundancy", "splits by the health of the computers")
 def test_a_split_along_failed_computers_is_settled_by_them():
     out = flown(constant(*SPLIT), 2)
-    assert out.failed_at() == [10, 10, None, None] and (out.resolver[:10] == Resolver.LANE).all()
+    assert out.failed_at() == [10, 10, None, None] and (out.decided_by[:10] == DecidedBy.LANE).all()
     assert out.voted[:10] == pytest.approx(np.full(10, 5.05))
     assert flown(constant(*SPLIT), 3, 4).failed_at() == [None, None, 10, 10]
 
@@ -182,19 +182,19 @@ def test_of_two_the_one_with_a_failed_computer_is_wrong():
 
 
 def test_a_failed_computer_on_each_side_says_nothing():
-    assert (flown(constant(*SPLIT), 1, 3, resolvers=["lane"]).resolver == Resolver.UNRESOLVED).all()
+    assert (flown(constant(*SPLIT), 1, 3, tie_break=["lane"]).decided_by == DecidedBy.UNRESOLVED).all()
 
 
 @pytest.mark.parametrize("samples", [(-9, -3, 3, 9), (-9, 3, 9, NAN)])
 def test_where_nobody_agrees_computers_say_nothing(samples: tuple[float, ...]):
-    out = flown(constant(*samples), 1, 2, channels=int(np.isfinite(samples).sum()), resolvers=["lane"])
-    assert (out.resolver == Resolver.UNRESOLVED).all()
+    out = flown(constant(*samples), 1, 2, channels=int(np.isfinite(samples).sum()), tie_break=["lane"])
+    assert (out.decided_by == DecidedBy.UNRESOLVED).all()
     assert out.pattern[0] in (Pattern.P1_1_1_1, Pattern.P1_1_1)
 
 
 def test_by_default_computers_are_asked_after_the_monitors_and_before_the_reference():
     ilm = np.tile([Ilm.GOOD, Ilm.GOOD, Ilm.BAD, Ilm.BAD], (30, 1))
-    assert flown(constant(*SPLIT), 1, ilm=ilm, reference=0.0).resolver[0] == Resolver.ILM
-    assert flown(constant(*SPLIT), 1, reference=0.0).resolver[0] == Resolver.LANE
-    out = flown(constant(*SPLIT), 1, reference=0.0, resolvers=["reference", "lane"])
-    assert out.resolver[0] == Resolver.REFERENCE
+    assert flown(constant(*SPLIT), 1, ilm=ilm, reference=0.0).decided_by[0] == DecidedBy.ILM
+    assert flown(constant(*SPLIT), 1, reference=0.0).decided_by[0] == DecidedBy.LANE
+    out = flown(constant(*SPLIT), 1, reference=0.0, tie_break=["reference", "lane"])
+    assert out.decided_by[0] == DecidedBy.REFERENCE

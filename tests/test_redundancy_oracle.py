@@ -23,16 +23,16 @@ from oracle_flights import (
     filtered,
     flights,
     held,
-    lasting,
     left_by_extremes,
     seeded,
+    slow_faults,
     with_commands,
     with_outliers,
 )
 
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
-from rig.core.frame import Ilm, Pattern, Resolver, State, new_block
+from rig.core.frame import DecidedBy, Ilm, Pattern, State, new_block
 
 FLAGS = {"bad": int(Ilm.BAD), "good": int(Ilm.GOOD), "absent": int(Ilm.ABSENT)}
 
@@ -56,8 +56,8 @@ def run(flight: Flight) -> Voted:
         channels=s.channels,
         threshold=s.threshold,
         persistence=s.persistence,
-        singular_persistence=s.singular_persistence,
-        resolvers=list(s.resolvers),
+        split_persistence=s.split_persistence,
+        tie_break=list(s.tie_break),
         count_down=s.count_down or None,
         trend_frames=s.trend_frames,
         trend_small=None if s.trend_small < 0 or s.trend_tumbles else s.trend_small,
@@ -70,8 +70,8 @@ def run(flight: Flight) -> Voted:
         outlier_threshold=s.outlier,
         outlier_threshold_triplex=s.outlier_triplex,
         filter_s=-1.0 / (100.0 * log1p(-s.filter_share)) if s.filter_share else 0.0,
-        bias_bound=s.bias_bound,
-        bias_s=1.0 / (100.0 * s.bias_share) if s.bias_share else 10.0,
+        equalise_bound=s.equalise_bound,
+        equalise_s=1.0 / (100.0 * s.bias_share) if s.bias_share else 10.0,
         slow_allowance=s.slow_allowance if s.slow_limit else None,
         slow_limit=s.slow_limit / 100.0 if s.slow_limit else None,
         stale_frames=s.stale_frames,
@@ -113,7 +113,7 @@ def near(vote: float, wanted: float) -> bool:
 
 
 STATES, PATTERNS = [x.name.lower() for x in State], [x.label for x in Pattern]
-RESOLVERS = [x.name.lower() for x in Resolver]
+TIE_BREAKS = [x.name.lower() for x in DecidedBy]
 
 
 def decision(out: Voted, k: int, channels: int, voted: float) -> Frame:
@@ -123,7 +123,7 @@ def decision(out: Voted, k: int, channels: int, voted: float) -> Frame:
         [STATES[x] for x in out.state[k, :channels].tolist()],
         int(out.level[k]),
         PATTERNS[out.pattern[k]],
-        RESOLVERS[out.resolver[k]],
+        TIE_BREAKS[out.decided_by[k]],
         (int(out.trend_high[k]), int(out.trend_low[k])),
         bool(out.reference_usable[k]),
         bool(out.common_mode[k]),
@@ -160,7 +160,7 @@ RULES = (
     *(f"common mode: {said}" for said in ("reported", "lost", "references apart")),
     *("an answer too young", "given up", "frozen side", "counted down"),
 )
-OF_LASTING = (
+OF_SLOW_FAULTS = (
     "slow",
     "bias learned",
     "ranked by the bias",
@@ -186,12 +186,12 @@ FAMILIES: dict[str, tuple[Callable[[Flight, Pick], Flight], int, tuple[str, ...]
     "thresholds by level": (by_level, 150, ()),
     "outliers": (with_outliers, 150, ("outlier", "outlier: no two are close")),
     "behind a filter": (filtered, 150, OF_FILTERS),
-    "what lasts": (lasting, 200, OF_LASTING),
+    "slow faults": (slow_faults, 200, OF_SLOW_FAULTS),
     "held": (held, 200, OF_HOLDS),
     "left by extremes": (left_by_extremes, 300, OF_PAIRS),
     "at the stop": (at_the_stop, 150, ()),
     "readmitted": (with_commands, 150, ()),
-    "all at once": (by_all, 200, (*OF_LASTING, OF_FILTERS[0], "given up", "outlier")),
+    "all at once": (by_all, 200, (*OF_SLOW_FAULTS, OF_FILTERS[0], "given up", "outlier")),
 }
 
 
@@ -222,8 +222,8 @@ def run_boxes(flight: BoxFlight) -> list[Voted]:
     """All signals of a flight through one manager; what each of them came to."""
     params = np.zeros(SIGNALS, PARAMS)
     for record, s in zip(params, flight.settings, strict=True):
-        given = {key: getattr(s, key) for key in ("threshold", "persistence", "singular_persistence")}
-        config = SignalConfig.model_validate({**given, "resolvers": list(s.resolvers)})
+        given = {key: getattr(s, key) for key in ("threshold", "persistence", "split_persistence")}
+        config = SignalConfig.model_validate({**given, "tie_break": list(s.tie_break)})
         fill(record, config, (-1000.0, 1000.0), s.channels, False, 100.0)
         for name in OF_FLIGHTS:
             record[name] = getattr(s, name)

@@ -1,4 +1,4 @@
-"""One channel of four or three that agree, further from the majority than the outlier threshold: by hand."""
+"""One channel of four or three that agree, further from the majority than the isolation threshold: by hand."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ LIMITS: dict[str, Any] = {"threshold": 5.0, "outlier_threshold": 1.0, "outlier_t
     ],
 )
 def test_who_is_suspect_in_the_first_frame(samples, pattern, suspects):
-    out = vote_samples(constant(*samples, frames=1), resolvers=["trend", "reference"], reference=np.zeros(1), **LIMITS)
+    out = vote_samples(constant(*samples, frames=1), tie_break=["trend", "reference"], reference=np.zeros(1), **LIMITS)
     assert out.pattern[0] == pattern
     assert [c + 1 for c in range(4) if out.state[0, c] == State.SUSPECT] == suspects
 

@@ -259,7 +259,7 @@ def test_what_it_does_not_write_is_not_what_the_memory_of_its_row_held(tmp_path:
         params = np.zeros(len(SIGNALS), PARAMS)
         params["fitted"] = 4
         load_manager("frame_manager:Votes", params, ALLOWED).step(rows, *parts(rows), 1)
-    answers = ("voted", "state", "level", "pattern", "resolver", "reference_usable", "common_mode")
+    answers = ("voted", "state", "level", "pattern", "decided_by", "reference_usable", "common_mode")
     for name in (*answers, "trend_high", "trend_low"):
         assert block[name][1].tobytes() == fresh[name][1].tobytes(), name
 

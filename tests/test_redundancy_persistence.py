@@ -1,6 +1,6 @@
 """Answers that must stand, splits that are given up, counts that go down: by hand.
 
-Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, singular persistence 10.
+Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, split persistence 10.
 """
 
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from rig.computer.redundancy.manager_config import SignalConfig
-from rig.core.frame import Ilm, Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Ilm, Pattern, State
 
 NAN = np.nan
 GOOD, BAD, ABSENT = int(Ilm.GOOD), int(Ilm.BAD), int(Ilm.ABSENT)
@@ -36,10 +36,10 @@ def settled_at(row: int) -> int:
 def test_one_row_without_its_reference_lets_no_other_rule_settle_four_apart(row: int):
     out = vote_samples(constant(*APART), reference=missing_in(row))
     if row < 11:
-        assert out.resolver[row - 1] == Resolver.EXTREMES
+        assert out.decided_by[row - 1] == DecidedBy.EXTREMES
     at = settled_at(row)
     assert out.failed_at() == [None, at, at, at]
-    assert out.resolver[at - 1] == Resolver.REFERENCE
+    assert out.decided_by[at - 1] == DecidedBy.REFERENCE
 
 
 @pytest.mark.requirement("redundancy", "a split is settled by an answer that has stood")
@@ -48,18 +48,18 @@ def test_nor_do_monitors_that_speak_in_one_row_settle_two_against_two(row: int):
     ilm = np.where(FRAMES[:, None] == row, [BAD, BAD, GOOD, GOOD], ABSENT)
     out = vote_samples(constant(*SPLIT), reference=0.0, ilm=ilm)
     if row < 11:
-        assert out.resolver[row - 1] == Resolver.ILM
+        assert out.decided_by[row - 1] == DecidedBy.ILM
     at = settled_at(row)
     assert out.failed_at() == [None, None, at, at]
-    assert out.resolver[at - 1] == Resolver.REFERENCE
+    assert out.decided_by[at - 1] == DecidedBy.REFERENCE
 
 
 @pytest.mark.requirement("redundancy", "a split is settled by an answer that has stood")
 @pytest.mark.parametrize("row", [9, 10, 11])
 def test_nor_does_the_trend_in_the_one_row_in_which_it_is_asked(row: int):
-    out = vote_samples(RISING, reference=missing_in(row, RISING[:, 0]), resolvers=["reference", "trend"])
+    out = vote_samples(RISING, reference=missing_in(row, RISING[:, 0]), tie_break=["reference", "trend"])
     if row < 11:
-        assert out.resolver[row - 1] == Resolver.TREND
+        assert out.decided_by[row - 1] == DecidedBy.TREND
     at = settled_at(row)
     assert out.failed_at() == [None, None, at, at]
 
@@ -67,8 +67,8 @@ def test_nor_does_the_trend_in_the_one_row_in_which_it_is_asked(row: int):
 def test_a_trend_beside_another_answer_must_stand_as_any_other():
     """The reference goes for good in the tenth row, after nine answers of its own."""
     reference = np.where(FRAMES < 10, RISING[:, 0], NAN)
-    out = vote_samples(RISING, reference=reference, resolvers=["reference", "trend"])
-    assert (out.resolver[9:14] == Resolver.TREND).all()
+    out = vote_samples(RISING, reference=reference, tie_break=["reference", "trend"])
+    assert (out.decided_by[9:14] == DecidedBy.TREND).all()
     assert out.failed_at() == [14, 14, None, None]
 
 
@@ -76,14 +76,14 @@ def test_a_trend_speaks_for_the_unanswered_frames_that_it_covers():
     """Three agree for five frames, so the byte of four is of the split alone: whole at its ninth frame, the 14th."""
     samples = np.concatenate([constant(0, 0.1, 0.2, NAN, frames=5), constant(*SPLIT)])
     out = vote_samples(samples)
-    assert (out.resolver[5:13] == Resolver.UNRESOLVED).all() and (out.resolver[13:15] == Resolver.TREND).all()
+    assert (out.decided_by[5:13] == DecidedBy.UNRESOLVED).all() and (out.decided_by[13:15] == DecidedBy.TREND).all()
     assert out.failed_at() == [None, None, 15, 15]
 
 
 def test_and_for_none_before_a_row_that_another_rule_has_answered():
     """The reference speaks in row 7, so that the byte covers the eighth: five of ten are the eighth to the 12th."""
-    out = vote_samples(RISING, reference=np.where(FRAMES == 7, RISING[:, 0], NAN), resolvers=["reference", "trend"])
-    assert out.resolver[6] == Resolver.REFERENCE and (out.resolver[8:12] == Resolver.TREND).all()
+    out = vote_samples(RISING, reference=np.where(FRAMES == 7, RISING[:, 0], NAN), tie_break=["reference", "trend"])
+    assert out.decided_by[6] == DecidedBy.REFERENCE and (out.decided_by[8:12] == DecidedBy.TREND).all()
     assert out.failed_at() == [12, 12, None, None]
 
 
@@ -93,27 +93,29 @@ def test_a_short_byte_covers_few_frames(frames: int, asked: int, at: int):
     samples = constant(*SPLIT)
     samples[8, 2:] += 0.05
     out = vote_samples(samples, trend_frames=frames)
-    assert (out.resolver[8 : asked - 1] == Resolver.UNRESOLVED).all() and out.resolver[asked - 1] == Resolver.TREND
+    assert (out.decided_by[8 : asked - 1] == DecidedBy.UNRESOLVED).all() and out.decided_by[
+        asked - 1
+    ] == DecidedBy.TREND
     assert out.failed_at() == [None, None, at, at]
 
 
 def test_an_answer_that_blames_others_begins_again():
     """The reference is near the first for eight frames, then near the second."""
     reference = np.where(FRAMES <= 8, 0.0, 5.0)
-    out = vote_samples(constant(*APART), reference=reference, resolvers=["reference"])
+    out = vote_samples(constant(*APART), reference=reference, tie_break=["reference"])
     assert out.failed_at() == [13, None, 13, 13]
 
 
 @pytest.mark.parametrize(("wait", "at"), [(1, 1), (2, 2), (7, 7)])
 def test_an_answer_from_the_first_frame_on_settles_when_the_pattern_has_lasted(wait: int, at: int):
-    out = vote_samples(constant(*APART), reference=0.0, singular_persistence=wait)
+    out = vote_samples(constant(*APART), reference=0.0, split_persistence=wait)
     assert out.failed_at() == [None, at, at, at]
 
 
 @pytest.mark.parametrize(("wait", "stood"), [(1, 1), (2, 1), (3, 2), (10, 5), (11, 6)])
-def test_an_answer_must_stand_for_half_of_the_singular_persistence(wait: int, stood: int):
+def test_an_answer_must_stand_for_half_of_the_split_persistence(wait: int, stood: int):
     reference = np.where(FRAMES > 15, 0.0, NAN)
-    out = vote_samples(constant(*APART), reference=reference, resolvers=["reference"], singular_persistence=wait)
+    out = vote_samples(constant(*APART), reference=reference, tie_break=["reference"], split_persistence=wait)
     assert out.failed_at() == [None, *[15 + stood] * 3]
 
 
@@ -121,21 +123,21 @@ def test_an_answer_must_stand_for_half_of_the_singular_persistence(wait: int, st
 
 
 def given_up(samples: Any, **more: Any) -> Any:
-    return vote_samples(samples, params={"unresolved_frames": 20}, resolvers=more.pop("resolvers", []), **more)
+    return vote_samples(samples, params={"unresolved_frames": 20}, tie_break=more.pop("tie_break", []), **more)
 
 
 @pytest.mark.requirement("redundancy", "a split that no rule answers is given up")
 def test_a_split_that_nobody_answers_is_given_up_after_its_frames():
     out = given_up(constant(*SPLIT), reference=50.0)
     assert out.failed_at() == [20] * 4 and out.level.tolist() == [4] * 19 + [0] * 11
-    assert (out.resolver[:19] == Resolver.UNRESOLVED).all() and out.resolver[19] == Resolver.GIVEN_UP
+    assert (out.decided_by[:19] == DecidedBy.UNRESOLVED).all() and out.decided_by[19] == DecidedBy.GIVEN_UP
     assert (out.pattern[:20] == Pattern.P2_2).all() and (out.pattern[20:] == Pattern.LOST).all()
     assert (out.reference_usable == 1).all() and (out.voted == out.voted[19]).all()
 
 
 def test_a_reference_that_was_set_aside_stays_so_when_the_signal_is_given_up():
     samples = np.concatenate([constant(0, 0, 0, 0, frames=8), constant(*SPLIT)])
-    out = given_up(samples, reference=50.0, resolvers=["reference"])
+    out = given_up(samples, reference=50.0, tie_break=["reference"])
     assert out.failed_at() == [28] * 4 and (out.reference_usable[7:] == 0).all()
 
 
@@ -158,7 +160,7 @@ def test_a_majority_of_all_begins_it_again_and_nothing_that_does_not_last(
 ):
     flags = rows((10, (ABSENT,) * 4), (frames, ilm), (30 - frames, (ABSENT,) * 4)).astype(int)
     samples = rows((10, SPLIT), (frames, between), (30 - frames, SPLIT))
-    assert given_up(samples, resolvers=["ilm"], ilm=flags).failed_at() == [at] * 4
+    assert given_up(samples, tie_break=["ilm"], ilm=flags).failed_at() == [at] * 4
 
 
 @pytest.mark.requirement("redundancy", "a split that no rule answers is given up")
@@ -178,26 +180,26 @@ def test_an_answer_that_blames_nobody_begins_it_again_when_it_has_stood(answered
     """The reference lies between both halves, within its threshold of each."""
     reference = rows((10, NAN), (answered, 2.5), (30, NAN))
     samples = constant(*SPLIT, frames=40 + answered)
-    out = given_up(samples, reference=reference, resolvers=["reference"], reference_threshold=3.0)
-    assert (out.resolver[10 : 10 + answered] == Resolver.REFERENCE).all() and out.failed_at() == [at] * 4
+    out = given_up(samples, reference=reference, tie_break=["reference"], reference_threshold=3.0)
+    assert (out.decided_by[10 : 10 + answered] == DecidedBy.REFERENCE).all() and out.failed_at() == [at] * 4
 
 
 @pytest.mark.parametrize(("answered", "at"), [(1, 21), (4, 24), (5, 7 + 20)])
 def test_one_that_blames_a_side_and_is_too_early_to_settle_it_does_so_too(answered: int, at: int):
     flags = rows((2, (ABSENT,) * 4), (answered, (GOOD, GOOD, BAD, BAD)), (30, (ABSENT,) * 4)).astype(int)
     samples = constant(*SPLIT, frames=32 + answered)
-    assert given_up(samples, resolvers=["ilm"], ilm=flags).failed_at() == [at] * 4
+    assert given_up(samples, tie_break=["ilm"], ilm=flags).failed_at() == [at] * 4
 
 
 def test_an_answer_in_every_other_row_does_not_keep_a_split_open():
     """Row 39 is the 20th without one."""
     flags = rows(*[(1, (ABSENT,) * 4), (1, (GOOD, GOOD, BAD, BAD))] * 25).astype(int)
-    assert given_up(constant(*SPLIT, frames=50), resolvers=["ilm"], ilm=flags).failed_at() == [39] * 4
+    assert given_up(constant(*SPLIT, frames=50), tie_break=["ilm"], ilm=flags).failed_at() == [39] * 4
 
 
 def test_with_no_frames_a_split_stays_open():
-    out = vote_samples(constant(*SPLIT, frames=300), resolvers=[])
-    assert out.failed_at() == [None] * 4 and (out.resolver == Resolver.UNRESOLVED).all()
+    out = vote_samples(constant(*SPLIT, frames=300), tie_break=[])
+    assert out.failed_at() == [None] * 4 and (out.decided_by == DecidedBy.UNRESOLVED).all()
 
 
 # The up-and-down counter.

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from rig.computer.redundancy.managers import MANAGERS, manager_kind
-from rig.core.frame import Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Pattern, State
 from rig.core.units.angles import difference
 from rig.core.units.constants import TWO_PI
 
-# Multiples of 1/8 make sums and shifts exact, so that equality can be demanded.
+# Multiples of 1/8 make sums and shifts exact, so that equality can be asked for.
 EIGHTHS = st.integers(-80, 80).map(lambda n: n / 8)
 FRAMES = hnp.arrays(np.float64, (20, 4), elements=EIGHTHS)
 FEW = settings(max_examples=60, deadline=None)
@@ -113,7 +113,7 @@ def test_the_pattern_is_that_of_the_definition(values):
 def test_the_vote_is_finite_and_within_the_comparable_samples(samples, valid, manager, sensor, fade_s):
     """Out of it only by what the requirement holds: an unresolved pattern, the last one lost, a fade."""
     low, high, wraps = sensor
-    chosen = {"threshold": 0.2, "persistence": 3, "singular_persistence": 4, "fade_s": fade_s}
+    chosen = {"threshold": 0.2, "persistence": 3, "split_persistence": 4, "fade_s": fade_s}
     with np.errstate(all="ignore"):  # interpreted kernels warn where compiled ones overflow in silence
         out = vote_samples(samples, valid=valid, manager=manager, limits=(low, high), wraps=wraps, **chosen)
     assert np.isfinite(out.voted).all()
@@ -121,7 +121,7 @@ def test_the_vote_is_finite_and_within_the_comparable_samples(samples, valid, ma
     for k in range(len(samples)):
         failed = out.state[k - 1] == State.FAILED if latches and k else np.zeros(4, bool)
         use = samples[k][~failed & (valid[k] == 1) & (samples[k] >= low) & (samples[k] <= high)]
-        if len(use) == 0 or out.resolver[k] == Resolver.UNRESOLVED or fade_s:
+        if len(use) == 0 or out.decided_by[k] == DecidedBy.UNRESOLVED or fade_s:
             continue
         if wraps:
             off = np.array([difference(x, out.voted[k], True) for x in use])

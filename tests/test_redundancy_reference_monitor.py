@@ -1,6 +1,6 @@
 """The reference's own monitor, what extremes leave, references beyond the range, sources in dispute: by hand.
 
-Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, singular persistence 10.
+Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, split persistence 10.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from one_stage import step_stage
 
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
-from rig.core.frame import Ilm, Pattern, Resolver, State, new_block
+from rig.core.frame import DecidedBy, Ilm, Pattern, State, new_block
 
 NAN = np.nan
 LOST = [State.FAILED] * 4
@@ -64,7 +64,7 @@ def test_a_slow_fault_of_half_the_channels_is_settled_by_the_reference_that_it_l
     out = vote_samples(samples, channels=channels, reference=0.0, reference_threshold=0.2)
     at = 102 + 9  # 1.01 in the 102nd frame
     assert out.failed_at() == [at if faulty[c] and c < channels else None for c in range(4)]
-    assert out.resolver[at - 1] == Resolver.REFERENCE and (out.reference_usable == 1).all()
+    assert out.decided_by[at - 1] == DecidedBy.REFERENCE and (out.reference_usable == 1).all()
 
 
 def test_a_reference_is_trusted_again_when_it_has_been_near_a_rank_as_long():
@@ -93,7 +93,7 @@ def test_a_last_channel_at_its_stop_is_not_disputed_by_what_is_beyond_it():
 
 
 def test_of_a_split_the_vote_is_never_a_reference_beyond_the_range():
-    out = vote_samples(constant(0, 0.1, 5, 5), reference=90.0, limits=(-5.0, 5.0), resolvers=["reference"])
+    out = vote_samples(constant(0, 0.1, 5, 5), reference=90.0, limits=(-5.0, 5.0), tie_break=["reference"])
     assert (out.voted[:10] == 5.0).all() and out.failed_at() == [10, 10, None, None]
 
 
@@ -112,7 +112,7 @@ def test_an_angle_goes_round_its_range():
 # Section 8, item 1: the pair that extremes leave.
 
 LEFT = (0.0, 1.5, 20.0, -20.0)  # of four apart 3 and 4 are failed at frame 10
-PAIR: dict[str, Any] = {"threshold_duplex": 2.0, "resolvers": ["trend", "extremes"]}  # then these agree
+PAIR: dict[str, Any] = {"threshold_duplex": 2.0, "tie_break": ["trend", "extremes"]}  # then these agree
 
 
 def left(reference: Any, *, frames: int = 40, samples: tuple[float, ...] = LEFT, **more: Any) -> Voted:
@@ -139,7 +139,7 @@ def test_a_reference_off_both_of_the_pair_cuts_it(reference: float, at: int | No
     out = left(reference)
     assert out.failed_at() == [at, at, 10, 10]
     if at:
-        assert out.resolver[at - 1] == Resolver.REFERENCE and out.pattern[at - 1] == Pattern.NORMAL
+        assert out.decided_by[at - 1] == DecidedBy.REFERENCE and out.pattern[at - 1] == Pattern.NORMAL
         assert out.level[at - 1] == 0 and (out.reference_usable[10:] == 1).all() and out.voted[-1] == 0.75
 
 
@@ -193,21 +193,21 @@ APPROACH = 0.1 * np.arange(1.0, 31)[:, None] * [1, -1, 0, 0] + (0, 9, 20, -20)
 @pytest.mark.requirement("redundancy", "a pair that extremes leave may be cut")
 def test_a_pair_that_moves_towards_each_other_is_wrong_on_both_sides():
     """Two remain from frame 11 on; eight changes are seen in the 19th, which speak for all since the 12th."""
-    out = vote_samples(APPROACH, resolvers=["trend", "extremes"])
-    assert (out.resolver[10:18] == Resolver.UNRESOLVED).all() and (out.resolver[18:20] == Resolver.TREND).all()
+    out = vote_samples(APPROACH, tie_break=["trend", "extremes"])
+    assert (out.decided_by[10:18] == DecidedBy.UNRESOLVED).all() and (out.decided_by[18:20] == DecidedBy.TREND).all()
     assert out.failed_at() == [20, 20, 10, 10] and out.voted[18:20] == pytest.approx([4.5, 4.5])
 
 
 def test_of_any_other_pair_the_trend_says_nothing_then():
-    out = vote_samples(np.where(np.arange(4) < 2, APPROACH, NAN), channels=2, resolvers=["trend"])
-    assert (out.resolver == Resolver.UNRESOLVED).all() and (out.trend_high[8:] == 0).all()
+    out = vote_samples(np.where(np.arange(4) < 2, APPROACH, NAN), channels=2, tie_break=["trend"])
+    assert (out.decided_by == DecidedBy.UNRESOLVED).all() and (out.trend_high[8:] == 0).all()
     assert (out.trend_low[8:] == 255).all()
 
 
 def test_nor_of_a_pair_that_moves_apart():
     apart = 0.1 * np.arange(1.0, 31)[:, None] * [-1, 1, 0, 0] + (0, 9, 20, -20)
-    out = vote_samples(apart, resolvers=["trend", "extremes"])
-    assert out.failed_at() == [None, None, 10, 10] and (out.resolver[10:] == Resolver.UNRESOLVED).all()
+    out = vote_samples(apart, tie_break=["trend", "extremes"])
+    assert out.failed_at() == [None, None, 10, 10] and (out.decided_by[10:] == DecidedBy.UNRESOLVED).all()
 
 
 # Sources in dispute.

@@ -59,7 +59,7 @@ def test_a_reference_without_an_airspeed_has_the_constant_threshold(reference: f
 def test_a_pair_off_by_1000_pa_is_settled_where_the_aircraft_is_slow(pressure_pa: float, settled: bool):
     """6 m/s is 664 Pa at 5 kPa and 1328 Pa at 20 kPa."""
     samples = pressure_pa + constant(-10.0, -10.0, 990.0, 990.0)  # the reference lies between
-    limits = {"limits": LIMITS, "threshold": 600.0, "resolvers": ["reference"], "reference_threshold": CONSTANT}
+    limits = {"limits": LIMITS, "threshold": 600.0, "tie_break": ["reference"], "reference_threshold": CONSTANT}
     out = vote_samples(samples, reference=pressure_pa, reference_airspeed_m_s=WIND_M_S, **limits)
     assert (out.state[-1, 2:] == State.FAILED).all() == settled and (out.state[:, :2] == State.OK).all()
 

@@ -1,6 +1,6 @@
 """Examples by hand of the monitor's later rules: the freeze, who is asked first, the vote that is held.
 
-Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, singular persistence 10.
+Frames are counted from 1 as in the requirement. Defaults: threshold 1, persistence 8, split persistence 10.
 """
 
 from typing import Any
@@ -10,7 +10,7 @@ import pytest
 from conftest import Voted, constant, rows, vote_samples
 from numpy.typing import NDArray
 
-from rig.core.frame import Ilm, Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Ilm, Pattern, State
 
 NAN = np.nan
 GOOD, BAD, ABSENT = Ilm.GOOD, Ilm.BAD, Ilm.ABSENT
@@ -18,18 +18,18 @@ SPLIT, NOISY = (0, 0.5, 5, 5.1), (0, 1.2, 5, 5.1)  # 2:2, and the 1:1:2 that noi
 APART = (-9, -3, 3, 9)
 
 
-# The freeze after a singular run.
+# The freeze after a run of splits.
 
 
-@pytest.mark.requirement("redundancy", "counts stand still after a singular run, as long as it was")
+@pytest.mark.requirement("redundancy", "counts stand still after a run of splits, as long as it was")
 @pytest.mark.parametrize(("run", "still"), [(3, 3), (9, 9), (30, 10)])
-def test_after_a_singular_run_the_counts_stand_still_for_as_long_up_to_the_singular_persistence(run: int, still: int):
-    out = vote_samples(rows((run, SPLIT), (30, NOISY)), resolvers=[])
+def test_after_a_run_of_splits_the_counts_stand_still_for_as_long_up_to_the_split_persistence(run: int, still: int):
+    out = vote_samples(rows((run, SPLIT), (30, NOISY)), tie_break=[])
     assert out.failed_at() == [run + still + 8] * 2 + [None] * 2
     assert (out.state[run:, :2] != State.OK).all()
 
 
-@pytest.mark.requirement("redundancy", "counts stand still after a singular run, as long as it was")
+@pytest.mark.requirement("redundancy", "counts stand still after a run of splits, as long as it was")
 def test_noise_that_splits_a_pair_of_a_two_to_two_again_and_again_fails_nobody():
     out = vote_samples(rows(*[(3, SPLIT), (3, NOISY)] * 10))
     assert out.failed_at() == [None] * 4
@@ -41,8 +41,8 @@ def test_a_freeze_is_the_larger_of_what_is_left_of_it_and_the_new_run():
     assert out.failed_at()[:2] == [8 + 2 + 1 + 6 + 8] * 2
 
 
-def test_a_run_of_any_mix_of_singular_patterns_counts_as_one():
-    out = vote_samples(rows((3, APART), (4, SPLIT), (30, NOISY)), resolvers=[])
+def test_a_run_of_any_mix_of_splits_counts_as_one():
+    out = vote_samples(rows((3, APART), (4, SPLIT), (30, NOISY)), tie_break=[])
     assert out.failed_at()[:2] == [7 + 7 + 8] * 2
 
 
@@ -74,24 +74,24 @@ def flags(*four: Ilm, frames: int = 30) -> NDArray[np.int64]:
     return np.tile(np.array(four, int), (frames, 1))
 
 
-def failed_and_by(out: Voted) -> tuple[list[int], Resolver]:
+def failed_and_by(out: Voted) -> tuple[list[int], DecidedBy]:
     """The channels failed at the tenth frame, and who decided it."""
-    return [c for c, k in enumerate(out.failed_at(), 1) if k == 10], Resolver(int(out.resolver[9]))
+    return [c for c, k in enumerate(out.failed_at(), 1) if k == 10], DecidedBy(int(out.decided_by[9]))
 
 
 def test_by_default_the_reference_is_asked_before_the_trend():
-    assert failed_and_by(vote_samples(RISING, reference=RISE)) == ([3, 4], Resolver.REFERENCE)
-    assert failed_and_by(vote_samples(RISING)) == ([1, 2], Resolver.TREND)
+    assert failed_and_by(vote_samples(RISING, reference=RISE)) == ([3, 4], DecidedBy.REFERENCE)
+    assert failed_and_by(vote_samples(RISING)) == ([1, 2], DecidedBy.TREND)
 
 
 def test_by_default_the_monitors_are_asked_before_the_reference():
     out = vote_samples(RISING, reference=RISE, ilm=flags(*HIGH_GOOD))
-    assert failed_and_by(out) == ([1, 2], Resolver.ILM)
+    assert failed_and_by(out) == ([1, 2], DecidedBy.ILM)
 
 
 def test_the_trend_byte_is_eight_frames_long_and_unusable_before():
     out = vote_samples(RISING)
-    assert (out.resolver[:8] == Resolver.UNRESOLVED).all() and (out.resolver[8:10] == Resolver.TREND).all()
+    assert (out.decided_by[:8] == DecidedBy.UNRESOLVED).all() and (out.decided_by[8:10] == DecidedBy.TREND).all()
     assert (out.trend_high[8:10] == 0xFF).all() and out.trend_low[7] == 0x7F
 
 
@@ -102,14 +102,14 @@ def test_the_vote_is_the_mean_of_the_pair_that_is_kept(four: tuple[Ilm, ...], vo
 
 @pytest.mark.parametrize(("samples", "four"), [(APART, (GOOD, BAD, BAD, BAD)), (SPLIT, HIGH_GOOD)])
 def test_monitors_that_are_not_configured_are_not_asked(samples: tuple[float, ...], four: tuple[Ilm, ...]):
-    out = vote_samples(constant(*samples), ilm=flags(*four), resolvers=["reference"])
-    assert (out.resolver == Resolver.UNRESOLVED).all() and out.failed_at() == [None] * 4
+    out = vote_samples(constant(*samples), ilm=flags(*four), tie_break=["reference"])
+    assert (out.decided_by == DecidedBy.UNRESOLVED).all() and out.failed_at() == [None] * 4
 
 
-@pytest.mark.parametrize(("samples", "resolvers"), [(APART, ["middle", "trend"]), (SPLIT, ["extremes", "middle"])])
-def test_nor_is_a_reference(samples: tuple[float, ...], resolvers: list[str]):
-    out = vote_samples(constant(*samples, frames=8), reference=np.full(8, samples[0]), resolvers=resolvers)
-    assert (out.resolver == Resolver.UNRESOLVED).all()
+@pytest.mark.parametrize(("samples", "tie_break"), [(APART, ["middle", "trend"]), (SPLIT, ["extremes", "middle"])])
+def test_nor_is_a_reference(samples: tuple[float, ...], tie_break: list[str]):
+    out = vote_samples(constant(*samples, frames=8), reference=np.full(8, samples[0]), tie_break=tie_break)
+    assert (out.decided_by == DecidedBy.UNRESOLVED).all()
 
 
 # 1:1:1:1 and 1:1:1.
@@ -120,7 +120,7 @@ def test_nor_is_a_reference(samples: tuple[float, ...], resolvers: list[str]):
 def test_the_one_channel_whose_monitor_says_good_is_kept_of_four_apart(good: int):
     one = [GOOD if c == good else BAD for c in range(1, 5)]
     out = vote_samples(constant(*APART), ilm=flags(*one))
-    assert failed_and_by(out) == ([c for c in range(1, 5) if c != good], Resolver.ILM)
+    assert failed_and_by(out) == ([c for c in range(1, 5) if c != good], DecidedBy.ILM)
     assert (out.voted == APART[good - 1]).all()
     assert (out.pattern[:10] == Pattern.P1_1_1_1).all() and (out.pattern[10:] == Pattern.NORMAL).all()
     assert (out.level[10:] == 1).all()
@@ -131,7 +131,7 @@ def test_the_one_channel_whose_monitor_says_good_is_kept_of_four_apart(good: int
 )
 def test_monitors_that_do_not_single_out_one_channel_give_no_answer(four: tuple[Ilm, ...]):
     out = vote_samples(constant(*APART, frames=12), ilm=flags(*four, frames=12))
-    assert failed_and_by(out) == ([1, 4], Resolver.EXTREMES)
+    assert failed_and_by(out) == ([1, 4], DecidedBy.EXTREMES)
     assert (out.voted[:10] == 0).all()
 
 
@@ -139,7 +139,7 @@ def test_monitors_that_do_not_single_out_one_channel_give_no_answer(four: tuple[
 @pytest.mark.parametrize(("reference", "good"), [(9.9, 4), (-9.5, 1), (2.5, 3), (10.0, 4)])
 def test_the_only_sample_within_the_reference_threshold_is_kept_of_four_apart(reference: float, good: int):
     out = vote_samples(constant(*APART), reference=np.full(30, reference))
-    assert failed_and_by(out) == ([c for c in range(1, 5) if c != good], Resolver.REFERENCE)
+    assert failed_and_by(out) == ([c for c in range(1, 5) if c != good], DecidedBy.REFERENCE)
     assert (out.voted[:10] == APART[good - 1]).all()
 
 
@@ -147,28 +147,28 @@ def test_the_only_sample_within_the_reference_threshold_is_kept_of_four_apart(re
 def test_a_reference_near_none_or_two_of_them_gives_no_answer(reference: float, threshold: float):
     samples, references = constant(*APART, frames=12), np.full(12, reference)
     out = vote_samples(samples, reference=references, reference_threshold=threshold)
-    assert failed_and_by(out) == ([1, 4], Resolver.EXTREMES)
+    assert failed_and_by(out) == ([1, 4], DecidedBy.EXTREMES)
 
 
 @pytest.mark.parametrize(("first", "failed"), [("ilm", [2, 3, 4]), ("reference", [1, 2, 3])])
 def test_four_apart_are_settled_in_the_configured_order_extremes_last(first: str, failed: list[int]):
     order = ["extremes", first, *({"ilm", "reference"} - {first})]
     given: dict[str, Any] = {"ilm": flags(GOOD, BAD, BAD, BAD), "reference": np.full(30, 9.0)}
-    out = vote_samples(constant(*APART), resolvers=order, **given)
-    assert failed_and_by(out) == (failed, Resolver[first.upper()])
+    out = vote_samples(constant(*APART), tie_break=order, **given)
+    assert failed_and_by(out) == (failed, DecidedBy[first.upper()])
 
 
 @pytest.mark.parametrize(
     ("given", "failed", "by"),
     [
-        ({"ilm": flags(GOOD, BAD, BAD, GOOD)}, [2, 3], Resolver.ILM),
-        ({"reference": np.full(30, 8.5)}, [1, 2], Resolver.REFERENCE),
-        ({}, [1, 3], Resolver.MIDDLE),
-        ({"reference": np.full(30, 8.5), "resolvers": ["middle", "trend", "ilm"]}, [1, 3], Resolver.MIDDLE),
+        ({"ilm": flags(GOOD, BAD, BAD, GOOD)}, [2, 3], DecidedBy.ILM),
+        ({"reference": np.full(30, 8.5)}, [1, 2], DecidedBy.REFERENCE),
+        ({}, [1, 3], DecidedBy.MIDDLE),
+        ({"reference": np.full(30, 8.5), "tie_break": ["middle", "trend", "ilm"]}, [1, 3], DecidedBy.MIDDLE),
     ],
 )
 def test_three_apart_are_settled_by_monitors_and_reference_before_the_middle(
-    given: dict[str, Any], failed: list[int], by: Resolver
+    given: dict[str, Any], failed: list[int], by: DecidedBy
 ):
     out = vote_samples(constant(-9, 3, 9, NAN), channels=3, **given)
     assert failed_and_by(out) == (failed, by)
@@ -183,15 +183,15 @@ def test_without_extremes_and_middle_nobody_is_failed(samples: tuple[float, ...]
     together = tuple(np.where(np.isfinite(samples), 0.5, NAN))
     frames = rows((2, together), (28, samples))
     for left in (["ilm", "reference", "trend"], ["trend", "middle" if channels == 4 else "extremes"]):
-        out = vote_samples(frames, channels=channels, resolvers=left)
+        out = vote_samples(frames, channels=channels, tie_break=left)
         assert (out.state[:, :channels] != State.FAILED).all()
-        assert (out.resolver[2:] == Resolver.UNRESOLVED).all()
+        assert (out.decided_by[2:] == DecidedBy.UNRESOLVED).all()
         assert (out.voted == 0.5).all()
 
 
 def test_an_answer_after_the_count_is_reached_decides_when_it_has_stood_for_half_of_it():
     references = rows((14, NAN), (16, 9.0))
-    out = vote_samples(constant(*APART), reference=references, resolvers=["reference"])
+    out = vote_samples(constant(*APART), reference=references, tie_break=["reference"])
     assert out.failed_at() == [19, 19, 19, None]
 
 
@@ -200,8 +200,8 @@ def test_an_answer_after_the_count_is_reached_decides_when_it_has_stood_for_half
 
 @pytest.mark.requirement("redundancy", "an unresolved vote does not take half of the jump")
 def test_the_unresolved_vote_does_not_take_half_of_the_faults_jump_with_it():
-    out = vote_samples(rows((5, (0, 0, 0, 0)), (25, (0, 0, 5, 5))), resolvers=[])
-    assert (out.resolver[5:] == Resolver.UNRESOLVED).all()
+    out = vote_samples(rows((5, (0, 0, 0, 0)), (25, (0, 0, 5, 5))), tie_break=[])
+    assert (out.decided_by[5:] == DecidedBy.UNRESOLVED).all()
     assert (out.voted == 0).all()
 
 
@@ -210,7 +210,7 @@ def test_the_unresolved_vote_goes_on_with_the_channels_that_it_was_of():
     """The jumped pair may run away: it has no share."""
     low, high = 0.2 * np.arange(20), 5 + 0.4 * np.arange(20)
     split = np.stack([low, low, high, high], axis=1)
-    out = vote_samples(np.concatenate([constant(0, 0, 0, 0, frames=5), split]), resolvers=[])
+    out = vote_samples(np.concatenate([constant(0, 0, 0, 0, frames=5), split]), tie_break=[])
     assert np.allclose(out.voted[5:], low)
 
 
@@ -237,8 +237,8 @@ def test_the_unresolved_vote_keeps_its_share_of_two_neighbours(
     n = int(np.isfinite(at).sum())
     samples = np.full((24, 4), NAN)
     samples[:3, :n], samples[3:, :n] = before[:n], np.linspace(at[:n], then[:n], 21)
-    out = vote_samples(samples, channels=n, resolvers=[])
-    assert (out.resolver[3:] == Resolver.UNRESOLVED).all() and (out.pattern[4:] == out.pattern[3]).all()
+    out = vote_samples(samples, channels=n, tie_break=[])
+    assert (out.decided_by[3:] == DecidedBy.UNRESOLVED).all() and (out.pattern[4:] == out.pattern[3]).all()
     assert out.voted[[3, -1]] == pytest.approx(held)
 
 
@@ -246,20 +246,20 @@ def test_the_shares_go_on_after_an_answer_that_did_not_last():
     ilm = rows((5, (ABSENT,) * 4), (1, (BAD, GOOD, ABSENT, ABSENT)), (24, (ABSENT,) * 4)).astype(int)
     samples = np.where(np.arange(4) < 2, constant(0, 5, 0, 0), NAN)
     samples[0, :2] = 0.0, 0.8
-    out = vote_samples(samples, ilm=ilm, channels=2, resolvers=["ilm"], singular_persistence=30)
+    out = vote_samples(samples, ilm=ilm, channels=2, tie_break=["ilm"], split_persistence=30)
     assert out.voted[1:5] == pytest.approx(np.full(4, 0.4)) and out.voted[5] == 5.0
     assert out.voted[6:] == pytest.approx(np.full(24, 0.4))
 
 
 def test_of_equal_neighbours_each_has_half():
-    out = vote_samples(rows((3, (0, 0, 0, 0)), (1, (0, 0, 5, 5)), (3, (0, 0.5, 5, 5))), resolvers=[])
+    out = vote_samples(rows((3, (0, 0, 0, 0)), (1, (0, 0, 5, 5)), (3, (0, 0.5, 5, 5))), tie_break=[])
     assert out.voted.tolist() == [0.0] * 4 + [0.25] * 3
 
 
 def test_the_vote_before_the_fade_is_what_is_held():
     """The fourth goes at frame 8; the vote is 0.8 then, faded from 0.7, and a split follows around it."""
     samples = rows((8, (0, 0.6, 0.8, 5)), (1, (0, 0.8, 0.9, 5)), (4, (-5, 0.5, 5, 9)))
-    out = vote_samples(samples, resolvers=[], fade_s=0.1)
+    out = vote_samples(samples, tie_break=[], fade_s=0.1)
     assert out.voted[:8] == pytest.approx(np.full(8, 0.7)) and out.level[8] == 3
     assert out.voted[8:] == pytest.approx(0.8 - 0.1 * np.array([10, 9, 8, 7, 6]) / 11)
 
@@ -268,7 +268,7 @@ def test_an_unresolved_vote_between_two_whose_gap_overflows_is_a_number_between_
     limit = 1.79e308
     samples = rows((2, (0, 0, NAN, NAN)), (3, (-1.7e308, 1.7e308, NAN, NAN)))
     with np.errstate(over="ignore", invalid="ignore"):
-        out = vote_samples(samples, resolvers=[], channels=2, limits=(-limit, limit))
+        out = vote_samples(samples, tie_break=[], channels=2, limits=(-limit, limit))
     assert np.isfinite(out.voted).all() and (np.abs(out.voted) <= 1.7e308).all()
 
 
@@ -287,23 +287,23 @@ def test_of_the_good_pair_the_one_that_moved_as_the_vote_weighs_more(rule: str):
     is 0.025 more.  Frame 3: changes of 0.1 and 0.2, off that by 0.075 and 0.175, so that it weighs 0.3."""
     samples = constant(0, 0.5, 5, 5.1)
     samples[1, :2], samples[2, :2] = (0.1, 0.8), (0.2, 1.0)
-    out = vote_samples(samples, resolvers=[rule], **WEIGHTED, **BY[rule])
+    out = vote_samples(samples, tie_break=[rule], **WEIGHTED, **BY[rule])
     assert out.voted[:3] == pytest.approx([0.25, 0.275, 0.2 + 0.3 * 0.8])
-    plain = vote_samples(samples, resolvers=[rule], **BY[rule])
+    plain = vote_samples(samples, tie_break=[rule], **BY[rule])
     assert plain.voted[:3] == pytest.approx([0.25, 0.45, 0.6])
 
 
 def test_where_the_pair_moves_apart_both_weigh_the_same():
     samples = constant(0, 0.5, 5, 5.1)
     samples[1:, 0] -= 0.25
-    out = vote_samples(samples, resolvers=["ilm"], ilm=flags(*LOW_GOOD), **WEIGHTED)
+    out = vote_samples(samples, tie_break=["ilm"], ilm=flags(*LOW_GOOD), **WEIGHTED)
     assert out.voted[1] == pytest.approx(0.125)
 
 
 def test_a_sample_without_one_before_it_weighs_half():
     samples = constant(0, 0.5, 5, 5.1)
     samples[1, 1], samples[2, :2] = NAN, (0.25, 0.625)
-    out = vote_samples(samples, resolvers=["ilm"], ilm=flags(*LOW_GOOD), **WEIGHTED)
+    out = vote_samples(samples, tie_break=["ilm"], ilm=flags(*LOW_GOOD), **WEIGHTED)
     assert out.voted[2] == pytest.approx((0.25 + 0.625) / 2)
 
 
@@ -312,7 +312,7 @@ def test_a_channel_readmitted_as_the_split_begins_weighs_by_its_own_change():
     samples = constant(0, 0.5, 0.25, 0.25, frames=161)
     samples[:20, 1] = 50.0
     samples[160] = 0.1, 0.8, 5, 5.1
-    out = vote_samples(samples, resolvers=["ilm"], ilm=flags(*LOW_GOOD, frames=161), resets=[(160, 2)], **WEIGHTED)
+    out = vote_samples(samples, tie_break=["ilm"], ilm=flags(*LOW_GOOD, frames=161), resets=[(160, 2)], **WEIGHTED)
     assert out.level[159] == 3 and out.pattern[160] == Pattern.P2_2
     assert out.voted[160] == pytest.approx(0.1 + 0.7 / 4)
 
@@ -322,7 +322,7 @@ def test_of_two_that_the_trend_settles_the_vote_is_near_the_one_whose_change_fit
     """Two changes of 0.2 and 0.6 make a trend of one frame each; nobody answers the first, whose vote is 2."""
     samples = np.full((3, 4), NAN)
     samples[:, 0], samples[:, 1] = 0.25 * np.arange(3), 4 + 0.5 * np.arange(3)
-    more: dict[str, Any] = {"channels": 2, "resolvers": ["trend"], "trend_frames": 1}
+    more: dict[str, Any] = {"channels": 2, "tie_break": ["trend"], "trend_frames": 1}
     out = vote_samples(samples, **more, **WEIGHTED)
     # Of a vote that stood still the upper is off by 0.5, the lower by 0.25: 1/3 of it.
     first = 0.25 + (4.5 - 0.25) / 3
@@ -337,9 +337,9 @@ def test_the_ranks_whose_changes_weigh_are_those_of_the_samples_behind_a_filter_
     samples = np.full((12, 4), NAN)
     samples[:, 0], samples[:, 1] = 0.0 - 0.125 * np.arange(12), 3.0 - 0.125 * np.arange(12)
     samples[11, :2] = -1.5, -2.25
-    more: dict[str, Any] = {"channels": 2, "resolvers": ["trend"], "trend_frames": 1, "singular_persistence": 30}
+    more: dict[str, Any] = {"channels": 2, "tie_break": ["trend"], "trend_frames": 1, "split_persistence": 30}
     out = vote_samples(samples, filter_s=0.01, **more, **WEIGHTED)
-    assert (out.resolver[3:] == Resolver.TREND).all()
+    assert (out.decided_by[3:] == DecidedBy.TREND).all()
     high, low = samples[11, 0] - samples[10, 1], samples[11, 1] - samples[10, 0]
     rise = out.voted[10] - out.voted[9]
     share = abs(low - rise) / (abs(low - rise) + abs(high - rise))

@@ -115,7 +115,7 @@ def test_a_measured_threshold_counts_in_the_vote():
     """The reference is zero and the pairs at -0.01 and 0.3 rad/s: settled with a threshold of 0.1, not of 1e-9."""
     for threshold, settled in ((0.1, True), (1e-9, False)):
         error = Error(rms=0.0, quantile_999=0.0, worst=0.0, threshold=threshold)
-        which = stage(errors={"pitch_rate": {"attitude": error}}, resolvers=["reference"])
+        which = stage(errors={"pitch_rate": {"attitude": error}}, tie_break=["reference"])
         block = rows(100)
         block["channels"][20:, Q, :2], block["channels"][20:, Q, 2:] = -0.01, 0.3
         states = run(which, block)["state"][-1, Q].tolist()

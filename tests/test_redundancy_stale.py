@@ -10,7 +10,7 @@ import pytest
 from conftest import Voted, rows, vote_samples
 from numpy.typing import NDArray
 
-from rig.core.frame import Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Pattern, State
 
 NAN = np.nan
 RAMP = np.arange(30.0)[:, None] / 8
@@ -55,8 +55,8 @@ def test_one_that_moves_again_is_a_sample_at_once():
 def test_a_stale_sample_counts_in_a_split_of_the_others():
     samples = moving(0, 20, 40, 19)
     samples[:, 3] = 19.0  # near the second, and stale from frame 4 on
-    out = vote_samples(samples, stale_frames=3, threshold=5.0, resolvers=[])
-    assert (out.pattern[3:] == Pattern.P1_1_1).all() and (out.resolver[3:] == Resolver.UNRESOLVED).all()
+    out = vote_samples(samples, stale_frames=3, threshold=5.0, tie_break=[])
+    assert (out.pattern[3:] == Pattern.P1_1_1).all() and (out.decided_by[3:] == DecidedBy.UNRESOLVED).all()
     assert out.failed_at() == [None, None, None, 11]
 
 

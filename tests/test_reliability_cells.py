@@ -63,24 +63,24 @@ def row(found: Cells, design: str, good: int) -> Row:
 def test_trials_are_counted_by_what_became_of_the_signal():
     found = of_tables(tables(*TRIALS), "T")
     one = row(found, "single", 4)
-    counts = {key: one[key] for key in ("trials", "kept", "known_loss", "bad_vote")}
-    assert counts == {"trials": 6, "kept": 3, "known_loss": 1, "bad_vote": 2}
-    assert (one["lost_aircraft_known"], one["lost_aircraft_bad"]) == (1, 1)
+    counts = {key: one[key] for key in ("trials", "correct", "annunciated_loss", "undetected_error")}
+    assert counts == {"trials": 6, "correct": 3, "annunciated_loss": 1, "undetected_error": 2}
+    assert (one["lost_aircraft_annunciated"], one["lost_aircraft_undetected"]) == (1, 1)
     assert one["settle_s_mean"] == pytest.approx(0.09) and found.manager == "median"
     assert {name: one[name] for name in CELL} == dict(
         zip(CELL, ("pitch_rate", 4, "single", "offset", "level"), strict=True)
     )
 
 
-def test_a_wrong_vote_before_the_declared_loss_makes_it_a_bad_vote():
+def test_a_wrong_vote_before_the_declared_loss_makes_it_an_undetected_error():
     found = of_tables(tables(("single 4", {}, [LOST]), ("single 4", {}, [{**LOST, "wrong_vote_first": True}])), "T")
     one = row(found, "single", 4)
-    assert (one["trials"], one["known_loss"], one["bad_vote"]) == (2, 1, 1)
+    assert (one["trials"], one["annunciated_loss"], one["undetected_error"]) == (2, 1, 1)
 
 
 def test_a_trial_counts_where_the_signal_stood_not_where_it_was_planned():
     found = of_tables(tables(*TRIALS), "T")
-    assert row(found, "single", 1)["kept"] == 1 and row(found, "single", 3)["known_loss"] == 1
+    assert row(found, "single", 1)["correct"] == 1 and row(found, "single", 3)["annunciated_loss"] == 1
 
 
 def test_two_alike_are_one_trial_settled_with_the_later_of_them():
@@ -90,7 +90,7 @@ def test_two_alike_are_one_trial_settled_with_the_later_of_them():
 
 def test_of_two_near_faults_the_window_of_the_second_decides_and_the_good_are_those_before_the_first():
     one = row(of_tables(tables(*TRIALS), "T"), "near", 4)
-    assert (one["trials"], one["kept"], one["known_loss"], one["bad_vote"]) == (3, 1, 1, 1)
+    assert (one["trials"], one["correct"], one["annunciated_loss"], one["undetected_error"]) == (3, 1, 1, 1)
 
 
 def test_a_cell_in_which_nothing_settled_has_no_mean():
@@ -147,7 +147,7 @@ def test_a_folder_that_is_no_campaign_is_refused(tmp_path: Path):
 
 def test_what_was_planned_and_never_came_to_be_is_a_row_without_a_trial():
     one = row(of_tables(tables(*TRIALS), "T"), "single", 2)  # planned so; a healthy channel was failed before
-    assert [one[key] for key in ("trials", "kept", "known_loss", "bad_vote", "announced")] == [0] * 5
+    assert [one[key] for key in ("trials", "correct", "annunciated_loss", "undetected_error", "announced")] == [0] * 5
 
 
 SLOW = {"kind": "slow drift"}

@@ -32,8 +32,12 @@ def with_slow(slow_bad: dict[str, int], condition: str = "level", settle_s: floa
     near = pl.concat([counts, slow]).filter(pl.col("good_before") == 4).with_columns(design=pl.lit("near"))
     whole = pl.concat([counts, slow, near])
     place = pl.concat_str("design", pl.lit(" "), "good_before")
-    bad = pl.when(pl.col("kind") == "slow drift").then(place.replace_strict(slow_bad, default=0)).otherwise("bad_vote")
-    return whole.with_columns(bad_vote=bad.cast(pl.Int64), kept=(pl.col("trials") - bad).cast(pl.Int64))
+    bad = (
+        pl.when(pl.col("kind") == "slow drift")
+        .then(place.replace_strict(slow_bad, default=0))
+        .otherwise("undetected_error")
+    )
+    return whole.with_columns(undetected_error=bad.cast(pl.Int64), correct=(pl.col("trials") - bad).cast(pl.Int64))
 
 
 def loss_of(counts: pl.DataFrame, kinds: dict[str, float]) -> float:
@@ -72,7 +76,7 @@ def test_a_second_fault_meets_the_kind_that_takes_the_longest_to_settle():
 
 
 def test_kinds_that_were_not_flown_in_level_flight_leave_the_others_their_weight():
-    """Stuck twins count by the chance of level flight, slow drifts of one condition as they were flown."""
+    """Stuck together count by the chance of level flight, slow drifts of one condition as they were flown."""
     counts = table(trials=10**6).filter(pl.col("good_before") == 2)
     latent = table(bad=800_000, trials=10**6).filter((pl.col("good_before") == 2) & (pl.col("condition") == "level"))
     slow = table(bad=100_000, trials=10**6, kinds=("slow drift",)).filter(pl.col("good_before") == 2)

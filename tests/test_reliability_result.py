@@ -18,7 +18,7 @@ LAMBDA, TAU_H = 1e-3, 0.1 / 3600.0
 
 
 def certain(bad: dict[tuple[str, int], float]) -> Given:
-    """Cells whose chance of a bad vote is known exactly; no false isolation."""
+    """Cells whose chance of an undetected error is known exactly; no false isolation."""
     cells = {("single", good): 0.0 for good in (4, 3, 2)} | {("single", 1): 1.0, ("near", 4): 0.0, ("near", 3): 0.0}
     cells |= {("near", 2): 0.0, ("alike", 4): 0.0, ("alike", 3): 0.0, ("alike", 2): 0.0} | bad
     u = {cell: np.array([[1.0 - chance, 0.0, 0.0, chance, 0.0]]) for cell, chance in cells.items()}
@@ -129,8 +129,8 @@ def table(bad: int = 0, known: int = 0, trials: int = 1000, kinds: tuple[str, ..
     """The same counts in every cell of single faults."""
     rows = [
         {"signal": "pitch_rate", "good_before": good, "design": "single", "kind": kind, "condition": condition}
-        | {"trials": trials, "kept": trials - bad - known, "known_loss": known, "bad_vote": bad}
-        | {"lost_aircraft_known": 0, "lost_aircraft_bad": bad, "announced": 0, "settle_s_mean": 0.2}
+        | {"trials": trials, "correct": trials - bad - known, "annunciated_loss": known, "undetected_error": bad}
+        | {"lost_aircraft_annunciated": 0, "lost_aircraft_undetected": bad, "announced": 0, "settle_s_mean": 0.2}
         for good in (4, 3, 2, 1)
         for kind in kinds
         for condition in ("level", "manoeuvre")
@@ -144,7 +144,14 @@ NO_ALARMS = pl.DataFrame(
 GIVEN = SignalRates(per_hour=[LAMBDA], source="a test", kinds=KINDS)
 
 
-COUNTED = ("trials", "kept", "known_loss", "bad_vote", "lost_aircraft_known", "lost_aircraft_bad")
+COUNTED = (
+    "trials",
+    "correct",
+    "annunciated_loss",
+    "undetected_error",
+    "lost_aircraft_annunciated",
+    "lost_aircraft_undetected",
+)
 
 
 def drawn(counts: pl.DataFrame, seed: int = 1, draws: int = 4000) -> np.ndarray:
@@ -170,9 +177,9 @@ def test_an_empty_table_counts_a_half_whatever_the_number_of_kinds():
 
 def test_the_share_of_a_kind_weighs_it():
     counts = table().with_columns(
-        bad_vote=pl.when(pl.col("kind") == "drift").then(500).otherwise(0),
-        kept=pl.when(pl.col("kind") == "drift").then(500).otherwise(1000),
-        lost_aircraft_bad=pl.lit(0),
+        undetected_error=pl.when(pl.col("kind") == "drift").then(500).otherwise(0),
+        correct=pl.when(pl.col("kind") == "drift").then(500).otherwise(1000),
+        lost_aircraft_undetected=pl.lit(0),
     )
     rare = {"hardover": 0.9, "drift": 0.1}
     u = outcomes(counts, rare, "here", np.random.default_rng(1), 4000).draws["single", 4]
@@ -188,11 +195,11 @@ def test_a_result_is_the_rule_of_thumb_with_the_interval_of_its_cell():
     [found] = run(table(bad=10))
     u = 10 / 1000
     rule = 4 * LAMBDA * u + 6 * LAMBDA**2 * u
-    assert found.estimates["bad_vote"].median == pytest.approx(rule, rel=0.03)
+    assert found.estimates["undetected_error"].median == pytest.approx(rule, rel=0.03)
     low, high = beta_distribution.ppf((0.025, 0.975), 40.5, 4000 - 40 + 0.5)
-    assert found.estimates["bad_vote"].low == pytest.approx(4 * LAMBDA * low, rel=0.05)
-    assert found.estimates["bad_vote"].high == pytest.approx(4 * LAMBDA * high, rel=0.05)
-    assert found.estimates["lost_aircraft"].median == pytest.approx(rule, rel=0.05)  # every bad vote cost one
+    assert found.estimates["undetected_error"].low == pytest.approx(4 * LAMBDA * low, rel=0.05)
+    assert found.estimates["undetected_error"].high == pytest.approx(4 * LAMBDA * high, rel=0.05)
+    assert found.estimates["lost_aircraft"].median == pytest.approx(rule, rel=0.05)  # every undetected error cost one
     assert found.contributions[0].cell == "single, 4 good" and found.contributions[0].share > 0.98
 
 
@@ -202,25 +209,25 @@ def test_false_isolations_that_are_given_take_the_place_of_those_of_few_hours():
     [counted] = results(few, "pitch_rate", GIVEN, case)
     chosen = GIVEN.model_copy(update={"false_isolations_per_channel_hour": 0.0})
     [given] = results(few, "pitch_rate", chosen, case)
-    assert counted.contributions[0].cell == "false isolations" and counted.estimates["known_loss"].median > 0.1
-    assert given.estimates["known_loss"].median < 1e-5
+    assert counted.contributions[0].cell == "false isolations" and counted.estimates["annunciated_loss"].median > 0.1
+    assert given.estimates["annunciated_loss"].median < 1e-5
 
 
-def test_a_cell_that_never_came_to_be_is_a_bad_vote():
+def test_a_cell_that_never_came_to_be_is_an_undetected_error():
     counts = table(bad=1).with_columns(
         *(pl.when(pl.col("good_before") == 3).then(0).otherwise(pl.col(n)).alias(n) for n in COUNTED)
     )
     [found] = run(counts)
     # The second of four channels is then the end: 6 lambda^2.
-    assert found.estimates["bad_vote"].median == pytest.approx(4e-3 * 1e-3 + 6e-6, rel=0.05)
+    assert found.estimates["undetected_error"].median == pytest.approx(4e-3 * 1e-3 + 6e-6, rel=0.05)
     assert found.unreached == ("single, 3 good",)
 
 
 def test_where_nothing_was_seen_there_is_no_lower_end():
     [found] = run(table())
-    assert found.estimates["bad_vote"].low is None
+    assert found.estimates["undetected_error"].low is None
     [seen] = run(table(bad=1))
-    assert seen.estimates["bad_vote"].low is not None
+    assert seen.estimates["undetected_error"].low is not None
 
 
 def test_the_order_of_the_rows_changes_nothing():
@@ -247,10 +254,10 @@ def test_a_target_is_met_or_not_by_the_whole_interval(low, high, says):
 
 def test_a_trial_that_told_nothing_of_the_aircraft_gives_no_probability_of_its_loss():
     open_loop = table(bad=3).with_columns(
-        lost_aircraft_known=pl.lit(None, pl.Int64), lost_aircraft_bad=pl.lit(None, pl.Int64)
+        lost_aircraft_annunciated=pl.lit(None, pl.Int64), lost_aircraft_undetected=pl.lit(None, pl.Int64)
     )
     [found] = run(open_loop)
-    assert set(found.estimates) == {"bad_vote", "known_loss"}
+    assert set(found.estimates) == {"undetected_error", "annunciated_loss"}
 
 
 @pytest.mark.parametrize("true", [0.002, 0.02, 0.2])
@@ -261,7 +268,7 @@ def test_the_interval_holds_the_truth_in_nine_to_ninety_nine_of_a_hundred_campai
     for _ in range(200):
         counts = table(trials=50, kinds=kinds).filter(pl.col("good_before") == 4)
         bad = rng.binomial(50, true, len(counts))
-        counts = counts.with_columns(bad_vote=bad, kept=50 - bad, lost_aircraft_bad=pl.lit(0))
+        counts = counts.with_columns(undetected_error=bad, correct=50 - bad, lost_aircraft_undetected=pl.lit(0))
         u = outcomes(counts, shares, "here", rng, 400).draws["single", 4]
         low, high = np.quantile(1.0 - u[:, 0], (0.025, 0.975))
         held += low <= true <= high
@@ -274,7 +281,7 @@ def test_a_layer_is_lost_by_a_fault_that_is_not_covered_or_by_all():
     expected = 2 * 1e-4 * 1e-3 + q * q
     assert in_series(layer, 1.0) == pytest.approx(expected, rel=1e-3)
     [alone], [with_it] = run(table(bad=1)), run(table(bad=1), layers=(layer,))
-    more = with_it.estimates["bad_vote"].median - alone.estimates["bad_vote"].median
+    more = with_it.estimates["undetected_error"].median - alone.estimates["undetected_error"].median
     assert more == pytest.approx(expected, rel=1e-2) and with_it.layers == ("computers",)
 
 

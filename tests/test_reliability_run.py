@@ -51,7 +51,7 @@ def test_every_manager_and_number_of_channels_has_its_row(rig_command, counted, 
     }
     of_mean = [one for one in results if one["manager"] == "mean" and one["case"]["flights_between_checks"] == 1]
     # Half of all faults are fatal, however many channels there are: four channels fail four times as often as one.
-    worst = {one["case"]["channels"]: one["estimates"]["bad_vote"]["median"] for one in of_mean}
+    worst = {one["case"]["channels"]: one["estimates"]["undetected_error"]["median"] for one in of_mean}
     assert worst[4] == pytest.approx(4 * 0.5e-3, rel=0.1) and not any(of_mean[-1]["requirement"].values())
 
 
@@ -109,7 +109,12 @@ def test_the_report_has_the_assumptions_before_the_numbers_and_needs_no_network(
     code, _, _ = rig_command("reliability", "run", "a", "--rates", str(rates), "--report", str(path))
     page = path.read_text()
     assert code == 0 and "cross-channel" in page and "perfect isolation" in page and "military" in page
-    assert [page.count(f'id="picture-{i}"') for i in range(4)] == [1, 1, 1, 0]  # bad votes, known losses, lost aircraft
+    assert [page.count(f'id="picture-{i}"') for i in range(4)] == [
+        1,
+        1,
+        1,
+        0,
+    ]  # undetected errors, annunciated losses, lost aircraft
     drawn = json.loads(page.partition('id="figures">')[2].partition("</script>")[0])["picture-0"]
     notes = {note["text"]: note["y"] for note in drawn["layout"]["annotations"]}
     assert notes == {"military, 1e-07": pytest.approx(-7.0), "civil, 1e-09": pytest.approx(-9.0)}  # of a log axis

@@ -121,7 +121,7 @@ def test_a_vote_that_is_not_kept_in_flight_is_not_kept_in_the_trial(bundled: Pla
     assert (found.flight >= 0).all() and (found.trial >= 0).all()
 
 
-def test_a_signal_that_is_lost_after_its_vote_was_not_kept_is_no_known_loss():
+def test_a_signal_that_is_lost_after_its_vote_was_not_kept_is_no_annunciated_loss():
     made_of = plan(redundancy__manager="cross-voter")
     made = cell(made_of, of_form(made_of, "hardover", "alike 4"))
     drawn = draw(made, 20, recording(made.scenario, 1), np.random.default_rng(2))
@@ -171,8 +171,8 @@ def test_neither_order_nor_company_decides_what_a_unit_draws(bundled: Plan):
 def test_hardovers_with_four_good_are_out_after_eight_frames_and_the_vote_is_kept(bundled: Plan):
     found = added_up([TrialRunner(bundled)(Batch(of_form(bundled, "hardover", "single 4"), 0, 200, 1))], "m")
     (row,) = found.counts.to_dicts()
-    assert (row["good_before"], row["trials"], row["kept"]) == (4, 200, 200)
-    assert row["settle_s_mean"] == pytest.approx(0.07) and row["lost_aircraft_bad"] is None
+    assert (row["good_before"], row["trials"], row["correct"]) == (4, 200, 200)
+    assert row["settle_s_mean"] == pytest.approx(0.07) and row["lost_aircraft_undetected"] is None
     # Ten healthy frames on four channels, then the linger of ten has just passed when the trial ends: three, one frame.
     assert found.false_isolations.rows()[0] == ("pitch_rate", 4, pytest.approx(200 * 40 / 360_000), 0)
 
@@ -182,7 +182,7 @@ def test_a_mean_is_bad_after_a_hardover():
     (row,) = added_up(
         [TrialRunner(made)(Batch(of_form(made, "hardover", "single 4"), 0, 50, 1))], "mean"
     ).counts.to_dicts()
-    assert (row["bad_vote"], row["kept"], row["settle_s_mean"]) == (50, 0, None)
+    assert (row["undetected_error"], row["correct"], row["settle_s_mean"]) == (50, 0, None)
 
 
 @pytest.mark.parametrize("good", [[2], [4, 1], [3, 2, 1]])

@@ -114,7 +114,7 @@ def scored_by_the_clean_channels_that_the_flight_kept(which: scenario.Scenario, 
 def test_a_replay_reads_no_truth(flown):
     rows = read_log(flown).rows
     blind = rows.copy()
-    for name in ("truth", "discrete_truth", "flight", "demand", "command", "surface"):
+    for name in ("truth", "discrete_truth", "flight", "autopilot_command", "command", "surface"):
         blind[name] = 77
     again = vote_again(blind, recorded(flown).scenario)
     assert again["voted"].tobytes() == rows["voted"].tobytes()
@@ -369,7 +369,7 @@ def test_decisions_that_move_are_joined_over_frames_in_a_row():
 
 def test_every_decision_can_move():
     """Each u1 field of the frame that the manager or the control law decides, one by one."""
-    decided = {"state", "level", "pattern", "resolver", "reference_usable", "source"}
+    decided = {"state", "level", "pattern", "decided_by", "reference_usable", "source"}
     decided |= {"discrete_state", "discrete_level", "discrete_voted"}
     for name in decided:
         old, new = new_block(2), new_block(2)

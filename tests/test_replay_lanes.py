@@ -19,7 +19,7 @@ from rig.log.recordings.flown_log import Recorded, recorded
 from rig.log.writer import LogWriter
 
 # Each with its fault within 8 s; servos in the first, whose lane is shut off.
-SCENARIOS = ("f16_wrong_command", "f16_link_lie", "f16_clock_drift", "f16_adc", "f16_power_loss")
+SCENARIOS = ("f16_wrong_command", "f16_link_byzantine", "f16_clock_drift", "f16_adc", "f16_power_loss")
 
 
 WORDS = np.array([state.name.lower() for state in State])
@@ -49,7 +49,7 @@ def test_every_lane_says_the_same_again_to_the_bit(name: str, tmp_path: Path):
 
 def test_the_valves_of_a_lane_that_failed_are_shut_again(wrong_command: Recorded):
     lanes = read_log(wrong_command.path).lanes
-    assert lanes is not None and lanes["actuator"]["valve"][-1, :, 1].all()  # those of lane B
+    assert lanes is not None and lanes["servo"]["valve"][-1, :, 1].all()  # those of lane B
     fields = {field.name: field.verdict for field in verify(wrong_command).comparison.fields}
     assert fields["actuator.elevator.valve_2"] == "equal"
 

@@ -11,7 +11,7 @@ from rig.core.errors import BadInput
 from rig.core.frame import Table
 from rig.flight.loop import fly_rows
 from rig.scenario.scenario import load
-from rig.show.pages.requirement_figures import Margins
+from rig.show.pages.requirement_figures import Robustness
 from rig.verdict.requirements.along import events, measure_scored
 from rig.verdict.requirements.measure import check_log, check_rows, fly_requirements
 from rig.verdict.requirements.requirement import load_requirements
@@ -29,7 +29,7 @@ formula = "always[0, 1] abs(error.{signal}) <= 0.001 * threshold.{signal}"
 [[requirements]]
 id = "kept"
 at = "each onset"
-formula = "always[0, 1] abs(truth.{signal} - twin.truth.{signal}) <= threshold.{signal}"
+formula = "always[0, 1] abs(truth.{signal} - baseline.truth.{signal}) <= threshold.{signal}"
 """
 
 
@@ -55,16 +55,16 @@ def test_flown_logged_and_in_memory_it_is_one_verdict(flown, tight):
     flight, verdicts = flown
     required = load_requirements([tight])
     scenario = load("f16_pitch_rate_hardover", SHORT)
-    rows, twin = fly_rows(scenario), fly_rows(scenario.model_copy(update={"faults": []}))
+    rows, baseline = fly_rows(scenario), fly_rows(scenario.model_copy(update={"faults": []}))
     assert [one.status for one in verdicts] == ["violated", "met"]
     assert verdicts == check_log(flight.log, required)
     assert verdicts == fly_requirements(scenario, required)
-    assert verdicts == check_rows(rows, scenario, required, twin)
+    assert verdicts == check_rows(rows, scenario, required, baseline)
     off = np.abs(rows["voted"][200:301, 0] - rows["truth"][200:301, 0])
-    assert verdicts[0].margin == pytest.approx((0.001 * 0.05 - off.max()) / 0.05, rel=1e-12)
+    assert verdicts[0].robustness == pytest.approx((0.001 * 0.05 - off.max()) / 0.05, rel=1e-12)
     assert verdicts[0].instant_s == pytest.approx((200 + off.argmax()) / 100)
-    apart = np.abs(rows["truth"][200:301, 0] - twin["truth"][200:301, 0]).max()
-    assert verdicts[1].margin == pytest.approx(1.0 - apart / 0.05, rel=1e-12)
+    apart = np.abs(rows["truth"][200:301, 0] - baseline["truth"][200:301, 0]).max()
+    assert verdicts[1].robustness == pytest.approx(1.0 - apart / 0.05, rel=1e-12)
 
 
 def test_departure_is_one_in_trim_and_minus_the_share_not_flown_of_a_lost_aircraft():
@@ -76,7 +76,7 @@ def test_departure_is_one_in_trim_and_minus_the_share_not_flown_of_a_lost_aircra
     verdict, line = recorder.finish()[0], recorder.lines()["one", ""]
     assert line[0] == pytest.approx(1.0) and rows["end"][-1] != 0
     assert line[-1] <= -(1.0 - len(rows) / scenario.frames)
-    assert verdict.status == "violated" and verdict.margin <= -1.0
+    assert verdict.status == "violated" and verdict.robustness <= -1.0
 
 
 def test_an_onset_is_the_first_frame_of_each_fault_and_acting_every_frame_of_one():
@@ -130,7 +130,7 @@ def test_a_scenario_names_its_requirements_beside_its_file(rig_command, tight, t
     code, out, _ = rig_command("score", flight["log"], "--json")
     assert code == 0 and json.loads(out)["requirements"] == flight["requirements"]
     (tmp_path / "sub" / "own.toml").unlink()
-    code, out, _ = rig_command("score", flight["log"], "--no-twin")
+    code, out, _ = rig_command("score", flight["log"], "--no-baseline")
     assert code == 0 and "requirements of the scenario are not measured" in " ".join(out.split())
 
 
@@ -166,29 +166,29 @@ def test_the_page_has_verdicts_and_a_picture_of_margins(rig_command, flown, tigh
     assert code == 0 and 'id="requirements"' in page and "by rig score: kept" in page
     from rig.log import LogFile
 
-    margins = Margins.of(LogFile.open(flight.log), flight.scenario, [str(tight)])
-    name, line = margins.lines[0]
+    robustness = Robustness.of(LogFile.open(flight.log), flight.scenario, [str(tight)])
+    name, line = robustness.lines[0]
     rows = flight.rows
     expected = (0.001 * 0.05 - np.abs(rows["voted"][:, 0] - rows["truth"][:, 0])) / 0.05
     assert name == "tight pitch_rate" and np.allclose(line.values, expected, atol=1e-12)
-    assert margins.verdicts == verdicts[:1]
+    assert robustness.verdicts == verdicts[:1]
 
 
 def test_an_event_stands_where_a_requirement_is_violated(flown):
     flight, verdicts = flown
     (event,) = events(verdicts, flight.scenario.rate_hz)
     assert event.frame == round(verdicts[0].instant_s * 100) and event.name == "requirement violated"
-    assert event.text.startswith("tight pitch_rate: margin -")
+    assert event.text.startswith("tight pitch_rate: robustness -")
 
 
-def test_what_names_the_twin_is_left_out_where_none_is_flown(flown, tight):
+def test_what_names_the_baseline_is_left_out_where_none_is_flown(flown, tight):
     from rig.verdict.of_log import score_log
     from rig.verdict.score_records import Yardstick
 
     flight, _ = flown
-    scored = score_log(flight.log, Yardstick(), twin=False)
+    scored = score_log(flight.log, Yardstick(), baseline=False)
     assert measure_scored(scored, (), False, None, False) == ((), "")
-    with pytest.raises(BadInput, match=r"twin.truth.pitch_rate: the flight has no twin here"):
+    with pytest.raises(BadInput, match=r"baseline.truth.pitch_rate: the flight has no baseline here"):
         measure_scored(scored, load_requirements([tight]), False, None, False)
 
 
@@ -207,7 +207,7 @@ def test_a_recording_has_what_was_sampled_and_voted(rig_command, tmp_path):
     assert code == 0 and json.loads(said)["requirements"][0]["status"] == "met"
     code, said, _ = rig_command("vote", "r.csv", *out, "--requirements", "two.toml")
     told = json.loads(said)["requirements"][0]
-    assert told["status"] == "violated" and told["margin"] == pytest.approx(-0.08)
+    assert told["status"] == "violated" and told["robustness"] == pytest.approx(-0.08)
     assert told["instant_s"] == pytest.approx(0.21)
     (tmp_path / "v.csv").unlink()
     for formula, says in [("error.q < 1", "the recording has no error"), ("voted.p < 1", "no signal 'p', allowed: q")]:
@@ -224,10 +224,10 @@ def test_a_campaign_measures_every_run(rig_command, tmp_path, tight):
     assert code == 0, err
     (tmp_path / "own.toml").unlink()  # a folder keeps what it was measured by
     runs = pl.read_parquet("folder/runs/*.parquet").sort("run")
-    assert runs["violated"].to_list() == [1, 1] and (runs["least_margin"] < 0).all()
+    assert runs["violated"].to_list() == [1, 1] and (runs["robustness"] < 0).all()
     code, out, err = rig_command("campaign", "report", "folder", "--json")
     tight_row, kept = json.loads(out)["requirements"]
     assert code == 0, err
     assert tight_row["met"]["count"] == 0 and kept["met"]["count"] == 2 and kept["met"]["of"] == 2
-    assert tight_row["least_run"] == int(runs["least_margin"].arg_min() or 0)
-    assert tight_row["least_margin"] == runs["least_margin"].min()
+    assert tight_row["least_run"] == int(runs["robustness"].arg_min() or 0)
+    assert tight_row["robustness"] == runs["robustness"].min()

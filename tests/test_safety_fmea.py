@@ -70,7 +70,7 @@ def folder(path: Path, *flown: dict[str, Any]) -> Any:
     fault = {"signal": "pitch_rate", "kind": "stuck", "channel": 2, "fault": 0, "magnitude": None, "isolation": "right"}
     fault |= {
         "pattern": "3:1",
-        "resolver": "comparison",
+        "decided_by": "comparison",
         "delay_from_onset_s": 0.1,
         "vote_kept": True,
         "outcome": "detected",
@@ -126,7 +126,7 @@ def test_a_line_has_the_counts_of_its_flights(gathered):
     assert first["time_to_detection"] == "0.1 s, 95 % 0.3 s"
     assert first["not_kept"].startswith("1 of 4 (0.631 to 80.6 %)")
     assert first["exposure"] == "to the next manoeuvre" and first["cause"] == "frozen gyro"
-    assert first["local_effect"] == "pattern 3:1, resolver comparison"
+    assert first["local_effect"] == "pattern 3:1, rule comparison"
     assert first["next_effect"] == "level 3 at the end; beyond transient limits in 1 of 4"
     assert first["worst_flight"] == "rig campaign fly C --run 3"
 

@@ -247,7 +247,7 @@ def test_modes_of_a_channel_as_separate_events_are_an_upper_bound():
     assert [100 * each.differs for each in found.at] == pytest.approx([0.07, 0.7, 6.0, 18.0], rel=0.15)
 
 
-def test_stuck_twins_are_what_the_chain_of_hardovers_leaves_out():
+def test_stuck_together_are_what_the_chain_of_hardovers_leaves_out():
     without = ModeModel("pitch_rate", 4, TWINS.per_hour, {})
     assert lost(mode_chain(without), 1.0) == pytest.approx(9.98e-13, rel=1e-3)
     assert lost(mode_chain(TWINS), 1.0) == pytest.approx(4.2e-10, rel=0.02)

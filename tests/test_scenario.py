@@ -251,11 +251,11 @@ def test_a_scenario_on_an_aircraft_without_its_flight_point_names_the_key_and_wh
 def test_a_star_in_a_key_is_every_fault_or_every_signal():
     fault = '{kind="offset", signal="heading", channels=[1], offset=0.1}'
     sets = [f"faults=[{fault}, {fault}]", "faults.*.start_s=3.5", "sensors.*.channels=3"]
-    found = load(None, [*sets, 'redundancy.signals.*.resolvers=["trend"]'])
+    found = load(None, [*sets, 'redundancy.signals.*.tie_break=["trend"]'])
     assert [fault.start_s for fault in found.faults] == [3.5, 3.5]
     for signal in SIGNALS:
         assert getattr(found.sensors, signal.name).channels == 3
-        assert getattr(found.redundancy.signals, signal.name).resolvers == ["trend"]
+        assert getattr(found.redundancy.signals, signal.name).tie_break == ["trend"]
     assert found.redundancy.signals.heading.threshold == load(None).redundancy.signals.heading.threshold
 
 

@@ -69,7 +69,7 @@ def test_no_bundled_scenario_or_aircraft_has_a_note():
         for point in load({"aircraft": name}).airframe.flight_points
     ]
     assert [notes(each) for each in (*flown, *points)] == [[]] * (len(flown) + len(points))
-    assert requirement_notes(load_requirements(sets()), load("f16_stuck_twins")) == []
+    assert requirement_notes(load_requirements(sets()), load("f16_stuck_together")) == []
 
 
 @pytest.mark.parametrize(

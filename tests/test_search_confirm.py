@@ -1,4 +1,4 @@
-"""What becomes of the least margins: candidates apart, the worst by violations, made simple while it violates."""
+"""What becomes of the least robustness: candidates apart, the worst by violations, made simple while it violates."""
 
 import json
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ from rig.studies.search.shrink import BACK, MOST, TRIES, shrink, simplest
 SEEDS = (11, 12, 13, 14, 15)
 
 
-def row(margin: float | None, status: str, vote: float = 0.5, **others: float) -> dict[str, object]:
-    told = [("a", margin, status), (VOTE.id, vote, "met"), *((name, more, "met") for name, more in others.items())]
-    keys = ("requirement", "margin", "status")
+def row(robustness: float | None, status: str, vote: float = 0.5, **others: float) -> dict[str, object]:
+    told = [("a", robustness, status), (VOTE.id, vote, "met"), *((name, more, "met") for name, more in others.items())]
+    keys = ("requirement", "robustness", "status")
     return {"requirements": json.dumps([dict(zip(keys, each, strict=True)) for each in told])}
 
 
@@ -32,7 +32,7 @@ def test_the_least_requirement_counts_and_the_vote_settles_ties():
 
 def test_a_flight_that_tells_nothing_is_never_the_worst():
     assert measured([{"outcome": "crashed"}], ["a"]) == Measured(NONE, NONE, False)
-    assert measured([row(None, "not applicable")], ["a"]).margin == NONE
+    assert measured([row(None, "not applicable")], ["a"]).robustness == NONE
 
 
 def test_against_another_setting_the_difference_counts_and_the_other_must_meet():
@@ -59,8 +59,8 @@ def test_at_most_five_candidates():
 
 
 def test_most_violations_are_worst_then_the_least_median_margin():
-    def of(*margins: float) -> Confirmed:
-        return Confirmed({}, SEEDS[: len(margins)], tuple(Measured(m, 0.0, m < 0.0) for m in margins))
+    def of(*robustness: float) -> Confirmed:
+        return Confirmed({}, SEEDS[: len(robustness)], tuple(Measured(m, 0.0, m < 0.0) for m in robustness))
 
     lucky, steady, steadier = of(-9.0, 1.0, 1.0), of(-0.1, -0.2, 1.0), of(-0.3, -0.4, 1.0)
     assert worst([lucky, steady, steadier]) is steadier

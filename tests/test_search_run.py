@@ -58,8 +58,8 @@ def whole(once: Any) -> tuple[Path, Ended]:
     return once("search", lambda place: (place / "whole", run(plan(), place / "whole", workers=1)))
 
 
-def margin(told: str) -> float:
-    return next(one["margin"] for one in json.loads(told) if one["requirement"] == "vote")
+def robustness(told: str) -> float:
+    return next(one["robustness"] for one in json.loads(told) if one["requirement"] == "vote")
 
 
 def cut(whole: Path, out: Path, parts: int) -> Path:
@@ -82,15 +82,15 @@ def content(out: Path) -> tuple[Any, ...]:
 def test_a_search_tells_what_it_found(whole: tuple[Path, Ended]):
     figures, at_random = whole[1].figures, whole[1].figures["random"]
     assert set(figures) == {
-        *("flights", "violated", "random", "least_margin", "worst", "scenario", "confirmed", "violating", "left_out")
+        *("flights", "violated", "random", "robustness", "worst", "scenario", "confirmed", "violating", "left_out")
     }
     assert 24 < figures["flights"] == whole[1].flights <= 44 and at_random["flights"] == 24
-    assert figures["violated"] >= at_random["violated"] and figures["least_margin"] < 0.0
+    assert figures["violated"] >= at_random["violated"] and figures["robustness"] < 0.0
     runs = open_folder(whole[0]).tables["runs"]
     assert figures["violated"] == sum(
         '"vote", "signal": "pitch_rate", "status": "violated"' in told for told in runs["requirements"]
     )
-    assert figures["least_margin"] == min(map(margin, runs["requirements"]))
+    assert figures["robustness"] == min(map(robustness, runs["requirements"]))
     assert figures["worst"]["arm"] == "alike" and figures["confirmed"][0] >= 2
     assert "Plotly.newPlot" in (whole[0] / "search.html").read_text()
 
@@ -160,9 +160,9 @@ def test_against_another_setting_both_flights_are_of_one_draw(tmp_path: Path):
     runs = open_folder(tmp_path / "s").tables["runs"]
     assert runs["manager"].to_list() == ["median", "cross-channel"] * (ended.flights // 2)
     assert runs["seed"][::2].to_list() == runs["seed"][1::2].to_list() and runs["seed"].n_unique() == len(runs) // 2
-    margins = [margin(told) for told in runs["requirements"]]
-    least = min(ours - theirs for ours, theirs in zip(margins[::2], margins[1::2], strict=True))
-    assert ended.figures["least_margin"] == pytest.approx(least)
+    least_of = [robustness(told) for told in runs["requirements"]]
+    least = min(ours - theirs for ours, theirs in zip(least_of[::2], least_of[1::2], strict=True))
+    assert ended.figures["robustness"] == pytest.approx(least)
     assert ended.figures["random"]["flights"] == 24 and again(open_folder(tmp_path / "s"), 1, tmp_path)[1]
 
 
@@ -176,7 +176,7 @@ def test_a_key_of_against_that_is_none_is_refused(tmp_path: Path):
 
 def test_open_loop_trials_find_what_flies(tmp_path: Path):
     ended = run(plan(bench=True), tmp_path / "s", workers=1)
-    assert ended.figures["least_margin"] < 0.0 and ended.figures["worst"]["arm"] == "alike"
+    assert ended.figures["robustness"] < 0.0 and ended.figures["worst"]["arm"] == "alike"
     assert ended.figures["confirmed"][0] >= 2  # of flights
     with pytest.raises(BadInput, match="open-loop trials"):
         open_folder(tmp_path / "s")

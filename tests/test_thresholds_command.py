@@ -196,7 +196,7 @@ def test_everything_else_of_the_configuration_is_kept():
     mapping = {"a.1": "one.csv:x", "a.2": "two.csv:x"}
     given = {
         "default": {"threshold": 9.0, "persistence_s": 0.055, "fade_s": 0.2},
-        "signal": {"a": {"range": [-3.0, 3.0], "singular_persistence": 5}},
+        "signal": {"a": {"range": [-3.0, 3.0], "split_persistence": 5}},
         "mapping": mapping,
         "discrete": {"gear": {"fail_safe": 1}},
         "resets": [{"at_s": 1.0, "signal": "a"}],
@@ -211,7 +211,7 @@ def test_everything_else_of_the_configuration_is_kept():
         assert written[key] == given[key]
     chosen = read_config(Path("o.toml")).signals(["a", "b"], "o.toml")
     assert (chosen["a"].threshold, chosen["a"].threshold_triplex, chosen["a"].persistence) == (2.0, 3.0, 24)
-    assert (chosen["a"].range, chosen["a"].singular_persistence, chosen["a"].fade_s) == ([-3.0, 3.0], 5, 0.2)
+    assert (chosen["a"].range, chosen["a"].split_persistence, chosen["a"].fade_s) == ([-3.0, 3.0], 5, 0.2)
     assert chosen["a"].reference_threshold == 9.0  # as before: the design is not of the reference
     assert (chosen["b"].threshold, chosen["b"].persistence) == (9.0, 6)
 

@@ -34,7 +34,7 @@ def made() -> list[Design]:
 
 
 def test_every_filter_and_persistence_has_a_threshold_a_level(made: list[Design]):
-    assert [(one.filter_s, one.persistence, one.singular) for one in made] == [
+    assert [(one.filter_s, one.persistence, one.in_split) for one in made] == [
         *((0.0, 2, 2), (0.0, 4, 4)),
         *((0.05, 2, 2), (0.05, 4, 4)),
     ]
@@ -66,17 +66,17 @@ def test_settings_of_a_design_are_those_that_are_written():
     levels = {4: Threshold(4, 1.00001, 0.9, 40, 0.1), 3: Threshold(3, 2.0, 1.0, 40, 0.1)}
     chosen = Design(0.1, 24, 12, levels).settings(RecordedSignal(threshold=9.0, persistence_s=1.0, fade_s=0.5))
     assert (chosen.threshold, chosen.threshold_triplex, chosen.threshold_duplex) == (1.001, 2.0, None)
-    assert (chosen.persistence, chosen.persistence_s, chosen.singular_persistence) == (24, None, 12)
+    assert (chosen.persistence, chosen.persistence_s, chosen.split_persistence) == (24, None, 12)
     assert (chosen.filter_s, chosen.fade_s) == (0.1, 0.5)
 
 
-def test_a_singular_persistence_that_is_given_stays():
+def test_a_split_persistence_that_is_given_stays():
     flights = [flight(k, 30.0) for k in range(4)]
     for given in (
-        RecordedSignal(threshold=1.0, singular_persistence=7),
-        RecordedSignal(threshold=1.0, singular_persistence_s=0.07),
+        RecordedSignal(threshold=1.0, split_persistence=7),
+        RecordedSignal(threshold=1.0, split_persistence_s=0.07),
     ):
-        assert designs(flights, given, Grid(20.0, (4,), (4,), (0.0,)))[0].singular == 7
+        assert designs(flights, given, Grid(20.0, (4,), (4,), (0.0,)))[0].in_split == 7
 
 
 def test_signals_of_three_channels_have_two_levels():

@@ -63,7 +63,7 @@ def test_a_channel_is_failed_exactly_when_the_threshold_is_exceeded(count: int, 
         series = exceeded(samples, Monitored(FOUR[:count], frames, 400))
         most = float(series.max())
         assert most > 0.1
-        settings = {"persistence": frames, "singular_persistence": 400}
+        settings = {"persistence": frames, "split_persistence": 400}
         assert first_failure(samples, threshold=most, **settings) is None
         for part in (below(most), 0.6 * most):
             assert first_failure(samples, threshold=part, **settings) == int(np.argmax(series > part))
@@ -78,7 +78,7 @@ def test_behind_the_filter_of_the_comparison_nobody_is_failed_before_it_is_excee
         given, rate = RecordedSignal(threshold=1.0, filter_s=filter_s), recorded(samples).rate_hz
         series = exceeded(low_passed(samples, given, rate), Monitored(FOUR, 8, 400))
         most = float(series.max())
-        settings: dict[str, Any] = {"persistence": 8, "singular_persistence": 400, "filter_s": filter_s}
+        settings: dict[str, Any] = {"persistence": 8, "split_persistence": 400, "filter_s": filter_s}
         assert first_failure(samples, threshold=most, **settings) is None
         failed = first_failure(samples, threshold=below(most), **settings)
         assert failed is None or failed >= int(np.argmax(series >= most))
@@ -96,7 +96,7 @@ def test_two_against_two_are_settled_exactly_when_the_middle_gap_exceeds_the_thr
             np.full(200, -10.0),
         )  # below both: the lower is right
         most = float(series.max())
-        settings: dict[str, Any] = {"persistence": 250, "singular_persistence": frames, "resolvers": ["reference"]}
+        settings: dict[str, Any] = {"persistence": 250, "split_persistence": frames, "tie_break": ["reference"]}
         assert first_failure(pair, far, threshold=most, **settings) is None
         assert first_failure(pair, far, threshold=below(most), **settings) == int(np.argmax(series >= most))
 
@@ -105,7 +105,7 @@ def test_two_channels_are_settled_exactly_when_their_distance_exceeds_the_thresh
     samples = one_off(3, count=2)
     series = exceeded(samples, Monitored((0, 1), 8, 6))
     most, far = float(series.max()), samples[0] - 100.0 * np.sign(samples[1] - samples[0])
-    settings: dict[str, Any] = {"persistence": 350, "singular_persistence": 6, "resolvers": ["reference"]}
+    settings: dict[str, Any] = {"persistence": 350, "split_persistence": 6, "tie_break": ["reference"]}
     assert first_failure(samples, far, threshold=most, **settings) is None
     assert first_failure(samples, far, threshold=below(most), **settings) == int(np.argmax(series >= most))
 
@@ -152,7 +152,7 @@ def test_pieces_are_failed_as_rig_vote_fails_them(count: int):
     """A threshold a level, a filter, and samples that are missing."""
     rng = np.random.default_rng(count)
     settings = RecordedSignal(
-        threshold=0.5, threshold_triplex=0.8, threshold_duplex=1.2, persistence=6, singular_persistence=9, filter_s=0.03
+        threshold=0.5, threshold_triplex=0.8, threshold_duplex=1.2, persistence=6, split_persistence=9, filter_s=0.03
     )
     every = np.stack([one_off(seed, 400, count) + 0.4 * walk(rng, 400) for seed in range(6)])
     every[2, 0, 100:120] = np.nan
@@ -170,7 +170,7 @@ def test_pieces_are_failed_as_rig_vote_fails_them(count: int):
 def test_a_flight_goes_on_after_an_isolation_and_one_event_counts_once():
     samples = np.zeros((1000, 4))
     samples[100:300, 1] = samples[320:330, 1] = samples[700:720, 2] = 5.0
-    settings = RecordedSignal(threshold=1.0, persistence=4, singular_persistence=4)
+    settings = RecordedSignal(threshold=1.0, persistence=4, split_persistence=4)
     assert isolations(samples, settings, RATE, 50).tolist() == [103, 703]
     assert isolations(samples, settings, RATE, 10).tolist() == [103, 323, 703]
 

@@ -45,7 +45,7 @@ def test_the_same_flight_is_equal(early: Path, tmp_path: Path, capsys: pytest.Ca
     assert "equal in 1 of 1 scenarios" in said and "hardover" not in said
 
 
-def test_a_later_failure_is_told_with_frames_times_and_resolver(
+def test_a_later_failure_is_told_with_frames_times_and_rule(
     early: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     assert decisions.diff(early, fly(tmp_path / "late", start_s=0.6, every=False), False)
@@ -100,7 +100,7 @@ def test_a_field_that_has_grown_is_compared_in_the_columns_of_both(rows: Block):
 def test_a_pattern_is_told_with_who_answers_it_and_when_it_is_over(rows: Block):
     split = rows.copy()
     s = INDEX["yaw_rate"]
-    split["pattern"][20:30, s], split["resolver"][20:24, s], split["resolver"][24:30, s] = 2, 6, 3
+    split["pattern"][20:30, s], split["decided_by"][20:24, s], split["decided_by"][24:30, s] = 2, 6, 3
     ((what, line),) = decisions.moved(rows, split, 100.0)
     assert what == "pattern"
     assert line == "  yaw_rate pattern: - -> 20 (0.20 s) 2:2 unresolved, 24 (0.24 s) 2:2 reference, 30 (0.30 s) over"

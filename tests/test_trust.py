@@ -138,7 +138,7 @@ def test_a_what_if_runs_the_class_of_the_log_or_of_a_file_only_with_permission(
 
 
 def test_a_bench_of_a_scenario_that_names_a_class_needs_permission(place: Path, command: Command):
-    refused(place, command, "named.toml", "bench", "named.toml", "--set", "duration_s=0.1", "--repeats", "1")
+    refused(place, command, "named.toml", "cost", "named.toml", "--set", "duration_s=0.1", "--repeats", "1")
 
 
 def test_a_vote_configuration_that_names_a_class_needs_permission(place: Path, command: Command):
@@ -152,7 +152,7 @@ LOOKS = (
     ["export", "LOG", "--to", "csv"],
     ["diff", "LOG", "LOG"],
     ["recover", "LOG"],
-    ["score", "LOG", "--no-twin"],
+    ["score", "LOG", "--no-baseline"],
     ["report", "LOG"],
     ["view", "LOG", "--save", "flight.rrd"],
     ["faults", "list"],

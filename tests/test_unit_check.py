@@ -1,4 +1,4 @@
-"""The conformance test: who passes with which grade, and what it finds in a unit that does not keep to the seam."""
+"""The conformance test: which grade a unit gets, and what is found in one that breaks the interface."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ OPENING = "kept = 0.0;"
 WRONG = {
     "a session after another begins as if it were the first": ("", "out->voted[0] = kept;"),
     "from new twice, the same bytes": (OPENING, "out->voted[0] = (double)(size_t)malloc(1) + called;"),
-    "fills what its form needs, with values of the enums": (OPENING, "out->state[3][1] = 9;"),
+    "fills what its role needs, with values of the enums": (OPENING, "out->state[3][1] = 9;"),
     "ends without failing": (OPENING + " atexit(abort);", ""),
     "answers every frame": (OPENING, "if (in->frame == 5) return 1;"),
     "votes healthy channels of an angle through the end of its circle": (
@@ -68,10 +68,10 @@ def test_the_monitor_in_c_meets_every_requirement_to_the_bit(tmp_path: Path):
     assert len(found.requirements) > 40
 
 
-def test_a_unit_with_rules_of_its_own_keeps_to_the_seam_alone(tmp_path: Path, rig_command):
+def test_a_unit_with_rules_of_its_own_keeps_to_the_interface_alone(tmp_path: Path, rig_command):
     unit(tmp_path, "first_valid")
-    found = check(tmp_path / "unit.toml", seam_only=True)
-    assert found.passed and found.grade == "seam"
+    found = check(tmp_path / "unit.toml", interface_only=True)
+    assert found.passed and found.grade == "interface"
     code, out, _ = rig_command("unit", "check", str(tmp_path / "unit.toml"), "--json")
     said = json.loads(out)
     assert code == 1 and not said["passed"] and said["grade"] == "failed"
@@ -81,23 +81,23 @@ def test_a_unit_with_rules_of_its_own_keeps_to_the_seam_alone(tmp_path: Path, ri
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_unit_that_does_not_keep_to_the_seam_is_found(tmp_path: Path, name: str):
+def test_a_unit_that_does_not_keep_to_the_interface_is_found(tmp_path: Path, name: str):
     strange(tmp_path, *WRONG[name])
-    found = check(tmp_path / "unit.toml", seam_only=True)
+    found = check(tmp_path / "unit.toml", interface_only=True)
     assert name in failed(found) and not found.passed
 
 
 def test_a_process_that_steps_frames_of_other_sessions_is_found(tmp_path: Path):
     """The planned unit never looks at a session; its votes, which hold the last valid sample, tell."""
     udp(tmp_path, [], "monitor")
-    found = check(tmp_path / "unit.toml", seam_only=True)
+    found = check(tmp_path / "unit.toml", interface_only=True)
     assert failed(found) == ["a frame of another session is not stepped"]
 
 
 def test_a_flight_computer_is_asked_for_its_surfaces(tmp_path: Path):
-    unit(tmp_path, "autopilot", form="flight-computer")
+    unit(tmp_path, "autopilot", role="flight-computer")
     found = check(tmp_path / "unit.toml")
-    assert found.passed and found.grade == "seam"
+    assert found.passed and found.grade == "interface"
 
 
 CLASSES = """
@@ -121,20 +121,20 @@ class Silent(First):
 """
 
 
-def of_class(folder: Path, name: str, *, seam_only: bool) -> Checked:
+def of_class(folder: Path, name: str, *, interface_only: bool) -> Checked:
     file = folder / "unit.toml"
-    file.write_text(f'name = "mine"\ncarrier = "python"\nmanager = "checked_classes:{name}"\n')
-    return check(file, seam_only=seam_only)
+    file.write_text(f'name = "mine"\ntransport = "python"\nmanager = "checked_classes:{name}"\n')
+    return check(file, interface_only=interface_only)
 
 
 def test_of_a_class_is_tested_what_it_writes_and_what_it_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "checked_classes.py").write_text(CLASSES)
     monkeypatch.syspath_prepend(tmp_path)
-    seam = of_class(tmp_path, "First", seam_only=True)
-    assert seam.grade == "seam" and [one.part for one in seam.requirements] == ["seam"] * 3
-    assert of_class(tmp_path, "Votes", seam_only=True).passed
-    decided = of_class(tmp_path, "First", seam_only=False)
+    interface = of_class(tmp_path, "First", interface_only=True)
+    assert interface.grade == "interface" and [one.part for one in interface.requirements] == ["interface"] * 3
+    assert of_class(tmp_path, "Votes", interface_only=True).passed
+    decided = of_class(tmp_path, "First", interface_only=False)
     wrong = [one for one in decided.requirements if not one.passed]
     assert not decided.passed and wrong and all(one.part == "decisions" for one in wrong)
-    (silent,) = of_class(tmp_path, "Silent", seam_only=False).requirements
+    (silent,) = of_class(tmp_path, "Silent", interface_only=False).requirements
     assert not silent.passed and "wrote no vote in frame 0" in silent.detail

@@ -1,4 +1,4 @@
-"""A unit under test in flight: by every carrier, whatever it does."""
+"""A unit under test in flight: by every transport, whatever it does."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def _nothing_is_left_behind():
     assert set(children()) <= before
 
 
-def test_the_monitor_in_c_flies_the_bits_of_ours_by_every_carrier(tmp_path: Path):
+def test_the_monitor_in_c_flies_the_bits_of_ours_by_every_transport(tmp_path: Path):
     ours = fly(tmp_path, None).rows
-    carriers = [unit(tmp_path, "monitor"), unit(tmp_path, "monitor", isolate=False), udp(tmp_path, [], "monitor")]
-    flights = [fly(tmp_path, tested) for tested in carriers]
+    transports = [unit(tmp_path, "monitor"), unit(tmp_path, "monitor", isolate=False), udp(tmp_path, [], "monitor")]
+    flights = [fly(tmp_path, tested) for tested in transports]
     assert len({flight.digest for flight in flights}) == 1
     rows = flights[0].rows
     assert (rows["unit"] == UnitStatus.ANSWERED).all() and (rows["unit_age"] == 0).all()
@@ -80,11 +80,11 @@ def test_an_answer_flown_a_frame_later_has_that_age(tmp_path: Path):
 
 
 def test_a_flight_computer_flies_its_own_surfaces(tmp_path: Path):
-    flight = fly(tmp_path, unit(tmp_path, "autopilot", form="flight-computer"))
+    flight = fly(tmp_path, unit(tmp_path, "autopilot", role="flight-computer"))
     rows = flight.rows
     assert (rows["law"] == Law.EXTERNAL).all()
     assert np.isnan(rows["voted"]).all() and (rows["state"] == State.ABSENT).all()
-    assert np.array_equal(rows["surface"], rows["actuator"])
+    assert np.array_equal(rows["surface"], rows["surface_command"])
     assert np.ptp(rows["surface"][:, 0]) > 0
     assert flight.survived and flight.not_executed == []
 
@@ -253,10 +253,10 @@ def test_a_unit_built_for_other_records_is_refused(tmp_path: Path):
 
 
 def test_a_command_that_is_no_unit_is_refused_in_one_line(tmp_path: Path):
-    silent = written(tmp_path, {"name": "u", "carrier": "udp", "command": ["sleep", "60"], "start_s": 0.3})
+    silent = written(tmp_path, {"name": "u", "transport": "udp", "command": ["sleep", "60"], "start_s": 0.3})
     with pytest.raises(BadInput, match=r"u did not send READY within start_s = 0.3 s"):
         fly(tmp_path, silent)
-    missing = written(tmp_path, {"name": "u", "carrier": "udp", "command": ["no-such-program"]})
+    missing = written(tmp_path, {"name": "u", "transport": "udp", "command": ["no-such-program"]})
     with pytest.raises(
         BadInput, match="u: command: no-such-program: no such program, neither beside the unit file nor"
     ):
@@ -280,7 +280,7 @@ def test_paced_misses_are_held_and_told_apart(tmp_path: Path):
     assert np.array_equal(rows["voted"][84], rows["voted"][79])
     assert [event.frame for event in flight.events if event.name == "unit missed"] == [min(held)]
     assert not found["reproducible"]
-    scored = score_log(flight.log, Yardstick(), twin=False)
+    scored = score_log(flight.log, Yardstick(), baseline=False)
     told = {frame for miss in scored.misses for frame in range(miss.first_frame, miss.last_frame + 1)}
     assert {50, 51, 52, 80, 81, 82, 83, 84} <= told <= held, "a loaded machine misses others too"
     assert scored.times["lateness"] and scored.times["replies"]
@@ -338,11 +338,11 @@ def test_the_log_names_the_unit_and_what_became_of_it(tmp_path: Path):
     flight = fly(tmp_path, unit(tmp_path))
     kept = flight.recorded.metadata
     about = json.loads(kept["unit"])
-    assert about["name"] == "first_valid" and about["carrier"] == "library" and len(about["sha256"]) == 64
+    assert about["name"] == "first_valid" and about["transport"] == "library" and len(about["sha256"]) == 64
     assert json.loads((flight.recorded.result or {})["unit"])["answered"] == 200
 
 
-def test_a_python_class_is_a_carrier_too(tmp_path: Path, monkeypatch):
+def test_a_python_class_is_a_transport_too(tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "mine_unit.py").write_text(
@@ -351,7 +351,7 @@ def test_a_python_class_is_a_carrier_too(tmp_path: Path, monkeypatch):
         "        fcc[k]['voted'][:] = bus[k]['channels'][:, 1]\n"
         "        fcc[k]['level'][:] = 4\n"
     )
-    flight = fly(tmp_path, written(tmp_path, {"name": "m", "carrier": "python", "manager": "mine_unit:Mine"}))
+    flight = fly(tmp_path, written(tmp_path, {"name": "m", "transport": "python", "manager": "mine_unit:Mine"}))
     assert np.array_equal(flight.rows["voted"], flight.rows["channels"][:, :, 1])
 
 
@@ -375,7 +375,7 @@ def test_a_system_that_refuses_is_quoted(monkeypatch):
 
 
 WHAT_LASTS = (
-    ["outlier_threshold=0.002", "bias_bound=0.001", "bias_s=0.2"],
+    ["outlier_threshold=0.002", "equalise_bound=0.001", "equalise_s=0.2"],
     ["slow_allowance=0.002", "slow_limit=0.0002"],
     ["stale_frames=2"],
 )  # of pitch rate
@@ -389,6 +389,6 @@ def test_the_monitor_in_c_is_told_what_lasts_and_flies_the_bits_of_ours(tmp_path
         fly(tmp_path, tested, *sets) for tested, sets in ((None, keys), (unit(tmp_path, "monitor"), keys), (None, []))
     ]
     ours, theirs, off = (
-        [flight.rows[field].tobytes() for field in ("state", "resolver", "voted")] for flight in flights
+        [flight.rows[field].tobytes() for field in ("state", "decided_by", "voted")] for flight in flights
     )
     assert ours == theirs != off

@@ -23,7 +23,7 @@ from rig.bench.unit_check import check
 from rig.core.errors import BadInput, RigError
 from rig.core.frame import UnitStatus
 from rig.studies.campaign.worker import flown_with
-from rig.unit import fmu as fmu_carrier
+from rig.unit import fmu as fmu_transport
 from rig.unit.fmu_description import TOKEN, Version, description, variables
 from rig.unit.unit_file import Unit
 from rig.unit.unit_records import CONFIG, HELLO, INPUT, OUTPUT
@@ -73,7 +73,7 @@ def faulty(version: Version) -> Path:
 
 
 def unit_of(folder: Path, path: Path, **keys: Any) -> Unit:
-    return written(folder, {"name": "u", "carrier": "fmu", "path": str(path), **keys})
+    return written(folder, {"name": "u", "transport": "fmu", "path": str(path), **keys})
 
 
 def fly(out: Path, tested: Unit, **more: Any) -> rig.Flight:
@@ -335,7 +335,7 @@ def test_without_fmpy_one_line_says_what_to_install(tmp_path: Path, rig_command,
     unit_of(tmp_path, _nothing(tmp_path))
     code, _, err = rig_command("fly", "--unit", "unit.toml")
     assert code == 2
-    assert err == "error: unit.toml: u: carrier fmu needs FMPy: pip install 'jsbsim-rig[fmi]'\n"
+    assert err == "error: unit.toml: u: transport fmu needs FMPy: pip install 'jsbsim-rig[fmi]'\n"
 
 
 @needs_fmpy
@@ -383,6 +383,6 @@ BEYOND: dict[str, tuple[list[tuple[str | zipfile.ZipInfo, bytes]], str]] = {
 def test_an_archive_beyond_the_limits_is_not_unpacked(tmp_path: Path, name: str):
     entries, said = BEYOND[name]
     _archive(tmp_path / "u.fmu", *entries)
-    tested = written(tmp_path, {"name": "u", "carrier": "fmu", "path": "u.fmu"})
+    tested = written(tmp_path, {"name": "u", "transport": "fmu", "path": "u.fmu"})
     with pytest.raises(BadInput, match=re.escape(f"u.fmu is not unpacked: {said}")):
-        fmu_carrier.child(tested, 0)
+        fmu_transport.child(tested, 0)

@@ -22,7 +22,7 @@ from rig.core.frame import SIGNALS, UnitStatus
 from rig.unit import header
 from rig.unit.fmu_mapping import OF_ITS_SIGNAL
 from rig.unit.unit_file import read_unit
-from rig.unit.unit_records import LASTING_CONFIG, RULES_CONFIG, SIGNAL_CONFIG
+from rig.unit.unit_records import RULES_CONFIG, SIGNAL_CONFIG, SLOW_FAULTS_CONFIG
 
 TOOLS = {"2": "pythonfmu", "3": "pythonfmu3"}
 VERSIONS = tuple(TOOLS)
@@ -59,7 +59,7 @@ def tables(version: str) -> tuple[dict[str, str], dict[str, str]]:
 
 def unit_of(folder: Path, path: Path, inputs: dict[str, str], outputs: dict[str, str], **more: dict[str, Any]) -> Any:
     """The unit of a file; more : tables of other names."""
-    lines = ['name = "median"', 'carrier = "fmu"', f'path = "{path}"']
+    lines = ['name = "median"', 'transport = "fmu"', f'path = "{path}"']
     for name, table in {"inputs": inputs, "outputs": outputs, **more}.items():
         lines += [f"[fmu.{name}]", *(f'"{key}" = {json.dumps(value)}' for key, value in table.items())]
     (folder / "unit.toml").write_text("\n".join(lines))
@@ -116,7 +116,7 @@ def test_config_and_constants_reach_an_fmu_of_fmi_2(tmp_path: Path):
 def test_config_and_constants_reach_an_array_of_fmi_3(tmp_path: Path):
     inputs, outputs = tables("3")
     parameters = {"signal.pitch_rate.threshold": "bias[1]", "trim_surface.elevator_rad": "bias[3]"}
-    parameters |= {"lasting.pitch_rate.stale_frames": "bias[5]", "rules.heading.unresolved_frames": "bias[6]"}
+    parameters |= {"slow_faults.pitch_rate.stale_frames": "bias[5]", "rules.heading.unresolved_frames": "bias[6]"}
     given = {"parameters": parameters, "constants": {"bias[14]": 0.02}}
     flight = rig.fly(overrides=SHORT, out=tmp_path, unit=unit_of(tmp_path, made("3"), inputs, outputs, **given))
     added = flight.rows["voted"][0] - np.median(flight.rows["channels"][0], axis=1)
@@ -129,7 +129,7 @@ def test_config_and_constants_reach_an_array_of_fmi_3(tmp_path: Path):
 
 def test_units_of_config_are_those_of_the_page():
     page = {name for name, text in header._MEANINGS.items() if text.startswith("unit of the signal")}
-    of_signals = (SIGNAL_CONFIG, LASTING_CONFIG, RULES_CONFIG)
+    of_signals = (SIGNAL_CONFIG, SLOW_FAULTS_CONFIG, RULES_CONFIG)
     assert page & {name for dtype in of_signals for name in dtype.names or ()} == set(OF_ITS_SIGNAL)
 
 
@@ -244,7 +244,7 @@ WRONG = {
     "a vote less": (
         INPUTS,
         _without(OUTPUTS, "voted.heading"),
-        "fmu.outputs: voted.heading not mapped: form redundancy needs it",
+        "fmu.outputs: voted.heading not mapped: role redundancy needs it",
     ),
     "a group in parts": (
         INPUTS,
@@ -380,11 +380,11 @@ def test_a_step_of_four_digits_or_more_makes_a_frame_and_one_a_unit_of_the_last_
             assert not makes_a_frame(f"{float(step_s) + off:#.{digits}g}", steps, rate_hz)
 
 
-def test_a_mapping_is_of_the_carrier_fmu_alone(tmp_path: Path):
+def test_a_mapping_is_of_the_transport_fmu_alone(tmp_path: Path):
     unit_of(tmp_path, Path(__file__), {}, OUTPUTS)
     path = tmp_path / "unit.toml"
     path.write_text(path.read_text().replace('"fmu"', '"library"', 1))
-    with pytest.raises(BadInput, match="fmu: the carrier library has no variables to map"):
+    with pytest.raises(BadInput, match="fmu: the transport library has no variables to map"):
         read_unit(path)
 
 

@@ -78,7 +78,7 @@ def test_a_lane_whose_unit_dies_is_failed_by_its_watchdog_and_three_fly_on(tmp_p
     assert (flight.rows["unit"][51:] == UnitStatus.DEAD).all()
     assert lanes["health"][:, [0, 2, 3]].max() < Health.FAILED
     assert not flight.failed  # its lane still passes its samples on
-    found = score_log(flight.log, Yardstick(), twin=False)
+    found = score_log(flight.log, Yardstick(), baseline=False)
     assert found.score.isolations == [] and flight.conclusion == tuple(found.conclusion)
     assert "computer B, whose software is the unit under test, was failed at " in flight.conclusion[0]
 
@@ -101,7 +101,7 @@ def test_a_voter_that_believes_a_faulty_channel_is_outvoted_and_failed_by_the_ot
     assert flight.survived and set(flight.lanes_failed) == {"B"}
     assert lanes["failed_for"][-1, B] == LaneTest.COMMANDS
     assert flight.failed == {"pitch_rate": [1]}  # by the leading lane, which is ours
-    found = score_log(flight.log, Yardstick(), twin=False)
+    found = score_log(flight.log, Yardstick(), baseline=False)
     computers = found.score.computers
     assert computers is not None and [one.cause for one in computers.failures] == ["unit under test"]
     assert not found.score.isolations
@@ -111,7 +111,7 @@ def test_a_voter_that_believes_a_faulty_channel_is_outvoted_and_failed_by_the_ot
 
 
 def test_a_flight_computer_has_its_own_law_and_no_part_in_the_integrators_of_the_others(tmp_path: Path):
-    flight = fly(tmp_path, unit(tmp_path, "autopilot", form="flight-computer"), "B")
+    flight = fly(tmp_path, unit(tmp_path, "autopilot", role="flight-computer"), "B")
     ours, lanes = lanes_of(fly(tmp_path)), lanes_of(flight)
     others = [0, 2, 3]
     assert np.array_equal(lanes["integral"][:3, others], ours["integral"][:3, others])
@@ -173,4 +173,4 @@ def test_a_lane_without_a_unit_and_a_class_as_a_lane_are_refused(tmp_path: Path)
     with pytest.raises(BadInput, match="--lane B: of a unit under test, --unit"):
         fly(tmp_path, None, "B")
     with pytest.raises(BadInput, match="a class votes in place of our manager"):
-        as_lane(Unit(name="mine", carrier="python", manager="mine:Mine"), "B")
+        as_lane(Unit(name="mine", transport="python", manager="mine:Mine"), "B")

@@ -1,4 +1,4 @@
-"""The records of the seam: what C makes of the header, what the committed files say, what the rig lays out."""
+"""The records of the interface: what C makes of the header, what the committed files say, what the rig lays out."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from unit_files import COMPILER, ROOT, needs_a_compiler
 from unit_files import SOURCES as EXAMPLES
 
-from rig.core.frame import DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES
+from rig.core.frame import AUTOPILOT_COMMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES
 from rig.core.frame.fields import BASES, FIELD, FIELDS
 from rig.unit import header
 from rig.unit.host import HEAD
@@ -68,7 +68,7 @@ def test_every_field_is_explained_and_every_index_named():
     for items in (SIGNALS, DISCRETES):
         for i, item in enumerate(items):
             assert any(row[0] == item.name and row[1].split(",")[0] == str(i) for row in rows), item.name
-    for i, name in [*enumerate(DEMANDS), *enumerate(SURFACES), *enumerate(INERTIAL)]:
+    for i, name in [*enumerate(AUTOPILOT_COMMANDS), *enumerate(SURFACES), *enumerate(INERTIAL)]:
         assert [name, str(i)] in rows
 
 

@@ -19,23 +19,23 @@ from unit_files import compiled, needs_a_compiler, written
 from rig.bench.unit_check import check, long_cases, our_answers
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
 from rig.computer.redundancy.manager_config import told
-from rig.core.frame import CHANNELS, Block, D, Ilm, Pattern, Resolver, S, State
+from rig.core.frame import CHANNELS, Block, D, DecidedBy, Ilm, Pattern, S, State
 from rig.unit.unit_records import ANSWERS
 from rig.unit.vectors import VOTES_WITHIN, differences
 
 assert objects  # the fixture
 PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
-STATES, RESOLVERS, ILM = (
+STATES, TIE_BREAKS, ILM = (
     {state.name.lower(): int(state) for state in State},
-    {resolver.name.lower(): int(resolver) for resolver in Resolver},
+    {decided_by.name.lower(): int(decided_by) for decided_by in DecidedBy},
     {int(ilm): ilm.name.lower() for ilm in Ilm},
 )
 GIVEN = ("channels", "valid", "ilm", "reference", "second_reference", "reset")
 FLAGS = ("trend_high", "trend_low", "reference_usable", "common_mode")
-ANSWERED = ("voted", "state", "level", "pattern", "resolver", *FLAGS)
+ANSWERED = ("voted", "state", "level", "pattern", "decided_by", *FLAGS)
 
 
-def settings(row: NDArray[Any], lasting: NDArray[Any], rules: NDArray[Any]) -> Settings:
+def settings(row: NDArray[Any], slow_faults: NDArray[Any], rules: NDArray[Any]) -> Settings:
     """The oracle's settings of the CONFIG records of one signal."""
     number = {name: float(row[name]) for name in row.dtype.names or () if row[name].ndim == 0}
     return Settings(
@@ -45,24 +45,24 @@ def settings(row: NDArray[Any], lasting: NDArray[Any], rules: NDArray[Any]) -> S
         reference_threshold=number["reference_threshold"],
         second_threshold=number["second_threshold"],
         persistence=int(row["persistence"]),
-        singular_persistence=int(row["singular_persistence"]),
+        split_persistence=int(row["split_persistence"]),
         trend_frames=int(row["trend_frames"]),
         outlier=float(row["outlier_threshold"]) or None,
         outlier_triplex=float(row["outlier_threshold_triplex"]) or None,
         filter_share=float(row["filter_gain"]),
         common_persistence=int(row["common_persistence"]),
         common_fails=bool(row["common_fails"]),
-        resolvers=tuple(Resolver(one).name.lower() for one in row["resolvers"] if one),
+        tie_break=tuple(DecidedBy(one).name.lower() for one in row["tie_break"] if one),
         channels=int(row["fitted"]),
         turn=2 * np.pi if row["wraps"] else 0.0,
         weighted=bool(row["weighted"]),
         low=number["low"],
         high=number["high"],
-        bias_bound=float(lasting["bias_bound"]),
-        bias_share=float(lasting["bias_gain"]),
-        slow_allowance=float(lasting["slow_allowance"]),
-        slow_limit=float(lasting["slow_limit"]),
-        stale_frames=int(lasting["stale_frames"]),
+        equalise_bound=float(slow_faults["equalise_bound"]),
+        bias_share=float(slow_faults["equalise_gain"]),
+        slow_allowance=float(slow_faults["slow_allowance"]),
+        slow_limit=float(slow_faults["slow_limit"]),
+        stale_frames=int(slow_faults["stale_frames"]),
         **{name: rules[name].item() for name in told("rules")},
     )
 
@@ -94,8 +94,8 @@ class FadingOracle(ResettableOracle):
 
 def oracle_of(config: NDArray[Any], i: int) -> FadingOracle:
     """The oracle of signal ``i``."""
-    row, lasting, rules = (config[part][0, i] for part in ("signal", "lasting", "rules"))
-    oracle = FadingOracle(settings(row, lasting, rules), readmit_frames=int(row["readmit_frames"]))
+    row, slow_faults, rules = (config[part][0, i] for part in ("signal", "slow_faults", "rules"))
+    oracle = FadingOracle(settings(row, slow_faults, rules), readmit_frames=int(row["readmit_frames"]))
     oracle.fade_frames, oracle.low, oracle.shown = int(row["fade_frames"]), float(row["low"]), int(row["fitted"])
     return oracle
 
@@ -111,7 +111,7 @@ def wrong(config: NDArray[Any], inputs: NDArray[Any], rows: Block) -> dict[int, 
         for i, one in enumerate(oracles):
             frame, said = say(one, [column[i] for column in asked], bool(one.s.sources & disputed))
             states = [STATES[name] for name in frame.states] + [STATES["absent"]] * (CHANNELS - one.s.channels)
-            patterns = [frame.level, PATTERNS[frame.pattern], RESOLVERS[frame.resolver]]
+            patterns = [frame.level, PATTERNS[frame.pattern], TIE_BREAKS[frame.decided_by]]
             voted, *ours = (column[i] for column in answered)
             theirs = [states, *patterns, *frame.trend, frame.usable, frame.common]
             if ours != theirs or not abs(voted - said) <= within[i]:
@@ -211,10 +211,10 @@ SLOW = [
         "const double gain = begins ? first",
         "const double gain = (begins && (seen < 0.0)) ? first",
     ),
-    Defect("the bias of a readmitted channel kept", "s->lasting.bias[c] = 0.0;", ""),
+    Defect("the bias of a readmitted channel kept", "s->slow_faults.bias[c] = 0.0;", ""),
     Defect(
-        "outlier thresholds before the biases are learned",
-        "lasting_is_learned(&f, &s->lasting) ? outlier_threshold(f.n, p) : 0.0",
+        "isolation thresholds before the biases are learned",
+        "slow_is_learned(&f, &s->slow_faults) ? outlier_threshold(f.n, p) : 0.0",
         "outlier_threshold(f.n, p)",
     ),
     Defect("learned frames of eight bits", "int64_t learned[RIG_CHANNELS];", "uint8_t learned[RIG_CHANNELS];"),
@@ -229,7 +229,7 @@ SLOW = [
     Defect("repeats of eight bits", "int64_t repeats[RIG_CHANNELS];", "uint8_t repeats[RIG_CHANNELS];"),
     Defect(
         "a stale sample that counts as agreement",
-        " && !lasting_is_stale(c, &s->lasting) && !has",
+        " && !slow_is_stale(c, &s->slow_faults) && !has",
         " && !has",
     ),
 ]

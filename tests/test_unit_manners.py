@@ -138,7 +138,7 @@ def test_a_box_that_does_not_start_has_its_own_line(tmp_path: Path, name: str):
     manner, said = BOXES[name]
     box = Box(manner)
     try:
-        tested = {"name": "u", "carrier": "udp", "address": box.address, "start_s": START_S}
+        tested = {"name": "u", "transport": "udp", "address": box.address, "start_s": START_S}
         assert said in refused(tmp_path, written(tmp_path, tested))
     finally:
         box.stop()
@@ -198,16 +198,16 @@ COMMANDS: dict[str, tuple[Callable[[Path], list[str]], str]] = {
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_that_does_not_start_has_its_own_line(tmp_path: Path, name: str):
     command, said = COMMANDS[name]
-    tested = {"name": "u", "carrier": "udp", "command": command(tmp_path), "start_s": START_S + 0.5}
+    tested = {"name": "u", "transport": "udp", "command": command(tmp_path), "start_s": START_S + 0.5}
     assert said in refused(tmp_path, written(tmp_path, tested))
 
 
 FILES = {
-    'carrier = "udp"\ncommand = ["a\\u0000b"]\n': "command: must not contain the character NUL",
-    'carrier = "udp"\ncommand = [""]\n': "command: must not be empty",
+    'transport = "udp"\ncommand = ["a\\u0000b"]\n': "command: must not contain the character NUL",
+    'transport = "udp"\ncommand = [""]\n': "command: must not be empty",
     'path = "a\\u0000b"\n': "path: must not contain the character NUL",
     'path = "."\n': "path: .: is a folder, must be a library",
-    'carrier = "fmu"\npath = "."\n': "path: .: is a folder, must be an FMU, one file",
+    'transport = "fmu"\npath = "."\n': "path: .: is a folder, must be an FMU, one file",
     'path = "none.so"\n': "path: none.so: no such file",
 }
 
@@ -292,7 +292,7 @@ def test_what_a_library_leaves_ends_with_the_flight(tmp_path: Path, name: str, t
 def test_what_a_command_leaves_ends_with_it(tmp_path: Path, how: str):
     mark = f"61{time.monotonic_ns()}"
     command = ["sh", "-c", how.format(mark), "{address}"]
-    refused(tmp_path, written(tmp_path, {"name": "u", "carrier": "udp", "command": command, "start_s": START_S}))
+    refused(tmp_path, written(tmp_path, {"name": "u", "transport": "udp", "command": command, "start_s": START_S}))
     assert marked(mark) == []
 
 
@@ -300,7 +300,7 @@ def test_what_a_command_leaves_ends_with_a_rig_that_is_killed(tmp_path: Path):
     import sys
 
     mark = f"62{time.monotonic_ns()}"
-    written(tmp_path, {"name": "u", "carrier": "udp", "command": ["sh", "-c", f"setsid sleep {mark} & sleep 60"]})
+    written(tmp_path, {"name": "u", "transport": "udp", "command": ["sh", "-c", f"setsid sleep {mark} & sleep 60"]})
     flown = subprocess.Popen([sys.executable, "-m", "rig", "fly", "--unit", "unit.toml"], cwd=tmp_path)
     until(lambda: marked(mark), True)
     flown.send_signal(signal.SIGKILL)
@@ -395,7 +395,7 @@ def test_a_hundred_starts_over_a_network_that_loses_and_doubles_a_tenth(tmp_path
 
     network, case = Network(listening[0], 1), load()[0]
     address = f"127.0.0.1:{network.near.getsockname()[1]}"
-    tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": address})
+    tested = written(tmp_path, {"name": "u", "transport": "udp", "address": address})
     try:
         with running(tested) as box:
             flown = [answers(box, case.config, case.inputs[:2]) for _ in range(100)]
@@ -410,7 +410,7 @@ def test_a_second_rig_is_told_that_the_box_is_busy(tmp_path: Path, listening: tu
     from rig.bench.unit_check import load
     from rig.unit.running_unit import running
 
-    tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": listening[0]})
+    tested = written(tmp_path, {"name": "u", "transport": "udp", "address": listening[0]})
     with running(tested) as first:
         first.begin(load()[0].config.copy())  # waits where the end of an earlier session was lost
         assert "it is busy with session " in refused(tmp_path, tested.model_copy(update={"start_s": 0.6}))
@@ -422,7 +422,7 @@ def test_a_second_rig_is_told_that_the_box_is_busy(tmp_path: Path, listening: tu
 def test_a_box_that_restarts_is_dead_in_flight_and_greeted_again_between_flights(
     tmp_path: Path, listening: tuple[str, int]
 ):
-    tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": listening[0]})
+    tested = written(tmp_path, {"name": "u", "transport": "udp", "address": listening[0]})
     frames: list[int] = []
 
     def watch(rows: Any, *_: Any) -> None:

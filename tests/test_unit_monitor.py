@@ -8,19 +8,19 @@ import pytest
 from unit_files import COMPILER, Library, config, differing, inputs, library
 from unit_rows import HUGE, random_discretes, random_params, random_rows, vote
 
-from rig.core.frame import INDEX, Block, Ilm, Law, Pattern, Resolver, State
+from rig.core.frame import INDEX, Block, DecidedBy, Ilm, Law, Pattern, State
 from rig.flight.loop import fly_rows, redundancy
 from rig.scenario import scenario
 from rig.unit.session import box_rule, settings_of
-from rig.unit.unit_records import Form, Said, members
+from rig.unit.unit_records import Role, Said, members
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
 
 FLIGHTS = (
     ("f16_fault_in_the_split", ["duration_s=15"]),
     ("history_afti_flight_44", ["duration_s=20"]),
-    ("f16_singular_2_2_lying_ilm", ["duration_s=20"]),
-    ("f16_singular_1_1_1", ["duration_s=15", "redundancy.resets=[{at_s=9.0, signal='pitch_rate'}]"]),
+    ("f16_split_2_2_wrong_ilm", ["duration_s=20"]),
+    ("f16_split_1_1_1", ["duration_s=15", "redundancy.resets=[{at_s=9.0, signal='pitch_rate'}]"]),
     ("b747_lost_pitch_rate", ["duration_s=20"]),
     ("b737_turn_through_north", ["duration_s=35"]),
     ("b737_gear_down_inverted", ["duration_s=10"]),
@@ -63,14 +63,19 @@ def test_random_rows_are_voted_to_the_same_bits_and_reach_every_state_and_readmi
     for flight in range(8 * RANDOM_FLIGHTS):
         record, rows = random_flight(divmod(flight, RANDOM_FLIGHTS))
         assert differing(monitor.fly(record, rows), rows) == {}, flight
-        for name, enum in (("pattern", Pattern), ("resolver", Resolver), ("state", State), ("discrete_state", State)):
+        for name, enum in (
+            ("pattern", Pattern),
+            ("decided_by", DecidedBy),
+            ("state", State),
+            ("discrete_state", State),
+        ):
             values, counts = np.unique(rows[name], return_counts=True)
             seen.update({(name, enum(value)): int(count) for value, count in zip(values, counts, strict=True)})
         seen["common mode"] += int(rows["common_mode"].sum())
         for name, found in (("level", "readmitted"), ("discrete_level", "discrete readmitted")):
             seen[found] += int((np.diff(rows[name].astype(int), axis=0) > 0).sum())
-    expected = [("pattern", one) for one in Pattern] + [("resolver", one) for one in members(Resolver)]
-    expected.remove(("resolver", Resolver.LANE))  # a unit has no lanes to ask
+    expected = [("pattern", one) for one in Pattern] + [("decided_by", one) for one in members(DecidedBy)]
+    expected.remove(("decided_by", DecidedBy.LANE))  # a unit has no lanes to ask
     expected += [(name, one) for name in ("state", "discrete_state") for one in State]
     counts = {one: seen[one] for one in (*expected, "common mode", "readmitted", "discrete readmitted")}
     assert min(counts.values()) >= 10, counts
@@ -85,7 +90,7 @@ def test_so_are_rows_with_infinities_and_numbers_near_the_largest(monitor: Libra
 
 # Each switch that versions 2 and 3 of the records brought, and what it is when it is off.
 SWITCHES = {
-    **dict.fromkeys(("bias_bound", "slow_limit", "stale_frames", "count_down", "unresolved_frames"), 0),
+    **dict.fromkeys(("equalise_bound", "slow_limit", "stale_frames", "count_down", "unresolved_frames"), 0),
     **dict.fromkeys(("trend_tumbles", "trend_beside_reference", "referred", "sources", "box", "weighted"), 0),
     "trend_small": -1.0,
 }
@@ -106,9 +111,9 @@ def test_each_switch_decides_in_the_random_rows():
 
 def quiet(frames: int) -> tuple[np.ndarray, Block]:
     """CONFIG of a bundled scenario whose samples may repeat, and rows of zeros, all valid, without references."""
-    stage = redundancy(scenario.load("f16_singular_2_2_ilm"))
+    stage = redundancy(scenario.load("f16_split_2_2_ilm"))
     stage.manager.params["stale_frames"] = 0
-    rows = np.zeros(frames, fly_rows(scenario.load("f16_singular_2_2_ilm"), 1).dtype)
+    rows = np.zeros(frames, fly_rows(scenario.load("f16_split_2_2_ilm"), 1).dtype)
     rows["valid"] = rows["discrete_valid"] = 1
     rows["ilm"] = rows["discrete_ilm"] = Ilm.ABSENT
     rows["reference"] = rows["second_reference"] = np.nan
@@ -117,12 +122,12 @@ def quiet(frames: int) -> tuple[np.ndarray, Block]:
 
 def test_a_monitor_that_is_absent_does_not_say_bad(monitor: Library):
     record, rows = quiet(20)
-    record["signal"][0, 0]["resolvers"] = [Resolver.ILM, 0, 0, 0, 0]
+    record["signal"][0, 0]["tie_break"] = [DecidedBy.ILM, 0, 0, 0, 0]
     rows["channels"][:, 0] = [0.0, 0.0, 1.0, 1.0]
     rows["ilm"][:, 0] = [Ilm.GOOD, Ilm.GOOD, Ilm.ABSENT, Ilm.ABSENT]
     rows["discrete_channels"] = 1
     out = monitor.fly(record, rows)
-    assert set(out["resolver"][:, 0]) == {Resolver.UNRESOLVED}
+    assert set(out["decided_by"][:, 0]) == {DecidedBy.UNRESOLVED}
     assert (out["discrete_voted"] == 1).all()
 
 
@@ -163,7 +168,7 @@ def test_the_first_valid_unit_votes_the_first_channel_in_range_and_holds_without
 
 def test_the_autopilot_puts_the_nose_and_the_wings_back_within_the_stops():
     record, rows = quiet(3)
-    record["form"], record["rate_hz"] = Form.FLIGHT_COMPUTER, 100.0
+    record["role"], record["rate_hz"] = Role.FLIGHT_COMPUTER, 100.0
     record["surface_low"], record["surface_high"] = -0.3, [0.3, 0.3, 0.3, 1.0]
     record["trim_surface"] = [0.01, 0.0, 0.0, 0.25]
     rows["channels"][:, INDEX["dynamic_pressure"]] = 5276.0

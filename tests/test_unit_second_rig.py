@@ -67,7 +67,7 @@ def test_what_a_second_rig_finds_wrong(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(unit_second_rig, "SILENCE_S", 1.0)
     case = load()[0]
     with box(tmp_path, *changes) as address:
-        tested = written(tmp_path, {"name": "box", "carrier": "udp", "address": address, "start_s": 1.5})
+        tested = written(tmp_path, {"name": "box", "transport": "udp", "address": address, "start_s": 1.5})
         with running(tested) as unit_there:
             found = dict(unit_second_rig.check(unit_there, case.config, case.inputs))
     assert list(found) == [BUSY, END, SILENCE]
@@ -77,8 +77,8 @@ def test_what_a_second_rig_finds_wrong(tmp_path: Path, monkeypatch: pytest.Monke
 def test_the_conformance_test_has_these_lines_for_a_box_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(unit_second_rig, "SILENCE_S", 1.0)
     with box(tmp_path, QUICK) as address:
-        written(tmp_path, {"name": "box", "carrier": "udp", "address": address})
-        found = check(tmp_path / "unit.toml", seam_only=True)
+        written(tmp_path, {"name": "box", "transport": "udp", "address": address})
+        found = check(tmp_path / "unit.toml", interface_only=True)
     assert found.passed and {BUSY, END, SILENCE} <= {one.name for one in found.requirements}
     with running(unit(tmp_path, "first_valid")) as library:
         assert list(unit_second_rig.check(library, load()[0].config, load()[0].inputs)) == []

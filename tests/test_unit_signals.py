@@ -63,7 +63,7 @@ def test_a_unit_that_dies_of_a_signal_without_a_name_is_told_in_one_line(
 
 
 def test_a_run_of_a_campaign_that_dies_of_such_a_signal_is_told():
-    orders = Orders("none", 1, "", 60.0, twin=False, rig="")
+    orders = Orders("none", 1, "", 60.0, baseline=False, rig="")
     assert _died(-REAL_TIME, orders) == ("crashed", f"killed by signal {REAL_TIME} (SIGRTMIN+3)")
 
 

@@ -34,7 +34,7 @@ def box() -> Path:
 
 
 def as_box(folder: Path, **keys: Any) -> Unit:
-    return written(folder, {"name": "box", "carrier": "udp", "command": [str(box()), "--rig", "{address}"], **keys})
+    return written(folder, {"name": "box", "transport": "udp", "command": [str(box()), "--rig", "{address}"], **keys})
 
 
 def as_library(folder: Path, **keys: Any) -> Unit:
@@ -44,9 +44,9 @@ def as_library(folder: Path, **keys: Any) -> Unit:
 # Status ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("carrier", [as_box, as_library])
-def test_trim_is_flown_until_the_box_is_ready_and_its_fault_word_is_told(tmp_path: Path, carrier: Any):
-    flight = rig.fly(overrides=SHORT, out=tmp_path, unit=carrier(tmp_path))
+@pytest.mark.parametrize("transport", [as_box, as_library])
+def test_trim_is_flown_until_the_box_is_ready_and_its_fault_word_is_told(tmp_path: Path, transport: Any):
+    flight = rig.fly(overrides=SHORT, out=tmp_path, unit=transport(tmp_path))
     rows, found = flight.rows, flight.unit
     starting, flown = rows[:START_FRAMES], rows[START_FRAMES:]
     assert (rows["unit"] == UnitStatus.ANSWERED).all() and found is not None
@@ -94,7 +94,7 @@ def test_a_box_that_is_rebooted_in_flight_starts_again_and_trim_is_flown(tmp_pat
     monkeypatch.setattr(UnitUnderTest, "_step", rebooted)
     monkeypatch.setattr("rig.flight.unit_loop.FOREVER_NS", 0)  # every frame goes by _step
     command = ["sh", "-c", f"echo $$; exec {build('box_udp')} --rig {{address}}"]
-    tested = written(tmp_path, {"name": "box", "carrier": "udp", "command": command, "on_dead": "restart"})
+    tested = written(tmp_path, {"name": "box", "transport": "udp", "command": command, "on_dead": "restart"})
     flight = rig.fly(overrides=("duration_s=2", "faults=[]"), out=tmp_path, unit=tested)
     rows = flight.rows
     assert flight.unit is not None and flight.unit["restarts"] == 1 and flight.survived
@@ -132,7 +132,9 @@ def test_every_request_of_a_flight_has_its_checksum(tmp_path: Path):
         near = f"127.0.0.1:{network.near.getsockname()[1]}"
         try:
             rig.fly(
-                overrides=SHORT, out=tmp_path, unit=written(tmp_path, {"name": "u", "carrier": "udp", "address": near})
+                overrides=SHORT,
+                out=tmp_path,
+                unit=written(tmp_path, {"name": "u", "transport": "udp", "address": near}),
             )
         finally:
             network.stop()

@@ -19,19 +19,19 @@ from unit_files import compiled, needs_a_compiler
 
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.managers import Manager
-from rig.core.frame import FLAT, Pattern, Resolver, State, new_block
+from rig.core.frame import FLAT, DecidedBy, Pattern, State, new_block
 from rig.unit.session import box_rule, settings_of
 from rig.unit.unit_records import CONFIG, INPUT, OUTPUT, members
 from rig.unit.vectors import Case, differences, load
 
 SOURCES = (
-    *("monitor.c", "compare.c", "trend.c", "lasting.c", "resolvers.c", "references.c", "persistence.c", "boxes.c"),
+    *("monitor.c", "compare.c", "trend.c", "slow_faults.c", "tie_break.c", "references.c", "persistence.c", "boxes.c"),
     *("rules.c", "discretes.c"),
 )
 FILES = [*(EXAMPLES / name for name in SOURCES), EXAMPLES / "monitor.h"]
 OWN = f"-I{EXAMPLES}"
 CASES = load()
-REACHED = {"pattern": Pattern, "resolver": Resolver, "state": State, "discrete_state": State}
+REACHED = {"pattern": Pattern, "decided_by": DecidedBy, "state": State, "discrete_state": State}
 
 
 def found(case: Case, said: NDArray[Any]) -> list[str]:
@@ -107,10 +107,10 @@ def test_the_vectors_are_those_of_the_independent_reading():
 
 def expected_of(enum: Any) -> list[Any]:
     """All members; a unit has no lanes to ask."""
-    return [one for one in members(enum) if one is not Resolver.LANE]
+    return [one for one in members(enum) if one is not DecidedBy.LANE]
 
 
-def test_the_vectors_reach_every_pattern_resolver_and_state():
+def test_the_vectors_reach_every_pattern_rule_and_state():
     expected = {name: np.concatenate([case.expected[name].ravel() for case in CASES]) for name in REACHED}
     for name, enum in REACHED.items():
         seen = {

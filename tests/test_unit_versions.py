@@ -27,13 +27,13 @@ from rig.unit.older_versions import asked_since, config_for, unasked
 from rig.unit.unit_records import (
     CONFIG,
     INPUT,
+    INTERFACE,
     LAYOUT,
     MORE_THAN_HALF,
-    OLD_SEAMS,
+    OLD_INTERFACES,
     OUTPUT,
-    SEAM,
     SINCE,
-    Form,
+    Role,
     described,
     place,
 )
@@ -42,17 +42,20 @@ from rig.unit.vectors import load
 FOLDER = KEPT / f"{LAYOUT:016x}-versions"
 SHORT = ("duration_s=2", "faults.0.start_s=1")
 VERSIONS = [1, 2]
-OLD = {seam.version: seam for seam in OLD_SEAMS}
+OLD = {interface.version: interface for interface in OLD_INTERFACES}
 RECORDS = {"config": CONFIG, "input": INPUT, "output": OUTPUT}
-OFF = {1: ("lasting_off.c", "rules_off.c"), 2: ("lasting.c", "rules_off.c")}  # what CONFIG has none of is off
+OFF = {1: ("slow_faults_off.c", "rules_off.c"), 2: ("slow_faults.c", "rules_off.c")}  # what CONFIG has none of is off
 
 
 def test_the_layouts_of_older_versions_are_those_that_units_were_built_with():
     """The hash of each is in its header, of the commit that had it; it is made of the records of now."""
-    assert {version: seam.layout for version, seam in OLD.items()} == {1: 0xBAEC0C917FEBB05E, 2: 0x4D75E2CCA0F8866C}
+    assert {version: interface.layout for version, interface in OLD.items()} == {
+        1: 0xBAEC0C917FEBB05E,
+        2: 0x4D75E2CCA0F8866C,
+    }
     for version in VERSIONS:
         assert f"RIG_UNIT_LAYOUT UINT64_C(0x{OLD[version].layout:016x})" in header_of(version)
-    assert len({described(version) for version in (1, 2, 3)}) == 3 and SEAM.layout == LAYOUT
+    assert len({described(version) for version in (1, 2, 3)}) == 3 and INTERFACE.layout == LAYOUT
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -85,7 +88,7 @@ def sources(version: int, *names: str) -> list[Path]:
 
 
 def monitor(version: int) -> tuple[str, ...]:
-    names = ("monitor.c", "compare.c", "trend.c", "resolvers.c", "references.c", "persistence.c", "boxes.c")
+    names = ("monitor.c", "compare.c", "trend.c", "tie_break.c", "references.c", "persistence.c", "boxes.c")
     return (*names, "discretes.c", *OFF[version])
 
 
@@ -108,29 +111,29 @@ def old_process(version: int) -> Path:
 def old_fmu(version: int, fmi: Any) -> Path:
     """As `rig unit header --fmu` of a version of the records described it."""
     made = built(version, f"old{fmi}.so", f"fmi{fmi}.c", "fmu.c", flags=(f"-DFMI={fmi}",))
-    token = next(token for token, seam in TOKENS.items() if seam.version == version)
+    token = next(token for token, interface in TOKENS.items() if interface.version == version)
     later = "|".join(name for name, since in SINCE.items() if since > version)
     lines = description(fmi).replace(TOKEN, token).splitlines()
     text = "\n".join(line for line in lines if not re.search(rf'name="({later})\b', line))
     return archived(fmi, text, made)
 
 
-CARRIERS = ["library", "in process", "udp"]
+TRANSPORTS = ["library", "in process", "udp"]
 
 
-def keys_of(version: int, carrier: str) -> dict[str, Any]:
-    if carrier == "udp":
-        return {"carrier": "udp", "command": [str(old_process(version)), "--rig", "{address}"]}
-    return {"path": str(old_library(version)), "isolate": carrier == "library"}
+def keys_of(version: int, transport: str) -> dict[str, Any]:
+    if transport == "udp":
+        return {"transport": "udp", "command": [str(old_process(version)), "--rig", "{address}"]}
+    return {"path": str(old_library(version)), "isolate": transport == "library"}
 
 
 @needs_a_compiler
 @pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("carrier", CARRIERS)
-def test_an_older_unit_flies_the_bits_of_our_own_manager(tmp_path: Path, version: int, carrier: str):
-    """Of a flight without a split, a dead box or a sensor that sticks, of which it is not told."""
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_an_older_unit_flies_the_bits_of_our_own_manager(tmp_path: Path, version: int, transport: str):
+    """Of a flight without a split, a failed LRU or a sensor that sticks, of which it is not told."""
     digests = set()
-    for keys in ({"path": str(library("monitor"))}, keys_of(version, carrier)):
+    for keys in ({"path": str(library("monitor"))}, keys_of(version, transport)):
         flight = rig.fly(overrides=SHORT, out=tmp_path, unit=written(tmp_path, {"name": "u", **keys}))
         assert flight.unit is not None and flight.unit["status"] == "ready" and flight.unit["discarded"] == 0
         digests.add(flight.digest)
@@ -141,7 +144,7 @@ def test_an_older_unit_flies_the_bits_of_our_own_manager(tmp_path: Path, version
 @pytest.mark.parametrize("version", VERSIONS)
 def test_an_older_box_at_an_address_is_greeted_in_its_own_version(tmp_path: Path, version: int):
     with listening(old_process(version)) as address:
-        tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": address})
+        tested = written(tmp_path, {"name": "u", "transport": "udp", "address": address})
         for _ in range(2):
             assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).survived
 
@@ -151,15 +154,15 @@ def test_an_older_box_at_an_address_is_greeted_in_its_own_version(tmp_path: Path
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("fmi", ["2", "3"])
 def test_an_older_fmu_flies(tmp_path: Path, version: int, fmi: str):
-    tested = written(tmp_path, {"name": "u", "carrier": "fmu", "path": str(old_fmu(version, fmi))})
+    tested = written(tmp_path, {"name": "u", "transport": "fmu", "path": str(old_fmu(version, fmi))})
     assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).failed == {SIGNALS[0].name: [3]}
 
 
 # What it cannot be told --------------------------------------------------------------------------------------
 
 SIGNAL = "redundancy.signals.yaw_rate"
-LASTING = {
-    f"{SIGNAL}.bias_bound": [f"{SIGNAL}.bias_bound=0.001"],
+SLOW_FAULTS = {
+    f"{SIGNAL}.equalise_bound": [f"{SIGNAL}.equalise_bound=0.001"],
     f"{SIGNAL}.slow_limit": [f"{SIGNAL}.slow_limit=1.0", f"{SIGNAL}.slow_allowance=0.01"],
     f"{SIGNAL}.stale_frames": [f"{SIGNAL}.stale_frames=20"],
 }
@@ -176,14 +179,14 @@ RULES = {
 def configured(*overrides: str) -> NDArray[Any]:
     """CONFIG of the first bundled scenario."""
     loaded = scenario.load(None, list(overrides))
-    return config_of(loaded, redundancy(loaded), np.zeros(4), Form.REDUNDANCY)
+    return config_of(loaded, redundancy(loaded), np.zeros(4), Role.REDUNDANCY)
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("key", [*LASTING, *RULES])
+@pytest.mark.parametrize("key", [*SLOW_FAULTS, *RULES])
 def test_a_setting_that_is_on_is_refused_by_name_where_the_version_has_no_field(version: int, key: str):
-    config = configured(*(LASTING | RULES)[key])
-    refused = "" if key in LASTING and version > 1 else key
+    config = configured(*(SLOW_FAULTS | RULES)[key])
+    refused = "" if key in SLOW_FAULTS and version > 1 else key
     assert asked_since(OLD[version], config, unasked(config)) == refused
 
 
@@ -191,9 +194,9 @@ def test_what_nobody_asked_for_is_not():
     config = configured()
     on = [config["rules"]["unresolved_frames"], config["rules"]["referred"], config["rules"]["sources"]]
     assert all(numbers.any() for numbers in on) and len(set(config["rules"]["box"][0].tolist())) > 1
-    assert config["box_signals"] == MORE_THAN_HALF and config["lasting"]["stale_frames"].any()
-    for seam in OLD_SEAMS:
-        assert asked_since(seam, config, unasked(config)) == "" and asked_since(seam, config) != ""
+    assert config["box_signals"] == MORE_THAN_HALF and config["slow_faults"]["stale_frames"].any()
+    for interface in OLD_INTERFACES:
+        assert asked_since(interface, config, unasked(config)) == "" and asked_since(interface, config) != ""
 
 
 @pytest.mark.parametrize(
@@ -218,9 +221,9 @@ def test_a_unit_to_which_all_is_one_box_is_told_how_many_signals_accuse_a_channe
 
 
 @needs_a_compiler
-@pytest.mark.parametrize("carrier", CARRIERS)
-def test_a_flight_is_refused_in_one_line(tmp_path: Path, carrier: str):
-    tested = written(tmp_path, {"name": "u", **keys_of(2, carrier)})
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_a_flight_is_refused_in_one_line(tmp_path: Path, transport: str):
+    tested = written(tmp_path, {"name": "u", **keys_of(2, transport)})
     keys = [f"{SIGNAL}.count_down=0.5", f"{SIGNAL}.persistence=8"]
     with pytest.raises(UnitRefused) as refused:
         rig.fly(overrides=[*SHORT, *keys], out=tmp_path, unit=tested)
@@ -233,17 +236,17 @@ def test_a_flight_is_refused_in_one_line(tmp_path: Path, carrier: str):
 
 @needs_a_compiler
 @pytest.mark.parametrize("version", VERSIONS)
-def test_an_older_unit_meets_the_seam(tmp_path: Path, version: int):
+def test_an_older_unit_meets_the_interface(tmp_path: Path, version: int):
     written(tmp_path, {"name": "u", **keys_of(version, "udp")})
-    assert [one for one in check(tmp_path / "unit.toml", seam_only=True).requirements if not one.passed] == []
+    assert [one for one in check(tmp_path / "unit.toml", interface_only=True).requirements if not one.passed] == []
 
 
 @needs_a_compiler
 @pytest.mark.parametrize("version", VERSIONS)
 def test_it_is_asked_for_what_its_version_has_fields_for(tmp_path: Path, version: int):
     written(tmp_path, {"name": "u", **keys_of(version, "library")})
-    found, seam = check(tmp_path / "unit.toml"), OLD[version]
-    asked = {case.requirement for case in load() if not asked_since(seam, case.config)}
+    found, interface = check(tmp_path / "unit.toml"), OLD[version]
+    asked = {case.requirement for case in load() if not asked_since(interface, case.config)}
     assert found.passed and found.grade == "bits"
     assert {one.name for one in found.requirements if one.part == "decisions"} == asked | {TITLES[0]}
     assert len(asked) > 50

@@ -22,7 +22,7 @@ from rig.log.recordings.flown_log import recorded
 from rig.unit.port import RECEIVED, complete, new_port
 from rig.unit.running_unit import running
 from rig.unit.unit_file import Unit, read_unit
-from rig.unit.unit_records import OUTPUT, Form, Said
+from rig.unit.unit_records import OUTPUT, Role, Said
 from rig.verdict.of_log import score_log
 from rig.verdict.score_records import Yardstick
 
@@ -86,18 +86,18 @@ def mean(bus, fcc, k, params, state):
 def as_python(name: str) -> Start:
     def start(folder: Path) -> Unit:
         (folder / "votes_alone.py").write_text(MANAGERS)
-        return written(folder, {"name": "m", "carrier": "python", "manager": f"votes_alone:{name}"})
+        return written(folder, {"name": "m", "transport": "python", "manager": f"votes_alone:{name}"})
 
     return start
 
 
 def as_udp(folder: Path) -> Unit:
     command = [str(build("median_udp")), "--rig", "{address}"]
-    return written(folder, {"name": "m", "carrier": "udp", "command": command})
+    return written(folder, {"name": "m", "transport": "udp", "command": command})
 
 
 def as_fmu(version: Any) -> Start:
-    return lambda folder: written(folder, {"name": "m", "carrier": "fmu", "path": str(fmu(version, "median"))})
+    return lambda folder: written(folder, {"name": "m", "transport": "fmu", "path": str(fmu(version, "median"))})
 
 
 def mapped(folder: Path, outputs: dict[str, str], name: str = "median", version: Any = "2") -> Unit:
@@ -108,7 +108,7 @@ def mapped(folder: Path, outputs: dict[str, str], name: str = "median", version:
         inputs[f"valid.{signal.name}.*"] = f"valid[{i},*]"
         for key in ("low", "high", "fitted", "wraps"):
             parameters[f"signal.{signal.name}.{key}"] = f"signal[{i}].{key}"
-    lines = ['name = "m"', 'carrier = "fmu"', f'path = "{fmu(version, name)}"']
+    lines = ['name = "m"', 'transport = "fmu"', f'path = "{fmu(version, name)}"']
     for table, pairs in {"inputs": inputs, "parameters": parameters, "outputs": outputs}.items():
         lines += [f"[fmu.{table}]", *(f'"{key}" = {json.dumps(value)}' for key, value in pairs.items())]
     (folder / "unit.toml").write_text("\n".join(lines))
@@ -119,7 +119,7 @@ def by_signal(field: str) -> dict[str, str]:
     return {f"{field}.{signal.name}": f"{field}[{i}]" for i, signal in enumerate(SIGNALS, 1)}
 
 
-CARRIERS = {
+TRANSPORTS = {
     "child": lambda folder: unit(folder, "median"),
     "in process": lambda folder: unit(folder, "median", isolate=False),
     "udp": as_udp,
@@ -150,13 +150,13 @@ def differing(one: NDArray[Any], other: NDArray[Any]) -> set[str]:
     return {name for name in one.dtype.names or () if one[name].tobytes() != other[name].tobytes()}
 
 
-@pytest.mark.parametrize("name", [mark(name) for name in CARRIERS])
+@pytest.mark.parametrize("name", [mark(name) for name in TRANSPORTS])
 def test_a_median_that_answers_its_votes_flies_the_bits_of_our_median(
     tmp_path: Path, monkeypatch, of_our_median: rig.Flight, name: str
 ):
     monkeypatch.chdir(tmp_path)
     ours = of_our_median
-    theirs = fly(tmp_path, CARRIERS[name](tmp_path))
+    theirs = fly(tmp_path, TRANSPORTS[name](tmp_path))
     assert len(theirs.rows) == 300 and theirs.survived and ours.survived
     assert differing(theirs.rows, ours.rows) <= OF_UNIT
     assert [event.text for event in theirs.events] == [event.text for event in ours.events]
@@ -220,7 +220,7 @@ def test_of_one_that_dies_no_channel_is_told_lost(tmp_path: Path, then: str):
 @needs_a_compiler
 def test_a_flight_computer_without_votes_says_nothing_of_channels_that_a_back_up_then_votes(tmp_path: Path):
     dies = [["die", 200, 200, str(tmp_path / "died")]]
-    tested = udp(tmp_path, dies, "autopilot", on_dead="backup", form="flight-computer")
+    tested = udp(tmp_path, dies, "autopilot", on_dead="backup", role="flight-computer")
     flight = fly(tmp_path, tested)
     rows = flight.rows
     assert np.isnan(rows["voted"][:200]).all() and (rows["state"][:200] == State.ABSENT).all()
@@ -229,7 +229,7 @@ def test_a_flight_computer_without_votes_says_nothing_of_channels_that_a_back_up
     told = [event.text for event in flight.events if event.name == "level"]
     assert all(text.startswith("pitch_rate: 4 to 3") for text in told)
     assert not any("no channel left" in line for line in flight.conclusion)
-    score = score_log(flight.log, Yardstick(), twin=False).score
+    score = score_log(flight.log, Yardstick(), baseline=False).score
     assert all(signal.lost_s == 0.0 for signal in score.signals.values())
     assert set(score.coverage["pitch_rate"].levels) == {4, 3} and set(score.coverage["heading"].levels) == {4}
 
@@ -240,15 +240,15 @@ def test_a_flight_computer_that_says_no_law_flies_one_of_its_own(tmp_path: Path)
     assert "    out->law = RIG_LAW_EXTERNAL;\n" in source
     (tmp_path / "lawless.c").write_text(source.replace("    out->law = RIG_LAW_EXTERNAL;\n", ""))
     made = compiled([tmp_path / "lawless.c"], tmp_path / "liblawless.so")
-    tested = written(tmp_path, {"name": "u", "path": str(made), "form": "flight-computer"})
+    tested = written(tmp_path, {"name": "u", "path": str(made), "role": "flight-computer"})
     assert (fly(tmp_path, tested).rows["law"] == Law.EXTERNAL).all()
 
 
 @needs_a_compiler
 def test_the_check_asks_it_for_no_level_and_takes_all_channels_as_in_use(tmp_path: Path):
     unit(tmp_path, "median", isolate=False)
-    seam = check(tmp_path / "unit.toml", seam_only=True)
-    assert seam.passed and seam.grade == "seam"
+    interface = check(tmp_path / "unit.toml", interface_only=True)
+    assert interface.passed and interface.grade == "interface"
     wrong = [one.detail for one in check(tmp_path / "unit.toml").requirements if not one.passed]
     assert not [text for text in wrong if "level" in text and ("not said" in text or "is 0" in text)]
     assert [text for text in wrong if "pattern" in text and " is not said, must be " in text]
@@ -261,7 +261,7 @@ def test_the_check_asks_it_for_no_level_and_takes_all_channels_as_in_use(tmp_pat
 def answer(said: Said, unsaid: tuple[str, ...] = (), **fields: Any) -> np.void:
     """What is taken of an answer that fills these fields, on two channels of the first signal and four of others."""
     fitted = np.array([2, *[4] * 15])
-    port = new_port(Form.REDUNDANCY, 1, 0, np.zeros(4), 100.0, fitted=fitted, unsaid=unsaid).back
+    port = new_port(Role.REDUNDANCY, 1, 0, np.zeros(4), 100.0, fitted=fitted, unsaid=unsaid).back
     received = port.records[RECEIVED : RECEIVED + 1]
     received[:] = np.zeros(1, OUTPUT)
     received["said"] = said

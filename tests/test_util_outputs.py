@@ -30,14 +30,14 @@ OWN = (
     "C/search.json",
     "C/worst.toml",
 )
-LEAGUE = ("L/league.json", "L/levels.json", "L/result.json", "L/lock", "L/units/000000-000000.parquet")
+BENCHMARK = ("L/benchmark.json", "L/levels.json", "L/result.json", "L/lock", "L/units/000000-000000.parquet")
 SETS = ("S/cutsets.json", "S/sets.json", "S/confirmed.json")
 # A command without the option that names its output, that option, and what it must not be.
 COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["report", "q.mcap"], "--out", ("q.mcap", OWN[0])),
     (["report", "q.mcap", "--requirements", "c.toml"], "--out", ("c.toml",)),
     (["export", "q.mcap", "--to", "csv"], "--out", ("q.mcap", OWN[0])),
-    (["export", "q.mcap", "--to", "parquet"], "--out", ("q.mcap", *LEAGUE)),
+    (["export", "q.mcap", "--to", "parquet"], "--out", ("q.mcap", *BENCHMARK)),
     (["export", "q.mcap", "--to", "npz"], "--out", ("q.mcap",)),
     (["export", "q.mcap", "--layout", "foxglove"], "--out", ("q.mcap", OWN[0])),
     (["recover", "q.mcap"], "--out", ("q.mcap", *OWN)),
@@ -53,9 +53,9 @@ COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["view", "q.mcap", "b.mcap"], "--screenshot", ("q.mcap", "b.mcap", OWN[0])),
     (["campaign", "report", "C"], "--out", OWN),
     (["reliability", "run", "C", "T", "--rates", "r.toml"], "--report", ("r.toml", OWN[0], "T/trials.json")),
-    (["league", "reliability", "--healthy", "C", "--out", "L"], "--plot", ("C/campaign.json",)),
+    (["benchmark", "reliability", "--healthy", "C", "--out", "L"], "--plot", ("C/campaign.json",)),
     (["aircraft", "design", "f16_own"], "--out", ("f16_own/aircraft.toml",)),
-    (["league", "reliability", "--healthy", "C", "--out", "new"], "--plot", (OWN[0], LEAGUE[2])),
+    (["benchmark", "reliability", "--healthy", "C", "--out", "new"], "--plot", (OWN[0], BENCHMARK[2])),
     (TREE, "--out", ("r.toml", OWN[0], "S/sets.json")),
     ([*TREE, "--out", "o.xml"], "--chain", ("r.toml", OWN[0])),
     ([*TREE, "--out", "o.xml"], "--svg", ("r.toml", OWN[0])),
@@ -68,7 +68,7 @@ FOLDERS: tuple[list[str], ...] = (
     ["campaign", "run", "s.toml"],
     ["aircraft", "new", "mine", "--base", "c172x"],
     ["reliability", "trials", "reliability", "--runs", "1"],
-    ["league", "reliability", "--healthy", "C"],
+    ["benchmark", "reliability", "--healthy", "C"],
     ["study", "ding2015"],
     ["search", "s.toml", "--requirement", "load_factor", "--flights", "100"],
     ["reliability", "cutsets", "--order", "1", "--flights", "1"],
@@ -108,7 +108,7 @@ SPELLINGS: dict[str, Callable[[str], str]] = {
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with inputs: what is in them does not matter, they are not read."""
     monkeypatch.chdir(tmp_path)
-    for name in (*FILES, *OWN, *LEAGUE, *SETS, "T/trials.json", "T/cells.parquet"):
+    for name in (*FILES, *OWN, *BENCHMARK, *SETS, "T/trials.json", "T/cells.parquet"):
         path = Path(name)
         path.parent.mkdir(exist_ok=True, parents=True)
         path.write_text(f"this is {name}")
@@ -133,7 +133,7 @@ def test_no_command_writes_over_what_it_reads(rig_command, here, command, option
     files = everything(here)
     for path, spelled in product(paths, SPELLINGS):
         read = Path(path).parts[0] in command and path not in ("C/lock", "C/worst.toml")
-        if spelled == "hard link" and path in OWN + LEAGUE + SETS and not read:
+        if spelled == "hard link" and path in OWN + BENCHMARK + SETS and not read:
             continue
         out = SPELLINGS[spelled](path)
         before = everything(here)

@@ -12,9 +12,9 @@ from rig.flight.loop import fly_rows
 from rig.scenario import scenario
 from rig.verdict.score_records import FaultScore, Score
 from rig.verdict.scoring import score
-from rig.verdict.transients import fly_twin
+from rig.verdict.transients import fly_baseline
 
-PERSISTENCE, SINGULAR = 8, 10  # frames, aircraft/defaults.toml
+PERSISTENCE, SPLITS = 8, 10  # frames, aircraft/defaults.toml
 
 
 @cache
@@ -32,7 +32,7 @@ def places(found: Score) -> list[tuple[str, int | None, str]]:
 
 
 def failed(found: list) -> list[tuple[str, int, int, str]]:
-    return [(each.signal, each.channel, each.frame, each.resolver) for each in found]
+    return [(each.signal, each.channel, each.frame, each.decided_by) for each in found]
 
 
 def test_a_hardover_is_detected_at_its_eighth_frame():
@@ -40,7 +40,7 @@ def test_a_hardover_is_detected_at_its_eighth_frame():
     (fault,) = found.faults
     assert frames_of(fault) == (2000, 2000, 2000 + PERSISTENCE - 1)
     assert (fault.id, fault.signal, fault.channel) == ("hardover pitch_rate.3", "pitch_rate", 3)
-    assert (fault.kind, fault.outcome, fault.resolver) == ("hardover", "detected", "comparison")
+    assert (fault.kind, fault.outcome, fault.decided_by) == ("hardover", "detected", "comparison")
     assert (fault.delay_from_onset_frames, fault.delay_from_exceeded_frames) == (7, 7)
     assert fault.exceeded_run_frames == 500 and not fault.tolerated
     assert fault.peak_error == pytest.approx(1.5, abs=0.01)  # to the end of the range from nearly nothing
@@ -58,7 +58,7 @@ def test_two_failures_in_a_row_are_both_detected():
 def test_a_drift_exceeds_the_threshold_when_its_rate_says():
     found = scored("f16_angle_of_attack_drift", "faults.0.rate_per_s=0.003", "duration_s=25")
     (fault,) = found.faults
-    # 0.003 rad/s (t - 10 s) > 0.016 rad, the outlier threshold: the first frame after 15.3333 s
+    # 0.003 rad/s (t - 10 s) > 0.016 rad, the isolation threshold: the first frame after 15.3333 s
     assert (fault.onset_frame, fault.exceeded_frame) == (1000, 1534)
     assert fault.outcome == "detected" and fault.failed_frame is not None
     assert fault.delay_from_exceeded_frames == fault.failed_frame - 1534
@@ -82,27 +82,27 @@ def test_a_channel_after_the_other_is_lost_until_none_is_left():
 
 
 def test_in_line_monitors_settle_a_split_rightly():
-    found = scored("f16_singular_2_2_ilm", "duration_s=12")
-    assert [frames_of(fault) for fault in found.faults] == [(1000, 1000, 1000 + SINGULAR - 1)] * 2
-    assert {fault.resolver for fault in found.faults} == {"ilm"}
+    found = scored("f16_split_2_2_ilm", "duration_s=12")
+    assert [frames_of(fault) for fault in found.faults] == [(1000, 1000, 1000 + SPLITS - 1)] * 2
+    assert {fault.decided_by for fault in found.faults} == {"ilm"}
     (episode,) = found.episodes
-    assert (episode.pattern, episode.first_frame, episode.frames) == ("2:2", 1000, SINGULAR)
-    assert (episode.resolver, episode.failed, episode.verdict, episode.asked) == ("ilm", (3, 4), "right", ("ilm",))
-    assert (found.resolvers["ilm"].answered, found.resolvers["ilm"].right, found.resolvers["ilm"].wrong) == (1, 1, 0)
-    assert found.resolvers_by_pattern["2:2"]["ilm"].right == 1
+    assert (episode.pattern, episode.first_frame, episode.frames) == ("2:2", 1000, SPLITS)
+    assert (episode.decided_by, episode.failed, episode.verdict, episode.asked) == ("ilm", (3, 4), "right", ("ilm",))
+    assert (found.tie_break["ilm"].answered, found.tie_break["ilm"].right, found.tie_break["ilm"].wrong) == (1, 1, 0)
+    assert found.tie_break_by_pattern["2:2"]["ilm"].right == 1
 
 
 def test_in_line_monitors_that_lie_make_a_wrong_isolation():
-    found = scored("f16_singular_2_2_lying_ilm", "duration_s=12", 'redundancy.common_mode="report"')
+    found = scored("f16_split_2_2_wrong_ilm", "duration_s=12", 'redundancy.common_mode="report"')
     assert failed(found.wrong_isolations) == [("pitch_rate", 1, 1009, "ilm"), ("pitch_rate", 2, 1009, "ilm")]
     assert found.false_alarms == []
     assert places(found) == [
         ("pitch_rate", 3, "missed"),
         ("pitch_rate", 4, "missed"),
-        ("pitch_rate", 1, "undetectable"),  # the lie itself spoils no sample
+        ("pitch_rate", 1, "undetectable"),  # a wrong monitor spoils no sample
         ("pitch_rate", 2, "undetectable"),
     ]
-    assert (found.resolvers["ilm"].right, found.resolvers["ilm"].wrong, found.unresolved) == (0, 1, 0)
+    assert (found.tie_break["ilm"].right, found.tie_break["ilm"].wrong, found.unresolved) == (0, 1, 0)
     # From the frame of the split to the end the vote is that of the wrong pair: an offset of 0.15 rad/s.
     error = found.vote_error["pitch_rate"]
     assert error.above_threshold_s == error.above_threshold_after_onset_s == 2.0
@@ -116,16 +116,16 @@ def test_the_trend_alone_fails_the_good_pair_of_a_common_offset():
         ("normal_load_factor", 2, 1026, "trend"),
     ]
     assert [fault.outcome for fault in found.faults] == ["missed", "missed"]
-    assert (found.resolvers["trend"].asked, found.resolvers["trend"].wrong) == (1, 1)
+    assert (found.tie_break["trend"].asked, found.tie_break["trend"].wrong) == (1, 1)
     (split,) = (e for e in found.episodes if e.signal == "normal_load_factor")
-    assert split.asked == ("trend",)  # no other is among its resolvers
+    assert split.asked == ("trend",)  # no other is among its tie-break rules
 
 
 def test_extremes_and_reference_settle_four_ways_apart():
     wide = "redundancy.references.pitch_rate=angle_of_attack"  # by the default one a single sample is near
-    found = scored("f16_singular_1_1_1_1", "duration_s=12", wide)
+    found = scored("f16_split_1_1_1_1", "duration_s=12", wide)
     by_channel = {fault.channel: fault for fault in found.faults}
-    assert {c: fault.resolver for c, fault in by_channel.items()} == {2: "reference", 3: "extremes", 4: "extremes"}
+    assert {c: fault.decided_by for c, fault in by_channel.items()} == {2: "reference", 3: "extremes", 4: "extremes"}
     assert by_channel[3].failed_frame == by_channel[4].failed_frame == 1009
     assert [(e.pattern, e.verdict) for e in found.episodes] == [("1:1:1:1", "right"), ("1:1", "right")]
     assert found.episodes[1].first_frame == 1010
@@ -172,20 +172,20 @@ def test_a_fault_on_the_inertial_unit_is_seen_by_the_monitor_of_the_references()
 
 
 @pytest.fixture(scope="module")
-def twin_of_hardover():
+def baseline_of_hardover():
     which = scenario.load("f16_pitch_rate_hardover", ["duration_s=6", "faults.0.start_s=3", "redundancy.manager=mean"])
-    rows, twin = fly_rows(which), fly_twin(which)
-    return which, rows, twin
+    rows, baseline = fly_rows(which), fly_baseline(which)
+    return which, rows, baseline
 
 
-def test_transients_are_the_largest_differences_from_the_twin_within_the_window(twin_of_hardover):
-    which, rows, twin = twin_of_hardover
-    transients = score(which, Table(rows), twin).flight.transients
+def test_transients_are_the_largest_differences_from_the_baseline_within_the_window(baseline_of_hardover):
+    which, rows, baseline = baseline_of_hardover
+    transients = score(which, Table(rows), baseline).flight.transients
     assert transients is not None
     (window,) = transients.windows
-    n = min(len(rows), len(twin))
+    n = min(len(rows), len(baseline))
     nz = [s.name for s in SIGNALS].index("normal_load_factor")
-    off = np.abs(rows["truth"][:n, nz] - twin["truth"][:n, nz])
+    off = np.abs(rows["truth"][:n, nz] - baseline["truth"][:n, nz])
     assert window.onset_frame == 300 and window.faults == ("hardover pitch_rate.3",)
     assert window.peaks.load_factor == off[300:501].max()
     assert transients.overall.load_factor == off.max()
@@ -193,26 +193,26 @@ def test_transients_are_the_largest_differences_from_the_twin_within_the_window(
     assert not window.within_limits and transients.out_of_limits_s > 0  # the mean flies the fault
 
 
-def test_without_a_fault_the_twin_is_the_flight(twin_of_hardover):
-    which, _, twin = twin_of_hardover
+def test_without_a_fault_the_baseline_is_the_flight(baseline_of_hardover):
+    which, _, baseline = baseline_of_hardover
     healthy = which.model_copy(update={"faults": []})
     rows = fly_rows(healthy)
     for name in rows.dtype.names or ():  # fields: padding does not survive a copy
-        assert rows[name].tobytes() == twin[name].tobytes(), name
-    transients = score(healthy, Table(rows), fly_twin(healthy)).flight.transients
+        assert rows[name].tobytes() == baseline[name].tobytes(), name
+    transients = score(healthy, Table(rows), fly_baseline(healthy)).flight.transients
     assert transients is not None
     assert transients.first_difference_frame is None and transients.windows == () and transients.within_limits
     assert transients.overall.load_factor == 0.0 == transients.out_of_limits_s
 
 
-def test_the_twin_of_another_flight_is_refused(twin_of_hardover):
-    which, rows, twin = twin_of_hardover
-    other = twin.copy()
+def test_the_baseline_of_another_flight_is_refused(baseline_of_hardover):
+    which, rows, baseline = baseline_of_hardover
+    other = baseline.copy()
     other["truth"][300, 0] += 1e-12  # no fault can have moved the aircraft in the frame of its onset
     with pytest.raises(BadInput, match="leaves the flight in frame 300"):
         score(which, Table(rows), other)
 
 
-def test_a_score_is_the_same_every_time(twin_of_hardover):
-    which, rows, twin = twin_of_hardover
-    assert score(which, Table(rows), twin).as_dict() == score(which, Table(rows.copy()), twin.copy()).as_dict()
+def test_a_score_is_the_same_every_time(baseline_of_hardover):
+    which, rows, baseline = baseline_of_hardover
+    assert score(which, Table(rows), baseline).as_dict() == score(which, Table(rows.copy()), baseline.copy()).as_dict()

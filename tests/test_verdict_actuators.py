@@ -52,7 +52,7 @@ def test_a_runaway_coil_is_found_by_its_current_when_the_persistence_is_over():
     scored, told = scored_flight(HARDOVER)
     (fault,) = scored.faults
     # wrong from the onset on, for five frames, the onset's counted
-    assert (fault.outcome, fault.resolver, fault.exceeded_frame, fault.failed_frame) == (
+    assert (fault.outcome, fault.decided_by, fault.exceeded_frame, fault.failed_frame) == (
         "detected", "current", ONSET, ONSET + 4,
     )  # fmt: skip
     (failure,) = scored.actuators["elevator"].failures
@@ -86,7 +86,7 @@ def test_both_hydraulic_systems_cost_every_surface_at_once():
 def test_a_jam_fails_all_channels_and_costs_the_surface_when_the_last_one_is_shut_off():
     which, rows, lanes = flown(JAM, sets=('turbulence="severe"',), seconds=5.0)
     scored = score(which, Table(rows, lanes))
-    by = lanes["actuator"]["failed_by"][:, 0]
+    by = lanes["servo"]["failed_by"][:, 0]
     failed = [int(np.argmax(by[:, c] != 0)) for c in range(4)]
     assert by[-1].all() and scored.faults[0].failed_frame == min(failed)
     assert scored.faults[0].bypassed_frame == scored.actuators["elevator"].bypassed_frame == max(failed)
@@ -100,9 +100,9 @@ def test_a_stuck_valve_is_found_when_the_channel_is_to_be_shut_off():
     assert alone.faults[0].outcome == "undetectable" and "nobody shut the channel off" in said[0]
     scored, told = scored_flight(stuck, HARDOVER)
     valve, coil = scored.faults
-    assert (coil.resolver, coil.failed_frame) == ("current", ONSET + 4)
+    assert (coil.decided_by, coil.failed_frame) == ("current", ONSET + 4)
     # sensed from the next frame on, then for five frames
-    assert (valve.resolver, valve.failed_frame) == ("valve", ONSET + 9)
+    assert (valve.decided_by, valve.failed_frame) == ("valve", ONSET + 9)
     assert "found by the valve's switch after 90 ms" in told[0]
     assert scored.actuators["elevator"].valves_differ == {2: ONSET + 9}
 
@@ -131,10 +131,10 @@ def test_a_fault_shorter_than_the_persistence_is_tolerated():
 def test_a_healthy_channel_that_is_shut_off_is_told(surface: int, kind: str, field: str, words: str):
     which, rows, lanes = flown(HARDOVER)
     tampered = lanes.copy()
-    tampered["actuator"]["failed_by"][ONSET + 12 :, surface, 2] = ActuatorMonitor.RAM
+    tampered["servo"]["failed_by"][ONSET + 12 :, surface, 2] = ActuatorMonitor.RAM
     scored, name = score(which, Table(rows, tampered)), MOVED[surface]
     (one,) = getattr(scored, field)
-    assert (one.signal, one.channel, one.frame, one.resolver) == (f"actuator.{name}", 3, ONSET + 12, "ram")
+    assert (one.signal, one.channel, one.frame, one.decided_by) == (f"actuator.{name}", 3, ONSET + 12, "ram")
     assert scored.actuators[name].failures[-1].cause == kind
     told = conclusion(which, scored)
     assert f"{name} channel 3 was healthy and was failed at 1.12 s by ram, {words}" in told
@@ -144,7 +144,7 @@ def test_a_healthy_channel_that_is_shut_off_is_told(surface: int, kind: str, fie
 
 def test_a_threshold_that_noise_leaves_gives_false_alarms_of_a_flight_without_faults():
     scored, told = scored_flight(sets=("actuators.ram.threshold=1e-5",))
-    assert len(scored.false_alarms) == 12 and {one.resolver for one in scored.false_alarms} == {"ram"}
+    assert len(scored.false_alarms) == 12 and {one.decided_by for one in scored.false_alarms} == {"ram"}
     assert "no fault was in the scenario, 12 healthy channels failed" in told[-1]
 
 
@@ -163,6 +163,6 @@ def test_the_command_lists_the_channels_of_actuators_among_the_failed(tmp_path: 
 
 def test_a_flight_and_its_log_have_one_conclusion(tmp_path: Path):
     flight = fly(None, overrides=given((HARDOVER,)), out=tmp_path, outcome=FlightConclusion())
-    scored = score_log(flight.log, Yardstick(), twin=False)
+    scored = score_log(flight.log, Yardstick(), baseline=False)
     assert list(flight.conclusion) == scored.conclusion and "found by current after 40 ms" in flight.conclusion[0]
     assert scored.as_dict()["actuators"]["elevator"]["failures"][0]["monitor"] == "current"

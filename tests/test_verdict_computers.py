@@ -23,7 +23,7 @@ ONE_AFTER_THE_OTHER = (
 def scored(out: Path, faults: tuple[str, ...], *sets: str) -> Scored:
     tables = ", ".join(f"{{{fault}}}" for fault in faults)
     given = ["duration_s=2.6", "computers.count=4", f"faults=[{tables}]", *sets]
-    return score_log(fly(None, overrides=given, out=out).log, Yardstick(), twin=False)
+    return score_log(fly(None, overrides=given, out=out).log, Yardstick(), baseline=False)
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +54,9 @@ def test_the_last_sentence_names_the_lanes_and_the_back_up_and_blames_no_channel
 
 
 def test_a_surface_that_is_moved_again_is_not_told_as_bypassed_to_the_end():
-    passing, lasting = ActuatorScore([], {}, 202, 3), ActuatorScore([], {}, 202, 58)
+    passing, slow_faults = ActuatorScore([], {}, 202, 3), ActuatorScore([], {}, 202, 58)
     assert bypass_text(passing, 260, 100.0) == "bypassed at 2.02 s, for 30 ms in all"
-    assert bypass_text(lasting, 260, 100.0) == "bypassed from 2.02 s on"
+    assert bypass_text(slow_faults, 260, 100.0) == "bypassed from 2.02 s on"
 
 
 def test_the_table_has_a_row_for_each(lost: Scored):

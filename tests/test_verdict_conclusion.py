@@ -38,14 +38,14 @@ def test_a_detected_fault_is_told_with_value_time_count_delay_and_vote():
 
 
 def against(faults: list[dict[str, Any]], load_factor: float, window_s: float = 2.0) -> list[str]:
-    """Return what is told of a flight whose twin, in the same climb, has so much less load factor from 0.3 s on."""
-    (which, rows), (_, twin) = (flight(each, 100, exact=True) for each in (faults, []))
+    """Return what is told of a flight whose baseline, in the same climb, has so much less load factor from 0.3 s on."""
+    (which, rows), (_, baseline) = (flight(each, 100, exact=True) for each in (faults, []))
     clean = np.zeros(100, CLEAN)
-    clean["channels"], clean["valid"] = twin["channels"], twin["valid"]
-    for block in (rows, twin):
+    clean["channels"], clean["valid"] = baseline["channels"], baseline["valid"]
+    for block in (rows, baseline):
         block["truth"][:, INDEX["normal_load_factor"]] = np.linspace(1.0, 2.0, 100)  # the manoeuvre: 1 g
     rows["truth"][30:, INDEX["normal_load_factor"]] += load_factor
-    return conclusion(which, score(which, Table(rows, clean=clean), twin, Yardstick(window_s=window_s)))
+    return conclusion(which, score(which, Table(rows, clean=clean), baseline, Yardstick(window_s=window_s)))
 
 
 def test_the_transient_of_a_fault_is_measured_against_the_fault_free_flight():
@@ -106,7 +106,7 @@ def test_a_drift_that_keeps_a_partner_is_explained_by_the_partner():
 
 def test_two_alike_that_are_not_found_name_each_other():
     """Two channels of four agree on a wrong value, nobody answers: each has the other as its partner."""
-    told = said([offset([3, 4], 0.2, 0.2)], 'redundancy.signals.pitch_rate.resolvers=["trend"]', frames=28)
+    told = said([offset([3, 4], 0.2, 0.2)], 'redundancy.signals.pitch_rate.tie_break=["trend"]', frames=28)
     assert "and stayed within 0 deg/s of channel 4" in told[0] and "of channel 3" in told[1]
 
 
@@ -134,7 +134,7 @@ def test_a_channel_that_a_unit_fails_is_told_without_a_count():
 
 
 def test_channels_that_fare_alike_share_a_sentence():
-    told = said([offset([3, 4], 0.2, 0.2)], 'redundancy.signals.pitch_rate.resolvers=["ilm"]')
+    told = said([offset([3, 4], 0.2, 0.2)], 'redundancy.signals.pitch_rate.tie_break=["ilm"]')
     assert len(said([offset([3], 0.2, 0.2)])) == 2
     faults = {"kind": "inverted", "signal": "gear_down", "channels": [1, 2], "start_s": 0.2}
     assert said([faults])[0].startswith("gear_down channels 1 and 2 had a fault (inverted) from 0.20 s on")
@@ -143,7 +143,7 @@ def test_channels_that_fare_alike_share_a_sentence():
 
 @pytest.mark.parametrize("source", ["none", "attitude"])
 def test_a_pattern_says_who_was_asked_and_what_each_answered(source):
-    order = 'redundancy.signals.pitch_rate.resolvers=["ilm","reference","trend"]'
+    order = 'redundancy.signals.pitch_rate.tie_break=["ilm","reference","trend"]'
     told = said([offset([3, 4], 0.2, 0.2)], order, f"redundancy.references.pitch_rate={source}")
     (pattern,) = (line for line in told if "no majority" in line)
     who, begins = ("trend", "reference: no answer (there is none); trend: answered (neither half rose for 8 frames")
@@ -284,5 +284,5 @@ def test_fly_and_score_print_the_conclusion_and_the_next_commands(rig_command):
     told = json.loads(rig_command("score", log, "--json")[1])["conclusion"]  # the transient needs the fault-free flight
     moved = r" the load factor stayed within [\d.e-]+ g of the fault-free flight's for 0.99 s;"
     assert re.search(moved, told[0]) and [re.sub(moved, "", told[0]), *told[1:]] == found["conclusion"]
-    for command in (["score", log, "--no-twin"], ["report", log, "--out", f"{log}.html"]):
+    for command in (["score", log, "--no-baseline"], ["report", log, "--out", f"{log}.html"]):
         assert json.loads(rig_command(*command, "--json")[1])["conclusion"] == found["conclusion"]

@@ -23,13 +23,13 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
     out = tmp_path_factory.mktemp("logs")
     for name, sets in (
         ("f16_pitch_sensor_ramp", SHORT),
-        ("f16_stuck_twins", []),
+        ("f16_stuck_together", []),
         ("worst/f16_pitch_rate_3_cross_channel", []),
     ):
         flight = fly(name, out=out, overrides=sets)
         log, scored = read_log(flight.log), score_log(flight.log, Yardstick())
-        twin = loop.fly_rows(scored.scenario.model_copy(update={"faults": []}), log.frames)
-        found[Path(name).name] = scored.scenario, log.rows, twin, scored.conclusion
+        baseline = loop.fly_rows(scored.scenario.model_copy(update={"faults": []}), log.frames)
+        found[Path(name).name] = scored.scenario, log.rows, baseline, scored.conclusion
     return found
 
 
@@ -61,13 +61,13 @@ def test_all_faulty_channels_are_named_beside_a_healthy_one_that_was_failed(flow
         ("f16_pitch_rate_3_cross_channel", "was failed at 7.97 s", "was failed at 8.97 s"),
         ("f16_pitch_rate_3_cross_channel", "later with all channels", "later with its whole box, all channels"),
         ("f16_pitch_rate_3_cross_channel", "1 healthy channel failed", "no healthy channel failed"),
-        ("f16_stuck_twins", "was failed", "was not found, though it was"),
-        ("f16_stuck_twins", "the load factor stayed within ", "the load factor stayed within 1"),
-        ("f16_stuck_twins", "the load factor stayed within", "the load factor moved by"),
+        ("f16_stuck_together", "was failed", "was not found, though it was"),
+        ("f16_stuck_together", "the load factor stayed within ", "the load factor stayed within 1"),
+        ("f16_stuck_together", "the load factor stayed within", "the load factor moved by"),
     ],
 )
 def test_a_sentence_that_is_wrong_is_contradicted(flown: Flown, name: str, before: str, after: str):
     """The check can fail: each change of the sentences is seen."""
-    scenario, rows, twin, told = flown[name]
+    scenario, rows, baseline, told = flown[name]
     changed = [line.replace(before, after) for line in told]
-    assert changed != told and tool.contradictions(scenario, rows, twin, changed)
+    assert changed != told and tool.contradictions(scenario, rows, baseline, changed)

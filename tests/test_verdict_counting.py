@@ -12,7 +12,7 @@ from rig.verdict.counting import another, climb
 from rig.verdict.scoring import score
 
 COUNTED = ("redundancy.signals.pitch_rate.persistence=8", "redundancy.signals.pitch_rate.count_down=1.0")
-NOBODY = 'redundancy.signals.pitch_rate.resolvers=["ilm"]'
+NOBODY = 'redundancy.signals.pitch_rate.tie_break=["ilm"]'
 
 
 def bursts(*starts_s: float, width_s: float = 0.04) -> dict[str, Any]:

@@ -21,7 +21,7 @@ def test_a_discrete_channel_is_failed_for_its_fault_after_the_persistence():
     found = scored([fault("inverted", [2], 0.2)], 60)
     assert outcomes(found) == [("detected", 20, 20, 27)]
     entry = found.faults[0]
-    assert (entry.signal, entry.channel, entry.peak_error, entry.resolver) == ("gear_down", 2, 1.0, "comparison")
+    assert (entry.signal, entry.channel, entry.peak_error, entry.decided_by) == ("gear_down", 2, 1.0, "comparison")
     assert entry.delay_from_onset_frames == 7 and found.false_alarms == found.wrong_isolations == []
 
 

@@ -1,11 +1,11 @@
-"""Healthy channels that are failed: with a box that died, by the rule of common mode, or wrongly."""
+"""Healthy channels that are failed: with a failed LRU, by the rule of common mode, or wrongly."""
 
 from typing import Any
 
 import pytest
 from test_verdict_parts import Q, flight, offset
 
-from rig.core.frame import INDEX, Block, Resolver, State, Table
+from rig.core.frame import INDEX, Block, DecidedBy, State, Table
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.tables import RUNS
 from rig.studies.campaign.tables import rows as campaign_rows
@@ -38,18 +38,18 @@ def told(which: Scenario, rows: Block) -> list[str]:
     return conclusion(which, score(which, Table(rows)))
 
 
-def reported(rows: Block, resolver: Resolver, signals: list[str], channels: list[int], frame: int = 60) -> None:
+def reported(rows: Block, decided_by: DecidedBy, signals: list[str], channels: list[int], frame: int = 60) -> None:
     """Write that ``channels``, from 0, of the signals were failed in ``frame``, and who says so."""
     for name in signals:
         rows["state"][frame:, INDEX[name], channels] = State.FAILED
-        rows["resolver"][frame, INDEX[name]] = resolver
+        rows["decided_by"][frame, INDEX[name]] = decided_by
 
 
 def test_healthy_signals_of_a_dead_box_are_failed_with_it_and_are_no_false_alarm():
     which, rows = flight(dead_box(), exact=True)
     found = score(which, Table(rows))
     assert lists(found) == {"false_alarms": 0, "wrong_isolations": 0, "failed_with_box": 3, "failed_by_rule": 0}
-    assert {(each.signal, each.channel, each.frame, each.resolver) for each in found.failed_with_box} == {
+    assert {(each.signal, each.channel, each.frame, each.decided_by) for each in found.failed_with_box} == {
         (name, 3, 27, "box") for name in OTHERS
     }
     assert [fault.outcome for fault in found.faults] == ["detected"] * 6
@@ -80,7 +80,7 @@ def test_a_campaign_keeps_them_apart_and_no_fault_is_wrongly_isolated_for_them()
 @pytest.mark.parametrize("signals", [(), SICK[:3]])
 def test_a_box_that_was_not_faulty_on_enough_signals_was_failed_for_nothing(signals: tuple[str, ...]):
     which, rows = flight(dead_box(signals=signals), exact=True)
-    reported(rows, Resolver.BOX, OTHERS, [2])
+    reported(rows, DecidedBy.BOX, OTHERS, [2])
     found = score(which, Table(rows))
     assert lists(found) == {"false_alarms": 3, "wrong_isolations": 0, "failed_with_box": 0, "failed_by_rule": 0}
     assert found.signals["heading"].false_isolations == (1, 0, 0, 0)
@@ -88,8 +88,8 @@ def test_a_box_that_was_not_faulty_on_enough_signals_was_failed_for_nothing(sign
 
 def test_the_box_of_another_channel_excuses_nothing_nor_does_a_comparison():
     which, rows = flight(dead_box(), exact=True)
-    reported(rows, Resolver.BOX, ["heading"], [0])
-    reported(rows, Resolver.NONE, ["pitch_angle"], [1])
+    reported(rows, DecidedBy.BOX, ["heading"], [0])
+    reported(rows, DecidedBy.NONE, ["pitch_angle"], [1])
     found = score(which, Table(rows))
     assert [(each.signal, each.channel) for each in found.false_alarms] == [("pitch_angle", 2), ("heading", 1)]
 
@@ -100,8 +100,8 @@ ALL = [0, 1, 2, 3]
 def given_up(faults: list[Any], channels: list[int] = ALL) -> tuple[Scenario, Block, Score]:
     """A flight in which all ``channels`` of the pitch rate, from 0, are failed in frame 60 by two references."""
     which, rows = flight(faults, 100, exact=True)
-    rows["state"][:, Q], rows["resolver"][:, Q], rows["level"][:, Q] = State.OK, Resolver.NONE, 4
-    reported(rows, Resolver.COMMON, ["pitch_rate"], channels)
+    rows["state"][:, Q], rows["decided_by"][:, Q], rows["level"][:, Q] = State.OK, DecidedBy.NONE, 4
+    reported(rows, DecidedBy.COMMON, ["pitch_rate"], channels)
     return which, rows, score(which, Table(rows))
 
 
@@ -136,7 +136,7 @@ def test_a_signal_whose_channels_are_off_alike_is_given_up_rightly(kind: str):
         [{"kind": kind, "signal": "pitch_rate", "channels": [1, 2, 3, 4], "start_s": 0.2, **size}]
     )
     assert lists(found) == dict.fromkeys(ISOLATIONS.values(), 0)
-    assert [(fault.outcome, fault.resolver) for fault in found.faults] == [("detected", "common")] * 4
+    assert [(fault.outcome, fault.decided_by) for fault in found.faults] == [("detected", "common")] * 4
     assert told(which, rows)[-1].endswith("4 of 4 detectable faults detected, no healthy channel failed")
 
 
@@ -174,9 +174,9 @@ def test_an_error_that_is_over_for_longer_than_the_linger_excuses_nothing():
 def test_a_healthy_channel_that_common_mode_fails_with_faulty_ones_in_use_is_failed_by_rule():
     """A channel that was failed before has no part in the vote: its fault is no cause."""
     which, rows = flight([offset([1, 2, 3], 0.2, 0.03)], 100, exact=True)
-    reported(rows, Resolver.COMMON, ["pitch_rate"], [0, 1, 2, 3])
+    reported(rows, DecidedBy.COMMON, ["pitch_rate"], [0, 1, 2, 3])
     assert lists(score(which, Table(rows)))["failed_by_rule"] == 1
     which, rows = flight([offset([1], 0.2, 0.3)], 100, exact=True)
-    reported(rows, Resolver.COMMON, ["pitch_rate"], [1, 2, 3])
+    reported(rows, DecidedBy.COMMON, ["pitch_rate"], [1, 2, 3])
     found = score(which, Table(rows))
     assert lists(found)["failed_by_rule"] == 0 and len(found.wrong_isolations) == 3

@@ -37,12 +37,12 @@ WRONG = 'kind="wrong_command", signal="computer.B", surface="elevator", does="ha
         (WRONG, "vote of commands", 5),  # 0.05 s, and a frame until accusations count
         ('kind="computer_stop", signal="computer.A"', "watchdog", 1),  # 0.02 s
         ('kind="link_frozen", signal="ccdl.D"', "link", 4),  # 0.05 s
-        ('kind="link_lie", signal="ccdl.A-B", offset_thresholds=3.0', "relays", 0),
+        ('kind="link_byzantine", signal="ccdl.A-B", offset_thresholds=3.0', "relays", 0),
     ],
 )
 def test_a_fault_of_a_lane_or_of_a_link_has_who_found_it_and_when(fault: str, by: str, frames: int):
     found = scored(fault).faults[0]
-    assert (found.outcome, found.resolver, found.delay_from_onset_frames) == ("detected", by, frames)
+    assert (found.outcome, found.decided_by, found.delay_from_onset_frames) == ("detected", by, frames)
     assert found.failed_frame == ONSET + frames and found.onset_frame == ONSET
 
 
@@ -62,7 +62,7 @@ def test_an_output_that_its_lane_does_not_see_is_found_by_the_servo_it_drives(su
     """The monitor of the spool waits for 0.1 s; its channel is no healthy one.  The throttle has no servo."""
     of = scored(f'kind="dac", signal="computer.B", surface="{surface}", does="hardover"', *UNSEEN)
     found = of.faults[0]
-    assert (found.outcome, found.resolver) == ("detected" if by else "missed", by)
+    assert (found.outcome, found.decided_by) == ("detected" if by else "missed", by)
     assert found.delay_from_onset_frames == (10 if by else None)
     assert not of.false_alarms and not of.wrong_isolations
     assert [(one.channel, one.cause) for one in of.actuators["elevator"].failures] == [(2, "own fault")] * bool(by)
@@ -83,7 +83,7 @@ def test_what_all_lanes_compute_alike_is_missed():
 def test_a_lane_that_fails_itself_without_a_fault_is_a_false_alarm_and_beside_one_a_wrong_isolation():
     """At 100 alarms a second all lanes are failed in the first frames; in the other flight A is, after B."""
     of = scored("", "computers.false_alarm_per_hour=360000")
-    assert {(one.signal, one.resolver) for one in of.false_alarms} >= {("computer.A", "wrap-around")}
+    assert {(one.signal, one.decided_by) for one in of.false_alarms} >= {("computer.A", "wrap-around")}
     tight = ("computers.commands=[]", "computers.false_alarm_per_hour=3600")
     both = scored(WRONG, *tight)
     lanes = [one for one in (*both.false_alarms, *both.wrong_isolations) if one.signal.startswith("computer.")]

@@ -21,7 +21,7 @@ from rig.scenario import scenario
 from rig.verdict.of_log import score_log
 from rig.verdict.score_records import Yardstick
 from rig.verdict.scoring import score
-from rig.verdict.transients import fly_twin
+from rig.verdict.transients import fly_baseline
 
 SHORT = ["duration_s=6", "faults.0.start_s=3"]
 
@@ -37,7 +37,7 @@ def run(*arguments: str) -> Any:
 
 def test_the_score_of_a_log_is_that_of_its_rows(flight: Flight):
     found = score_log(flight.log, Yardstick())
-    assert found.score == score(flight.scenario, Table(flight.rows), fly_twin(flight.scenario))
+    assert found.score == score(flight.scenario, Table(flight.rows), fly_baseline(flight.scenario))
     assert found.digest == flight.digest
 
 
@@ -45,7 +45,7 @@ def test_json_is_one_object_with_the_keys_of_the_page(flight: Flight):
     out = run(str(flight.log), "--json")
     assert out.exit_code == 0, out.output
     found = json.loads(out.stdout)
-    keys = {"faults", "false_alarms", "wrong_isolations", "resolvers", "vote_error", "flight", "coverage"}
+    keys = {"faults", "false_alarms", "wrong_isolations", "tie_break", "vote_error", "flight", "coverage"}
     assert keys <= set(found)
     (fault,) = found["faults"]
     wanted = {"id", "signal", "channel", "kind", "onset_frame", "exceeded_frame", "failed_frame", "outcome"}
@@ -71,8 +71,8 @@ def test_every_key_of_the_json_is_on_the_page(flight: Flight):
     assert {key for key in named if f"`{key}`" not in page} == set()
 
 
-def test_without_the_twin_there_are_no_transients(flight: Flight):
-    out = run(str(flight.log), "--json", "--no-twin")
+def test_without_the_baseline_there_are_no_transients(flight: Flight):
+    out = run(str(flight.log), "--json", "--no-baseline")
     assert json.loads(out.stdout)["flight"]["transients"] is None
 
 
@@ -99,13 +99,13 @@ def test_a_flight_with_a_manager_of_the_users_own_is_scored(tmp_path: Path, monk
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     which = scenario.load(None, [*SHORT, "redundancy.manager=own_scored:Smoothed"])
-    found = score(which, Table(fly_rows(which)), fly_twin(which))
+    found = score(which, Table(fly_rows(which)), fly_baseline(which))
     assert [fault.outcome for fault in found.faults] == ["detected"] and found.episodes == []
 
 
 def line(path: Path) -> str:
     with pytest.raises(BadInput) as caught:
-        score_log(path, Yardstick(), twin=False)
+        score_log(path, Yardstick(), baseline=False)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -121,7 +121,7 @@ def test_a_recovered_log_is_refused(flight: Flight, tmp_path: Path):
     cut, mended = tmp_path / "cut.mcap", tmp_path / "mended.mcap"
     cut.write_bytes(flight.log.read_bytes()[:-60_000])
     with pytest.raises(BadLog, match="truncated"):
-        score_log(cut, Yardstick(), twin=False)
+        score_log(cut, Yardstick(), baseline=False)
     assert not recover(cut, mended).complete
     assert "no verdict" in line(mended)
 
@@ -147,7 +147,7 @@ def test_rows_of_another_seed_are_refused(flight: Flight):
 
 
 def test_a_flight_of_twenty_seconds_is_scored_in_milliseconds():
-    which = scenario.load("f16_singular_2_2_level", ["duration_s=20"])
+    which = scenario.load("f16_split_2_2_level", ["duration_s=20"])
     rows = fly_rows(which)
     took = []
     for _ in range(5):

@@ -16,9 +16,9 @@ from rig.core.frame import (
     INDEX,
     SIGNALS,
     Block,
+    DecidedBy,
     End,
     Pattern,
-    Resolver,
     State,
     Table,
     nested,
@@ -47,7 +47,7 @@ def flight(
     faults: list[dict[str, Any]], frames: int = 100, *overrides: str, exact: bool = False
 ) -> tuple[Scenario, Block]:
     """Rows of ``frames`` frames at a constant truth, through every stage but the aircraft."""
-    plain = "redundancy.signals.pitch_rate.threshold=0.05"  # and no outlier threshold
+    plain = "redundancy.signals.pitch_rate.threshold=0.05"  # and no isolation threshold
     which = scenario.load(
         None, [f"duration_s={frames / 100}", "faults=[]", plain, *(EXACT if exact else ()), *overrides]
     )
@@ -179,7 +179,7 @@ def test_two_faulty_channels_that_are_failed_together_are_no_wrong_isolation():
 
 
 def test_a_monitor_without_patience_fails_a_channel_in_the_frame_of_the_onset():
-    impatient = ("redundancy.signals.pitch_rate.persistence=1", "redundancy.signals.pitch_rate.singular_persistence=1")
+    impatient = ("redundancy.signals.pitch_rate.persistence=1", "redundancy.signals.pitch_rate.split_persistence=1")
     assert outcomes(scored([offset([2], 0.2, 0.3)], 40, *impatient)) == [("detected", 20, 20, 20)]
     assert outcomes(scored([offset([2], 0.0, 0.3)], 40, *impatient)) == [("detected", 0, 0, 0)]
 
@@ -199,24 +199,26 @@ def test_lost_samples_exceed_any_threshold():
         assert found.faults[0].peak_error is None
 
 
-def test_a_resolver_that_spoke_but_did_not_stand_is_asked_and_has_not_answered():
-    order = 'redundancy.signals.pitch_rate.resolvers=["ilm", "trend", "reference", "extremes"]'
-    which, rows = flight([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.singular_persistence=30", order)
-    rows["pattern"][:, Q], rows["resolver"][:, Q] = Pattern.NORMAL, Resolver.NONE
+def test_a_rule_that_spoke_but_did_not_stand_is_asked_and_has_not_answered():
+    order = 'redundancy.signals.pitch_rate.tie_break=["ilm", "trend", "reference", "extremes"]'
+    which, rows = flight([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.split_persistence=30", order)
+    rows["pattern"][:, Q], rows["decided_by"][:, Q] = Pattern.NORMAL, DecidedBy.NONE
     rows["state"][:, Q] = State.OK
-    rows["pattern"][20:26, Q], rows["resolver"][20:26, Q] = Pattern.P2_2, Resolver.TREND
-    rows["resolver"][20, Q] = Resolver.ILM
-    rows["pattern"][30:35, Q], rows["resolver"][30:35, Q] = Pattern.P2_2, Resolver.REFERENCE
-    rows["resolver"][34, Q] = Resolver.UNRESOLVED
-    rows["pattern"][40:50, Q], rows["resolver"][40:50, Q] = Pattern.P1_1_1_1, Resolver.EXTREMES
+    rows["pattern"][20:26, Q], rows["decided_by"][20:26, Q] = Pattern.P2_2, DecidedBy.TREND
+    rows["decided_by"][20, Q] = DecidedBy.ILM
+    rows["pattern"][30:35, Q], rows["decided_by"][30:35, Q] = Pattern.P2_2, DecidedBy.REFERENCE
+    rows["decided_by"][34, Q] = DecidedBy.UNRESOLVED
+    rows["pattern"][40:50, Q], rows["decided_by"][40:50, Q] = Pattern.P1_1_1_1, DecidedBy.EXTREMES
     rows["state"][49:, Q, 0] = rows["state"][49:, Q, 3] = State.FAILED
     found = score(which, Table(rows))
-    assert [(e.pattern, e.first_frame, e.frames, e.asked, e.resolver, e.failed, e.verdict) for e in found.episodes] == [
+    assert [
+        (e.pattern, e.first_frame, e.frames, e.asked, e.decided_by, e.failed, e.verdict) for e in found.episodes
+    ] == [
         ("2:2", 20, 6, ("ilm", "trend"), "trend", (), "open"),
         ("2:2", 30, 5, ("ilm", "trend", "reference"), "unresolved", (), "open"),
         ("1:1:1:1", 40, 10, ("ilm", "reference", "extremes"), "extremes", (1, 4), "wrong"),
     ]
-    counts = {name: (r.asked, r.answered, r.right, r.wrong, r.open) for name, r in found.resolvers.items()}
+    counts = {name: (r.asked, r.answered, r.right, r.wrong, r.open) for name, r in found.tie_break.items()}
     assert counts == {
         "ilm": (3, 0, 0, 0, 0),
         "lane": (0, 0, 0, 0, 0),
@@ -226,14 +228,14 @@ def test_a_resolver_that_spoke_but_did_not_stand_is_asked_and_has_not_answered()
         "middle": (0, 0, 0, 0, 0),
         "box": (0, 0, 0, 0, 0),
     }
-    assert found.unresolved == 1 and set(found.resolvers_by_pattern) == {"2:2", "1:1:1:1"}
+    assert found.unresolved == 1 and set(found.tie_break_by_pattern) == {"2:2", "1:1:1:1"}
     assert [fault.failed_frame for fault in found.faults] == [None, 49]
 
 
 def test_a_split_that_nobody_settles_is_unresolved():
-    found = scored([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.resolvers=[]")
+    found = scored([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.tie_break=[]")
     (episode,) = found.episodes
-    assert (episode.asked, episode.resolver, episode.verdict, episode.frames) == ((), "unresolved", "open", 40)
+    assert (episode.asked, episode.decided_by, episode.verdict, episode.frames) == ((), "unresolved", "open", 40)
     assert found.unresolved == 1 and [f.outcome for f in found.faults] == ["missed", "missed"]
 
 
@@ -315,9 +317,9 @@ def test_permuting_the_channels_permutes_the_score(sizes: list[float], starts: l
     a, b = scored(faults, 80, exact=True), scored(moved, 80, exact=True)
     assert outcomes(a) == outcomes(b)
     for field in ("false_alarms", "wrong_isolations"):
-        there = sorted((i.signal, order[i.channel - 1] + 1, i.frame, i.resolver) for i in getattr(a, field))
-        assert there == sorted((i.signal, i.channel, i.frame, i.resolver) for i in getattr(b, field))
-    assert a.resolvers == b.resolvers and a.vote_error == b.vote_error and a.coverage == b.coverage
+        there = sorted((i.signal, order[i.channel - 1] + 1, i.frame, i.decided_by) for i in getattr(a, field))
+        assert there == sorted((i.signal, i.channel, i.frame, i.decided_by) for i in getattr(b, field))
+    assert a.tie_break == b.tie_break and a.vote_error == b.vote_error and a.coverage == b.coverage
 
 
 def test_rows_joined_by_numpy_score_the_same():

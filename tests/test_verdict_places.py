@@ -205,7 +205,7 @@ def test_what_was_kept_in_flight_gives_the_same_as_measuring_again():
             "computer D had a wrong clock from 1.00 s on (drift 500 ppm); ",
         ),
         (
-            {"kind": "link_lie", "signal": "ccdl.C-D", "offset_thresholds": 1.5},
+            {"kind": "link_byzantine", "signal": "ccdl.C-D", "offset_thresholds": 1.5},
             "link C-D told wrong samples from 1.00 s on (offset 1.5 thresholds); ",
         ),
         (

@@ -1,4 +1,4 @@
-"""Formulas with a margin: against brute force and rtamt, and case by case as the definition says."""
+"""Formulas with a robustness: against brute force and rtamt, and case by case as the definition says."""
 
 import math
 import re
@@ -15,10 +15,10 @@ from rig.core.frame import INDEX, End, State, Table, new_block
 from rig.flight.loop import fly_rows
 from rig.scenario import scenario
 from rig.verdict.requirements.along import plain
-from rig.verdict.requirements.margins import LEAST, MOST, margin_text
 from rig.verdict.requirements.measure import check_rows
 from rig.verdict.requirements.requirement import Requirement, load_requirements, names
 from rig.verdict.requirements.requirement_recorder import AT_ONCE, RequirementsRecorder
+from rig.verdict.requirements.robustness import LEAST, MOST, robustness_text
 
 Q, P = INDEX["pitch_rate"], INDEX["roll_rate"]
 
@@ -42,12 +42,12 @@ def measured(formula, rows, **keys):
     return recorder.finish()[0]
 
 
-def margin(formula, rows, **keys):
-    return measured(formula, rows, **keys).margin
+def robustness(formula, rows, **keys):
+    return measured(formula, rows, **keys).robustness
 
 
 @pytest.mark.parametrize("first", range(0, 300, 50))
-def test_random_formulas_have_verdict_and_margin_of_brute_force(first):
+def test_random_formulas_have_verdict_and_robustness_of_brute_force(first):
     assert [number for number in range(first, first + 50) if not formulas.agree(number)] == []
 
 
@@ -72,7 +72,9 @@ def test_formulas_that_rtamt_speaks_have_its_margin():
             acting[k:, 0] = 1
             rows["acting"] = acting
             in_seconds = _seconds(ours)
-            assert margin(in_seconds, rows, at="each onset", scale=1.0) == pytest.approx(theirs[k], abs=1e-9), formula
+            assert robustness(in_seconds, rows, at="each onset", scale=1.0) == pytest.approx(theirs[k], abs=1e-9), (
+                formula
+            )
 
 
 RTAMT = (
@@ -95,7 +97,7 @@ def _seconds(formula):
     return re.sub(r"\[(\d+), (\d+)\]", lambda w: f"[{int(w[1]) / 100:g}, {int(w[2]) / 100:g}]", formula)
 
 
-def test_margins_of_comparisons():
+def test_robustness_of_comparisons():
     rows = flown(q=0.3)
     for formula, expected in [
         ("truth.pitch_rate < 0.5", 0.2 / 0.1),
@@ -111,7 +113,7 @@ def test_margins_of_comparisons():
         ("truth.pitch_rate / 0 < 1", -1000.0),
         ("max(truth.pitch_rate, 0.4, -1) < min(0.5, 0.6)", 0.1 / 0.1),
     ]:
-        assert margin(formula, rows, scale=0.1) == pytest.approx(expected), formula
+        assert robustness(formula, rows, scale=0.1) == pytest.approx(expected), formula
 
 
 def test_a_margin_of_0_is_met_and_what_is_violated_is_below_it():
@@ -122,7 +124,7 @@ def test_a_margin_of_0_is_met_and_what_is_violated_is_below_it():
     assert measured("not truth.pitch_rate <= 0.5", rows)[2:4] == ("violated", -LEAST)
     assert measured("not truth.pitch_rate < 0.5", rows)[2:4] == ("met", LEAST)
     assert measured("truth.pitch_rate != 0.5", rows)[2:4] == ("violated", -LEAST)
-    assert (margin_text(0.0), margin_text(-LEAST), margin_text(-0.25)) == ("0", "<0", "-0.25")
+    assert (robustness_text(0.0), robustness_text(-LEAST), robustness_text(-0.25)) == ("0", "<0", "-0.25")
 
 
 def test_a_state_has_no_distance_and_hides_none_of_what_it_excuses():
@@ -136,8 +138,8 @@ def test_a_state_has_no_distance_and_hides_none_of_what_it_excuses():
     ]:
         found = measured(formula, rows, scale=0.1)
         assert found[2:4] == (status, pytest.approx(expected)), formula
-        assert (plain(found)["margin"] is None) == (abs(expected) == MOST)
-        assert (margin_text(found.margin) == "") == (abs(expected) == MOST)
+        assert (plain(found)["robustness"] is None) == (abs(expected) == MOST)
+        assert (robustness_text(found.robustness) == "") == (abs(expected) == MOST)
 
 
 def test_a_number_that_is_nan_violates_whatever_is_negated():
@@ -179,7 +181,7 @@ def test_past_the_end_what_was_flown_counts_and_of_nothing_it_is_not_applicable(
     rows = flown(20, q=0.3)
     assert measured("always[0.1, 5] truth.pitch_rate < 0.5", rows).status == "met"
     nothing = measured("always[0.2, 5] truth.pitch_rate < 0.5", rows)
-    assert nothing.status == "not applicable" and math.isnan(nothing.margin) and nothing.values == {}
+    assert nothing.status == "not applicable" and math.isnan(nothing.robustness) and nothing.values == {}
     assert measured("once[0.01, 5] truth.pitch_rate < 0.5", rows).status == "not applicable"
     assert measured("always[0.2, 5] truth.pitch_rate < 0.5 or lost", rows)[2:4] == ("violated", -1.0)
 
@@ -190,24 +192,24 @@ def test_a_lost_aircraft_violates_each_always_that_it_cuts():
     assert measured("always[0, 0.19] truth.pitch_rate < 0.5", rows).status == "met"
     assert measured("always[0.2, 0.39] truth.pitch_rate < 0.5", rows)[2:4] == ("violated", -2.0)
     assert measured("eventually[0, 0.39] truth.pitch_rate < 0.5", rows).status == "met"
-    assert margin("always[0, 0.39] truth.pitch_rate > 100", rows) == pytest.approx(-99.7 / 0.5)
+    assert robustness("always[0, 0.39] truth.pitch_rate > 100", rows) == pytest.approx(-99.7 / 0.5)
 
 
 def test_the_default_scale_is_the_threshold_of_the_signal_else_one():
     rows = flown(q=0.3)
-    assert margin("truth.pitch_rate < 0.5", rows) == pytest.approx(0.2 / 0.5)  # SUBJECT has 0.5 rad/s
-    assert margin("0.5 > mach", rows) == pytest.approx(0.5)
+    assert robustness("truth.pitch_rate < 0.5", rows) == pytest.approx(0.2 / 0.5)  # SUBJECT has 0.5 rad/s
+    assert robustness("0.5 > mach", rows) == pytest.approx(0.5)
     formula = "truth.pitch_rate < 0.5 and mach < 0.7"
-    assert margin(formula, rows, scale=[0.1, 10.0]) == pytest.approx(0.07)
+    assert robustness(formula, rows, scale=[0.1, 10.0]) == pytest.approx(0.07)
     with pytest.raises(BadInput, match="scale: 3 for 2 comparisons"):
-        margin(formula, rows, scale=[0.1, 10.0, 1.0])
+        robustness(formula, rows, scale=[0.1, 10.0, 1.0])
 
 
 def test_the_instant_is_that_of_the_numbers_that_decide():
     q = np.zeros(40)
     q[17] = 0.4
     found = measured("always[0, 0.3] abs(truth.pitch_rate) <= threshold.pitch_rate", flown(40, q=q))
-    assert found.instant_s == pytest.approx(0.17) and found.margin == pytest.approx(0.2)
+    assert found.instant_s == pytest.approx(0.17) and found.robustness == pytest.approx(0.2)
     assert found.values == {"truth.pitch_rate": (0.4, "rad/s"), "threshold.pitch_rate": (0.5, "rad/s")}
     late = measured("(truth.pitch_rate < 1) until[0, 0.3] (truth.pitch_rate > 0.3)", flown(40, q=q))
     assert late.instant_s == pytest.approx(0.17)
@@ -221,8 +223,8 @@ def test_each_onset_counts_once_and_the_least_is_kept():
     acting[10:, 0], acting[20:30, 0], acting[40:, 1] = 1, 3, 2
     rows["acting"] = acting
     keys = {"at": "each onset", "scale": 1.0}
-    assert margin("truth.pitch_rate <= 0.5", rows, **keys) == pytest.approx(0.2)  # at 0.4 s
-    assert margin("always[0, 0.1] truth.pitch_rate <= 0.5", rows[:24], **keys) == pytest.approx(0.5)
+    assert robustness("truth.pitch_rate <= 0.5", rows, **keys) == pytest.approx(0.2)  # at 0.4 s
+    assert robustness("always[0, 0.1] truth.pitch_rate <= 0.5", rows[:24], **keys) == pytest.approx(0.5)
     assert measured("lost", flown(), at="each onset").status == "not applicable"
 
 
@@ -231,7 +233,7 @@ def test_each_loss_is_the_first_frame_of_level_0():
     rows["level"][20:30, Q] = rows["level"][45:, Q] = 0
     rows["truth"][:, Q] = np.arange(60) / 100
     found = measured("truth.{signal} <= 0.5", rows, at="each loss", scale=1.0)
-    assert found.signal == "pitch_rate" and found.margin == pytest.approx(0.05)
+    assert found.signal == "pitch_rate" and found.robustness == pytest.approx(0.05)
     assert found.instant_s == pytest.approx(0.45)
     assert measured("truth.{signal} <= 0.5", rows, at="each loss", signals=["roll_rate"]).status == "not applicable"
 
@@ -243,7 +245,7 @@ def test_counts_are_shares_of_the_persistence_below_one_until_failed():
     rows["state"][25:, Q, 1] = State.FAILED
     for end, expected in ((9, 0.0), (12, 0.6), (14, 0.6), (24, 0.8), (25, 1.0)):
         formula = f"always[0, {end / 100:g}] count.pitch_rate.2 <= 0"
-        assert margin(formula, rows) == pytest.approx(-expected, abs=1e-12), end
+        assert robustness(formula, rows) == pytest.approx(-expected, abs=1e-12), end
 
 
 def test_a_formula_of_two_hundred_nodes_is_measured():
@@ -313,7 +315,7 @@ def test_a_file_that_makes_no_sense_is_one_line(tmp_path, keys, says):
         ({"formula": "error.gear_down < 1"}, "a discrete has no error"),
         ({"formula": "surface.canard < 1"}, "unknown surface 'canard'"),
         ({"formula": "lost < 1"}, "'lost' is a yes or no, not a number"),
-        ({"formula": "twin.mach < 1"}, "twin.mach: the flight has no twin here"),
+        ({"formula": "baseline.mach < 1"}, "baseline.mach: the flight has no baseline here"),
         ({"formula": "always[0.001, 0.002] lost"}, "no frame is in this window at 100 frames a second"),
         ({"formula": "truth.{signal} < 1", "signals": ["canard"]}, "signals: the flight has no 'canard'"),
     ],
@@ -353,7 +355,7 @@ def test_the_channels_measured_together_are_the_least_of_each_alone(at):
         keys = {"at": at, "signals": ["pitch_rate"], "scale": 0.3}
         together = measured(formula.replace("N", "{channel}"), rows, **keys)
         alone = [measured(formula.replace("N", str(channel)), rows, **keys) for channel in (1, 2, 3, 4)]
-        least = min(alone, key=lambda one: (one.margin, one.status == "met"))
+        least = min(alone, key=lambda one: (one.robustness, one.status == "met"))
         assert together == least or together.status == least.status == "not applicable"
         decided |= {int(name[-1]) for name in together.values if name[-1].isdigit()}
     assert decided == {1, 2, 3, 4}

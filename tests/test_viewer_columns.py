@@ -21,9 +21,9 @@ from rig.core.frame import (
     SURFACES,
     TIMING,
     Block,
+    DecidedBy,
     Ilm,
     Pattern,
-    Resolver,
     State,
     Table,
     new_block,
@@ -184,12 +184,12 @@ def test_a_log_without_frames_and_too_many_logs_are_refused(files: tuple[Path, P
 def test_flights_that_lie_over_each_other_keep_their_columns_under_their_letter(
     files: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    other = tmp_path / "twin" / files[0].name
+    other = tmp_path / "baseline" / files[0].name
     other.parent.mkdir()
     other.write_bytes(files[0].read_bytes())
     opened = read([files[0], other])
     assert "A " in opened.about.title
-    assert f"B twin/{files[0].stem}" in opened.about.title
+    assert f"B baseline/{files[0].stem}" in opened.about.title
     save(opened, tmp_path / "both.rrd")
     both, one = (components(RrdReader(f).stream()) for f in (tmp_path / "both.rrd", files[1]))
     assert {path for path, _ in both} == {f"/{tag}{path}" for path, _ in one for tag in "AB"}
@@ -317,11 +317,11 @@ def test_the_band_is_the_vote_with_the_threshold_either_side_and_marks_the_fault
 def test_angles_of_control_are_in_degrees_and_a_heading_is_around_north() -> None:
     rows = new_block(1)
     rows["command"][:, COMMANDS.index("heading_rad")] = np.radians(359.0)
-    rows["actuator"][:, SURFACES.index("rudder_rad")] = np.radians(-4.0)
+    rows["surface_command"][:, SURFACES.index("rudder_rad")] = np.radians(-4.0)
     [found] = derived.degrees(rows)
     at = dict(zip(derived.DEGREE_NAMES, found, strict=True))
     assert at["command_heading_rad"] == pytest.approx(-1.0)
-    assert at["actuator_rudder_rad"] == pytest.approx(-4.0)
+    assert at["surface_command_rudder_rad"] == pytest.approx(-4.0)
     assert at["surface_rudder_rad"] == 0.0
 
 
@@ -351,10 +351,10 @@ def test_a_code_that_its_enum_does_not_know_is_shown_without_a_name() -> None:
     assert shown == [{"name": Pattern.NORMAL.name, "value": 0}, {"name": None, "value": 200}]
 
 
-@pytest.mark.parametrize(("source", "enum"), [("resolver", Resolver), ("ilm_1", Ilm), ("st_1", State)])
+@pytest.mark.parametrize(("source", "enum"), [("decided_by", DecidedBy), ("ilm_1", Ilm), ("st_1", State)])
 def test_enums_are_shown_by_name(source: str, enum: Any) -> None:
     rows = new_block(len(enum))
-    for field in ("resolver", "ilm", "state"):
+    for field in ("decided_by", "ilm", "state"):
         rows[field].T[:] = np.arange(len(enum))
     shown = struct(rows, TOPICS_OF_ROWS[0]).field(source).to_pylist()
     assert shown == [{"name": member.name, "value": member.value} for member in enum]

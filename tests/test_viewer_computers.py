@@ -15,11 +15,11 @@ from rig.core.frame import (
     LINKS,
     SURFACES,
     TIMING,
+    DecidedBy,
     Health,
     LaneTest,
     LinkState,
     Pattern,
-    Resolver,
     Table,
     lane_rows,
     new_block,
@@ -55,7 +55,7 @@ def moved() -> Table:
     lanes["link"][SILENT:, (A, C, D), B] = LinkState.FAILED
     lanes["outvoted"][150, A, D] = 1
     lanes["command_pattern"][120:, A, 0] = Pattern.P1_1
-    lanes["command_resolver"][130:, A, 0] = Resolver.UNRESOLVED
+    lanes["command_decided_by"][130:, A, 0] = DecidedBy.UNRESOLVED
     lanes["leads"][200:] = 0
     return Table(new_block(FRAMES), block, np.zeros(FRAMES, TIMING))
 

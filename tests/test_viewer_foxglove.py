@@ -165,7 +165,7 @@ def test_the_overview_shows_channels_vote_reference_and_truth_of_the_decisive_si
     assert (zoom["minYValue"], zoom["maxYValue"]) == seen.ranges["zoom"]
     _, states = panels(layout, "overview", "StateTransitions")
     shown = [series["value"].rsplit(".", 1)[1] for series in states["paths"]]
-    assert shown == ["acting_1", "st_1", "st_2", "st_3", "st_4", "pattern", "resolver", "source", "level"]
+    assert shown == ["acting_1", "st_1", "st_2", "st_3", "st_4", "pattern", "decided_by", "source", "level"]
     assert [bulb["path"][-4:] for bulb in panels(layout, "overview", "Indicator")] == ["st_1", "st_2", "st_3", "st_4"]
 
 

@@ -47,15 +47,20 @@ def hardover(seconds: int = 20) -> Block:
 
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A log of a hardover, and a twin of it without one."""
+    """A log of a hardover, and a baseline of it without one."""
     folder = tmp_path_factory.mktemp("screenshot")
-    rows, twin = hardover(), hardover()
-    twin["channels"], twin["state"], twin["pattern"], twin["acting"] = rows["truth"][:, :, None], 0, 0, 0
+    rows, baseline = hardover(), hardover()
+    baseline["channels"], baseline["state"], baseline["pattern"], baseline["acting"] = (
+        rows["truth"][:, :, None],
+        0,
+        0,
+        0,
+    )
     told = [
         Event(1000, "info", "fault on", "hardover pitch_rate.2"),
         Event(1010, "warning", "channel failed", "it failed"),
     ]
-    for name, block, events in (("faulted", rows, told), ("healthy", twin, told[:1])):
+    for name, block, events in (("faulted", rows, told), ("healthy", baseline, told[:1])):
         with LogWriter(folder / f"{name}.mcap", RATE_HZ, {}) as writer:
             writer.write(Table(block, timing=np.zeros(len(block), TIMING)), events)
     return folder / "faulted.mcap", folder / "healthy.mcap"

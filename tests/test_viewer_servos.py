@@ -37,16 +37,16 @@ def moved() -> Table:
     block, rng = lane_rows(FRAMES), np.random.default_rng(1)
     block["frame"] = np.arange(FRAMES)
     for name in ("asked", "lvdt", "ram", "ram_model", "current", "spool", "spool_model", "pressure"):
-        block["actuator"][name] = rng.uniform(-0.1, 0.1, block["actuator"][name].shape)
-    block["actuator"]["failed_by"][FAILED:, ELEVATOR, 1] = ActuatorMonitor.CURRENT
-    block["actuator"]["bypassed"][200:, RUDDER] = 1
+        block["servo"][name] = rng.uniform(-0.1, 0.1, block["servo"][name].shape)
+    block["servo"]["failed_by"][FAILED:, ELEVATOR, 1] = ActuatorMonitor.CURRENT
+    block["servo"]["bypassed"][200:, RUDDER] = 1
     return Table(new_block(FRAMES), block, np.zeros(FRAMES, TIMING))
 
 
 @pytest.fixture(scope="module")
 def log(moved: Table, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("servos") / "flight.mcap"
-    with LogWriter(path, HZ, {}, lanes=("actuator",)) as writer:
+    with LogWriter(path, HZ, {}, lanes=("servo",)) as writer:
         writer.write(moved)
     return path
 
@@ -96,7 +96,7 @@ def test_the_importer_makes_the_same_messages_of_our_log(log: Path, tmp_path: Pa
 
 
 def test_every_number_of_the_message_is_a_column(moved: Table) -> None:
-    made = struct(moved.servo, LANE_TOPICS["actuator"][ELEVATOR])
+    made = struct(moved.servo, LANE_TOPICS["servo"][ELEVATOR])
     assert [field.name for field in made.type] == [name for field in LANE_FIELDS for name, _ in elements(field)]
 
 

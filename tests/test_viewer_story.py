@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from rig.core.frame import DEMANDS, INDEX, SURFACES, TIMING, Block, End, Resolver, State, Table, new_block
+from rig.core.frame import AUTOPILOT_COMMANDS, INDEX, SURFACES, TIMING, Block, DecidedBy, End, State, Table, new_block
 from rig.flight.failures import decisive_s
 from rig.log.writer import LogWriter
 from rig.show.viewer import charts
@@ -44,7 +44,7 @@ def test_the_headline_says_what_failed_when_how_long_after_the_onset_and_by_what
 def test_channels_that_fail_together_are_told_together_and_a_long_delay_in_seconds() -> None:
     facts = Facts("", THRESHOLDS, (FaultFact("", "pitch_rate", (3, 4)),))
     rows = flown(pitch_rate_3=2986, pitch_rate_4=2986)
-    rows["resolver"][2986, INDEX["pitch_rate"]] = Resolver.REFERENCE
+    rows["decided_by"][2986, INDEX["pitch_rate"]] = DecidedBy.REFERENCE
     told = headline(facts, rows)
     assert told == "SURVIVED: pitch rate, channels 3, 4, failed at 29.86 s, 9.86 s after the onset, by reference"
 
@@ -125,8 +125,8 @@ def test_noise_is_not_drawn_as_motion_and_motion_is_within_the_scale() -> None:
     rows["surface"][:, elevator] = np.radians([0.1, 0.1002])
     low, high = charts.ranges(rows)["elevator"]
     assert high - low == pytest.approx(2.0)
-    rows["demand"][1, DEMANDS.index("altitude_m")] = 100.0
-    assert charts.ranges(rows)["demanded change of altitude"] == pytest.approx((-10.0, 110.0))
+    rows["autopilot_command"][1, AUTOPILOT_COMMANDS.index("altitude_m")] = 100.0
+    assert charts.ranges(rows)["commanded change of altitude"] == pytest.approx((-10.0, 110.0))
     assert charts.spanned(np.array([np.nan]), 2.0) == (-1.0, 1.0)
 
 

@@ -157,7 +157,7 @@ def test_a_saved_recording_lies_beside_the_log_with_all_entities_and_the_layout(
         frames[chunk.entity_path] = frames.get(chunk.entity_path, 0) + chunk.num_rows
     assert {frames[signal.topic] for signal in SIGNALS} == {3 * BLOCK}
     assert {"/pitch_rate/pattern", "/path", "/track", "/about"} <= frames.keys()
-    assert {"/discrete/gear_down", "/control", "/demand", "/flight", "/pose", "/position"} <= frames.keys()
+    assert {"/discrete/gear_down", "/control", "/autopilot_command", "/flight", "/pose", "/position"} <= frames.keys()
     [recording], [layout] = reader.recordings(), reader.blueprints()
     assert layout.application_id == recording.application_id
     views = [chunk for chunk in reader.stream(store=layout) if chunk.entity_path.startswith("/view/")]

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from rig.cli.main import app
 from rig.core.errors import BadInput, BadLog
-from rig.core.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, Table, new_block
+from rig.core.frame import SIGNALS, TIMING, Block, DecidedBy, End, Pattern, Source, State, Table, new_block
 from rig.flight.events import Event
 from rig.log import read_log
 from rig.log.writer import LogWriter
@@ -40,7 +40,7 @@ def flown(frames: int = 200) -> Block:
     rows["level"] = 4
     rows["level"][:, 0], rows["level"][:, 15] = 2, 0
     rows["state"][:, 0] = [State.OK, State.FAILED, State.SUSPECT, State.OK]
-    rows["pattern"][:, 0], rows["resolver"][:, 0] = Pattern.P2_2, Resolver.REFERENCE
+    rows["pattern"][:, 0], rows["decided_by"][:, 0] = Pattern.P2_2, DecidedBy.REFERENCE
     rows["pattern"][:, 15], rows["source"][:, 15] = Pattern.LOST, Source.REFERENCE
     rows["channels"][:, 15] = np.nan
     rows["acting"][:, 0] = 0b101
@@ -269,9 +269,9 @@ def test_a_flight_that_is_watched_is_the_same_flight(tmp_path: Path) -> None:
 
     screen = terminal()
     watch = Watch(OnTerminal(screen), None)
-    watched = rig.fly("f16_singular_2_2_level", overrides=["duration_s=11"], out=tmp_path, watch=watch)
+    watched = rig.fly("f16_split_2_2_level", overrides=["duration_s=11"], out=tmp_path, watch=watch)
     watch.close()
-    alone = rig.fly("f16_singular_2_2_level", overrides=["duration_s=11"], out=tmp_path)
+    alone = rig.fly("f16_split_2_2_level", overrides=["duration_s=11"], out=tmp_path)
     assert watched.digest == alone.digest
     text = screen.export_text()
     assert "pitch_rate.3 failed by reference" in text

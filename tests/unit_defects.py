@@ -56,7 +56,7 @@ VOTES = [
     Defect("a trend at rest counts as rising", "(f->rise_low > 0.0)", "(f->rise_low >= 0.0)"),
     Defect("the trend of another number of samples kept", "(f->n == s->last_n) && (f->n > 0)", "(f->n > 0)"),
 ]
-RESOLVERS = [
+TIE_BREAKS = [
     Defect(
         "an absent monitor read as bad",
         "count += (f->ilm[f->by[i]] == flag) ? 1 : 0;",
@@ -77,8 +77,8 @@ RESOLVERS = [
     ),
     Defect(
         "extremes and middle without being configured",
-        "if (p->resolvers[place] == rule) {",
-        "if (p->resolvers[place] >= 0) {",
+        "if (p->tie_break[place] == rule) {",
+        "if (p->tie_break[place] >= 0) {",
     ),
     Defect(
         "neither rank rising blames the smaller half",
@@ -132,8 +132,8 @@ LATCHES = [
     ),
     Defect(
         "a pattern settled a frame late",
-        "s->pattern_frames >= p->singular_persistence",
-        "s->pattern_frames > p->singular_persistence",
+        "s->pattern_frames >= p->split_persistence",
+        "s->pattern_frames > p->split_persistence",
     ),
     Defect(
         "an agreeing frame does not end the count",
@@ -141,12 +141,12 @@ LATCHES = [
         ": (count[c] + (0.0 * counted_down(count[c], &s->rules)));",
     ),
     Defect(
-        "counts go on in a pattern without a majority",
-        "s->singular_run++;\n        return true;",
-        "s->singular_run++;\n        return false;",
+        "counts go on in a split",
+        "s->split_run++;\n        return true;",
+        "s->split_run++;\n        return false;",
     ),
     Defect(
-        "counts go on after a pattern without a majority",
+        "counts go on after a split",
         "s->freeze = (wait > s->freeze) ? wait : s->freeze;",
         "s->freeze = 0 * wait;",
     ),
@@ -197,8 +197,8 @@ BOXES = [
     Defect("a majority of boxes failed", "(2 * candidates) <= units", "candidates <= units"),
     Defect(
         "the trend accuses a box",
-        "(f->resolver == RIG_RESOLVER_ILM) || (f",
-        "(f->resolver == RIG_RESOLVER_TREND) || (f",
+        "(f->decided_by == RIG_DECIDED_BY_ILM) || (f",
+        "(f->decided_by == RIG_DECIDED_BY_TREND) || (f",
     ),
 ]
 DISCRETES = [
@@ -268,4 +268,4 @@ LEVELS_AND_FILTER = [
     Defect("readmission by the sample itself", "samples = filtered ? s->smooth : f->samples", "samples = f->samples"),
     Defect("readmission to the unfiltered vote", "vote = s->smooth_vote;", "vote = f->vote;"),
 ]
-DEFECTS = [*LEVELS_AND_FILTER, *SAMPLES, *VOTES, *RESOLVERS, *LATCHES, *BOXES, *DISCRETES]
+DEFECTS = [*LEVELS_AND_FILTER, *SAMPLES, *VOTES, *TIE_BREAKS, *LATCHES, *BOXES, *DISCRETES]

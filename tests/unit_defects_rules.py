@@ -17,8 +17,8 @@ REFERENCES = [
     ),
     Defect(
         "a reference judged by a suspected pair",
-        "|| s->after_extremes || s->lasting.standing)",
-        "|| s->lasting.standing)",
+        "|| s->after_extremes || s->slow_faults.standing)",
+        "|| s->slow_faults.standing)",
     ),
     Defect("a suspected pair never cut", "if (!s->after_extremes) {", "if (s->level >= 0) {"),
     Defect(
@@ -28,7 +28,7 @@ REFERENCES = [
     ),
     Defect(
         "any pair suspected",
-        "settled && (f->resolver == RIG_RESOLVER_EXTREMES) && (s->level == 2)",
+        "settled && (f->decided_by == RIG_DECIDED_BY_EXTREMES) && (s->level == 2)",
         "settled && (s->level == 2)",
     ),
     Defect(
@@ -67,7 +67,7 @@ SPLITS = [
         "= split->stood >= p",
     ),
     Defect("an answer is its rule alone", "&& (blames == split->blames) &&", "&&"),
-    Defect("an answer is whom it blames alone", "same = (f->resolver == split->rule) && (blames", "same = (blames"),
+    Defect("an answer is whom it blames alone", "same = (f->decided_by == split->rule) && (blames", "same = (blames"),
     Defect("never given up", "(most > 0) && (s->split", "(most < 0) && (s->split"),
     Defect("given up a frame late", "(s->split.unresolved >= most)", "(s->split.unresolved > most)"),
     Defect(
@@ -130,7 +130,7 @@ TRENDS = [
     ),
 ]
 REPEATS = [
-    Defect("a stale sample compared", "&& !lasting_is_stale(c, &s->lasting) && compare", "&& compare"),
+    Defect("a stale sample compared", "&& !slow_is_stale(c, &s->slow_faults) && compare", "&& compare"),
     Defect(
         "repeats of all at rest",
         "((2 * m->moving) >= others)",
@@ -200,8 +200,8 @@ FILTER = [
     ),
     Defect(
         "the filter's value off the vote",
-        "difference(f->x[c], f->vote, p) - s->lasting",
-        "difference(f->y[c], f->vote, p) - s->lasting",
+        "difference(f->x[c], f->vote, p) - s->slow_faults",
+        "difference(f->y[c], f->vote, p) - s->slow_faults",
     ),
     Defect("a split that has closed goes on", "} else if (!f->together) {", "} else if (f->n >= 0) {"),
     Defect(
@@ -216,15 +216,15 @@ FILTER = [
     ),
     Defect(
         "a filter that goes on over stale samples",
-        "compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);\n            const double last",
+        "compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults);\n            const double last",
         "compare_is_comparable(f, c, p);\n            const double last",
     ),
     Defect("a common mode of a pair that was cut", " || s->latches.failed[f->order[0]]", ""),
     Defect("the suspicion of a pair after a readmission", "    references_readmit(before.failed, s);\n", ""),
     Defect(
         "agreement of a channel out of range",
-        "there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting) && !has",
-        "there = (f->valid[c] != 0) && !lasting_is_stale(c, &s->lasting) && !has",
+        "there = compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults) && !has",
+        "there = (f->valid[c] != 0) && !slow_is_stale(c, &s->slow_faults) && !has",
     ),
     Defect("agreement of a channel that the frame has failed", " && !has(f->ranked, c);", ";"),
 ]
@@ -236,7 +236,7 @@ GAPS = [
     ),
     Defect(
         "a reference judged by channels that stand still",
-        "|| s->after_extremes || s->lasting.standing)",
+        "|| s->after_extremes || s->slow_faults.standing)",
         "|| s->after_extremes)",
     ),
     Defect(

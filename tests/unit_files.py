@@ -35,8 +35,8 @@ from rig.unit.unit_records import (
     OUTPUT,
     PART,
     READY,
-    RESOLVERS,
     SETTINGS,
+    TIE_BREAKS,
     VERSION,
     Said,
 )
@@ -96,7 +96,7 @@ def config(params: NDArray[Any], discretes: NDArray[Any], boxes: NDArray[Any]) -
     for part, fields in SETTINGS.items():
         for name in fields:
             value = (discretes if part == "discrete" else params)[name]
-            record[part][0][name] = without_lanes(value)[:, :RESOLVERS] if name == "resolvers" else value
+            record[part][0][name] = without_lanes(value)[:, :TIE_BREAKS] if name == "tie_break" else value
     record["box_signals"], record["box_persistence"] = boxes["signals"], boxes["persistence"]
     record["layout"] = LAYOUT
     return record
@@ -225,4 +225,4 @@ def udp(folder: Path, plan: list[Any], name: str | Path = "first_valid", **keys:
     sizes = {"input": INPUT, "output": OUTPUT, "config": CONFIG, "part": PART, "ready": READY}
     known = json.dumps({**{key: dtype.itemsize for key, dtype in sizes.items()}, "layout": LAYOUT, "version": VERSION})
     command = [sys.executable, str(HERE / "udp.py"), str(path), "{address}", json.dumps(plan), known]
-    return written(folder, {"name": "planned", "carrier": "udp", "command": command, **keys})
+    return written(folder, {"name": "planned", "transport": "udp", "command": command, **keys})

@@ -37,7 +37,7 @@ def random_params(draw: Generator) -> NDArray[Any]:
     """PARAMS records with short persistences; a third of the signals are angles."""
     params = np.zeros(S, PARAMS)
     for name, low, high in (
-        *(("persistence", 1, 7), ("singular_persistence", 1, 9), ("trend_frames", 1, 9), ("readmit_frames", 1, 12)),
+        *(("persistence", 1, 7), ("split_persistence", 1, 9), ("trend_frames", 1, 9), ("readmit_frames", 1, 12)),
         *(("fade_frames", 0, 5), ("common_persistence", 1, 6), ("common_fails", 0, 2), ("weighted", 0, 2)),
     ):
         params[name] = draw.integers(low, high, S)
@@ -58,18 +58,18 @@ def random_params(draw: Generator) -> NDArray[Any]:
     params["filter_gain"] = draw.choice([0.0, 0.0, 0.1, 0.5, 0.95], S)
     narrow = ~angle & (draw.random(S) < 0.25)  # samples and references meet the stops
     params["low"][narrow], params["high"][narrow] = NARROW * params["threshold"][narrow], params["threshold"][narrow]
-    _give_lasting(draw, params)
+    _give_slow_faults(draw, params)
     _give_rules(draw, params)
     for row in params:
         chosen = draw.permutation(5)[: draw.integers(0, 6)] + 1
-        row["resolvers"][: len(chosen)] = chosen
+        row["tie_break"][: len(chosen)] = chosen
     return params
 
 
-def _give_lasting(draw: Generator, params: NDArray[Any]) -> None:
+def _give_slow_faults(draw: Generator, params: NDArray[Any]) -> None:
     """Learned biases, sums and stale samples, each on in half of the signals."""
     least = np.min([params[name] for name in ("threshold", "threshold_triplex", "threshold_duplex")], axis=0)
-    params["bias_bound"], params["bias_gain"] = (
+    params["equalise_bound"], params["equalise_gain"] = (
         least * draw.choice([0.0, 0.3, 1.0], S),
         draw.choice([0.05, 0.3, 1.0], S),
     )

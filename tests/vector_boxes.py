@@ -1,4 +1,4 @@
-"""Conformance vectors of what the signals have in common: boxes that die, references that read other signals."""
+"""Conformance vectors of what the signals have in common: LRU failures, references that read other signals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from oracle_answers import Settings, View
 from oracle_boxes import BoxFlight, BoxOracle, Row, row, seeded_boxes, seeded_sources, some_settings
 from oracle_flights import Flight
 from oracle_references import References
-from vector_flights import FRAMES, Flown, lasting, quiet_discretes
+from vector_flights import FRAMES, Flown, quiet_discretes, slow_faults
 from vector_records import Session
 from vector_rules import EndsRuns, FirstDisputes, SecondDisputes
 
@@ -23,14 +23,14 @@ POOL = 1200  # random flights that a case chooses from
 class TrendAccuses(Oracle):
     """Another rule, for a choice of flights: whoever is blamed without a majority is accused by trend and rank too."""
 
-    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
-        return super().evidence(view, "ilm" if resolver in ("trend", "extremes", "middle") else resolver, wrong)
+    def evidence(self, view: View, decided_by: str, wrong: set[int]) -> set[int]:
+        return super().evidence(view, "ilm" if decided_by in ("trend", "extremes", "middle") else decided_by, wrong)
 
 
 class NobodyAccuses(Oracle):
     """And another one: nobody who is blamed without a majority is accused."""
 
-    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
+    def evidence(self, view: View, decided_by: str, wrong: set[int]) -> set[int]:
         return super().evidence(view, "trend", wrong)
 
 
@@ -93,7 +93,7 @@ def fly(
     answers, everywhere = [], False
     for rows in flight.frames:
         answers.append(oracle.step(rows))
-        failed = any(frame.resolver == "box" for frame in answers[-1])
+        failed = any(frame.decided_by == "box" for frame in answers[-1])
         accusing = sum(bool(signal.accused) for signal in oracle.signals)
         everywhere = everywhere or (failed and accusing > S - 3)
     return Common(flight, oracle, answers, everywhere)
@@ -126,7 +126,7 @@ def to_all_signals(flight: BoxFlight, draw: Random) -> BoxFlight:
 
 def untold(s: Settings) -> Settings:
     """Without lanes, of which a unit is not told."""
-    return replace(s, resolvers=tuple(name for name in s.resolvers if name != "lane"))
+    return replace(s, tie_break=tuple(name for name in s.tie_break if name != "lane"))
 
 
 def others(rows: Sequence[Row], settings: Sequence[Settings], healthy: bool) -> list[Row]:
@@ -144,7 +144,7 @@ def one_signal(flight: BoxFlight, i: int) -> Flown:
     samples, ilm, references, seconds = (
         list(column) for column in zip(*(rows[i] for rows in flight.frames), strict=True)
     )
-    return Flown(lasting(Flight(flight.settings[i], samples, ilm, references, seconds)))
+    return Flown(slow_faults(Flight(flight.settings[i], samples, ilm, references, seconds)))
 
 
 def in_sets(common: Common) -> bool:
@@ -154,13 +154,13 @@ def in_sets(common: Common) -> bool:
 # Title, what its flights must reach, and the seeds from which these are looked for.
 BOXES: list[tuple[str, Callable[[Common], bool], tuple[int, ...]]] = [
     (
-        "a box that dies is failed on all its signals",
+        "a failed LRU is failed on all its signals",
         lambda common: {"1 failed as boxes", "failed where nothing spoke against it"} <= common.oracle.rules,
         (3, 6, 20),
     ),
     ("and on those of no other box", in_sets, (9, 131, 238)),
     (
-        "two boxes that die together are failed",
+        "two LRUs that fail together are failed",
         lambda common: {"2 failed as boxes", "failed where it was silent"} <= common.oracle.rules,
         (49, 60),
     ),
@@ -170,7 +170,7 @@ BOXES: list[tuple[str, Callable[[Common], bool], tuple[int, ...]]] = [
         (29, 60, 74),
     ),
     ("a majority of those that are in the box", lambda common: common.hangs_on(all_signals=MajorityOfAll), (80, 321)),
-    ("a box that dies on nearly every signal", lambda common: common.everywhere, (545, 553)),
+    ("an LRU that fails on nearly every signal", lambda common: common.everywhere, (545, 553)),
     (
         "more than half of the signals of a box accuse it",
         lambda common: common.flight.box_signals == -1 and common.hangs_on_needed(2) and common.hangs_on_needed(3),

@@ -29,7 +29,7 @@ from oracle_flights import (
     one_side,
     with_outliers,
 )
-from oracle_flights import lasting as with_lasting
+from oracle_flights import slow_faults as with_slow_faults
 
 from rig.core.frame import DISCRETES
 
@@ -72,7 +72,7 @@ class Flown:
     def settings(self) -> Settings:
         """Those of the flight, within the sensor's range and without lanes, of which a unit is not told."""
         s = self.flight.settings
-        return replace(s, low=self.low, high=self.high, resolvers=tuple(name for name in s.resolvers if name != "lane"))
+        return replace(s, low=self.low, high=self.high, tie_break=tuple(name for name in s.tie_break if name != "lane"))
 
     @cached_property
     def answers(self) -> list[Frame]:
@@ -131,7 +131,7 @@ class Flown:
         return False
 
 
-def lasting(flight: Flight, frames: int = FRAMES) -> Flight:
+def slow_faults(flight: Flight, frames: int = FRAMES) -> Flight:
     """The first frames of a flight; of a shorter one the last frame goes on."""
     fields = ("samples", "ilm", "references", "seconds", "lanes")
     rows = {name: getattr(flight, name) or [()] for name in fields}
@@ -163,31 +163,31 @@ def plain(seed: int) -> Flown:
     """A random signal that is no angle."""
     draw = random.Random(f"plain {seed}")
     factor = draw.choice([0.125, 0.5, 1.0, 4.0])
-    return Flown(scaled(lasting(build(draw.choice)), factor), -RANGE * factor, RANGE * factor)
+    return Flown(scaled(slow_faults(build(draw.choice)), factor), -RANGE * factor, RANGE * factor)
 
 
 def levelled(seed: int) -> Flown:
     """A random signal with thresholds of its own for three and for two samples."""
     draw = random.Random(f"levels {seed}")
-    return Flown(by_level(lasting(build(draw.choice)), draw.choice))
+    return Flown(by_level(slow_faults(build(draw.choice)), draw.choice))
 
 
 def with_limits(seed: int) -> Flown:
-    """A random signal with outlier thresholds."""
+    """A random signal with isolation thresholds."""
     draw = random.Random(f"outliers {seed}")
-    return Flown(with_outliers(lasting(build(draw.choice)), draw.choice))
+    return Flown(with_outliers(slow_faults(build(draw.choice)), draw.choice))
 
 
 def smoothed(seed: int) -> Flown:
     """A random signal that is compared behind a filter."""
     draw = random.Random(f"filter {seed}")
-    return Flown(filtered(lasting(build(draw.choice)), draw.choice))
+    return Flown(filtered(slow_faults(build(draw.choice)), draw.choice))
 
 
 def bursting(seed: int) -> Flown:
     """A random signal behind a filter, with bursts on one to three channels, alike or not, shorter than they may be."""
     draw = random.Random(f"bursts {seed}")
-    flight = lasting(filtered(build(draw.choice), draw.choice))
+    flight = slow_faults(filtered(build(draw.choice), draw.choice))
     if draw.random() < 0.5:
         flight = with_outliers(flight, draw.choice)
     value, samples = draw.choice([0.0, 3.0]), list[list[float | None]]()
@@ -203,15 +203,15 @@ def bursting(seed: int) -> Flown:
 
 
 def biased(seed: int) -> Flown:
-    """A random signal whose channels differ by what lasts."""
-    draw = random.Random(f"lasting {seed}")
-    return Flown(lasting(with_lasting(build(draw.choice), draw.choice)))
+    """A random signal whose channels differ by slow faults."""
+    draw = random.Random(f"lasting {seed}")  # the word that the vectors were drawn by
+    return Flown(slow_faults(with_slow_faults(build(draw.choice), draw.choice)))
 
 
 def ruled(seed: int) -> Flown:
     """A random signal with settings of rules that are off by default."""
     draw = random.Random(f"rules {seed}")
-    return Flown(lasting(by_rules(build(draw.choice), draw.choice)))
+    return Flown(slow_faults(by_rules(build(draw.choice), draw.choice)))
 
 
 def split_in_trends(seed: int) -> Flown:
@@ -220,8 +220,8 @@ def split_in_trends(seed: int) -> Flown:
     s = Settings(
         threshold_duplex=2.0,
         trend_frames=draw.choice([1, 2, 3]),
-        singular_persistence=draw.choice([4, 9, 30]),
-        resolvers=tuple(draw.sample(["ilm", "trend"], 2)),
+        split_persistence=draw.choice([4, 9, 30]),
+        tie_break=tuple(draw.sample(["ilm", "trend"], 2)),
         weighted=True,
         channels=draw.choice([4, 4, 2]),
     )
@@ -234,7 +234,7 @@ def split_in_trends(seed: int) -> Flown:
         flight.samples.append([*at, None, None][:4])
         flight.ilm.append(flags)
     flight.references, flight.seconds = [None] * FRAMES, [None] * FRAMES
-    return Flown(lasting(flight))
+    return Flown(slow_faults(flight))
 
 
 def paired(seed: int) -> Flown:
@@ -243,7 +243,7 @@ def paired(seed: int) -> Flown:
     flight = left_by_extremes(build(draw.choice), draw.choice)
     if draw.random() < 0.5:
         flight = replace(flight, seconds=[x if draw.random() < 0.9 else None for x in flight.references])
-    flight = lasting(by_rules(flight, draw.choice) if draw.random() < 0.5 else flight)
+    flight = slow_faults(by_rules(flight, draw.choice) if draw.random() < 0.5 else flight)
     resets = [Reset(draw.sample(range(4), draw.choice([0, 0, 1, 2, 4]))) for _ in range(FRAMES)]
     return Flown(flight, resets=tuple(resets), readmit_frames=draw.choice([1, 2, 3, NEVER, NEVER]))
 
@@ -251,14 +251,14 @@ def paired(seed: int) -> Flown:
 def stopped(seed: int) -> Flown:
     """A random signal within a narrow range: samples stay at its ends, where their references go on."""
     draw = random.Random(f"stops {seed}")
-    flight = at_the_stop(lasting(build(draw.choice)), draw.choice)
+    flight = at_the_stop(slow_faults(build(draw.choice)), draw.choice)
     return Flown(with_repeats(flight, draw.choice), flight.settings.low, flight.settings.high)
 
 
 def repeating(seed: int) -> Flown:
     """A random signal of whose channels one or two stick, with gaps, and none may repeat for ever."""
     draw = random.Random(f"repeats {seed}")
-    return Flown(with_repeats(lasting(build(draw.choice)), draw.choice))
+    return Flown(with_repeats(slow_faults(build(draw.choice)), draw.choice))
 
 
 def beyond_with_resets(seed: int) -> Flown:
@@ -274,13 +274,13 @@ def beyond_with_resets(seed: int) -> Flown:
             resets.append(Reset(draw.sample(range(4), draw.choice([0, 1, 4]))))
     flight.ilm, flight.references = [("absent",) * 4] * FRAMES, [None] * FRAMES
     flight.seconds = [None] * FRAMES
-    return Flown(lasting(flight), resets=tuple(resets[:FRAMES]), readmit_frames=draw.randint(2, 4))
+    return Flown(slow_faults(flight), resets=tuple(resets[:FRAMES]), readmit_frames=draw.randint(2, 4))
 
 
 def smoothed_and_repeating(seed: int) -> Flown:
     """The same behind a filter."""
     draw = random.Random(f"filtered repeats {seed}")
-    return Flown(with_repeats(lasting(filtered(build(draw.choice), draw.choice)), draw.choice))
+    return Flown(with_repeats(slow_faults(filtered(build(draw.choice), draw.choice)), draw.choice))
 
 
 def with_repeats(flight: Flight, pick: Pick) -> Flight:
@@ -339,7 +339,7 @@ def at_the_limits(seed: int) -> Flown:
             flight.ilm.append(("good",) * 4)
             flight.references.append(value + side * one)
             flight.seconds.append(value + side * other)
-    return Flown(lasting(flight))
+    return Flown(slow_faults(flight))
 
 
 def angle(seed: int) -> Flown | None:
@@ -355,7 +355,7 @@ def angle(seed: int) -> Flown | None:
 
     flight.samples = [[into(x) for x in row] for row in flight.samples]
     flight.references, flight.seconds = [into(x) for x in flight.references], [into(x) for x in flight.seconds]
-    found = Flown(lasting(flight), low, low + TURN)
+    found = Flown(slow_faults(flight), low, low + TURN)
     return None if found.hangs_on_rounding else found
 
 
@@ -376,7 +376,7 @@ def with_resets(seed: int) -> Flown:
     """One to three channels that go off and come back, and commands in time, too early and in disagreement."""
     draw = random.Random(f"resets {seed}")
     s = Settings(
-        persistence=draw.randint(1, 4), singular_persistence=draw.randint(1, 4), channels=draw.choice([4, 4, 4, 3])
+        persistence=draw.randint(1, 4), split_persistence=draw.randint(1, 4), channels=draw.choice([4, 4, 4, 3])
     )
     flight, resets, value = Flight(s), list[Reset](), draw.choice([0.0, -2.5, 8.0])
     while len(flight.samples) < FRAMES:
@@ -389,7 +389,7 @@ def with_resets(seed: int) -> Flown:
             flight.references.append(None)
             flight.seconds.append(None)
             resets.append(Reset(draw.sample(range(4), draw.choice([0, 0, 1, 1, 2, 4]))))
-    return Flown(lasting(flight), resets=tuple(resets[:FRAMES]), readmit_frames=draw.randint(1, 5))
+    return Flown(slow_faults(flight), resets=tuple(resets[:FRAMES]), readmit_frames=draw.randint(1, 5))
 
 
 @dataclass(frozen=True)
@@ -433,4 +433,4 @@ def quiet_discretes() -> list[FlownDiscrete]:
 def quiet_signal() -> Flown:
     """Four channels that agree throughout, at rest."""
     flight = Flight(Settings(), [[1.0, 1.25, 1.5, 1.5]], [("absent",) * 4], [None], [None])
-    return Flown(lasting(flight))
+    return Flown(slow_faults(flight))

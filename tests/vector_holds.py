@@ -7,20 +7,20 @@ import random
 from oracle_answers import Settings, View
 from oracle_flights import build, held
 from oracle_split import Split
-from vector_flights import Flown, lasting
+from vector_flights import Flown, slow_faults
 from vector_rules import Other
 
 
 def held_in_gaps(seed: int) -> Flown:
     """A random split with samples missing, answers of few frames and channels that jump."""
     draw = random.Random(f"held {seed}")
-    return Flown(lasting(held(build(draw.choice), draw.choice)))
+    return Flown(slow_faults(held(build(draw.choice), draw.choice)))
 
 
 class _AnyAnswer(Split):
     def not_held(self, s: Settings) -> None:
         super().not_held(s)
-        self.open = 0 if self.singular else self.open
+        self.open = 0 if self.in_split else self.open
 
 
 class AnsweredOnce(Other):
@@ -32,7 +32,7 @@ class AnsweredOnce(Other):
 class _AnyFrame(Split):
     def not_held(self, s: Settings) -> None:
         super().not_held(s)
-        self.open = self.open if self.singular else 0
+        self.open = self.open if self.in_split else 0
 
 
 class EndedByMissing(Other):

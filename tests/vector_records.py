@@ -15,9 +15,9 @@ from vector_flights import FRAMES, Flown, FlownDiscrete
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.manager_config import PARAMS, told
-from rig.core.frame import CHANNELS, SURFACES, D, Ilm, Pattern, Resolver, S, State
+from rig.core.frame import CHANNELS, SURFACES, D, DecidedBy, Ilm, Pattern, S, State
 from rig.unit.session import configuration
-from rig.unit.unit_records import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Form, Kind, Said, blank
+from rig.unit.unit_records import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Kind, Role, Said, blank
 from rig.unit.vectors import Case
 
 RATE_HZ = 100.0
@@ -27,7 +27,15 @@ PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
 # Fields of PARAMS that the oracle's settings have by the same name.
 SAME = (
     *("threshold", "reference_threshold", "second_threshold", "common_persistence", "common_fails", "persistence"),
-    *("singular_persistence", "trend_frames", "bias_bound", "stale_frames", "slow_allowance", "slow_limit", "weighted"),
+    *(
+        "split_persistence",
+        "trend_frames",
+        "equalise_bound",
+        "stale_frames",
+        "slow_allowance",
+        "slow_limit",
+        "weighted",
+    ),
     *told("rules"),
 )
 SAID = Said.VOTED | Said.STATE | Said.PATTERN | Said.TREND | Said.DISCRETES
@@ -76,7 +84,7 @@ class Session:
         boxes["signals"], boxes["persistence"] = self.box_signals, self.box_persistence
         limits = np.array([(-0.5, 0.5)] * (len(SURFACES) - 1) + [(0.0, 1.0)])
         names = ("vectors", "vectors")
-        return configuration(RATE_HZ, Form.REDUNDANCY, params, discretes, boxes, np.zeros(len(SURFACES)), limits, names)
+        return configuration(RATE_HZ, Role.REDUNDANCY, params, discretes, boxes, np.zeros(len(SURFACES)), limits, names)
 
     def give(self, inputs: NDArray[Any], i: int, flown: Flown) -> None:
         """Write what signal ``i`` is given."""
@@ -122,12 +130,12 @@ def configure(row: Any, flown: Flown) -> None:
         row[name] = getattr(s, name)
     row["threshold_triplex"], row["threshold_duplex"], row["filter_gain"] = s.within(3), s.within(2), s.filter_share
     row["outlier_threshold"], row["outlier_threshold_triplex"] = s.outlier or 0.0, s.outlier_triplex or 0.0
-    row["bias_gain"] = s.bias_share
+    row["equalise_gain"] = s.bias_share
     row["reference_airspeed_m_s"] = flown.airspeed_m_s
     row["low"], row["high"], row["readmit_frames"] = flown.low, flown.high, flown.readmit_frames
     row["deviation"], row["deviation_frames"] = 2.5 * s.threshold, 5.0 * s.threshold * RATE_HZ
     row["fitted"], row["wraps"] = s.channels, s.turn > 0
-    row["resolvers"][: len(s.resolvers)] = [Resolver[name.upper()] for name in s.resolvers]
+    row["tie_break"][: len(s.tie_break)] = [DecidedBy[name.upper()] for name in s.tie_break]
 
 
 def expect(expected: NDArray[Any], i: int, flown: Flown, answers: Sequence[Frame]) -> None:
@@ -136,9 +144,9 @@ def expect(expected: NDArray[Any], i: int, flown: Flown, answers: Sequence[Frame
     for k, frame in enumerate(answers):
         expected["voted"][k, i], expected["level"][k, i] = frame.voted, frame.level
         expected["state"][k, i] = [State[name.upper()] for name in frame.states + unfitted]
-        expected["pattern"][k, i], expected["resolver"][k, i] = (
+        expected["pattern"][k, i], expected["decided_by"][k, i] = (
             PATTERNS[frame.pattern],
-            Resolver[frame.resolver.upper()],
+            DecidedBy[frame.decided_by.upper()],
         )
         expected["trend_high"][k, i], expected["trend_low"][k, i] = frame.trend
         expected["reference_usable"][k, i], expected["common_mode"][k, i] = frame.usable, frame.common

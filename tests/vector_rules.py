@@ -10,22 +10,22 @@ from typing import Any, ClassVar
 from oracle import Frame
 from oracle_answers import Settings, View
 from oracle_boxes import ResettableOracle
-from oracle_lasting import Lasting
 from oracle_references import References
+from oracle_slow_faults import SlowFaults
 from oracle_split import Split
 from oracle_trend import Trend
 
 
 class Other(ResettableOracle):
-    """One with another memory of splits, trends or what lasts."""
+    """One with another memory of splits, trends or slow faults."""
 
     splits: ClassVar[type[Split]] = Split
     trends: ClassVar[type[Trend]] = Trend
-    repeated: ClassVar[type[Lasting]] = Lasting
+    repeated: ClassVar[type[SlowFaults]] = SlowFaults
     told: ClassVar[type[References]] = References
 
     def __post_init__(self) -> None:
-        self.split, self.trend, self.lasting = self.splits(), self.trends(), self.repeated(self.s)
+        self.split, self.trend, self.slow_faults = self.splits(), self.trends(), self.repeated(self.s)
         self.references = self.told(self.s)
 
 
@@ -97,11 +97,11 @@ class StaysSuspected(ResettableOracle):
 class CutAgrees(ResettableOracle):
     """The pair of a frame that has cut it still agrees, against two references."""
 
-    def refer(self, view: View, vote: float, second: float | None, resolver: str, in_dispute: bool) -> str:
+    def refer(self, view: View, vote: float, second: float | None, decided_by: str, in_dispute: bool) -> str:
         out = set(self.failed)
         if not self.references.cuts(view):
             self.references.pair_off -= self.references.pair_off > 0  # it is asked again
-            return super().refer(view, vote, second, resolver, in_dispute)
+            return super().refer(view, vote, second, decided_by, in_dispute)
         all_in_use = len(view.use) > 1 and set(view.use) == self.in_use and not self.readmitted
         lost = self.references.lost(view, vote, second, all_in_use, in_dispute)
         self.failed = set(range(self.s.channels)) if lost else out | set(view.use)
@@ -137,7 +137,7 @@ class SecondDisputes(References):
 
 class _AtOnce(Split):
     def settled(self, s: Settings) -> bool:
-        return self.singular and self.lasted >= s.singular_persistence
+        return self.in_split and self.lasted >= s.split_persistence
 
 
 class AtOnce(Other):
@@ -147,8 +147,8 @@ class AtOnce(Other):
 
 
 class _Young(Split):
-    def hear(self, resolver: str, wrong: set[int], s: Settings) -> None:
-        super().hear(resolver, wrong, replace(s, trend_frames=1))
+    def hear(self, decided_by: str, wrong: set[int], s: Settings) -> None:
+        super().hear(decided_by, wrong, replace(s, trend_frames=1))
 
 
 class YoungTrend(Other):
@@ -214,7 +214,7 @@ class FrozenFalls(Other):
     trends = _Falling
 
 
-class _Gaps(Lasting):
+class _Gaps(SlowFaults):
     def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
         for c in [c for c, x in enumerate(samples) if x is None and c in self.last]:
             del self.last[c]
@@ -227,7 +227,7 @@ class EndedByGaps(Other):
     repeated = _Gaps
 
 
-class _Always(Lasting):
+class _Always(SlowFaults):
     frame = 0.0
 
     def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
@@ -243,7 +243,7 @@ class OfAllAtRest(Other):
     repeated = _Always
 
 
-class _NoReference(Lasting):
+class _NoReference(SlowFaults):
     def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
         self.last_reference = reference
         return super().stale(samples, in_use, reference, trusted)
@@ -260,7 +260,7 @@ class AtTheStops(Other):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.lasting.s = replace(self.s, low=-inf, high=inf)
+        self.slow_faults.s = replace(self.s, low=-inf, high=inf)
 
 
 class _AnyReference(Settings):
@@ -297,7 +297,7 @@ class AgreesAtOnce(ResettableOracle):
         voted = self.memory.get("vote", frame.voted)
         for c in self.failed - out:
             x = self.memory.get(c)
-            near = x is not None and self.s.apart(x - self.lasting.bias[c], voted) <= self.s.threshold
+            near = x is not None and self.s.apart(x - self.slow_faults.bias[c], voted) <= self.s.threshold
             self.agreed[c] = agreed[c] + 1 if near else 0
         return frame
 
@@ -325,7 +325,7 @@ class OffByThreshold(ResettableOracle):
     """A sample is off the vote by the threshold, whatever the outliers' is."""
 
     def off(self, c: int, view: View, vote: float) -> bool:
-        return abs(self.s.change(view.use[c], vote) - self.lasting.bias[c]) > self.s.within(len(view.use))
+        return abs(self.s.change(view.use[c], vote) - self.slow_faults.bias[c]) > self.s.within(len(view.use))
 
 
 class _NeverClosed(Split):

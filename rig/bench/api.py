@@ -20,14 +20,14 @@ from rig.verdict.score_records import Yardstick
 def score(
     flight: Flight | Path | str,
     *,
-    twin: bool = True,
+    baseline: bool = True,
     unit: Path | str | None = None,
     allow_code: bool = False,
     **limits: float,
 ) -> Scored:
     """Score a flight, or its log, against the truth: what was detected, missed and wrong, and how it flew.
 
-    twin       : fly the fault-free reference run too, for the transients
+    baseline       : fly the fault-free baseline too, for the transients
     unit       : the unit file of the flight software under test that flew a log; a flight knows its own
     allow_code : a manager class that a log names may be run; one that a flight was flown with may be in any case
     limits     : of a failure transient: ``load_factor`` [g], ``pitch_rate_rad_s``, ``window_s`` after an onset
@@ -37,7 +37,7 @@ def score(
     if isinstance(flight, Flight):
         unit, allow_code = unit or flight.unit_file or None, True
     with running(unit) as tested:
-        return score_log(_log(flight), yardstick, twin, allow_code, tested)
+        return score_log(_log(flight), yardstick, baseline, allow_code, tested)
 
 
 def vote(

@@ -21,7 +21,7 @@ class ChannelFailure(NamedTuple):
     channel: int
     frame: int
     time_s: float
-    why: str  # comparison, a resolver, or INVALID
+    why: str  # comparison, a rule, or INVALID
 
 
 class ChannelRecords(NamedTuple):
@@ -44,24 +44,24 @@ def channel_records(
     samples: Samples,
     limits: tuple[float, float],
     states: Sequence[Bytes],
-    resolvers: Bytes | None = None,
+    tie_break: Bytes | None = None,
 ) -> ChannelRecords:
-    """Return what became of the channels by their ``states``, (n,) each; resolvers : (n,), who decided in each row."""
+    """Return what became of the channels by their ``states``, (n,) each; tie_break : (n,), who decided in each row."""
     usable = [good[: len(recording.time_s)] for good in usable_samples(samples, limits)]  # of the rows voted
     return ChannelRecords(
         invalid=[int((~good).sum()) for good in usable],
         suspect=[int(doubted(state, good).sum()) for state, good in zip(states, usable, strict=True)],
-        failures=_failures(recording, states, usable, resolvers),
+        failures=_failures(recording, states, usable, tie_break),
     )
 
 
 def _failures(
-    recording: Recording, states: Sequence[Bytes], usable: Sequence[NDArray[np.bool_]], resolvers: Bytes | None
+    recording: Recording, states: Sequence[Bytes], usable: Sequence[NDArray[np.bool_]], tie_break: Bytes | None
 ) -> list[ChannelFailure]:
-    """Return every change to failed, in order of time: by an invalid sample, the resolver of its row, or comparison."""
+    """Return every change to failed, in order of time: by an invalid sample, the rule of its row, or comparison."""
     failures: list[ChannelFailure] = []
     for k, _, c in became_failed(np.column_stack(states)[:, None]).tolist():
-        why = COMPARISON if resolvers is None else decider(int(resolvers[k]), True)
+        why = COMPARISON if tie_break is None else decider(int(tie_break[k]), True)
         why = why if usable[c][k] else INVALID
         failures.append(ChannelFailure(c + 1, recording.row(k), float(recording.time_s[k]), why))
     return failures

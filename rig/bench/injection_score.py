@@ -33,7 +33,7 @@ from rig.log.recordings.injection_file import Injected
 from rig.log.recordings.recording import Recording
 from rig.verdict.flight_tally import Outcome
 from rig.verdict.monitored_places import Monitored, fault_records
-from rig.verdict.scoring import resolver_name
+from rig.verdict.scoring import rule_name
 from rig.verdict.words import INJECTED, PRIOR, PUBLIC, Cause
 from rig.world.faults.fault_records import clean_of
 
@@ -56,7 +56,7 @@ class Scored:
     failed_channel: int | None  # that the outcome is about, of right and wrong
     failed_at_s: float | None
     delay_s: float | None
-    by: str | None  # comparison, or a resolver
+    by: str | None  # comparison, or a rule
 
 
 def score(
@@ -98,7 +98,7 @@ def _scored(
         failed = here[(here["frame"] == record["failed_at"]) & (here["channel"] == record["channel"])][0]
     if failed is None:
         return Scored(*injection, onset_s, _PUBLIC[word], None, None, None, None)
-    at_s, by = float(recording.time_s[failed["frame"]]), resolver_name(failed["resolver"])
+    at_s, by = float(recording.time_s[failed["frame"]]), rule_name(failed["decided_by"])
     return Scored(*injection, onset_s, _PUBLIC[word], int(failed["channel"]) + 1, at_s, at_s - onset_s, by)
 
 

@@ -55,7 +55,7 @@ class LanesAgain:
         data = lanes.data._replace(rows=made["computer"])
         common = ComputerData(self._redundancy.data, self._control.data, self._faults.data)
         think_rows(nested(again), nested(flown), bypassed(recorded), common, data)
-        whole = recorded.copied_beside(part for part in recorded.parts if part == "actuator")
+        whole = recorded.copied_beside(part for part in recorded.parts if part == "servo")
         whole.lane[:] = made["computer"][: len(rows)]
         return Table(again, whole.beside, recorded.timing)
 

@@ -12,7 +12,7 @@ from rig.core.blocks import room
 from rig.core.frame import Block, Ilm, Rows, S
 from rig.log.recordings.recording import Bytes, Samples
 
-FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
+FIELDS: Final = ("voted", "level", "pattern", "decided_by", "trend_high", "trend_low", "reference_usable")
 # What a flight's log has besides, and a vote by its scenario gives again.
 FLIGHT_FIELDS: Final = ("common_mode", "source", "reset")
 

@@ -1,6 +1,6 @@
 """Healthy channels, sensors and manager of one signal, frame by frame, from many copied states: for splitting.
 
-The level of a state is its largest count of miscompares; while an answer to a pattern without a majority blames
+The level of a state is its largest count of miscompares; while an answer to a split blames
 somebody, at least as much as that pattern has lasted, in parts of what fails a channel.  ``persistence`` is a failure.
 An excursion begins in the frame in which the level leaves 0 and ends when it is 0 again, or a channel is failed.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.bench.drive import step as bench_step
-from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.compare import is_split
 from rig.computer.redundancy.state import ManagerData
 from rig.core.frame import CHANNELS, Pattern
 from rig.core.kernels import kernel
@@ -85,7 +85,7 @@ def step(held, p, j, k, noise):
         sensors,
         None,
         None,
-        ManagerData(m.choice, m.params, p.manager[j : j + 1], m.boxes, m.lanes, m.rival),
+        ManagerData(m.choice, m.params, p.manager[j : j + 1], m.boxes, m.lanes, m.baseline),
         None,
     )
     p.frame[j] += 1
@@ -110,8 +110,8 @@ def level(st, params):
     for c in range(params["fitted"]):
         progress = max(progress, st["count"][c])
         blamed = blamed or st["blamed"][c] != 0
-    if blamed and is_singular(st["pattern"]):
-        progress = max(progress, st["pattern_frames"] * params["persistence"] // params["singular_persistence"])
+    if blamed and is_split(st["pattern"]):
+        progress = max(progress, st["pattern_frames"] * params["persistence"] // params["split_persistence"])
     return min(progress, params["persistence"] - 1)
 
 

@@ -31,7 +31,7 @@ from rig.unit.port import RECEIVED, is_allowed
 from rig.unit.running_unit import UnitUnderTest, running
 from rig.unit.session import box_rule, settings_of
 from rig.unit.unit_file import Unit, read_unit
-from rig.unit.unit_records import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Form, Kind, Said, blank
+from rig.unit.unit_records import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Kind, Role, Said, blank
 from rig.unit.vectors import Case, answers, ask, differences, load
 
 PAUSE_S: Final = 1.0
@@ -45,7 +45,7 @@ class Requirement:
     """One line of the test."""
 
     name: str
-    part: str  # seam, decisions or bits
+    part: str  # interface, decisions or bits
     passed: bool
     detail: str = ""
 
@@ -59,7 +59,7 @@ class Checked:
 
     @property
     def passed(self) -> bool:
-        """Return whether it keeps to the seam and to every decision; bits are a grade, not a requirement."""
+        """Return whether it keeps to the interface and to every decision; bits are a grade, not a requirement."""
         return all(requirement.passed for requirement in self.requirements if requirement.part != "bits")
 
     @property
@@ -68,7 +68,7 @@ class Checked:
         if not self.passed:
             return "failed"
         parts = {requirement.part for requirement in self.requirements if requirement.passed}
-        return next(part for part in ("bits", "decisions", "seam") if part in parts)
+        return next(part for part in ("bits", "decisions", "interface") if part in parts)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -77,17 +77,17 @@ class Checked:
         }
 
 
-def check(file: Path | str, *, seam_only: bool = False, longest: bool = False) -> Checked:
+def check(file: Path | str, *, interface_only: bool = False, longest: bool = False) -> Checked:
     """Test the unit of a file.  BadInput: the file, or a unit that cannot be begun at all.
 
-    seam_only : do not ask what it decides; so it is for a flight computer, whose votes are its own
+    interface_only : do not ask what it decides; so it is for a flight computer, whose votes are its own
     longest : long sessions of unit_long.MOST_FRAMES frames, not of unit_long.FRAMES
     """
     unit, cases = read_unit(file), load()
-    if unit.carrier == "python":
-        return Checked(unit.name, list(_of_class(unit, cases, seam_only)))
-    requirements = list(_seam(unit, cases))
-    if not seam_only and unit.form == "redundancy":
+    if unit.transport == "python":
+        return Checked(unit.name, list(_of_class(unit, cases, interface_only)))
+    requirements = list(_interface(unit, cases))
+    if not interface_only and unit.role == "redundancy":
         with running(unit) as tested:
             answered = _told(tested, cases)
             asked = answered + _told(tested, long_cases(MOST_FRAMES if longest else FRAMES))
@@ -96,57 +96,59 @@ def check(file: Path | str, *, seam_only: bool = False, longest: bool = False) -
     return Checked(unit.name, requirements)
 
 
-def _of_class(unit: Unit, cases: list[Case], seam_only: bool) -> Iterator[Requirement]:
+def _of_class(unit: Unit, cases: list[Case], interface_only: bool) -> Iterator[Requirement]:
     """Yield what can be tested of a manager class, which has no records of its own: its votes in our rows."""
     trust = Trust(unit.source, named=unit.manager)
     longest = max(cases, key=lambda case: len(case.inputs))
     try:
         first, again = (our_answers(longest.config, longest.inputs, unit.manager, trust) for _ in range(2))
-        yield _line("answers every frame, with a vote", "seam", "")
+        yield _line("answers every frame, with a vote", "interface", "")
         same = all(first[name].tobytes() == again[name].tobytes() for name in VOTES)
-        yield _line("from new twice, the same votes", "seam", "" if same else "another vote, state or level")
+        yield _line("from new twice, the same votes", "interface", "" if same else "another vote, state or level")
         angles, turning = unit_circle.session(longest.config)
         voted = _output(our_answers(angles, turning, unit.manager, trust))
-        yield _line(_CIRCLE, "seam", unit_circle.wrong(angles, turning, voted))
+        yield _line(_CIRCLE, "interface", unit_circle.wrong(angles, turning, voted))
         answer_of = lambda case: _output(our_answers(case.config, case.inputs, unit.manager, trust))  # noqa: E731
-        requirements = [] if seam_only else _counted((case, answer_of(case)) for case in cases)
+        requirements = [] if interface_only else _counted((case, answer_of(case)) for case in cases)
         yield from requirements
     except ManagerFailed as error:
-        yield _line("answers every frame, with a vote", "seam", str(error))
+        yield _line("answers every frame, with a vote", "interface", str(error))
 
 
-# The seam ----------------------------------------------------------------------------------------------------
+# The interface ----------------------------------------------------------------------------------------------------
 
 
-def _seam(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
+def _interface(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
     """Return how it answers, whatever it decides."""
     longest = max(cases, key=lambda case: len(case.inputs))
     config, inputs = longest.config.copy(), longest.inputs
-    config["form"] = Form[unit.form.replace("-", "_").upper()]
+    config["role"] = Role[unit.role.replace("-", "_").upper()]
     with running(unit) as tested:
         first = answers(tested, config, inputs)
         missing = np.flatnonzero(first["frame"] < 0)
-        yield _line("answers every frame", "seam", f"no answer to frame {missing[0]}" if len(missing) else "")
+        yield _line("answers every frame", "interface", f"no answer to frame {missing[0]}" if len(missing) else "")
         again = answers(tested, config, inputs)
-        yield _line("a session after another begins as if it were the first", "seam", _same(first, again))
-        yield _line("fills what its form needs, with values of the enums", "seam", _allowed(tested, config, inputs))
+        yield _line("a session after another begins as if it were the first", "interface", _same(first, again))
+        yield _line(
+            "fills what its role needs, with values of the enums", "interface", _allowed(tested, config, inputs)
+        )
         angles, turning = unit_circle.session(config)
-        yield _line(_CIRCLE, "seam", unit_circle.wrong(angles, turning, answers(tested, angles, turning)))
+        yield _line(_CIRCLE, "interface", unit_circle.wrong(angles, turning, answers(tested, angles, turning)))
         paused = _after(tested, config, inputs, len(inputs) // 2, lambda: sleep(PAUSE_S))
-        yield _line("a pause between two frames changes nothing", "seam", _same(first, paused))
+        yield _line("a pause between two frames changes nothing", "interface", _same(first, paused))
         expected, few = answers(tested, config, inputs[:3]), inputs[:3]
         foreign = _after(tested, config, few, 1, tested.send_foreign)  # a FRAME of a session that never began
-        yield _line("a frame of another session is not stepped", "seam", _same(expected, foreign))
+        yield _line("a frame of another session is not stepped", "interface", _same(expected, foreign))
         yield _times(tested, config, inputs)
-        if tested.seam.version > 1:  # which left it open
+        if tested.interface.version > 1:  # which left it open
             for name, wrong in unit_second_rig.check(tested, config, inputs):
-                yield _line(name, "seam", wrong)
-    yield _line("ends without failing", "seam", tested.end_wrong)
+                yield _line(name, "interface", wrong)
+    yield _line("ends without failing", "interface", tested.end_wrong)
     with running(unit) as tested:
-        yield _line("from new twice, the same bytes", "seam", _same(first, answers(tested, config, inputs)))
+        yield _line("from new twice, the same bytes", "interface", _same(first, answers(tested, config, inputs)))
     with running(unit) as tested:
         name = "answers NaN, infinities, denormals, all invalid, every monitor value"
-        yield _line(name, "seam", _hostile(tested, config))
+        yield _line(name, "interface", _hostile(tested, config))
 
 
 def _line(name: str, part: str, wrong: str) -> Requirement:
@@ -200,7 +202,7 @@ def _times(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) ->
         took.append(tested.reply_us)
     tested.end()
     median, most = np.percentile(took, [50, 99])
-    return Requirement("time of an exchange", "seam", True, f"median {median:.1f} us, 99 % {most:.1f} us")
+    return Requirement("time of an exchange", "interface", True, f"median {median:.1f} us, 99 % {most:.1f} us")
 
 
 def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
@@ -210,7 +212,7 @@ def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
     tested.begin(config.copy())
     for k in range(HOSTILE_FRAMES):
         asked = np.zeros((), INPUT)
-        for name in (*REFERENCES, "channels", "inertial", "demand"):
+        for name in (*REFERENCES, "channels", "inertial", "autopilot_command"):
             asked[name] = draw.choice(numbers, asked[name].shape)
         for name in ("valid", "ilm", "discrete_valid", "discrete_ilm", "discrete_channels", "reset", "discrete_reset"):
             asked[name] = draw.integers(0, 3 if "ilm" in name else 2, asked[name].shape)
@@ -231,7 +233,7 @@ def _told(tested: UnitUnderTest, cases: list[Case]) -> list[Case]:
     """Return the cases with settings that its version of the records has fields for."""
     tested.begin(cases[0].config.copy())  # from here on it is known
     tested.end()
-    return [case for case in cases if not asked_since(tested.seam, case.config)]
+    return [case for case in cases if not asked_since(tested.interface, case.config)]
 
 
 def _counted(answered: Iterable[tuple[Case, NDArray[Any]]]) -> list[Requirement]:

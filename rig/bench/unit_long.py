@@ -13,9 +13,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from rig.core.frame import CHANNELS, SURFACES, D, Ilm, Resolver, S
+from rig.core.frame import CHANNELS, SURFACES, D, DecidedBy, Ilm, S
 from rig.core.units.constants import TWO_PI
-from rig.unit.unit_records import CONFIG, INPUT, MORE_THAN_HALF, TO_UNIT, Form, Kind, blank
+from rig.unit.unit_records import CONFIG, INPUT, MORE_THAN_HALF, TO_UNIT, Kind, Role, blank
 
 RATE_HZ: Final = 100.0
 FRAMES: Final = 5000
@@ -24,10 +24,10 @@ TITLES: Final = (
     "long session, short memories",
     "long session, counts beyond eight bits",
     "long session, boxes and angles",
-    "long session, what lasts",
+    "long session, slow faults",
     "long session, splits and disputes",
 )
-LASTING, SPLITS = 3, 4  # of them: with learned biases, sums and stale samples; with patterns without a majority
+SLOW_FAULTS, SPLITS = 3, 4  # of them: with channel equalisation, sums and stale samples; with splits
 _HERE: Final = np.array([0.0] * 14 + [0.25, -0.25])  # offsets in thresholds: of a healthy channel,
 _GONE: Final = np.array([3.0, -3.0, 6.0, -6.0, 9.5, np.nan])  # and of one with a fault
 _OFF: Final = np.array([0.0] * 6 + [0.5, 3.0, -3.0, np.nan, np.nan])  # of a reference
@@ -49,8 +49,8 @@ def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[
     inputs["time_s"] = inputs["frame"] / RATE_HZ
     for i, row in enumerate(config["signal"][0]):
         _give_signal(draw, inputs, i, row, rare, splits=number == SPLITS)
-        if number == LASTING:
-            _give_lasting(draw, inputs, i, row, config["lasting"][0, i])
+        if number == SLOW_FAULTS:
+            _give_slow_faults(draw, inputs, i, row, config["slow_faults"][0, i])
     _give_discretes(draw, inputs)
     _give_patience(inputs, config["signal"][0, -1], (_WORD, 1000, 256, 256, 256)[number])
     return config, inputs
@@ -59,13 +59,13 @@ def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[
 def _config(draw: Generator, number: int) -> NDArray[Any]:
     """Return settings, none at its default; counts beyond eight bits but in the first session."""
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
-    config["rate_hz"], config["form"] = RATE_HZ, Form.REDUNDANCY
+    config["rate_hz"], config["role"] = RATE_HZ, Role.REDUNDANCY
     boxes = ((0, 1), (3, 12), (MORE_THAN_HALF, 20), (0, 1), (MORE_THAN_HALF, 9))
     config["box_signals"], config["box_persistence"] = boxes[number]
     config["surface_low"], config["surface_high"] = -0.5, [*[0.5] * (len(SURFACES) - 1), 1.0]
     signal, counts = config["signal"][0], (1, 40, 7, 3, 1)[number]
     beside = 1.0 / 1024  # no distance is exactly a threshold, where rounding would decide
-    for name, low, high in (("persistence", 3, 9), ("singular_persistence", 4, 12), ("fade_frames", 3, 9)):
+    for name, low, high in (("persistence", 3, 9), ("split_persistence", 4, 12), ("fade_frames", 3, 9)):
         signal[name] = draw.integers(low, high, S) * counts
     signal["common_persistence"] = draw.integers(4, 9, S) * counts
     signal["readmit_frames"] = draw.integers(60, 90, S) * draw.choice(([1], [4, 4, 15], [2], [1], [1])[number], S)
@@ -79,23 +79,23 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     for name in ("outlier_threshold", "outlier_threshold_triplex"):
         signal[name] = draw.choice([0.0, 0.625], S) * signal["threshold"]
     signal["low"], signal["high"] = -1e4, 1e4
-    if number >= LASTING:
+    if number >= SLOW_FAULTS:
         signal["low"][::3], signal["high"][::3] = (stop * signal["threshold"][::3] for stop in _STOPS)
     signal["deviation"], signal["deviation_frames"] = 2.5, 500.0
     if number == 2:
         _turn(signal)
     if number >= 2:
         signal["filter_gain"][1::4] = draw.choice([0.1, 0.5])
-    if number == LASTING:
-        _last(config["lasting"][0], signal, draw)
+    if number == SLOW_FAULTS:
+        _last(config["slow_faults"][0], signal, draw)
     if number > 0:  # the first is of what every version of the records knows
         _rule(config["rules"][0], signal, draw, one_box=number == 1)
     else:
         config["rules"]["box"], config["rules"]["trend_small"] = 1, -1.0
     signal["readmit_frames"][-1] = 200  # of _give_patience
     for row in signal:
-        order = draw.permutation([Resolver.ILM, Resolver.REFERENCE, Resolver.TREND])
-        row["resolvers"] = [*order, *([Resolver.EXTREMES, Resolver.MIDDLE] if draw.random() < 0.7 else [0, 0])]
+        order = draw.permutation([DecidedBy.ILM, DecidedBy.REFERENCE, DecidedBy.TREND])
+        row["tie_break"] = [*order, *([DecidedBy.EXTREMES, DecidedBy.MIDDLE] if draw.random() < 0.7 else [0, 0])]
     discrete = config["discrete"][0]
     discrete["fitted"], discrete["fail_safe"] = draw.integers(3, 5, D), [1, 0, 1]
     discrete["persistence"], discrete["readmit_frames"] = 5 * counts, 60 * counts
@@ -110,15 +110,15 @@ def _turn(signal: NDArray[Any]) -> None:
     signal["wraps"][half], signal["low"][half], signal["high"][half] = 1, 0.0, TWO_PI
 
 
-def _last(lasting: NDArray[Any], signal: NDArray[Any], draw: Generator) -> None:
-    """Turn on what lasts, each part on most signals; the last signal is at rest, and may repeat its samples."""
+def _last(slow_faults: NDArray[Any], signal: NDArray[Any], draw: Generator) -> None:
+    """Turn on slow faults, each part on most signals; the last signal is at rest, and may repeat its samples."""
     threshold = signal["threshold"]
-    lasting["bias_bound"] = threshold * draw.choice([0.0, 0.2007, 0.3007], S)
-    lasting["bias_gain"] = 1.0 / draw.choice([60.25, 300.25, 800.25], S)
-    lasting["slow_allowance"] = 0.1003 * threshold
-    lasting["slow_limit"] = threshold * draw.choice([0.0, 10.007, 30.007], S)
-    lasting["stale_frames"] = draw.choice([0, 20, 300], S)
-    lasting["stale_frames"][-1] = 0
+    slow_faults["equalise_bound"] = threshold * draw.choice([0.0, 0.2007, 0.3007], S)
+    slow_faults["equalise_gain"] = 1.0 / draw.choice([60.25, 300.25, 800.25], S)
+    slow_faults["slow_allowance"] = 0.1003 * threshold
+    slow_faults["slow_limit"] = threshold * draw.choice([0.0, 10.007, 30.007], S)
+    slow_faults["stale_frames"] = draw.choice([0, 20, 300], S)
+    slow_faults["stale_frames"][-1] = 0
 
 
 def _rule(rules: NDArray[Any], signal: NDArray[Any], draw: Generator, one_box: bool) -> None:
@@ -128,7 +128,7 @@ def _rule(rules: NDArray[Any], signal: NDArray[Any], draw: Generator, one_box: b
     rules["tells"][: S // 2] = np.where(draw.random(S // 2) < 0.7, telling, 0)
     rules["sources"] = draw.choice([0, *telling], S) | draw.choice([0, *telling], S)
     rules["count_down"] = draw.choice([0.0, 0.0, 0.5, 1.0, 2.5], S)
-    rules["unresolved_frames"] = draw.choice([0, 1, 2], S) * signal["singular_persistence"]
+    rules["unresolved_frames"] = draw.choice([0, 1, 2], S) * signal["split_persistence"]
     rules["trend_small"] = np.where(draw.random(S) < 0.4, 0.2507 * signal["threshold"], -1.0)
     for name in ("trend_tumbles", "trend_beside_reference", "referred"):
         rules[name] = draw.random(S) < 0.4
@@ -160,7 +160,7 @@ def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any
     here = _episodes(draw, frames, (CHANNELS,), _HERE, 25.0)
     gone = _episodes(draw, frames, (CHANNELS,), _GONE, length)
     if splits:
-        length += float(row["singular_persistence"])
+        length += float(row["split_persistence"])
         here += _SPLIT[_episodes(draw, frames, (), np.arange(len(_SPLIT)), length)]
     channels = truth[:, None] + threshold * (np.where(wrong, gone, here) + all_off[:, None])
     inputs["channels"][:, i] = _in_range(channels, row)
@@ -174,7 +174,9 @@ def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any
     inputs["reset"][:, i] = np.where(commanded, draw.integers(1, 16, frames), 0)
 
 
-def _give_lasting(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any], lasting: NDArray[Any]) -> None:
+def _give_slow_faults(
+    draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any], slow_faults: NDArray[Any]
+) -> None:
     """Have the samples of one signal dither, differ by biases, drift apart for a while, and stick."""
     frames, channels = len(inputs), inputs["channels"][:, i]
     each, numbers = (CHANNELS,), np.arange(frames)[:, None]
@@ -182,7 +184,7 @@ def _give_lasting(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[An
     drifts = _episodes(draw, frames, each, np.array([0.0] * 12 + [0.5, -0.5]), 150.0)
     dither = draw.integers(-8, 9, channels.shape) / 1024.0
     channels = channels + float(row["threshold"]) * (biases + drifts + dither)
-    stuck = _episodes(draw, frames, each, np.arange(25) == 0, 1.5 * float(lasting["stale_frames"]) + 20.0)
+    stuck = _episodes(draw, frames, each, np.arange(25) == 0, 1.5 * float(slow_faults["stale_frames"]) + 20.0)
     since = np.maximum.accumulate(np.where(stuck, 0, numbers), axis=0)
     inputs["channels"][:, i] = _in_range(np.take_along_axis(channels, since, axis=0), row)
     inputs["valid"][:, i] = _episodes(draw, frames, each, np.arange(60) != 0, 2.0)  # gaps, which end no count

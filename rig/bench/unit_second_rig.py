@@ -67,7 +67,7 @@ def _free(tested: UnitUnderTest, other: SocketLink) -> str:
 
 def _greet(tested: UnitUnderTest, other: SocketLink) -> Ready | None:
     """Return the answer to HELLO of a second rig, None for none."""
-    hello = sealed(blank(HELLO, TO_UNIT, Kind.HELLO, _SESSION, tested.seam))
+    hello = sealed(blank(HELLO, TO_UNIT, Kind.HELLO, _SESSION, tested.interface))
     into, until = memoryview(bytearray(MOST_BYTES)), clock() + _ANSWER_S
     while other.receive(into, clock()):  # answers to an earlier HELLO, which was repeated
         pass

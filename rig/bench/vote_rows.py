@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from rig.bench.channels import ChannelFailure, channel_records
 from rig.bench.drive import Decide, Stages, run, write_sources
 from rig.bench.rows_of_recording import FIELDS, FLIGHT_FIELDS, Columns, blocks, put, put_discrete
+from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
 from rig.computer.redundancy.manager_config import PARAMS, fill
 from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
-from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.core.blocks import room
 from rig.core.frame import DISCRETES, SIGNALS, Block, D, Rows, S, State, rows, to_frame
 from rig.core.kernels import kernel
@@ -38,7 +38,7 @@ from rig.scenario.scenario import Scenario
 from rig.world import sensors
 
 _NO_CODE: Final = Trust("the configuration")
-_BY_DEFAULT: Final = Rivals()
+_BY_DEFAULT: Final = Baselines()
 _NO_RULES: Final = VoteRules()
 _OF_DISCRETES: Final = ("voted", "level")
 
@@ -51,7 +51,7 @@ class Voted:
     voted: Floats
     level: Bytes
     pattern: Bytes
-    resolver: Bytes
+    decided_by: Bytes
     trend_high: Bytes
     trend_low: Bytes
     reference_usable: Bytes
@@ -103,20 +103,20 @@ def vote(
     trust: Trust = _NO_CODE,
     triads: Mapping[str, Sequence[str]] | None = None,
     rules: VoteRules = _NO_RULES,
-    rivals: Rivals = _BY_DEFAULT,
+    baselines: Baselines = _BY_DEFAULT,
 ) -> dict[str, Voted]:
     """Vote the signals that have settings; BadInput: a manager class that ``trust`` does not permit.
 
     triads : by name, signals that are the axes of one unit: "selection" chooses one channel for all three
     rules : for all signals; its boxes are of signals that have settings
-    rivals : settings of the rivals among the managers
+    baselines : settings of the baseline managers among the managers
     """
     for chosen in settings.values():
         trust.require(chosen.manager)
     params = dict(zip(settings, params_of(recording, settings, rules), strict=True))
     voted: dict[str, Voted] = {}
     for names, as_unit in _groups(settings, triads or {}):
-        group = _group(names, settings, np.array([params[name] for name in names]), trust, rules, rivals, as_unit)
+        group = _group(names, settings, np.array([params[name] for name in names]), trust, rules, baselines, as_unit)
         voted |= _vote_group(recording, group, settings, resets)
     return {name: voted[name] for name in settings}
 
@@ -143,7 +143,7 @@ def params_of(
     params["box"] = box_of_signals(rules.boxes, tuple(settings))
     if rules.unresolved_s > 0:
         frames = in_frames(0, rules.unresolved_s, recording.rate_hz)
-        params["unresolved_frames"] = np.maximum(frames, params["singular_persistence"])
+        params["unresolved_frames"] = np.maximum(frames, params["split_persistence"])
     return params
 
 
@@ -226,13 +226,13 @@ def _group(
     params: NDArray[np.void],
     trust: Trust,
     rules: VoteRules,
-    rivals: Rivals,
+    baselines: Baselines,
     as_unit: bool,
 ) -> _Group:
     manager = settings[names[0]].manager
     if manager not in MANAGERS:
         return _Group(names, load_manager(manager, params, trust), params)
-    with_manager = with_settings(params, manager, rivals, names)
+    with_manager = with_settings(params, manager, baselines, names)
     boxes = {"box_signals": rules.box_signals, "box_persistence": rules.box_persistence}
     return _Group(names, Manager(manager, with_manager, **boxes, as_unit=as_unit), params)
 
@@ -284,7 +284,7 @@ def by_class(own: OwnManager, block: Block, nested: NDArray[Any]) -> Decide:
 
 
 def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: Columns, spread: Floats) -> Voted:
-    records = channel_records(recording, samples, settings.limits, out.states, out.fields["resolver"])
+    records = channel_records(recording, samples, settings.limits, out.states, out.fields["decided_by"])
     fields = {name: out.fields[name] for name in FIELDS}
     extra = {name: column for name, column in out.fields.items() if name not in fields}
     return Voted(settings, **fields, state=out.states, spread=spread, **records._asdict(), of_flight=extra)

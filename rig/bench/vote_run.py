@@ -180,7 +180,7 @@ def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | N
         return of_flight(recording, asked.flown.scenario)
     settings.refuse_late_resets(recording.time_s, _named(config))
     trust, rules = Trust(str(_named(config)), options.allow_code), settings.rules
-    signals = vote(recording, asked.signals, settings.resets, trust, settings.triads, rules, settings.rivals)
+    signals = vote(recording, asked.signals, settings.resets, trust, settings.triads, rules, settings.baselines)
     return Result(signals, vote_discretes(recording, asked.discretes, settings.resets), rules=rules)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rig.bench.vote_rows import Result, Voted, VotedDiscrete
-from rig.core.frame import Pattern, Resolver, State
+from rig.core.frame import DecidedBy, Pattern, State
 from rig.flight.suspects import Suspect, is_many, share_text
 from rig.log.recordings.alignment import Alignment
 from rig.log.recordings.recording import Recording
@@ -16,7 +16,7 @@ from rig.log.recordings.stamps import Floats, of_rows
 
 _NEVER = ", never given up"
 _OFFSETS = ("offset", "offset_move", "spread")  # of an alignment, in the unit of the signal
-_SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
+_SPLITS = [int(pattern) for pattern in Pattern if pattern.is_split]
 
 
 def summary(recording: Recording, voted: Result, alignment: Alignment | None = None) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
         "signals": {name: _signal(signal) for name, signal in voted.signals.items()},
         "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
     }
-    data["suspects"], data["undecided"] = _lasting(data), _undecided(data)
+    data["suspects"], data["undecided"] = _slow_faults(data), _undecided(data)
     if alignment is not None:
         data["alignment"] = alignment.as_dict()
         for name, signal in data["signals"].items():
@@ -47,13 +47,13 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
 
 
 def _signal(signal: Voted) -> dict[str, Any]:
-    shown, unresolved = signal.settings.shown, signal.resolver == Resolver.UNRESOLVED
+    shown, unresolved = signal.settings.shown, signal.decided_by == DecidedBy.UNRESOLVED
     return {
         "manager": signal.settings.manager,
         "unit": signal.settings.unit,
         "threshold": shown(signal.settings.threshold),
         "level": int(signal.level[-1]),
-        "singular_share": float(np.isin(signal.pattern, _SINGULAR).mean()),
+        "split_share": float(np.isin(signal.pattern, _SPLITS).mean()),
         "unresolved_rows": int(unresolved.sum()),
         "unresolved_share": float(unresolved.mean()),
         "spread": _spread(shown(signal.spread)),
@@ -101,14 +101,14 @@ def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:
     }
 
 
-def _lasting(data: dict[str, Any]) -> list[str]:
+def _slow_faults(data: dict[str, Any]) -> list[str]:
     """Return a line for each channel of a summary that was suspect in many rows and never failed."""
     suspects = (
         Suspect(name, channel["channel"], channel["suspect_rows"], data["rows"], bool(channel["failed"]))
         for name, group in {**data["signals"], **data["discretes"]}.items()
         for channel in group["channels"]
     )
-    return [f"{one.signal}.{one.channel}: suspect {one.text('rows')}" for one in suspects if one.lasting]
+    return [f"{one.signal}.{one.channel}: suspect {one.text('rows')}" for one in suspects if one.slow_faults]
 
 
 def _undecided(data: dict[str, Any]) -> list[str]:
@@ -117,7 +117,7 @@ def _undecided(data: dict[str, Any]) -> list[str]:
     for name, signal in data["signals"].items():
         rows = signal["unresolved_rows"]
         failures = [failure for channel in signal["channels"] for failure in channel["failed"]]
-        given_up = [failure["time_s"] for failure in failures if failure["why"] == Resolver.GIVEN_UP.name.lower()]
+        given_up = [failure["time_s"] for failure in failures if failure["why"] == DecidedBy.GIVEN_UP.name.lower()]
         if is_many(rows, data["rows"]):
             end = "".join(f", given up at {of_rows(at_s, data['time_s'][0])}" for at_s in dict.fromkeys(given_up))
             lines.append(f"{name}: no majority, and no rule answered, {share_text(rows, data['rows'])}{end or _NEVER}")

@@ -22,7 +22,7 @@ from rig.bench.vote_rows import Result, Voted, VotedDiscrete
 from rig.core.blocks import HELD, room
 from rig.core.errors import BadInput, RigError
 from rig.core.files import replaced
-from rig.core.frame import CHANNELS, Ilm, Pattern, Resolver, State
+from rig.core.frame import CHANNELS, DecidedBy, Ilm, Pattern, State
 from rig.core.outputs import require_apart
 from rig.log.export import parquet_with_units, write_units
 from rig.log.recordings.columns_file import TABLES
@@ -33,7 +33,7 @@ from rig.log.signal_messages import write_topics
 ENDINGS: Final = (*TABLES, ".mcap")
 STATES: Final = ("ok", "suspect", "failed")
 PATTERNS: Final = tuple(pattern.label for pattern in Pattern)
-RESOLVERS: Final = tuple(resolver.name.lower() for resolver in Resolver)
+TIE_BREAKS: Final = tuple(decided_by.name.lower() for decided_by in DecidedBy)
 Column = tuple[NDArray[Any], tuple[str, ...]]  # of a table: (n,) values; if these are codes, their names
 
 
@@ -118,7 +118,7 @@ def _columns(recording: Recording, voted: Result) -> dict[str, Column]:
         columns[f"{name}.voted"] = shown, ()
         columns[f"{name}.level"] = signal.level, ()
         columns[f"{name}.pattern"] = signal.pattern, PATTERNS
-        columns[f"{name}.resolver"] = signal.resolver, RESOLVERS
+        columns[f"{name}.decided_by"] = signal.decided_by, TIE_BREAKS
         columns |= {f"{name}.state.{c}": (state, STATES) for c, state in enumerate(signal.state, 1)}
         columns[f"{name}.trend.high"] = signal.trend_high, ()
         columns[f"{name}.trend.low"] = signal.trend_low, ()

@@ -1,4 +1,4 @@
-"""``rig fly`` and ``rig bench``, and how one flight is printed."""
+"""``rig fly`` and ``rig cost``, and how one flight is printed."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def fly(options: FlyOptions) -> None:
     quiet = options.as_json or options.watch
     with watching(options.watch, options.realtime_factor) as page, working("starting", not quiet):
         flight = _fly(options, page, outcome)
-        with running(options.unit if outcome.needs_twin else None) as tested:  # which flies its twin too
+        with running(options.unit if outcome.needs_baseline else None) as tested:  # which flies its baseline too
             verdicts = outcome.verdicts(flight.log, tested, options.allow_code or bool(options.sets))
 
     def data() -> dict[str, object]:
@@ -223,7 +223,7 @@ def _verdict(flight: Flight) -> None:
     failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in {**flight.failed, **coils}.items())
     lanes = (f"lane {name} at {at_s:.2f} s" for name, at_s in flight.lanes_failed.items())
     field("failed", "; ".join([*lanes, *failed]) or "no channel")
-    for one in (suspect for suspect in flight.suspects if suspect.lasting):
+    for one in (suspect for suspect in flight.suspects if suspect.slow_faults):
         field("suspect", f"{one.signal} channel {one.channel} {one.text()}", style="yellow")
     if below := scenario.gains.below:
         field("gains", f"below the requirement, accepted: {'; '.join(below)}", style="yellow")
@@ -308,7 +308,7 @@ def _peaks(flight: Flight) -> str:
     )
 
 
-def bench(
+def cost(
     scenario: ScenarioName = None,
     sets: Sets = None,
     repeats: Annotated[int, opt("N", "Flights; the medians count.", min=1)] = 7,

@@ -6,6 +6,7 @@ Exit code 0 when the work was done (a lost aircraft is a result), 2 for bad inpu
 from __future__ import annotations
 
 import logging
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,12 +18,12 @@ import typer
 from typer.core import TyperArgument, TyperOption
 
 from rig.cli.aircraft import aircraft_app
+from rig.cli.benchmark import benchmark
 from rig.cli.campaign import app as campaign_app
 from rig.cli.catalogue import faults_app, scenario_app, signals
 from rig.cli.check import check
 from rig.cli.common import GROUP
-from rig.cli.fly import bench, fly
-from rig.cli.league import league
+from rig.cli.fly import cost, fly
 from rig.cli.recordings import thresholds, vote
 from rig.cli.replay import diff, export, info, recover, replay
 from rig.cli.safety import reliability_app
@@ -33,9 +34,10 @@ from rig.cli.unit import unit_app
 from rig.cli.view import view, watch
 from rig.core.errors import BadInput, RigError
 from rig.core.interrupt import end_cleanly
+from rig.core.renamed import COMMANDS, OPTIONS, now_called
 from rig.core.text import shorten
 
-EXAMPLE: Final = "Example: rig fly f16_singular_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
+EXAMPLE: Final = "Example: rig fly f16_split_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
 VERBOSE: Final = ("--verbose", "-v")
 MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
 FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"
@@ -53,9 +55,10 @@ _COMMANDS: Final = {
     LOOK: (view, report, watch, info),
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
-    REFERENCE: (signals, bench),
-    MANY: (check, search, league),
+    REFERENCE: (signals, cost),
+    MANY: (check, search, benchmark),
 }
+_UNKNOWN_COMMAND: Final = re.compile("No such command '([^']*)'")
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
 for _parameter in (TyperArgument, TyperOption):  # help shows the names that we give to values, no types of Python
@@ -141,8 +144,21 @@ def _command() -> int:
             error.show()
             return error.exit_code
         path = error.ctx.command_path if error.ctx else "rig"
+        if renamed := _renamed(error):
+            raise BadInput(renamed) from None
         message = shorten(error.format_message().rstrip("."), MOST_OF_A_WORD)
         raise BadInput(f"{message}; see: {path} --help") from None
+
+
+def _renamed(error: Any) -> str:
+    """Return what a command or an option of before is called now; "" of what is none."""
+    unknown, context = _UNKNOWN_COMMAND.match(error.format_message()), error.ctx
+    group = f"rig {context.info_name}" if context and context.parent else "rig"
+    command, option = f"{group} {unknown[1]}" if unknown else "", getattr(error, "option_name", "")
+    for old, names in ((command, COMMANDS), (option, OPTIONS)):
+        if old in names:
+            return now_called(old, names[old])
+    return ""
 
 
 def _verbose_first(arguments: list[str]) -> list[str]:

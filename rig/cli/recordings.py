@@ -69,7 +69,9 @@ class ThresholdsOptions:
     persistence: Annotated[str, opt("N,N...", "Frames to try.")] = "8,12,24,48"
     levels: Annotated[str, opt("N,N...", "Channels in use to design for.")] = "4,3,2"
     filters: Annotated[str, opt("S,S...", "Low-pass of the comparison to try.", "--filter")] = "0,0.1"
-    lasting: Annotated[str, opt("RULE,RULE...", "What lasts, to try: bias, slow, stale, or none.")] = "bias,slow,stale"
+    slow_faults: Annotated[str, opt("RULE,RULE...", "Slow faults, to try: bias, slow, stale, or none.")] = (
+        "bias,slow,stale"
+    )
     align: Align
     repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats.")] = False
     keep: Annotated[bool, flag("--keep", "Also use flights in which one channel deviates from the others.")] = False
@@ -108,21 +110,23 @@ def _grid(options: ThresholdsOptions) -> Grid:
         raise BadInput(f"--budget: false isolations an hour, {LEAST_BUDGET:g} or more, got {options.budget}")
     frames = whole_numbers("--persistence", options.persistence, 1, MOST_FRAMES)
     counts = whole_numbers("--levels", options.levels, 2, 4)
-    rules = () if options.outlier else _rules(options.lasting)  # beside thresholds that are kept: one kind of design
+    rules = (
+        () if options.outlier else _rules(options.slow_faults)
+    )  # beside thresholds that are kept: one kind of design
     allowed = f"seconds from 0 to {MOST_S:.0f}"
     filters = comma_list("--filter", options.filters, allowed, float, lambda value: 0.0 <= value <= MOST_S)
     return Grid(options.budget, frames, counts, sorted(set(filters)), options.seed, rules, options.transients)
 
 
 def _rules(text: str) -> list[Any]:
-    """Return the rules of what lasts that ``text`` names."""
+    """Return the slow-fault rules that ``text`` names."""
     from rig.studies.thresholds.slow_fault_limits import RULES
 
     if text.strip() == "none":
         return []
     named = {name.strip() for name in text.split(",")}
     if unknown := sorted(named.difference(RULES)):
-        raise BadInput(f"--lasting: none, or of {', '.join(RULES)}, got {quoted(unknown[0])}")
+        raise BadInput(f"--slow-faults: none, or of {', '.join(RULES)}, got {quoted(unknown[0])}")
     return [rule for rule in RULES if rule in named]
 
 
@@ -154,7 +158,7 @@ def _show(summary: dict[str, Any]) -> None:
 
 def _chosen(signal: dict[str, Any], design: dict[str, Any]) -> str:
     chosen = signal["chosen"]
-    keys = ("persistence", "filter_s", "bias_bound", "slow_limit")
+    keys = ("persistence", "filter_s", "equalise_bound", "slow_limit")
     same = chosen and all(chosen.get(key) == design[key] for key in keys)
     return ">" if same else ""
 
@@ -179,7 +183,7 @@ def _of_design(title: str, key: str, format: str = "", unit: str = "", worth: in
 
 _LEVELS: Final = (
     *(_of_design("", "chosen"), _of_design("filter", "filter_s", "g", "s"), _of_design("frames", "persistence")),
-    *(_of_design("bias", "bias_bound", ".3g", worth=8), _of_design("sum", "slow_limit", ".3g", worth=8)),
+    *(_of_design("bias", "equalise_bound", ".3g", worth=8), _of_design("sum", "slow_limit", ".3g", worth=8)),
     *(Column("in use", "level"), Column("threshold"), Column("point", format=".4g")),
     *(Column("clusters", worth=6), Column("shape", format=".2f", worth=5)),
     _of_design("extrapolation", "beyond", worth=7),
@@ -208,7 +212,7 @@ def _tradeoffs(signals: dict[str, Any]) -> None:
     faults = (Column(kind, lambda row, kind=kind: _right(row["faults"][kind]), worth=5) for kind in rows[-1]["faults"])
     shown = (
         *(Column("", "chosen"), Column("signal"), Column("filter", "filter_s", "g", "s")),
-        *(Column("frames", "persistence"), Column("bias", "bias_bound", ".3g"), Column("sum", "slow_limit", ".3g")),
+        *(Column("frames", "persistence"), Column("bias", "equalise_bound", ".3g"), Column("sum", "slow_limit", ".3g")),
         *(Column("stale", "stale_frames", worth=8), Column("smallest offset", format=".3g", empty="none")),
         Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none", worth=7),
         *(*faults, Column("share", "found_rightly", ".3f")),

@@ -19,7 +19,7 @@ from rig.core.outputs import require_apart, require_page
 
 if TYPE_CHECKING:
     from rig.studies.reliability.chain import ChainResult
-    from rig.studies.reliability.margin import Margin
+    from rig.studies.reliability.false_isolations import FalseIsolationRate
     from rig.studies.reliability.per_hour import Result
     from rig.studies.reliability.rates_file import SignalRates
 
@@ -61,7 +61,7 @@ def run(
     report: Annotated[Path | None, opt("FILE", "Write a page with the pictures, HTML.", "--report", "--plot")] = None,
     as_json: Json = False,
 ) -> None:
-    """Print bad votes, known losses and lost aircraft per flight hour, and what decides them."""
+    """Print undetected errors, annunciated losses and lost aircraft per flight hour, and what decides them."""
     from rig.core.frame import CHANNELS
     from rig.studies.reliability.compute_results import assumptions
     from rig.studies.reliability.compute_results import run as reckon
@@ -129,7 +129,7 @@ def trials(
 
 
 @reliability_app.command()
-def margin(
+def false_isolations(
     signal: Annotated[str, arg("SIGNAL", "As in rig signals.")],
     threshold: Annotated[
         str | None, opt("X,X...", "Thresholds, unit of the signal.", show_default="the scenario's")
@@ -147,17 +147,17 @@ def margin(
     as_json: Json = False,
 ) -> None:
     """Count how often healthy channels are failed, down to 1e-12 an hour, by splitting."""
-    from rig.studies.reliability.margin import FLOOR, Effort
-    from rig.studies.reliability.margin_target import run
+    from rig.studies.reliability.false_isolation_target import run
+    from rig.studies.reliability.false_isolations import FLOOR, Effort
 
     if target is not None and not FLOOR <= target <= 1.0:
         raise BadInput(f"--target: false isolations an hour of a channel, from {FLOOR:g} to 1, got {target:g}")
     above_0 = "--threshold", threshold or "", "numbers above 0", float, lambda value: isfinite(value) and value > 0.0
     given = None if threshold is None else comma_list(*above_0)
-    margins, chosen = run(signal, scenario, sets or [], given, persistence, target, seed, Effort(flights=flights))
-    data = {"signal": signal, "margins": [asdict(each) for each in margins]}
+    rates, chosen = run(signal, scenario, sets or [], given, persistence, target, seed, Effort(flights=flights))
+    data = {"signal": signal, "false_isolations": [asdict(each) for each in rates]}
     data |= {} if chosen is None else {"target": target, "chosen": asdict(chosen)}
-    emit(as_json, data, lambda: _show_margins(signal, margins, target, chosen))
+    emit(as_json, data, lambda: _show_rates(signal, rates, target, chosen))
 
 
 def _show_chain(solved: ChainResult) -> None:
@@ -187,23 +187,27 @@ def _show_run(results: Sequence[Result], given: SignalRates, assumptions: Sequen
     table([result for result, case in zip(results, cases, strict=True) if case == first], DECIDED)
 
 
-def _show_margins(signal: str, margins: Sequence[Margin], target: float | None, chosen: Margin | None) -> None:
+def _show_rates(
+    signal: str, rates: Sequence[FalseIsolationRate], target: float | None, chosen: FalseIsolationRate | None
+) -> None:
     """Print a row for each threshold; the one that meets the target last."""
     line(f"{signal}: false isolations of a healthy channel, an hour (95 %)")
-    table([*margins, *([] if chosen is None else [chosen])], _MARGINS)
-    for each in margins:
+    table([*rates, *([] if chosen is None else [chosen])], _RATES)
+    for each in rates:
         if each.few is not None:
             line(f"threshold {each.threshold:.5g}: the bound alone: {each.few}; --flights N draws more")
     if chosen is not None:
         line(f"at most {target:g} an hour: threshold {chosen.threshold:.5g}")
 
 
-def _counted(title: str, text: Callable[[Margin], str], none: Callable[[Margin], str] = lambda _: "") -> Column:
-    """Return a column of margins that events were counted of, ``none``: of the others."""
-    return Column(title, lambda margin: (none if margin.per_hour is None else text)(margin))
+def _counted(
+    title: str, text: Callable[[FalseIsolationRate], str], none: Callable[[FalseIsolationRate], str] = lambda _: ""
+) -> Column:
+    """Return a column of rates that events were counted of, ``none``: of the others."""
+    return Column(title, lambda rate: (none if rate.per_hour is None else text)(rate))
 
 
-_MARGINS: Final = (
+_RATES: Final = (
     Column("threshold", format=".5g"),
     _counted(
         "an hour",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 MOST_OVERRIDES: Final = 8  # of a log
 REFERENCE: Final = "reference_usable"  # a decision that follows from the manager, signal by signal
-AFTER: Final = ("pattern", "resolver", REFERENCE)  # decisions that are told after states, levels and sources
+AFTER: Final = ("pattern", "decided_by", REFERENCE)  # decisions that are told after states, levels and sources
 FEW: Final = 3  # signals whose references are told one by one
 LAYOUTS: Final = ("foxglove",)
 
@@ -232,7 +232,11 @@ def export(
     layout: Annotated[str | None, opt("VIEWER", "Not a table, a layout to open the log with: foxglove.")] = None,
     signals: Annotated[
         str | None,
-        opt("A,B", "Signals, discretes, control, flight, inertial, demand, actuator.elevator.", show_default="all"),
+        opt(
+            "A,B",
+            "Signals, discretes, control, flight, inertial, autopilot_command, actuator.elevator.",
+            show_default="all",
+        ),
     ] = None,
     out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="<log>.<to>")] = None,
     for_vote: Annotated[bool, flag("--for-vote", "Only what rig vote reads.")] = False,

@@ -32,7 +32,7 @@ _STYLES: Final = {"detected": "green", "missed": "red", "undetectable": "", "not
 
 def score(
     log: LogFile,
-    no_twin: Annotated[bool, flag("--no-twin", "Do not fly the fault-free reference run: no transients.")] = False,
+    no_baseline: Annotated[bool, flag("--no-baseline", "Do not fly the fault-free baseline: no transients.")] = False,
     transient_load_factor: Annotated[
         float, opt("G", "Largest change of load factor that a fault may cause.", min=1e-9)
     ] = 0.5,
@@ -60,8 +60,8 @@ def score(
     }
     with working("reading the log", not as_json), running(unit) as tested:
         asked = load_requirements(requirements or ())
-        scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code, tested)
-        verdicts, remark = measure_scored(scored, asked, not no_twin, tested, allow_code)
+        scored = score_log(log, build(Yardstick, limits, "--transient"), not no_baseline, allow_code, tested)
+        verdicts, remark = measure_scored(scored, asked, not no_baseline, tested, allow_code)
     measured = {"requirements": [plain(verdict) for verdict in verdicts]} if verdicts else {}
 
     def text() -> None:
@@ -111,13 +111,13 @@ def _show(scored: Scored) -> None:
     _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
     _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
     _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
-    for name in ("suspects", "actuators", "computers", "law", "resolvers"):
-        table(parts[name].rows, parts[name].columns, None if name == "resolvers" else MOST_LINES)
+    for name in ("suspects", "actuators", "computers", "law", "tie_break"):
+        table(parts[name].rows, parts[name].columns, None if name == "tie_break" else MOST_LINES)
         if name == "suspects":
             line(f"{len(score.suspects) - len(parts[name].rows)} channels suspect in no frame")
     if score.episodes:
         line(
-            f"{len(score.episodes)} patterns without a majority, {score.unresolved} unresolved; "
+            f"{len(score.episodes)} splits, {score.unresolved} unresolved; "
             "answered = correct + wrong + open, open: the pattern went by before a channel was failed"
         )
     votes = parts["votes"]
@@ -137,7 +137,7 @@ def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float, *, 
     if not isolations and not by_design:
         field(title, "none", width=WIDTH)
     for isolation in isolations[:MOST_LINES]:
-        text = f"{isolation.signal}.{isolation.channel} at {moment(isolation.frame, rate_hz)} by {isolation.resolver}"
+        text = f"{isolation.signal}.{isolation.channel} at {moment(isolation.frame, rate_hz)} by {isolation.decided_by}"
         field(title, text, style="" if by_design else "red", width=WIDTH)
     rest(len(isolations), MOST_LINES)
 

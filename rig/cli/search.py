@@ -78,7 +78,7 @@ def search(options: SearchOptions) -> None:
         ended = run(plan, options.out, workers=options.workers, scheduler=options.scheduler)
     if not ended.interrupted:
         emit(options.as_json, ended.figures, lambda: _show(ended, options.out))
-    require_ended(ended, f"{ended.flights} of {options.flights} flights", "they have no margin")
+    require_ended(ended, f"{ended.flights} of {options.flights} flights", "they have no robustness")
 
 
 def _plan(options: SearchOptions) -> SearchPlan:
@@ -99,9 +99,9 @@ def _plan(options: SearchOptions) -> SearchPlan:
     return SearchPlan(campaign, source, asked, requirements, trust)
 
 
-def _shown(margin: float | None) -> str:
-    """Return a margin that the search found; ``none`` where no number was."""
-    return "none" if margin is None else f"{margin:.4g}"
+def _shown(robustness: float | None) -> str:
+    """Return a robustness that the search found; ``none`` where no number was."""
+    return "none" if robustness is None else f"{robustness:.4g}"
 
 
 def _show(ended: Ended, out: Path) -> None:
@@ -111,7 +111,7 @@ def _show(ended: Ended, out: Path) -> None:
     hides = "every random flight violates it, and it would hide the others"
     violated = ", ".join(f"{name} in {count}" for name, count in f["violating"].items())
     lines = [
-        ("flights", f"{f['flights']}, {f['violated']} violate; least margin {_shown(f['least_margin'])}"),
+        ("flights", f"{f['flights']}, {f['violated']} violate; least robustness {_shown(f['robustness'])}"),
         (
             "at random",
             f"{drawn['violated']} of {drawn['flights']} draws violate: at most {100 * drawn['upper_95']:.3g} % (95 %)",
@@ -119,7 +119,7 @@ def _show(ended: Ended, out: Path) -> None:
         (
             "worst",
             f"run {worst['run']}, {worst['arm']}: {worst['confirmed'][0]} of {worst['confirmed'][1]} new seeds violate"
-            f", median margin {_shown(worst['median_margin'])}",
+            f", median robustness {_shown(worst['median_robustness'])}",
         ),
         *(("left out", f"{name}: {hides}") for name in f["left_out"]),
         *([("violated", f"{violated} of {seeds} other seeds")] if f["scenario"] else []),

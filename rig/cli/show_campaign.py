@@ -136,7 +136,7 @@ def status(state: dict[str, Any]) -> None:
 
 
 def report(summary: dict[str, Any], target: Path) -> None:
-    """Print the headline of a report, the resolvers, and where the rest is."""
+    """Print the headline of a report, the tie-break rules, and where the rest is."""
     from rig.studies.campaign.campaign_summary import TABLES
 
     head = summary["headline"]
@@ -164,7 +164,7 @@ def report(summary: dict[str, Any], target: Path) -> None:
         field("suspect", text, width=_WIDTH, style="yellow")
     table(summary.get("by_varied", ()), TABLES["by_varied"], MOST_LINES)
     table(summary.get("detectable", ()), _DETECTABLE, MOST_LINES)
-    for name in ("resolvers", "requirements", "servos"):
+    for name in ("tie_break", "requirements", "servos"):
         table(summary[name], TABLES[name])
     field("report", str(target), width=_WIDTH)
 

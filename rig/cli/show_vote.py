@@ -11,7 +11,7 @@ from rig.log.recordings.stamps import LONG_AGO_S, digits, of_rows
 
 _SIGNALS = (
     *(Column("signal", "name"), Column("level")),
-    Column("singular frames", lambda row: f"{100 * row['singular_share']:.3g} %", worth=6),
+    Column("split frames", lambda row: f"{100 * row['split_share']:.3g} %", worth=6),
     Column("undecided", lambda row: f"{100 * row['unresolved_share']:.3g} %", worth=5),
     *(Column("spread median", "spread.median", ".4g", worth=5), Column("95 %", "spread.p95", ".4g", worth=3)),
     *(Column("worst", "spread.max", ".4g", worth=4), Column("voted from", "voted.min", ".4g", worth=7)),
@@ -51,7 +51,7 @@ _MATRICES = (
 )
 _REQUIREMENTS = (
     *(Column("requirement"), Column("on", "signal"), Column("verdict", "status")),
-    *(Column("margin", format=".3g"), Column("at s", "instant_s", ".6g")),
+    *(Column("robustness", format=".3g"), Column("at s", "instant_s", ".6g")),
 )
 
 

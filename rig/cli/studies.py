@@ -75,7 +75,7 @@ def _exchange(rows: Sequence[Row]) -> None:
 
 @study.command("fault-tolerant")
 def fault_tolerant(seeds: Seeds = 1, workers: Workers = 2, as_json: Json = False) -> None:
-    """Fly lying pitch-angle sensors by case and law, in JSBSim: 648 flights for each seed, some ten minutes."""
+    """Fly wrong pitch-angle sensors by case and law, in JSBSim: 648 flights for each seed, some ten minutes."""
     from rig.studies.papers import tolerant
 
     with working(f"flying {648 * seeds} flights", not as_json):
@@ -199,7 +199,7 @@ def _survived(case: Summary) -> str:
 def _ding2015(result: Study, files: list[str]) -> None:
     d, (nominal, fastest, slowest) = result.as_dict(), result.settling_s
     settled = f"{nominal:.2f} s; +-10 %: {fastest:.2f} to {slowest:.2f} s"
-    pitch = f"true {result.honest_pitch:.3f}, measured {d['honest_measured_pitch']:.3f}"
+    pitch = f"true {result.complete_pitch:.3f}, measured {d['complete_measured_pitch']:.3f}"
     rows = [
         ("stacked matrix at F = 0.5", "64 entries", f"largest difference {d['stacked_max_error']:.2g}"),
         ("K2", "2 x 8, LQR on the stacked matrix", f"largest difference {d['k2_max_error']:.2g}"),

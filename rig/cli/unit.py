@@ -49,15 +49,15 @@ def schema() -> None:
 @unit_app.command()
 def check(
     file: Annotated[Path, arg("UNIT", "A unit file.")],
-    seam: Annotated[bool, flag("--seam", "Test only the interface, not the voting decisions.")] = False,
+    interface: Annotated[bool, flag("--interface", "Test only the interface, not the voting decisions.")] = False,
     longest: Annotated[bool, flag("--long", "Long sessions of 70,000 frames, not of 5,000.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Test a unit against the interface and, without --seam, the voting rules.  Exit code 1: a test failed."""
+    """Test a unit against the interface and, without --interface, the voting rules.  Exit code 1: a test failed."""
     from rig.bench.unit_check import check as test
 
     with working("testing the unit", not as_json):
-        result = test(file, seam_only=seam, longest=longest)
+        result = test(file, interface_only=interface, longest=longest)
     emit(as_json, result.as_dict, lambda: _checked(result))
     if not result.passed:
         raise Exit(1)

@@ -110,7 +110,7 @@ def _add_violations(path: Path, log: Log, names: list[str]) -> None:
     required = load_requirements(names)
     with suppress(BadInput):
         required = load_requirements([*names, *named])
-    violations = events(check_log(path, [each for each in required if not each.names_twin]), log.rate_hz)
+    violations = events(check_log(path, [each for each in required if not each.names_baseline]), log.rate_hz)
     log.events[:] = sorted([*log.events, *violations], key=lambda event: event.frame)
 
 

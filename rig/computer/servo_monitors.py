@@ -83,8 +83,8 @@ def monitors(config: Config, stops_rad: NDArray[np.float64], rate_hz: float) -> 
         among = SignalConfig(
             threshold=config.position.threshold * stroke,
             persistence_s=config.position.persistence_s,
-            singular_persistence_s=config.position.persistence_s,
-            resolvers=["ilm"],
+            split_persistence_s=config.position.persistence_s,
+            tie_break=["ilm"],
         )
         fill(manager, among, (low - 2 * stroke, high + 2 * stroke), CHANNELS, False, rate_hz)
     watch = np.zeros(len(MOVED), WATCH)
@@ -94,7 +94,7 @@ def monitors(config: Config, stops_rad: NDArray[np.float64], rate_hz: float) -> 
 
 @long_kernel
 def watch_rows(rows, designed, off, data):
-    """Monitor ``rows`` (n, 3) ACTUATOR, whose valve, valve_differs and failed_by are written; see below.
+    """Monitor ``rows`` (n, 3) SERVO, whose valve, valve_differs and failed_by are written; see below.
 
     off : (n, 4) channels that their computers shut off
     """
@@ -107,7 +107,7 @@ def watch_rows(rows, designed, off, data):
 def watch_surface(row, servo, i, off, data):
     """Monitor the channels of surface ``i`` in one frame.
 
-    row : its ACTUATOR record; reads what was asked and measured, writes valve, valve_differs and failed_by
+    row : its SERVO record; reads what was asked and measured, writes valve, valve_differs and failed_by
     servo : its SERVO record, nominal;  off : (4,) channels that their computers shut off;  data : MonitorData
     """
     limits, seen = data.limits[i], data.watch[i]

@@ -16,7 +16,7 @@ from rig.core.files import is_file, is_folder, reported
 CAMPAIGN: Final = "campaign.json"  # marks the folder of a campaign
 BESIDE_RUNS: Final = ("search.json", "worst.toml", "search.html")  # that a search writes into it
 TRIALS: Final = "trials.json"  # and that of trials
-LEAGUE: Final = "league.json"  # and that of a league
+BENCHMARK: Final = "benchmark.json"  # and that of a benchmark
 CUTSETS: Final = "cutsets.json"  # and that of cut sets,
 SETS: Final = "sets.json"  # which holds the minimal ones
 CONFIRMED: Final = "confirmed.json"  # and how they were flown again
@@ -24,7 +24,7 @@ _OWN: Final = {  # files of such a folder that are nobody else's, by their path 
     CAMPAIGN: re.compile(r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap|search\.json|worst\.toml"),
     TRIALS: re.compile(r"trials\.json|lock|\w+\.parquet"),
     CUTSETS: re.compile(r"(cutsets|sets|confirmed)\.json|lock"),
-    LEAGUE: re.compile(r"(league|levels|result)\.json|lock|(units|flights)/\d+-\d+\.parquet"),
+    BENCHMARK: re.compile(r"(benchmark|levels|result)\.json|lock|(units|flights)/\d+-\d+\.parquet"),
 }
 _DATA: Final = (".csv", ".parquet", ".mcap", ".json")  # endings of what is read where an input is a folder
 

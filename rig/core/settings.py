@@ -25,6 +25,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from rig.core.errors import BadInput, RigError
 from rig.core.files import read_bytes
 from rig.core.frame import to_frame
+from rig.core.renamed import KEYS, VALUES, now_called
 from rig.core.text import LONGEST_LIST, choices, nearest, quoted, shorten
 
 M = TypeVar("M", bound="Settings")
@@ -171,7 +172,11 @@ def build(model: type[M], data: dict[str, Any], source: str, context: object = N
 
 
 def _first_line(model: type[Settings], error: ValidationError, data: dict[str, Any]) -> str:
-    detail = error.errors(include_url=False)[0]
+    details = error.errors(include_url=False)
+    for detail in details:  # an old name first: what else is wrong may follow from it
+        if renamed := _renamed(model, detail):
+            return f"{shorten('.'.join(_keys(detail['loc'], data, False)))}{renamed}"
+    detail = details[0]
     key = shorten(".".join(_keys(detail["loc"], data, detail["type"] == "missing")))
     if detail["type"] == "extra_forbidden":
         return f"{key}: unknown key{_instead(model, detail['loc'])}"
@@ -185,6 +190,20 @@ def _first_line(model: type[Settings], error: ValidationError, data: dict[str, A
     shown = f", got {quoted(given)}" if isinstance(given, (str, int, float, bool)) else ""
     where = f"{key}: " if key else ""
     return f"{where}{message[0].lower()}{message[1:]}{shown}"
+
+
+def _renamed(model: type[Settings], detail: Any) -> str:
+    """Return what a key or a value of before is called now, to stand behind its place; "" of what is none."""
+    *above, key = detail["loc"] or [""]
+    if detail["type"] == "extra_forbidden":
+        new = KEYS.get(str(key))
+        return f": is now called {new}" if new in _fields(model, tuple(above)) else ""
+    given, behind = detail.get("input"), ""
+    if detail["type"] == "union_tag_invalid":
+        key, given = detail["ctx"]["discriminator"].strip("'"), detail["ctx"]["tag"]
+        behind = f".{key}"
+    new = VALUES.get(str(key), {}).get(given) if isinstance(given, str) else None
+    return "" if new is None else f"{behind}: {now_called(quoted(given), quoted(new))}"
 
 
 def _instead(model: type[Settings], location: tuple[int | str, ...]) -> str:

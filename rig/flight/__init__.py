@@ -9,5 +9,5 @@ unit_loop.py      a unit under test in the place of the manager; unit_lane.py: o
 operator_keys.py  faults and resets that an operator asks for while it flies
 pace.py           real time: when the next frame is due, what the machine is asked for
 time_histogram.py times of the wall clock, counted
-cost.py           what a frame costs: ``rig bench``
+cost.py           what a frame costs: ``rig cost``
 """

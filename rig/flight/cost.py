@@ -113,7 +113,7 @@ class Bench:
     log_bytes_per_frame: float
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain data, as ``rig bench --json`` prints it."""
+        """Return plain data, as ``rig cost --json`` prints it."""
         return asdict(self)
 
 

@@ -27,7 +27,7 @@ from rig.core.frame import (
     offset,
 )
 from rig.core.kernels import kernel
-from rig.flight.failures import COMPARISON, decided_by
+from rig.flight.failures import COMPARISON, who_failed
 
 _LEVELS: Final = {"level": "state", "discrete_level": "discrete_state"}  # with the states that they are counted from
 MISSED: Final = "unit missed"  # an event's name
@@ -76,7 +76,7 @@ class EventFinder:
 
 
 def _before_the_first(rows: Block) -> Block:
-    """Return the row before a flight: as its first one, but nothing acts, has failed, is singular or over."""
+    """Return the row before a flight: as its first one, but nothing acts, has failed, has no majority or is over."""
     before = rows[:1].copy()
     before["acting"] = 0
     before["pattern"] = Pattern.NORMAL
@@ -144,8 +144,8 @@ def _changes(old: Block, new: Block) -> Iterator[Event]:
 
 
 def _state(frame: int, old: int, new: int, s: int, c: int, row: Any) -> Event | None:
-    resolver = decided_by(row, s, c) if new == State.FAILED else ""
-    return _channel_state(frame, old, new, f"{SIGNALS[s].name}.{c + 1}", resolver)
+    decided_by = who_failed(row, s, c) if new == State.FAILED else ""
+    return _channel_state(frame, old, new, f"{SIGNALS[s].name}.{c + 1}", decided_by)
 
 
 def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) -> Event | None:
@@ -185,9 +185,9 @@ def _channels_left(frame: int, old: int, new: int, name: str, lost: str = "") ->
 
 def _pattern(frame: int, old: int, new: int, s: int, row: Any) -> Event | None:
     pattern = Pattern(new)
-    if not pattern.is_singular:
+    if not pattern.is_split:
         return None
-    return Event(frame, "warning", "singular pattern", f"{SIGNALS[s].name}: {pattern.label}")
+    return Event(frame, "warning", "split", f"{SIGNALS[s].name}: {pattern.label}")
 
 
 def _reference(frame: int, old: int, new: int, s: int, row: Any) -> Event:
@@ -224,7 +224,7 @@ def _trust(frame: int, old: int, new: int, row: Any) -> Event | None:
     return None
 
 
-def _lie(frame: int, old: int, new: int, row: Any) -> Event | None:
+def _sensor_fault(frame: int, old: int, new: int, row: Any) -> Event | None:
     if new == SensorFault.RATE_BIAS:
         return Event(frame, "warning", "rate biased", "pitch_angle: the sensor is right, a rate of turn is biased")
     if new in (SensorFault.NONE, SensorFault.UNDETERMINED):
@@ -268,7 +268,7 @@ _DESCRIBE = {
     "source": _source,
     "law": _law,
     "trust": _trust,
-    "lie": _lie,
+    "sensor_fault": _sensor_fault,
     "unit": _unit,
     "end": _end,
 }

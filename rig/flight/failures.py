@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import DISCRETES, SIGNALS, Block, Resolver, State
+from rig.core.frame import DISCRETES, SIGNALS, Block, DecidedBy, State
 
 COMPARISON: Final = "comparison"
 BEFORE_S, AFTER_S, WITHOUT_S = 0.5, 1.0, 2.0  # of decisive_s
@@ -23,7 +23,7 @@ class Failure(NamedTuple):
     frame: int
     place: str  # signal or discrete
     channel: int  # from 1
-    resolver: str
+    decided_by: str
 
 
 def became_failed(state: NDArray[np.uint8], before: NDArray[np.uint8] | None = None) -> NDArray[np.intp]:
@@ -42,19 +42,19 @@ def became_failed(state: NDArray[np.uint8], before: NDArray[np.uint8] | None = N
     return np.column_stack([places // width, places % width // channels, places % channels])
 
 
-def decided_by(row: Any, s: int, c: int) -> str:
-    """Return who failed channel ``c`` of signal ``s`` in ``row``: the resolver, if it decided, else the comparison.
+def who_failed(row: Any, s: int, c: int) -> str:
+    """Return who failed channel ``c`` of signal ``s`` in ``row``: the rule, if it decided, else the comparison.
 
-    A channel that cannot be compared is not failed by a resolver, which weighs those that can.
+    A channel that cannot be compared is not failed by a rule, which weighs those that can.
     """
-    return decider(row["resolver"][s], bool(row["valid"][s, c] != 0 and np.isfinite(row["channels"][s, c])))
+    return decider(row["decided_by"][s], bool(row["valid"][s, c] != 0 and np.isfinite(row["channels"][s, c])))
 
 
 def decider(code: int, comparable: bool) -> str:
-    """Return the name of the Resolver ``code`` of a row, if it decided on a ``comparable`` channel; else comparison."""
-    resolver = Resolver(code)
-    undecided = not comparable or resolver in (Resolver.NONE, Resolver.UNRESOLVED)
-    return COMPARISON if undecided else resolver.name.lower()
+    """Return the name of the DecidedBy ``code`` of a row if it decided on a ``comparable`` channel, or comparison."""
+    decided_by = DecidedBy(code)
+    undecided = not comparable or decided_by in (DecidedBy.NONE, DecidedBy.UNRESOLVED)
+    return COMPARISON if undecided else decided_by.name.lower()
 
 
 def failures(rows: Block, before: Block | None = None) -> list[Failure]:
@@ -65,7 +65,7 @@ def failures(rows: Block, before: Block | None = None) -> list[Failure]:
     frames, last = rows["frame"], None if before is None else before[0]
     signals = became_failed(rows["state"], None if last is None else last["state"])
     discretes = became_failed(rows["discrete_state"], None if last is None else last["discrete_state"])
-    listed = [Failure(int(frames[k]), SIGNALS[s].name, int(c) + 1, decided_by(rows[k], s, c)) for k, s, c in signals]
+    listed = [Failure(int(frames[k]), SIGNALS[s].name, int(c) + 1, who_failed(rows[k], s, c)) for k, s, c in signals]
     listed += [Failure(int(frames[k]), DISCRETES[d].name, int(c) + 1, COMPARISON) for k, d, c in discretes]
     return sorted(listed, key=lambda failure: failure.frame)
 

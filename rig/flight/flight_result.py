@@ -12,7 +12,7 @@ from rig.core.frame import Block
 from rig.flight.failures import failed_text
 from rig.flight.pace import Jitter
 from rig.flight.summary import Peaks
-from rig.flight.suspects import Suspect, lasting_text
+from rig.flight.suspects import Suspect, slow_faults_text
 from rig.log import Log, SignalArrays, read_log
 from rig.scenario.scenario import Scenario
 from rig.scenario.scenario_notes import notes
@@ -89,7 +89,7 @@ class Flight:
         """One line: what was flown, and how it ended."""
         named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
         verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
-        told = f"failed {failed_text(self.failed)}{lasting_text(self.suspects)}"
+        told = f"failed {failed_text(self.failed)}{slow_faults_text(self.suspects)}"
         return f"<Flight {named}: {verdict}, {told}, log {self.log}>"
 
     def summary(self) -> dict[str, Any]:

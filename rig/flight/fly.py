@@ -129,7 +129,7 @@ def fly(
     pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
     scenario = scenario if live is None else scenario.armed()
     tested = as_lane(read_unit(unit) if isinstance(unit, str | Path) else unit, lane)
-    if tested is not None and tested.carrier == "python":
+    if tested is not None and tested.transport == "python":
         scenario, tested = managed(scenario, tested), None
     destination = _Destination(name, text, Path(out), rerun, streams, progress, viewer, watch, sets, outcome)
     with interruptible() as stop, running(tested) as under_test, real_time(realtime) as granted:

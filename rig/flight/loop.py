@@ -106,7 +106,7 @@ class Rig:
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)
 
     def prepare(self, block: Block) -> None:
-        """Draw and plan what is made a block at a time: stick, demands and commands, noise, chance."""
+        """Draw and plan what is made a block at a time: stick, autopilot commands and commands, noise, chance."""
         self.pilot.prepare(block)
         command(block, self.scenario.redundancy.resets, self.scenario.rate_hz)
         self.sensors.prepare(block)
@@ -114,7 +114,7 @@ class Rig:
         self.faults.prepare(block)
         if parts := self.scenario.lane_parts:
             self._lanes = lane_rows(len(block), parts, int(block["frame"][0]))
-            for part, stage in (("actuator", self.actuators), ("computer", self.computers)):
+            for part, stage in (("servo", self.actuators), ("computer", self.computers)):
                 if stage is not None:
                     stage.prepare(self._lanes[part])
         self.data = self._gather()

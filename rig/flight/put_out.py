@@ -16,7 +16,7 @@ def put_out(row, k, still, faults, actuators, orders):
     still : of the control law, the surfaces that nobody moves;  actuators : None where the plant's own lag moves them
     orders : of four computers, each of which asks its own channel; None: the row's surfaces are asked of all
     """
-    surface, actuator = row["fcc"]["surface"], row["actuation"]["actuator"]
+    surface, actuator = row["fcc"]["surface"], row["actuation"]["surface_command"]
     for i in range(len(surface)):
         actuator[i] = surface[i] if orders is None else orders.given[i]
     if actuators is None:

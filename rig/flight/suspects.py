@@ -35,7 +35,7 @@ class Suspect(NamedTuple):
         return self.rows / max(self.of, 1)
 
     @property
-    def lasting(self) -> bool:
+    def slow_faults(self) -> bool:
         """Return whether it was suspect in many rows and never failed."""
         return not self.failed and is_many(self.rows, self.of)
 
@@ -59,9 +59,9 @@ def share_text(rows: int, of: int, unit: str = "rows") -> str:
     return f"in {rows} of {of} {unit} ({100 * rows / max(of, 1):.3g} %)"
 
 
-def lasting_text(suspects: Iterable[Suspect]) -> str:
-    """Return the lasting ones of ``suspects`` behind what failed: ``; pitch_rate 3 suspect in ..``; "" without any."""
-    return "".join(f"; {one.signal} {one.channel} suspect {one.text()}" for one in suspects if one.lasting)
+def slow_faults_text(suspects: Iterable[Suspect]) -> str:
+    """Return those of ``suspects`` behind what failed: ``; pitch_rate 3 suspect in ..``; "" without any."""
+    return "".join(f"; {one.signal} {one.channel} suspect {one.text()}" for one in suspects if one.slow_faults)
 
 
 def doubted(state: NDArray[np.uint8], usable: NDArray[np.bool_]) -> NDArray[np.bool_]:

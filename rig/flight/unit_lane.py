@@ -24,9 +24,9 @@ from rig.core.kernels import bind, kernel
 from rig.flight.loop import ComputerStep, StageData, after, before
 from rig.unit.port import BLANK, FLOWN, ON_DISCRETES, STARTING, conclude, fill, fly_trim, take
 from rig.unit.running_unit import UnitUnderTest
-from rig.unit.unit_records import Form
+from rig.unit.unit_records import Role
 
-_REDUNDANCY: Final = int(Form.REDUNDANCY)
+_REDUNDANCY: Final = int(Role.REDUNDANCY)
 _NOT_ASKED: Final = int(UnitStatus.NONE)
 _STOPPED: Final = -1
 
@@ -34,7 +34,7 @@ _STOPPED: Final = -1
 def around_lane(unit: UnitUnderTest, data: StageData) -> ComputerStep:
     """Do what ``loop.compute`` does, with the unit as the computer of the lane outside."""
     assert data.lanes is not None  # stages.computers has refused a lane that is not there
-    data.lanes.commands.tells_integrals[data.lanes.outside] = unit.form is Form.REDUNDANCY
+    data.lanes.commands.tells_integrals[data.lanes.outside] = unit.role is Role.REDUNDANCY
     port, own = unit.port, np.zeros(2, FLAT)  # rows of its own, as one computer has them
     raw, lane = own.view(np.uint8).reshape(2, -1), nested(own)
     blank = nested(new_block(2))
@@ -91,11 +91,11 @@ def take_in(data, lanes, own, port, status):
         return
     computer, bus, fcc, said = of_lane(i, data, lanes), own[0]["bus"], own[0]["fcc"], port.records[FLOWN]["said"]
     own[1]["bus"], own[1]["fcc"] = bus, lanes.fcc[i]
-    think_shadow(own[1], (said & ON_DISCRETES) != 0, port.form != _REDUNDANCY, computer)
+    think_shadow(own[1], (said & ON_DISCRETES) != 0, port.role != _REDUNDANCY, computer)
     conclude(bus, fcc, said, computer.redundancy)
     if port.counts[STARTING] > 0:
         fly_trim(fcc, port.records[BLANK]["surface"])
-    elif port.form == _REDUNDANCY:
+    elif port.role == _REDUNDANCY:
         control_law(bus, fcc, computer.control)
         keep_integrals(i, lanes.control[i, 0], lanes.commands)
     lanes.fcc[i] = fcc

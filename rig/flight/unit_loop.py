@@ -35,7 +35,7 @@ from rig.unit.compiled_exchange import FOREVER_NS, PENDING, try_exchange
 from rig.unit.port import BLANK, FLOWN, STARTING, conclude, fill, fly_trim, take
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.session import configuration
-from rig.unit.unit_records import Form
+from rig.unit.unit_records import Role
 from rig.world.actuators.servo_stage import ActuatorData
 from rig.world.faults import FaultData
 from rig.world.sensors import SensorData
@@ -53,7 +53,7 @@ class UnitComputer:
     def __call__(self, rig: Rig) -> ComputerStep:
         """Begin the session.  UnitRefused."""
         unit = self._unit
-        unit.begin(config_of(rig.scenario, rig.redundancy, rig.plant.trim, unit.form), self._deadline, self._stop)
+        unit.begin(config_of(rig.scenario, rig.redundancy, rig.plant.trim, unit.role), self._deadline, self._stop)
         return _around_unit(unit, rig.data) if self.lane is None else around_lane(unit, rig.data)
 
 
@@ -91,7 +91,7 @@ def _flown(scenario: Scenario, left: int, unit: UnitUnderTest | None) -> Iterato
             return
 
 
-def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float64], form: Form) -> NDArray[Any]:
+def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float64], role: Role) -> NDArray[Any]:
     """Return the (1,) CONFIG of a scenario.
 
     trim : (4,) surfaces of its first frame
@@ -99,8 +99,8 @@ def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float
     frame = scenario.airframe
     return configuration(
         scenario.rate_hz,
-        form,
-        redundancy.manager.data.params[list(PARAMS.names or ())],  # without what a rival is told
+        role,
+        redundancy.manager.data.params[list(PARAMS.names or ())],  # without what a baseline manager is told
         redundancy.discretes.params,
         redundancy.manager.data.boxes,
         trim,
@@ -115,7 +115,7 @@ class UnitVoter:
     def __init__(self, unit: UnitUnderTest, scenario: Scenario, redundancy: Redundancy, rows: Block) -> None:
         """Begin a session; rows : from the first frame on.  BadInput: the unit will not."""
         trim = rows["flight"][0, [FLIGHT_INDEX[name] for name in SURFACES]]
-        unit.begin(config_of(scenario, redundancy, trim, unit.form))
+        unit.begin(config_of(scenario, redundancy, trim, unit.role))
         self._unit, self._rows, self._raw = unit, rows, _bytes(rows)
 
     def step(self, rows: Block, k: int) -> int:
@@ -214,11 +214,11 @@ def after_unit(block, raw, k, data, port, status):
     conclude(bus, fcc, answer["said"], data.redundancy)
     if port.counts[STARTING] > 0:
         fly_trim(fcc, port.records[BLANK]["surface"])
-    elif port.form == _REDUNDANCY:
+    elif port.role == _REDUNDANCY:
         control_law(bus, fcc, data.control)
     row["actuation"]["unit"], row["actuation"]["unit_age"] = status, row["frame"] - answer["frame"]
     after(block, k, data)
     return status
 
 
-_REDUNDANCY = int(Form.REDUNDANCY)
+_REDUNDANCY = int(Role.REDUNDANCY)

@@ -233,7 +233,7 @@ _COUNTS: Final = {
     **dict.fromkeys(("level", "discrete_level"), CHANNELS),
     **dict.fromkeys(("reset", "discrete_reset"), (1 << CHANNELS) - 1),
 }
-_FIELDS: Final = {"frame": FIELDS, "actuator": LANE_FIELDS, "computer": COMPUTER_FIELDS}
+_FIELDS: Final = {"frame": FIELDS, "servo": LANE_FIELDS, "computer": COMPUTER_FIELDS}
 
 
 @cache

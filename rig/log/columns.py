@@ -4,10 +4,10 @@ The table has a row a frame, its columns named as ``rig vote`` names its own:
 
     time_s
     <signal>.1 ..  .ilm.1 ..  .ref                    what rig vote reads: an ilm is 0, 1 or empty where there is none
-    <signal>.voted .level .pattern .resolver .state.1 ..  .trend.high .trend.low      what rig vote writes
+    <signal>.voted .level .pattern .decided_by .state.1 ..  .trend.high .trend.low      what rig vote writes
     <signal>.truth .valid.1 ..  .reference_usable .source                             what only a flight has
     <discrete>.1 ..  .truth .voted .state.1 ..  .level .valid.1 ..  .ilm.1 ..
-    control.*, inertial.*, flight.*, demand.*         the fields of these topics
+    control.*, inertial.*, flight.*, autopilot_command.*         the fields of these topics
     actuator.<surface>.ram .asked.1 ..                of a flight with servo actuators
     computer.<A to D>.voted_<signal> ..               of a flight with several computers
     ccdl.state_A_B .. .age_A_B .. .outvoted_A_B ..    of the link from A to B, and so on
@@ -39,6 +39,7 @@ from rig.core.frame import (
     Table,
 )
 from rig.core.frame.fields import FIELD
+from rig.core.renamed import TOPICS, now_called
 from rig.core.text import choices, quoted
 from rig.core.units.quantities import unit_of_name
 from rig.log.schema import LANE_MESSAGES, LANE_TOPICS, MESSAGES, TOPICS_OF_ROWS, Field, Topic
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
 class Column:
     """One number of a frame: whose it is, its name in the owner's message, and its place in FLAT."""
 
-    owner: str  # a signal, a discrete, or the topic: control, inertial, flight, demand
+    owner: str  # a signal, a discrete, or the topic: control, inertial, flight, autopilot_command
     name: str
     field: str  # of FLAT
     index: tuple[int, ...]
@@ -131,7 +132,7 @@ _NUMBERED: Final = {"channels": "", "discrete_channels": "", "state": ".state", 
 
 def name(column: Column) -> str:
     """Return the column's name in a table."""
-    if isinstance(column, LaneColumn) and column.part == "actuator":
+    if isinstance(column, LaneColumn) and column.part == "servo":
         return ".".join([column.owner, column.field, *(str(i + 1) for i in column.index[1:])])
     if isinstance(column, LaneColumn):
         return f"{column.owner}.{column.name}"
@@ -178,6 +179,8 @@ def dataframe(table: Table, time_s: NDArray[np.float64], owners: Sequence[str] =
     allowed = [*OWNERS, *lane_owners(table)]
     for owner in owners:
         if owner not in allowed:
+            if new := TOPICS.get(f"/{owner}"):
+                raise BadInput(now_called(owner, new.removeprefix("/")))
             raise BadInput(f"unknown {quoted(owner)}, {choices(owner, allowed, 'rig signals')}")
     values = {column: column.of(table) for column in (*chosen(table.rows, owners), *chosen_lanes(table, owners))}
     return of_columns({TIME: time_s, **{name(c): v for c, v in values.items()}}, {name(c): c for c in values})

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
@@ -39,6 +40,20 @@ def topics(path: Path) -> dict[str, str]:
     """Return the topics of an MCAP file in their order, with the names of their schemas; BadLog: cut or damaged."""
     with _opened(path) as file:
         return _topics(summary(file))
+
+
+def messages_of(path: Path) -> dict[str, tuple[str, list[str]]]:
+    """Return the message of each topic that rig vote or a flight wrote, and the names of its fields.  BadLog."""
+    with _opened(path) as file:
+        contents = summary(file)
+    of = {c.topic: contents.schemas[c.schema_id] for c in contents.channels.values() if c.schema_id}
+    ours = {topic: schema for topic, schema in of.items() if schema.name.startswith("rig.")}
+    return {topic: (schema.name, _names(schema)) for topic, schema in ours.items()}
+
+
+def _names(schema: Schema) -> list[str]:
+    (message,) = FileDescriptorSet.FromString(schema.data).file[0].message_type
+    return [field.name for field in message.field]
 
 
 def fields(path: Path) -> dict[str, set[str]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rig.core.errors import BadInput
+from rig.core.renamed import data_now
 from rig.core.settings import build, parse_toml
 from rig.log.reader import scenario_of, unit_of
 from rig.log.scan import RECOVERED, Contents, contents
@@ -92,7 +93,7 @@ def overrides(text: str, resolved: dict[str, Any]) -> list[str] | None:
     None when that cannot be told: no file, or one that this version does not read.
     """
     try:
-        data = parse_toml(text, FILE)
+        data = data_now(parse_toml(text, FILE))
         tables = aircraft.tables(str(data.get("aircraft", "f16")))
         filed = build(Scenario, aircraft.lay_over(tables, data, FILE), FILE).resolved()
     except BadInput:

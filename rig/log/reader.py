@@ -15,6 +15,7 @@ from rig.core.blocks import cuts
 from rig.core.errors import BadInput, BadLog
 from rig.core.event import Event
 from rig.core.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, Table, lane_rows, links
+from rig.core.renamed import data_now
 from rig.core.text import choices, quoted
 from rig.log.scan import About, iter_parts
 
@@ -36,7 +37,7 @@ class SignalArrays:
     state: NDArray[np.uint8]  # (frames, 4), frame.State
     level: NDArray[np.uint8]  # (frames,) channels in use
     pattern: NDArray[np.uint8]  # (frames,), frame.Pattern
-    resolver: NDArray[np.uint8]  # (frames,), frame.Resolver
+    decided_by: NDArray[np.uint8]  # (frames,), frame.DecidedBy
     reference_usable: NDArray[np.uint8]  # (frames,)
     source: NDArray[np.uint8]  # (frames,), frame.Source
 
@@ -78,7 +79,7 @@ class Log:
     metadata: dict[str, str]
     result: dict[str, str] | None  # None when the flight was not ended by the loop
     attachments: dict[str, bytes]
-    # (n,): ``actuator`` (3,) of servos; ``computer`` (4,) and ``link`` (4, 4), receiver by sender, of computers.
+    # (n,): ``servo`` (3,) of servos; ``computer`` (4,) and ``link`` (4, 4), receiver by sender, of computers.
     lanes: NDArray[Any] | None = None
 
     @classmethod
@@ -165,7 +166,7 @@ def scenario_of(metadata: Mapping[str, str], where: object) -> dict[str, Any]:
         scenario = None
     if not isinstance(scenario, dict):
         raise BadLog(f"{where}: the scenario in its metadata is damaged")
-    return scenario
+    return data_now(scenario)
 
 
 def unit_of(metadata: Mapping[str, str]) -> dict[str, Any]:

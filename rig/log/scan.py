@@ -25,6 +25,8 @@ from zlib_ng.zlib_ng import crc32
 from rig.core.errors import BadLog
 from rig.core.files import open_regular, replaced, reported
 from rig.core.frame import LaneParts
+from rig.core.renamed import MESSAGES as MESSAGES_NOW
+from rig.core.renamed import TOPICS
 from rig.core.text import quoted
 from rig.log.chunk_layout import Layout, layout_of
 from rig.log.container import MAGIC, RECORD_HEAD, Container, Packed
@@ -274,7 +276,7 @@ class _Descriptions:
     def _schema(self, ours: Channel) -> Schema:
         """Return the schema of one of our channels in this log."""
         channel = self._channels.get(ours.id)
-        if channel is None or channel.topic != ours.topic:
+        if channel is None or TOPICS.get(channel.topic, channel.topic) != ours.topic:
             named = "is missing" if channel is None else f"is {channel.topic}"
             raise BadLog(f"{self._path}: its signals are not those of this rig: {ours.topic} {named}")
         return self._schemas[channel.schema_id]
@@ -292,7 +294,7 @@ class _Descriptions:
                 fields = known[name]
             else:
                 fields = None if newest else older(described, known[name])
-        if schema.name != name or fields is None:
+        if MESSAGES_NOW.get(schema.name, schema.name) != name or fields is None:
             raise BadLog(f"{self._path}: the fields of {schema.name} are not those of this rig")
         return fields
 

@@ -39,15 +39,15 @@ from rig.core.frame import (
     TIMING,
     LanePart,
     LaneParts,
-    SensorFault,
     UnitStatus,
 )
 from rig.core.frame.fields import FIELD, Kind, Place, elements, places
 from rig.core.frame.fields import Field as LaneField
+from rig.core.renamed import ENUMS, field_now
 from rig.log.container import Opening
 
 BY_TOPIC: Final = 5  # the first version whose chunks stand topic by topic
-SCHEMA_VERSION: Final = 6  # history in docs/log.md
+SCHEMA_VERSION: Final = 7  # history in docs/log.md
 MESSAGES_SINCE: Final = 4  # whose messages are the present ones
 OLDEST: Final = 2  # that is still read
 
@@ -59,7 +59,7 @@ FIXED32: Final = FieldDescriptorProto.TYPE_FIXED32
 ENUM: Final = FieldDescriptorProto.TYPE_ENUM
 
 # How each kind of field is written; a fixed32 holds all of u1 and u4.
-_ENUM_NAMES: Final[dict[type[IntEnum], str]] = {SensorFault: "Lie", UnitStatus: "Unit"}  # others: the class's
+_ENUM_NAMES: Final[dict[type[IntEnum], str]] = {UnitStatus: "Unit"}  # others: the class's
 _WRITTEN: Final[dict[Kind, Any]] = {
     "number": DOUBLE,
     "single": FLOAT,
@@ -101,7 +101,7 @@ def _field(place: Place) -> Field:
 
 
 # The fields of each message; their numbers are their positions, from 1.
-_OF_FRAME: Final = ("rig.Signal", "rig.Discrete", "rig.Control", "rig.Demand", "rig.Inertial", "rig.Flight")
+_OF_FRAME: Final = ("rig.Signal", "rig.Discrete", "rig.Control", "rig.AutopilotCommand", "rig.Inertial", "rig.Flight")
 MESSAGES: Final = {
     **{name: tuple(map(_field, places(name))) for name in _OF_FRAME},
     "rig.Timing": tuple(Field(name, DOUBLE, name) for name in TIMING.names or ()),
@@ -135,7 +135,7 @@ FRAME_TOPICS: Final = (
     *(Topic(signal.topic, "rig.Signal", i) for i, signal in enumerate(SIGNALS)),
     *(Topic(discrete.topic, "rig.Discrete", i) for i, discrete in enumerate(DISCRETES)),
     Topic("/control", "rig.Control"),
-    Topic("/demand", "rig.Demand"),
+    Topic("/autopilot_command", "rig.AutopilotCommand"),
     Topic("/inertial", "rig.Inertial"),
     Topic("/flight", "rig.Flight"),
     Topic("/timing", "rig.Timing"),
@@ -148,7 +148,7 @@ EVENTS: Final = Topic("/events", "foxglove.Log")
 TOPICS: Final = (*FRAME_TOPICS, *POSE_TOPICS, EVENTS)
 # In the log of a flight with servo actuators, or several computers, too: one message of each in every frame.
 LANE_TOPICS: Final[dict[LanePart, tuple[Topic, ...]]] = {
-    "actuator": tuple(Topic(f"/actuator/{name}", "rig.Actuator", i) for i, name in enumerate(MOVED)),
+    "servo": tuple(Topic(f"/actuator/{name}", "rig.Actuator", i) for i, name in enumerate(MOVED)),
     "computer": (
         *(Topic(f"/computer/{name}", "rig.Computer", i) for i, name in enumerate(COMPUTERS)),
         Topic("/ccdl", "rig.Ccdl"),  # of all computers: the first of an index is the receiver
@@ -187,14 +187,15 @@ def descriptors(name: str) -> FileDescriptorSet:
 def older(described: FileDescriptorSet, known: Iterable[Field]) -> tuple[Field, ...] | None:
     """Return the fields of a message of an earlier version, by their numbers; None unless all of them are still ours.
 
-    An enum of then may have fewer members, but none of another number.  known : the fields of the message today
+    Names of then are those of now by core/renamed.py.  An enum of then may have fewer members, but none of another
+    number.  known : the fields of the message today
     """
     (message,) = described.file[0].message_type
     ours = {field.name: field for field in known}
-    enums = {e.name: {(v.name, v.number) for v in e.enum_type[0].value} for e in message.nested_type}
+    enums = {ENUMS.get(e.name, e.name): {(v.name, v.number) for v in e.enum_type[0].value} for e in message.nested_type}
     fields: list[Field] = []
     for number, theirs in enumerate(message.field, 1):
-        field = ours.get(theirs.name)
+        field = ours.get(theirs.name) or ours.get(field_now(theirs.name))
         if field is None or (theirs.number, theirs.type) != (number, field.kind):
             return None
         if field.enum and not enums[_enum_name(field.enum)] <= {(m.name, m.value) for m in field.enum}:

@@ -21,9 +21,9 @@ from rig.core.text import choices, quoted
 from rig.world.sensors.classes import SensorClass, under
 
 DEFAULT: Final = "f16"  # of a scenario that names none
-DESIGNED_AT_HZ: Final = 100.0  # outlier thresholds: a sample is taken up to a part of a frame early
+DESIGNED_AT_HZ: Final = 100.0  # isolation thresholds: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
-BESIDE: Final = {"threshold", "threshold_triplex"}  # what outlier thresholds are designed beside
+BESIDE: Final = {"threshold", "threshold_triplex"}  # what isolation thresholds are designed beside
 OUTLIERS: Final = {"outlier_threshold": None, "outlier_threshold_triplex": None}
 STALE: Final = {"stale_frames": 0}  # designed by the repeats of a sensor's samples, whatever the threshold
 
@@ -104,7 +104,8 @@ def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[
 
 
 def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Return ``below`` without outlier thresholds of signals whose sensors or thresholds ``above`` changes, and without
+    """Return ``below`` without isolation thresholds of signals whose sensors or thresholds ``above`` changes, and
+    without
     a count of stale samples where it changes the sensors."""
     signals = _tables(below.get("redundancy"), "signals")
     sensors = [name for name, table in _tables(above, "sensors").items() if table.keys() - SAME_ERRORS]

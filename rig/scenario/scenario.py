@@ -27,6 +27,7 @@ from rig.core.decimals import slack, slack_of_product
 from rig.core.errors import BadInput, RigError
 from rig.core.files import NOT_WHOLE, bundled, is_file
 from rig.core.frame import CHANNELS, COMPUTERS, DISCRETES, MOST_FAULTS, SIGNALS, LanePart, LaneParts
+from rig.core.renamed import SCENARIOS, now_called
 from rig.core.settings import Settings, build, read_toml
 from rig.core.text import nearest, quoted
 from rig.core.trust import Trust
@@ -165,7 +166,7 @@ class Scenario(Settings):
     @property
     def lane_parts(self) -> LaneParts:
         """Parts of the rows beside the frame's that a flight has."""
-        there: dict[LanePart, bool] = {"actuator": self.has_servos, "computer": self.computers.count > 1}
+        there: dict[LanePart, bool] = {"servo": self.has_servos, "computer": self.computers.count > 1}
         return tuple(part for part, is_there in there.items() if is_there)
 
     @property
@@ -223,6 +224,8 @@ def find(name: str | Path | None = None) -> Path:
     for candidate in (wanted, faults / inside, faults / f"{inside}.toml"):
         if is_file(candidate):
             return candidate
+    if new := SCENARIOS.get(wanted.stem):
+        raise BadInput(now_called(str(wanted), new))
     bundled_names = names()
     if name is None:
         raise RigError(f"{faults / inside}: {NOT_WHOLE}: no such file")

@@ -23,7 +23,7 @@ from rig.core.frame import UnitStatus
 from rig.core.kernels import kernel
 from rig.core.threads import cores
 from rig.unit.port import PLAIN, RECEIVED, Port, copy_bytes
-from rig.unit.unit_records import FROM_UNIT, OUTPUT, SEAM, Kind, Seam, blank, place
+from rig.unit.unit_records import FROM_UNIT, INTERFACE, OUTPUT, Interface, Kind, blank, place
 
 PENDING: Final = -1  # no status of frame.UnitStatus: Python goes on with this frame
 FOREVER_NS: Final = np.iinfo(np.int64).max
@@ -69,18 +69,20 @@ class CompiledExchange(NamedTuple):
     template: NDArray[np.uint8]  # an answer with nothing in it but its head and length
 
 
-def new_exchange(port: Port, session: int, into: NDArray[np.uint8], seam: Seam = SEAM) -> CompiledExchange:
+def new_exchange(
+    port: Port, session: int, into: NDArray[np.uint8], interface: Interface = INTERFACE
+) -> CompiledExchange:
     """Return the exchange of one flight, for ``to_library`` or ``to_socket`` to complete."""
     state, library = np.zeros(1, STATE), ctypes.CDLL(None)
     functions = {"send": "send", "receive": "recv", "give_way": "sched_yield", "clock": "clock_gettime"}
     for name, called in functions.items():
         state[name] = _address(getattr(library, called))
     state["sent_at"], state["into_at"], state["into_bytes"] = port.out.sent.ctypes.data, into.ctypes.data, len(into)
-    state["sent_bytes"], state["answer_bytes"] = seam.input_bytes, seam.output_bytes
-    state["known_bytes"] = seam.known_bytes
+    state["sent_bytes"], state["answer_bytes"] = interface.input_bytes, interface.output_bytes
+    state["known_bytes"] = interface.known_bytes
     state["received_at"] = port.back.bytes[RECEIVED].ctypes.data
     state["now_at"], state["frame"] = state.ctypes.data + place(STATE, "now_s")[1], -1
-    return CompiledExchange(state, into, blank(OUTPUT, FROM_UNIT, Kind.REPLY, session, seam).view(np.uint8))
+    return CompiledExchange(state, into, blank(OUTPUT, FROM_UNIT, Kind.REPLY, session, interface).view(np.uint8))
 
 
 def to_library(exchange: CompiledExchange, step: Any) -> None:

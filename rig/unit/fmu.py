@@ -1,4 +1,5 @@
-"""The carrier ``fmu``: an FMU unpacked, its description compared, and the process started that steps it (fmu_host.py).
+"""The transport ``fmu``: an FMU unpacked, its description compared, and the process started that steps it
+(fmu_host.py).
 
 An FMU made with our description (fmu_description.py) has the records of unit_records.py as its variables; of any other
 the
@@ -20,6 +21,7 @@ from typing import Any, Final, get_args
 from xml.etree import ElementTree
 
 from rig.core.errors import BadInput
+from rig.core.renamed import in_layout
 from rig.core.text import quoted
 from rig.unit import transport as links
 from rig.unit.fmu_description import IDENTIFIER, TOKEN, TOKENS, Place, Version, variables
@@ -54,7 +56,7 @@ class FmuLink(SocketLink):
 def child(unit: Unit, looks: int) -> FmuLink:
     """Start an FMU in a child process; BadInput when it is none that can be flown.  looks : as of UnitProcess"""
     if find_spec("fmpy") is None:
-        raise BadInput(f"{unit.source}: carrier fmu needs FMPy: pip install 'jsbsim-rig[fmi]'")
+        raise BadInput(f"{unit.source}: transport fmu needs FMPy: pip install 'jsbsim-rig[fmi]'")
     folder = TemporaryDirectory(prefix="rig-fmu-")
     try:
         named = f"{unit.source}: {unit.path}"
@@ -166,7 +168,7 @@ def _runs(version: Version, known: dict[str, Described], records: int, named: st
     for variable in variables(version):
         if SINCE.get(re.split(r"\[", variable.name)[0], 1) > records:
             continue
-        found = known.get(variable.name)
+        found = known.get(variable.name) or known.get(in_layout(variable.name))  # of one that was made before
         if found is None or found.type != variable.type(version):
             raise BadInput(f"{named} has no variable {variable.name} of type {variable.type(version)}")
         if variable.name == "stepped":  # the child counts itself

@@ -21,12 +21,14 @@ import numpy as np
 from rig.core.frame import DISCRETES, SIGNALS, SURFACES, D, S
 from rig.core.frame.fields import FIELD
 from rig.unit.fmu_moves import NAMES, TYPES
-from rig.unit.unit_records import CONFIG, HELLO, INPUT, OUTPUT, RECORDS, SEAMS, Seam, place, walk
+from rig.unit.unit_records import CONFIG, HELLO, INPUT, INTERFACES, OUTPUT, RECORDS, Interface, place, walk
 
 Version = Literal["2", "3"]  # of FMI
 IDENTIFIER: Final = "rig_unit"  # how the library in an FMU is called
 # By guid or instantiationToken: other records, another one.
-TOKENS: Final[dict[str, Seam]] = {f"rig-unit-{seam.layout:016x}": seam for seam in SEAMS.values()}
+TOKENS: Final[dict[str, Interface]] = {
+    f"rig-unit-{interface.layout:016x}": interface for interface in INTERFACES.values()
+}
 TOKEN: Final = next(iter(TOKENS))
 
 

@@ -25,6 +25,7 @@ from typing import Any, Final, NamedTuple
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS, Law
 from rig.core.frame.fields import FIELD
+from rig.core.renamed import of_layout
 from rig.core.text import choices
 from rig.core.units.conversion import conversion
 from rig.core.units.quantities import unit_of_name
@@ -41,11 +42,11 @@ _OF_SURFACES: Final = ("trim_surface", "surface_low", "surface_high")
 OF_ITS_SIGNAL: Final = (  # fields of a signal's CONFIG that have its unit
     *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
     *("reference_threshold", "second_threshold", "low", "high", "deviation", "deviation_frames"),
-    *("bias_bound", "slow_allowance", "slow_limit", "trend_small"),
+    *("equalise_bound", "slow_allowance", "slow_limit", "trend_small"),
 )
 _NEEDED: Final = {"redundancy": Said.VOTED, "flight-computer": Said.SURFACE}
 UNSAID: Final = "unsaid"  # key of a plan: fields without a variable in a group that is filled
-_OF_CONFIG: Final = re.compile(r"(signal|lasting|rules|discrete)\[\d+\]\.(\w+)(?:\[(\d+)\])?")
+_OF_CONFIG: Final = re.compile(r"(signal|slow_faults|rules|discrete)\[\d+\]\.(\w+)(?:\[(\d+)\])?")
 
 
 class Element(NamedTuple):
@@ -152,6 +153,8 @@ def _expanded(key: str, variable: str, elements: dict[str, Element], where: str)
     shape = re.compile(re.escape(key).replace(r"\*", r"([^.]+)"))
     fits = [(address, match) for address in elements if (match := shape.fullmatch(address))]
     if not fits:
+        if (new := of_layout(key)) != key:
+            raise BadInput(f"{where}: is now called {new}")
         raise BadInput(f"{where}: no such element; {choices(key, elements, 'docs/unit-records.md')}")
     parts = variable.split("*")
     return [(address, "".join(map("".join, zip(parts, (*match.groups(), ""), strict=True)))) for address, match in fits]
@@ -219,7 +222,7 @@ def _usual(unit: str) -> str:
 def _said(addresses: set[str], unit: Unit) -> tuple[Said, list[str]]:
     """Return the groups that are filled, and the field that is left out of one.
 
-    BadInput: a group in parts, but states or levels alone, or one missing that the form needs.
+    BadInput: a group in parts, but states or levels alone, or one missing that the role needs.
     """
     said, unsaid = Said(0), _left_out(addresses)
     for group in Said:
@@ -227,8 +230,8 @@ def _said(addresses: set[str], unit: Unit) -> tuple[Said, list[str]]:
         missing = [address for address in every if address not in addresses]
         if not missing:
             said |= group
-        elif len(missing) < len(every) or group == _NEEDED[unit.form]:
-            why = f"form {unit.form} needs it" if group == _NEEDED[unit.form] else "others of its group are"
+        elif len(missing) < len(every) or group == _NEEDED[unit.role]:
+            why = f"role {unit.role} needs it" if group == _NEEDED[unit.role] else "others of its group are"
             more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
             raise BadInput(f"{unit.source}: fmu.outputs: {missing[0]}{more} not mapped: {why}")
     return said, unsaid

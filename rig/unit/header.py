@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any, Final
 
 from rig.computer.redundancy.manager_config import PARAM_FIELDS
-from rig.core.frame import CHANNELS, DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES, D, S
+from rig.core.frame import AUTOPILOT_COMMANDS, CHANNELS, DISCRETES, INERTIAL, SIGNALS, SURFACES, D, S
 from rig.core.frame.fields import FIELD
 from rig.unit.unit_records import ANSWERS, ENUMS, FROM_UNIT, LAYOUT, RECORDS, TO_UNIT, VERSION, Entry, members, walk
 
@@ -23,7 +24,7 @@ _COMMENTS: Final = {
     "ready": "READY and REFUSED, with what the unit says of itself or the reason",
     "signal_config": "how one signal is monitored and voted; counts in frames",
     "discrete_config": "the same of a discrete; counts in frames",
-    "lasting_config": "what lasts: how long and how much of it a signal bears; each off at 0",
+    "slow_faults_config": "slow faults: how long and how much of it a signal bears; each off at 0",
     "rules_config": "rules of splits and counts, and what a signal has to do with others",
     "config": "what a flight is flown with",
     "config_part": "a part of config where one message must fit into an Ethernet frame",
@@ -52,14 +53,14 @@ _MEANINGS: Final = {
     "text": "UTF-8, ends with NUL: name of the unit, or the reason",
     # CONFIG
     "rate_hz": "frames a second",
-    "form": "of Form",
+    "role": "of Role",
     "box_signals": "signals of a box that accuse a channel until it is failed on all; -1: more than half; 0: never",
     "box_persistence": "frames in a row of that",
     "trim_surface": "rad, throttle 0 to 1: of the first frame; index of a surface",
     "surface_low": "the same, least position",
     "surface_high": "the same, largest position",
     "signal": "index of a signal",
-    "lasting": "index of a signal",
+    "slow_faults": "index of a signal",
     "rules": "index of a signal",
     "discrete": "index of a discrete",
     "aircraft": "its name, ends with NUL",
@@ -70,7 +71,7 @@ _MEANINGS: Final = {
     **{each.name: each.meaning for each in PARAM_FIELDS},
     "fail_safe": "0 or 1: vote without a majority",
     # INPUT
-    "demand": "of the pilot; index of a demand",
+    "autopilot_command": "of the pilot; index of an autopilot command",
     "channels": "unit of the signal: samples by signal and channel",
     "inertial": "of the inertial unit; index of a quantity",
     "valid": "1: the sensor does not flag the sample",
@@ -133,8 +134,8 @@ void rig_unit_close(void);
 def header() -> str:
     """Return the text of ``rig_unit.h``."""
     lists = {"SIGNAL": _names(SIGNALS), "DISCRETE": _names(DISCRETES)}
-    lists |= {"DEMAND": list(DEMANDS), "SURFACE": list(SURFACES), "INERTIAL": list(INERTIAL)}
-    enums = [_enum(enum.__name__, "", ((member.name, member.value) for member in members(enum))) for enum in ENUMS]
+    lists |= {"AUTOPILOT_COMMAND": list(AUTOPILOT_COMMANDS), "SURFACE": list(SURFACES), "INERTIAL": list(INERTIAL)}
+    enums = [_enum(_snake(enum), "", ((member.name, member.value) for member in members(enum))) for enum in ENUMS]
     enums += [_enum(name, "_index", ((text, i) for i, text in enumerate(names))) for name, names in lists.items()]
     return "\n".join([_OPENING, _constants(), *enums, *map(_struct, RECORDS), _CLOSING])
 
@@ -154,6 +155,11 @@ def _constants() -> str:
         "RIG_DISCRETES": D,
     }
     return "".join(f"#define {name} {value}\n" for name, value in values.items())
+
+
+def _snake(enum: type[Any]) -> str:
+    """Return the name of an enum as C and Ada write it: ``decided_by`` of DecidedBy."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", enum.__name__).lower()
 
 
 def _enum(name: str, suffix: str, members: Iterable[tuple[str | None, int]]) -> str:
@@ -192,7 +198,7 @@ def ada() -> str:
     arrays = sorted({_ada_element(field) for dtype in RECORDS.values() for field in walk(dtype)})
     arrays = [(element, shape) for element, shape in arrays if shape]
     value = "   {}_{} : constant Unsigned_8 := {};".format
-    enums = [[*(value(e.__name__, str(m.name).capitalize(), m.value) for m in members(e)), ""] for e in ENUMS]
+    enums = [[*(value(_ada_name(_snake(e)), str(m.name).capitalize(), m.value) for m in members(e)), ""] for e in ENUMS]
     lines = [
         "--  The records between the rig and a unit under test, written by 'rig unit header --ada': do not edit.",
         "--  Little-endian; docs/unit.md explains them.",
@@ -262,7 +268,12 @@ def markdown() -> str:
         lines += ["| at | field | type | what |", "|---|---|---|---|", *map(_table_row, walk(dtype)), ""]
     # The names behind the indices of the records, with the unit where the name has none.
     indices = {"signal": [f"{one.name} | {i}, {one.unit}" for i, one in enumerate(SIGNALS)]}
-    named = {"discrete": _names(DISCRETES), "demand": DEMANDS, "surface": SURFACES, "inertial": INERTIAL}
+    named = {
+        "discrete": _names(DISCRETES),
+        "autopilot_command": AUTOPILOT_COMMANDS,
+        "surface": SURFACES,
+        "inertial": INERTIAL,
+    }
     indices |= {key: [f"{text} | {i}" for i, text in enumerate(names)] for key, names in named.items()}
     for name, texts in indices.items():
         lines += [f"| {name} | index, unit |", "|---|---|", *(f"| {text} |" for text in texts), ""]

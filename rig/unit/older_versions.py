@@ -20,7 +20,7 @@ from rig.core.frame import SIGNALS, S
 from rig.core.settings import in_frames
 from rig.scenario.aircraft import default_boxes, default_stale_frames
 from rig.unit.ready_message import REBUILD, UnitStopped
-from rig.unit.unit_records import MORE_THAN_HALF, SEAM, SINCE, Seam
+from rig.unit.unit_records import INTERFACE, MORE_THAN_HALF, SINCE, Interface
 
 _NAMES: Final = [signal.name for signal in SIGNALS]
 Unasked = Mapping[str, NDArray[Any]]  # by field: (S,) values that nobody asked for
@@ -37,7 +37,7 @@ class _Switch(NamedTuple):
 
 
 _SWITCHES: Final = (
-    *(_Switch("lasting", field) for field in ("bias_bound", "slow_limit", "stale_frames")),
+    *(_Switch("slow_faults", field) for field in ("equalise_bound", "slow_limit", "stale_frames")),
     *(_Switch("rules", field) for field in ("count_down", "trend_beside_reference")),
     _Switch("rules", "trend_small", off=-1),
     _Switch("rules", "trend_tumbles", "trend_window"),
@@ -47,28 +47,28 @@ _SWITCHES: Final = (
 )
 
 
-def config_for(seam: Seam, config: NDArray[Any]) -> NDArray[np.uint8]:
+def config_for(interface: Interface, config: NDArray[Any]) -> NDArray[np.uint8]:
     """Return the bytes of CONFIG (1,) as a unit of a version of the records reads them.
 
     UnitStopped: a setting was asked for that the version has no field for
     """
-    config["version"], config["layout"] = seam.version, seam.layout
-    if seam == SEAM:
+    config["version"], config["layout"] = interface.version, interface.layout
+    if interface == INTERFACE:
         return config.view(np.uint8)
-    if key := asked_since(seam, config, unasked(config)):
-        raise UnitStopped(f"was built for version {seam.version} of the records, which has no {key}: {REBUILD}")
+    if key := asked_since(interface, config, unasked(config)):
+        raise UnitStopped(f"was built for version {interface.version} of the records, which has no {key}: {REBUILD}")
     told = config.copy()
-    if SINCE["rules"] > seam.version:  # all signals are one box there: 0, never, where they are in several
+    if SINCE["rules"] > interface.version:  # all signals are one box there: 0, never, where they are in several
         if not _is_one(config[0]["rules"]["box"]):
             told["box_signals"] = 0
         elif told["box_signals"][0] == MORE_THAN_HALF:
             told["box_signals"] = S // 2 + 1
-    whole = told.view(np.uint8)[: seam.config_bytes].copy()
-    whole[-8:] = np.frombuffer((seam.config_bytes - 8).to_bytes(8, "little"), np.uint8)  # length, no checksum
+    whole = told.view(np.uint8)[: interface.config_bytes].copy()
+    whole[-8:] = np.frombuffer((interface.config_bytes - 8).to_bytes(8, "little"), np.uint8)  # length, no checksum
     return whole
 
 
-def asked_since(seam: Seam, config: NDArray[Any], without: Unasked = MappingProxyType({})) -> str:
+def asked_since(interface: Interface, config: NDArray[Any], without: Unasked = MappingProxyType({})) -> str:
     """Return the key of the first setting of CONFIG (1,) that is on and not in a version; empty for none.
 
     without : what is flown without; a conformance test asks for that, too, and gives nothing here
@@ -76,9 +76,9 @@ def asked_since(seam: Seam, config: NDArray[Any], without: Unasked = MappingProx
     for part, field, key, of_all, off in _SWITCHES:
         value = config[0][part][field]
         on = np.flatnonzero((value > off) & (value != without.get(field, off)))
-        if SINCE[part] > seam.version and len(on):
+        if SINCE[part] > interface.version and len(on):
             return f"redundancy.{of_all}" if of_all else f"redundancy.signals.{_NAMES[on[0]]}.{key or field}"
-    return "redundancy.boxes" if SINCE["rules"] > seam.version and _asks_for_sets(config, without) else ""
+    return "redundancy.boxes" if SINCE["rules"] > interface.version and _asks_for_sets(config, without) else ""
 
 
 def unasked(config: NDArray[Any]) -> Unasked:

@@ -1,6 +1,6 @@
 """A row of the frame into the record that a unit reads, and its answer into the row.
 
-What a frame means does not depend on the carrier: all of them move the bytes that are written and read here.
+What a frame means does not depend on the transport: all of them move the bytes that are written and read here.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from rig.unit.unit_records import (
     ANSWERS,
     FROM_UNIT,
     INPUT,
+    INTERFACE,
     OUTPUT,
     REFERENCES,
-    SEAM,
     TO_UNIT,
-    Form,
+    Interface,
     Kind,
+    Role,
     Said,
-    Seam,
     Status,
     blank,
     place,
@@ -42,7 +42,7 @@ from rig.unit.unit_records import (
 
 ON_DISCRETES, ON_SURFACES, ON_PATTERNS = int(Said.DISCRETES), int(Said.SURFACE), int(Said.PATTERN)
 ON_VOTES, ON_STATES = int(Said.VOTED), int(Said.STATE)
-_OWN_CONTROL: Final = ("surface", "law")  # the rig's in the redundancy form, whatever a unit says of them
+_OWN_CONTROL: Final = ("surface", "law")  # the rig's in the redundancy role, whatever a unit says of them
 Moves = NDArray[np.int64]  # (m, 4): group of Said or 0, first byte there, first byte here, bytes
 PLAIN: Final[bool] = bool(numba_config.DISABLE_JIT)  # pyright: ignore[reportAttributeAccessIssue]
 # Places in the records of an answer.
@@ -69,7 +69,7 @@ class Inbound(NamedTuple):
     # it was starting, changes of what it says of itself
     changes: NDArray[np.int64]  # (MOST_CHANGES, 4): frame, status, fault word, output discretes a byte each
     start_frames: int  # that it may be starting
-    form: int  # of Form
+    role: int  # of Role
     needed: int  # groups that an answer must fill
     no_level: bool  # its group STATE is the states alone,
     no_state: bool  # or the levels alone
@@ -83,13 +83,13 @@ class Port(NamedTuple):
 
 
 def new_port(
-    form: Form,
+    role: Role,
     session: int,
     latency_frames: int,
     trim: NDArray[np.float64],
     rate_hz: float,
     start_s: float = 0.0,
-    seam: Seam = SEAM,
+    interface: Interface = INTERFACE,
     fitted: NDArray[np.int64] | None = None,
     unsaid: Collection[str] = (),
 ) -> Port:
@@ -99,20 +99,20 @@ def new_port(
     fitted : (S,) channels of each signal, four when not given
     unsaid : of ``state`` and ``level``, the one that it does not mean when it fills their group
     """
-    sent = blank(INPUT, TO_UNIT, Kind.FRAME, session, seam)
+    sent = blank(INPUT, TO_UNIT, Kind.FRAME, session, interface)
     records = np.repeat(blank(OUTPUT, FROM_UNIT, Kind.REPLY, session), 4 + latency_frames)
     records["voted"], records["state"], records["surface"], records["frame"] = np.nan, State.ABSENT, trim, -1
     records["law"], fitted = Law.EXTERNAL, np.full(S, CHANNELS) if fitted is None else fitted
     records["state"][ASSUMED][np.arange(CHANNELS) < fitted[:, None]] = State.OK
     records["level"][ASSUMED] = fitted
-    needed = Said.SURFACE if form is Form.FLIGHT_COMPUTER else Said.VOTED
+    needed = Said.SURFACE if role is Role.FLIGHT_COMPUTER else Said.VOTED
     back = Inbound(
         records=records,
         bytes=records.view(np.uint8).reshape(len(records), -1),
         counts=np.zeros(4, np.int64),
         changes=np.zeros((MOST_CHANGES, 4), np.int64),
         start_frames=to_frame(start_s, rate_hz),
-        form=int(form),
+        role=int(role),
         needed=int(needed),
         no_level="level" in unsaid,
         no_state="state" in unsaid,
@@ -155,7 +155,7 @@ _VOTES: Final = _moves({name: 0 for name in ANSWERS if name not in _OWN_CONTROL}
 _CONTROL: Final = _moves(dict.fromkeys(_OWN_CONTROL, 0), OUTPUT, FLAT)
 _LIMITS: Final = _limits()
 _EXTERNAL, _UNSAID_LAW = Law.EXTERNAL.value, Law.AUTOPILOT.value
-_WITH_SURFACES: Final = int(Form.FLIGHT_COMPUTER)
+_WITH_SURFACES: Final = int(Role.FLIGHT_COMPUTER)
 _SURFACES: Final = len(SURFACES)
 _SELF_TEST, _LAST_STATUS = Status.SELF_TEST.value, max(Status).value
 _OUTPUTS: Final = 8  # output discretes
@@ -216,7 +216,7 @@ def take(raw, k, port, status):
     elif answers:
         accept(port)
     move(port.bytes[FLOWN], raw[k], _VOTES)
-    if port.form == _WITH_SURFACES:
+    if port.role == _WITH_SURFACES:
         move(port.bytes[FLOWN], raw[k], _CONTROL)
     return status
 
@@ -268,7 +268,7 @@ def note_status(port):
 
 @kernel
 def is_allowed(port):
-    """Return True if the answer fills what its form needs, and every state, level and pattern of it is one."""
+    """Return True if the answer fills what its role needs, and every state, level and pattern of it is one."""
     said, received = port.records[RECEIVED]["said"], port.bytes[RECEIVED]
     if is_starting(port.records[RECEIVED]["status"]):
         return True

@@ -8,7 +8,18 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rig.unit.host import HEAD
-from rig.unit.unit_records import FROM_UNIT, LAYOUT, READY, SEAM, SEAMS, TO_UNIT, VERSION, Kind, Seam, place
+from rig.unit.unit_records import (
+    FROM_UNIT,
+    INTERFACE,
+    INTERFACES,
+    LAYOUT,
+    READY,
+    TO_UNIT,
+    VERSION,
+    Interface,
+    Kind,
+    place,
+)
 
 REBUILD: Final = "write the header again ('rig unit header') and rebuild"
 _TEXT_AT: Final = place(READY, "text")[1]
@@ -26,7 +37,7 @@ class Ready(NamedTuple):
     session: int
     text: str
     wrong: str = ""
-    seam: Seam = SEAM  # that the unit was built for
+    interface: Interface = INTERFACE  # that the unit was built for
 
 
 def read_ready(message: bytes | memoryview) -> Ready:
@@ -36,7 +47,7 @@ def read_ready(message: bytes | memoryview) -> Ready:
         return Ready(0, 0, "", wrong)
     _, version, kind, layout, session, _, _ = HEAD.unpack_from(message)
     text = bytes(message[_TEXT_AT:_BODY]).split(b"\0")[0].decode(errors="replace")
-    return Ready(kind, session, text, seam=SEAMS[version, layout])
+    return Ready(kind, session, text, interface=INTERFACES[version, layout])
 
 
 def _wrong(message: bytes) -> str:
@@ -53,7 +64,7 @@ def _wrong(message: bytes) -> str:
     if len(message) < HEAD.size:
         return f"{len(message)} bytes, fewer than the head of a record"
     _, version, kind, layout, *_ = HEAD.unpack_from(message)
-    if (version, layout) not in SEAMS:
+    if (version, layout) not in INTERFACES:
         built = f"layout {layout:016x}, version {version}"
         raise UnitStopped(f"was built for {built}, this rig has {LAYOUT:016x}, version {VERSION}: {REBUILD}")
     if kind not in (Kind.READY, Kind.REFUSED):

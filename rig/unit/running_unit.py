@@ -37,12 +37,12 @@ from rig.unit.session import Counts, ReplyCheck, end_session
 from rig.unit.startup import open_session
 from rig.unit.transport import MOST_BYTES, Disconnected, LibraryLink, SocketLink, clock
 from rig.unit.unit_file import Unit, read_unit
-from rig.unit.unit_records import SEAM, Form, Seam
+from rig.unit.unit_records import INTERFACE, Interface, Role
 
 _MOST_RESTARTS: Final = 10
 _MOST_LATE: Final = 1000  # messages that are read after the last frame
 _ANSWERED, _HELD, _DEAD = UnitStatus.ANSWERED.value, UnitStatus.HELD.value, UnitStatus.DEAD.value  # used in every frame
-_FORMS: Final = {"redundancy": Form.REDUNDANCY, "flight-computer": Form.FLIGHT_COMPUTER}
+_ROLES: Final = {"redundancy": Role.REDUNDANCY, "flight-computer": Role.FLIGHT_COMPUTER}
 _AFTER_RESTART_S: Final = 0.2  # in which an answer still shows that it has not restarted: its READY was old
 _NO_FRAME: Final = -(2**63) - 1  # beyond what a message can hold: none answers it
 _FOREVER: Final = float("inf")
@@ -61,7 +61,7 @@ class UnitUnderTest:
 
         crowded : other flights want the cores, on which neither side should then poll for a message
         """
-        self.unit, self.form, self._patience = unit, _FORMS[unit.form], patience(crowded)
+        self.unit, self.role, self._patience = unit, _ROLES[unit.role], patience(crowded)
         self.lane: str | None = unit.lane  # of several computers
         self.said, self.printed = "", ""  # its text about itself; its standard output, known when it is closed
         self.end_wrong, self._begun = "", False  # how it ended if not as it was told to, known then, too
@@ -84,31 +84,31 @@ class UnitUnderTest:
         except (Disconnected, UnitStopped, Refused) as reason:
             raise UnitRefused(f"{self.unit.source} {self._explained(str(reason))}") from None
 
-    def _prepare(self, seam: Seam) -> None:
-        """Make what the flight is exchanged with; seam : that the unit was built for."""
+    def _prepare(self, interface: Interface) -> None:
+        """Make what the flight is exchanged with; interface : that the unit was built for."""
         config, unit = self._config[0], self.unit
         trim, rate_hz, fitted = config["trim_surface"], float(config["rate_hz"]), config["signal"]["fitted"]
-        known = self.form, self._session, unit.latency_frames, trim, rate_hz
-        self.port = new_port(*known, unit.start_s, seam, fitted, self.link.unsaid)
-        self.replies = ReplyCheck(self._session, Counts(), seam)
-        self.compiled = new_exchange(self.port, self._session, self._message, seam)
+        known = self.role, self._session, unit.latency_frames, trim, rate_hz
+        self.port = new_port(*known, unit.start_s, interface, fitted, self.link.unsaid)
+        self.replies = ReplyCheck(self._session, Counts(), interface)
+        self.compiled = new_exchange(self.port, self._session, self._message, interface)
         self._took_ns, self.news = self.compiled.state["took_ns"].data, News(self.port.back)
         out, back = self.port
-        self._sent = out.sent_bytes.data[: seam.input_bytes]
-        self._received = back.bytes[RECEIVED].data[: seam.known_bytes]
+        self._sent = out.sent_bytes.data[: interface.input_bytes]
+        self._received = back.bytes[RECEIVED].data[: interface.known_bytes]
         self._connect()
 
     @property
     def _session(self) -> int:
         return int(self._config["session"][0])
 
-    def _open(self) -> Seam:
+    def _open(self) -> Interface:
         """Begin the session; return the version of the records that the unit was built for."""
         if isinstance(self.link, LibraryLink):
             self.link.open(self._config)
-            return self.seam
+            return self.interface
         self.said = open_session(self.link, self._config, self.unit.start_s, lambda: self._stop.requested)
-        return self.seam
+        return self.interface
 
     def _connect(self) -> None:
         """Have compiled code reach the unit."""
@@ -147,9 +147,9 @@ class UnitUnderTest:
             self.printed += f"\n(the unit {self.end_wrong} after the end of its session)\n"
 
     @property
-    def seam(self) -> Seam:
+    def interface(self) -> Interface:
         """Version of the records that it was built for, once a session has begun."""
-        return self.link.seam or SEAM
+        return self.link.interface or INTERFACE
 
     @property
     def paced(self) -> bool:
@@ -273,7 +273,7 @@ class UnitUnderTest:
         self.replies.counts.restarts += 1
         self.link = _reach(self.unit, self._patience.looks)
         self.replies.begin_again()
-        if self._open() != self.replies.seam:
+        if self._open() != self.replies.interface:
             raise UnitStopped("has another version of the records")
         self.port.back.counts[STARTING] = 0
         self._connect()
@@ -320,10 +320,10 @@ def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
 
 
 def _reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
-    if unit.carrier == "library":
+    if unit.transport == "library":
         return links.child(unit, looks) if unit.isolate else LibraryLink(unit)
-    if unit.carrier == "udp":
+    if unit.transport == "udp":
         return links.udp(unit, looks)
-    if unit.carrier == "fmu":
+    if unit.transport == "fmu":
         return fmu.child(unit, looks)
-    raise BadInput(f"{unit.source}: carrier {unit.carrier} cannot be flown here")
+    raise BadInput(f"{unit.source}: transport {unit.transport} cannot be flown here")

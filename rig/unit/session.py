@@ -21,15 +21,15 @@ from rig.unit.unit_records import (
     CONFIG,
     FROM_UNIT,
     HELLO,
+    INTERFACE,
     MORE_THAN_HALF,
     OUTPUT,
-    RESOLVERS,
-    SEAM,
     SETTINGS,
+    TIE_BREAKS,
     TO_UNIT,
-    Form,
+    Interface,
     Kind,
-    Seam,
+    Role,
     blank,
     place,
 )
@@ -42,12 +42,12 @@ _STEPPED_AT: Final = place(OUTPUT, "stepped")[1]
 
 def end_session(link: SocketLink, session: int) -> None:
     """Tell the unit that the flight is over."""
-    link.send(sealed(blank(HELLO, TO_UNIT, Kind.END, session, link.seam or SEAM)))
+    link.send(sealed(blank(HELLO, TO_UNIT, Kind.END, session, link.interface or INTERFACE)))
 
 
 def configuration(
     rate_hz: float,
-    form: Form,
+    role: Role,
     params: NDArray[np.void],
     discretes: NDArray[np.void],
     boxes: NDArray[np.void],
@@ -62,8 +62,8 @@ def configuration(
     """
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
     for part, key, records in _settings(params, discretes):
-        config[0][part][key] = without_lanes(records[key])[:, :RESOLVERS] if key == "resolvers" else records[key]
-    config["rate_hz"], config["form"] = rate_hz, form
+        config[0][part][key] = without_lanes(records[key])[:, :TIE_BREAKS] if key == "tie_break" else records[key]
+    config["rate_hz"], config["role"] = rate_hz, role
     config["box_signals"], config["box_persistence"] = boxes["signals"][0], boxes["persistence"][0]
     config["trim_surface"], config["surface_low"], config["surface_high"] = trim, limits[:, 0], limits[:, 1]
     config["aircraft"], config["flight_point"] = (name.encode()[:63] for name in names)
@@ -74,8 +74,8 @@ def settings_of(config: NDArray[Any]) -> tuple[NDArray[np.void], NDArray[np.void
     """Return the settings in a (1,) CONFIG, of which our own manager is made: (S,) PARAMS, (D,) DISCRETE_PARAMS."""
     params, discretes = np.zeros(S, PARAMS), np.zeros(D, DISCRETE_PARAMS)
     for part, key, records in _settings(params, discretes):
-        if key == "resolvers":
-            records[key][:, :RESOLVERS] = config[0][part][key]
+        if key == "tie_break":
+            records[key][:, :TIE_BREAKS] = config[0][part][key]
         else:
             records[key] = config[0][part][key]
     return params, discretes
@@ -113,7 +113,7 @@ class Counts:
     missed: int = 0  # frames without an answer by their deadline
     late: int = 0  # answers that came after it, and were not flown
     discarded: int = 0  # messages that were none: doubled, of another session, of another form
-    refused: int = 0  # answers with a state out of its enum, or without what the form needs
+    refused: int = 0  # answers with a state out of its enum, or without what the role needs
     not_finite: int = 0  # surfaces, which stayed where they were
     requests_lost: int = 0  # of the missed frames: the unit has never stepped them
     replies_lost: int = 0  # of the missed frames: it has, and no answer ever came
@@ -141,7 +141,7 @@ class ReplyCheck:
 
     session: int
     counts: Counts
-    seam: Seam = SEAM
+    interface: Interface = INTERFACE
     run: int = 0  # frames in a row without an answer that was flown
     last_frame: int = -1  # that was answered
     _reply: bytes = b""  # how an answer begins
@@ -153,12 +153,14 @@ class ReplyCheck:
 
     def __post_init__(self) -> None:
         """Work out how an answer of this session begins."""
-        self._reply = HEAD.pack(FROM_UNIT, self.seam.version, Kind.REPLY, self.seam.layout, self.session, 0, 0.0)[:24]
-        self._tail = _TAIL.pack(self.seam.output_bytes - _TAIL.size, 0)
+        self._reply = HEAD.pack(
+            FROM_UNIT, self.interface.version, Kind.REPLY, self.interface.layout, self.session, 0, 0.0
+        )[:24]
+        self._tail = _TAIL.pack(self.interface.output_bytes - _TAIL.size, 0)
 
     def is_answer(self, message: memoryview, frame: int) -> bool:
         """Return True if ``message`` answers ``frame``; count any other.  UnitStopped: the unit reports a failure."""
-        usual = len(message) == self.seam.output_bytes and message[-_TAIL.size :] == self._tail
+        usual = len(message) == self.interface.output_bytes and message[-_TAIL.size :] == self._tail
         if usual and _BEGIN.unpack_from(message) == (self._reply, frame):
             self._note_answer(message, frame)
             return True
@@ -167,15 +169,15 @@ class ReplyCheck:
     def _is_unusual_answer(self, message: memoryview, frame: int) -> bool:
         if len(message) >= HEAD.size:
             magic, version, kind, layout, session, of_frame, _ = HEAD.unpack_from(message)
-            ours = (magic, version, layout, session) == (FROM_UNIT, *self.seam[:2], self.session)
-            if ours and kind == Kind.REPLY and _whole(message, self.seam):
+            ours = (magic, version, layout, session) == (FROM_UNIT, *self.interface[:2], self.session)
+            if ours and kind == Kind.REPLY and _whole(message, self.interface):
                 if of_frame == frame:
                     self._note_answer(message, frame)
                     return True
                 if of_frame in self._open or of_frame in self._overtaken:
                     self._note_late(message, of_frame)
                     return False
-            if (magic, version, layout, kind) == (FROM_UNIT, *self.seam[:2], Kind.READY):
+            if (magic, version, layout, kind) == (FROM_UNIT, *self.interface[:2], Kind.READY):
                 self.restarted |= session == 0  # or it answers a HELLO once more: then it goes on to answer frames
                 if session in (0, self.session):
                     return False
@@ -244,9 +246,9 @@ class ReplyCheck:
         self._overtaken.clear()
 
 
-def _whole(message: memoryview, seam: Seam) -> bool:
+def _whole(message: memoryview, interface: Interface) -> bool:
     """Return True if an answer has its length, states it, and has the right checksum if it has one."""
-    if len(message) != seam.output_bytes:
+    if len(message) != interface.output_bytes:
         return False
     length, crc = _TAIL.unpack_from(message, len(message) - _TAIL.size)
     return length == len(message) - _TAIL.size and crc in (0, zlib.crc32(message[:length]) if crc else 0)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rig.unit.older_versions import config_for
 from rig.unit.ready_message import Ready, UnitStopped, read_ready, sealed
 from rig.unit.transport import MOST_BYTES, Disconnected, SocketLink, clock
-from rig.unit.unit_records import HELLO, PART, PART_BYTES, SEAMS, TO_UNIT, Kind, Seam, blank
+from rig.unit.unit_records import HELLO, INTERFACES, PART, PART_BYTES, TO_UNIT, Interface, Kind, blank
 
 _AGAIN_S: Final = 0.2  # after which an unanswered HELLO or CONFIG is repeated: a box may have lost it
 _BUSY: Final = "busy"  # how REFUSED begins while another session is open: it ends with END, or after a silence
@@ -24,16 +24,20 @@ _BUSY: Final = "busy"  # how REFUSED begins while another session is open: it en
 def open_session(link: SocketLink, config: NDArray[Any], start_s: float, stopped: Callable[[], bool]) -> str:
     """Send HELLO and CONFIG, each until it is answered; return the unit's own text.  UnitStopped.
 
-    config : (1,) CONFIG with its session; start_s : for each of both.  link.seam is then the unit's
+    config : (1,) CONFIG with its session; start_s : for each of both.  link.interface is then the unit's
     """
     session = int(config["session"][0])
-    hellos = {seam: sealed(blank(HELLO, TO_UNIT, Kind.HELLO, session, seam)) for seam in SEAMS.values()}
-    asked = hellos if link.seam is None else {link.seam: hellos[link.seam]}  # who has said nothing may be an old one
+    hellos = {
+        interface: sealed(blank(HELLO, TO_UNIT, Kind.HELLO, session, interface)) for interface in INTERFACES.values()
+    }
+    asked = (
+        hellos if link.interface is None else {link.interface: hellos[link.interface]}
+    )  # who has said nothing may be an old one
     start = _Start(link, session, start_s, stopped)
     here = start.send_until_ready([[hello] for hello in asked.values()], (0, session), "while it was loaded")
-    link.seam = here.seam
-    parts = _parts(config, session, here.seam)
-    again = [hellos[here.seam], *parts] if here.session == 0 else parts  # once READY of the session was for both
+    link.interface = here.interface
+    parts = _parts(config, session, here.interface)
+    again = [hellos[here.interface], *parts] if here.session == 0 else parts  # once READY of the session was for both
     ready = start.send_until_ready([parts, again], (session,), "while it began the session")
     link.opened = True
     return ready.text
@@ -105,13 +109,13 @@ class _Start:
         return "it is still being loaded" if reliable else f"nothing has come from {self._link.peer}"
 
 
-def _parts(config: NDArray[Any], session: int, seam: Seam) -> list[memoryview]:
+def _parts(config: NDArray[Any], session: int, interface: Interface) -> list[memoryview]:
     """Return CONFIG in messages that fit into an Ethernet frame."""
-    whole = config_for(seam, config)
+    whole = config_for(interface, config)
     count = -(-len(whole) // PART_BYTES)
     messages = []
     for i in range(count):
-        part = blank(PART, TO_UNIT, Kind.CONFIG, session, seam)
+        part = blank(PART, TO_UNIT, Kind.CONFIG, session, interface)
         data = whole[i * PART_BYTES : (i + 1) * PART_BYTES]
         part["part"], part["parts"] = i, count
         part["bytes"][0, : len(data)] = data

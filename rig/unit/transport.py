@@ -25,14 +25,14 @@ from rig.unit.unit_records import (
     CONFIG,
     FROM_UNIT,
     INPUT,
+    INTERFACES,
     OUTPUT,
     PART,
     PART_BYTES,
     READY,
-    SEAMS,
     TEXT_BYTES,
+    Interface,
     Kind,
-    Seam,
     blank,
 )
 
@@ -49,7 +49,7 @@ class SocketLink:
     """Messages through a socket: to the host of a library, to a command that the rig has started, to a box."""
 
     opened = False  # a session, ever
-    seam: Seam | None = None  # that the unit was built for, once it has said so
+    interface: Interface | None = None  # that the unit was built for, once it has said so
     trouble = ""  # of the last message
     unsaid: tuple[str, ...] = ()  # fields that it does not mean when it fills their group
 
@@ -122,11 +122,14 @@ def hosted(kind: str, path: Path, folder: Path, looks: int) -> tuple[socket.sock
         "config": CONFIG.itemsize,
         "part": PART_BYTES,
         "text": TEXT_BYTES,
-        **{f"input_{seam.version}": seam.input_bytes for seam in SEAMS.values()},
+        **{f"input_{interface.version}": interface.input_bytes for interface in INTERFACES.values()},
         "message": MOST_BYTES,
     }
     arguments = [f"{name}={size}" for name, size in sizes.items()]
-    blanks = ((blank(OUTPUT, FROM_UNIT, Kind.REPLY, 0, seam), seam.output_bytes) for seam in SEAMS.values())
+    blanks = (
+        (blank(OUTPUT, FROM_UNIT, Kind.REPLY, 0, interface), interface.output_bytes)
+        for interface in INTERFACES.values()
+    )
     templates = (record.tobytes()[:size].hex() for record, size in blanks)
     with theirs:
         fd = theirs.fileno()
@@ -152,7 +155,7 @@ def udp(unit: Unit, looks: int) -> SocketLink:
     process = UnitProcess("exec", named, folder=unit.folder, looks=looks)
     link = SocketLink(talk, process, own)
     try:
-        link.seam = _await_first(talk, process, unit)
+        link.interface = _await_first(talk, process, unit)
     except BadInput:
         link.close()
         process.forget()
@@ -176,8 +179,8 @@ def _command(unit: Unit) -> list[str]:
     return [program, *rest]
 
 
-def _await_first(talk: socket.socket, process: UnitProcess, unit: Unit) -> Seam:
-    """Wait for the unit's first message, from any port, and connect to its sender alone; return its seam.  BadInput."""
+def _await_first(talk: socket.socket, process: UnitProcess, unit: Unit) -> Interface:
+    """Wait for the unit's first message, from any port; connect to its sender alone, return its interface."""
     until, heard = clock() + unit.start_s, ""
     while clock() < until:
         ended = process.how_it_ended()
@@ -194,7 +197,7 @@ def _await_first(talk: socket.socket, process: UnitProcess, unit: Unit) -> Seam:
             raise BadInput(f"{unit.source} {other}") from None
         if not heard:
             talk.connect(sender)
-            return ready.seam
+            return ready.interface
     own = "{}:{}".format(*talk.getsockname())
     cause = f"last received: {heard}" if heard else _silence(unit, process, own)
     raise BadInput(f"{unit.source} did not send READY within start_s = {unit.start_s:g} s: {cause}")
@@ -216,16 +219,18 @@ class LibraryLink:
     def __init__(self, unit: Unit) -> None:
         """BadInput: no library, or not one of ours."""
         try:
-            self._library = Library(str(unit.file), [layout for _, layout in SEAMS])
+            self._library = Library(str(unit.file), [layout for _, layout in INTERFACES])
         except Refused as reason:
             raise BadInput(f"{unit.source}: {reason}") from None
         self.environment = Environment()
-        self.seam = next(seam for seam in SEAMS.values() if seam.layout == self._library.layout)
+        self.interface = next(
+            interface for interface in INTERFACES.values() if interface.layout == self._library.layout
+        )
         self.step: Any = self._library.step
 
     def open(self, config: np.ndarray[Any, Any]) -> None:
         """Begin a session; Refused, UnitStopped."""
-        self._config = config_for(self.seam, config)  # the library may keep its address
+        self._config = config_for(self.interface, config)  # the library may keep its address
         self._library.open(self._config.ctypes.data)
 
     def close(self) -> str:

@@ -40,10 +40,10 @@ class Unit(Settings):
     keys_are_in: ClassVar[str] = "docs/unit.md"
 
     name: str = Field(min_length=1, max_length=60)
-    form: Literal["redundancy", "flight-computer"] = "redundancy"
-    carrier: Literal["library", "udp", "fmu", "python"] = "library"
+    role: Literal["redundancy", "flight-computer"] = "redundancy"
+    transport: Literal["library", "udp", "fmu", "python"] = "library"
     path: str | None = None  # of a library or an FMU, from the folder of the unit file
-    manager: str | None = None  # module:name, of the carrier python
+    manager: str | None = None  # module:name, of the transport python
     command: list[str] | None = Field(default=None, min_length=1)  # udp: started by the rig; {address} is the rig's own
     address: str | None = None  # udp: of a unit that runs already
     remote: bool = False  # an address that is not of this machine may be used
@@ -79,19 +79,19 @@ class Unit(Settings):
         return address
 
     @model_validator(mode="after")
-    def _fits_its_carrier(self) -> Unit:
-        needed = _NEEDS.get(self.carrier)
+    def _fits_its_transport(self) -> Unit:
+        needed = _NEEDS.get(self.transport)
         if needed is not None and getattr(self, needed) is None:
-            raise ValueError(f"{needed}: the carrier {self.carrier} needs it")
-        if self.carrier == "udp" and (self.command is None) == (self.address is None):
+            raise ValueError(f"{needed}: the transport {self.transport} needs it")
+        if self.transport == "udp" and (self.command is None) == (self.address is None):
             raise ValueError(
-                "carrier udp: give either command, which the rig starts, or the address of what runs already"
+                "transport udp: give either command, which the rig starts, or the address of what runs already"
             )
         if self.address is not None and not self.remote and not LOOPBACK.fullmatch(self.host_and_port[0]):
             raise ValueError(f"address: {self.address} is not of this machine; remote = true permits it")
-        if self.fmu is not None and self.carrier != "fmu":
-            raise ValueError(f"fmu: the carrier {self.carrier} has no variables to map")
-        if self.on_dead == "restart" and (self.address is not None or self.carrier == "python" or not self.isolate):
+        if self.fmu is not None and self.transport != "fmu":
+            raise ValueError(f"fmu: the transport {self.transport} has no variables to map")
+        if self.on_dead == "restart" and (self.address is not None or self.transport == "python" or not self.isolate):
             raise ValueError("on_dead: the rig can restart only what it has started itself")
         return self
 
@@ -188,7 +188,7 @@ def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
     if lane is not None and lane not in COMPUTERS:
         raise BadInput(f"--lane {lane}: must be one of {', '.join(COMPUTERS)}")
     unit = unit if lane is None else unit.model_copy(update={"lane": lane})
-    if unit.lane is not None and unit.carrier == "python":
+    if unit.lane is not None and unit.transport == "python":
         raise BadInput(
             f"{unit.source}: lane: a class votes in place of our manager, and cannot be one of several lanes"
         )
@@ -201,6 +201,6 @@ def read_unit(path: Path | str) -> Unit:
     unit = build(Unit, read_toml(path), str(path))
     unit._folder, unit._source = path.resolve().parent, str(path)
     if unit.path is not None and not is_file(unit.file):
-        what = f"is a folder, must be {_IS[unit.carrier]}" if is_folder(unit.file) else "no such file"
+        what = f"is a folder, must be {_IS[unit.transport]}" if is_folder(unit.file) else "no such file"
         raise BadInput(f"{path}: path: {unit.path}: {what}")
     return unit

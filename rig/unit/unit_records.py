@@ -1,10 +1,10 @@
 """The records that go between the rig and a unit under test: their fields follow from the frame's table.
 
 Little-endian, IEEE 754, naturally aligned, every gap a field of its own (``pad_...``), sizes a multiple of eight bytes.
-All carriers move the same bytes; docs/unit-records.md has the tables.
+All transports move the same bytes; docs/unit-records.md has the tables.
 
 Each version begins with the fields of the one before where they were: units that were built for an older one are still
-flown (SEAMS).
+flown (INTERFACES).
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ import numpy as np
 
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.manager_config import PARAMS, told
-from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
+from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, DecidedBy, Ilm, Law, Pattern, S, State
 from rig.core.frame.fields import BASES, FIELD, FIELDS
+from rig.core.renamed import in_layout
 
-VERSION: Final = 3  # of the seam; a change of a field changes LAYOUT alone
+VERSION: Final = 3  # of the interface; a change of a field changes LAYOUT alone
 TO_UNIT, FROM_UNIT = 0x49474952, 0x4F474952  # "RIGI", "RIGO" as little-endian words
 PART_BYTES: Final = 1024  # of CONFIG in one message that must fit into an Ethernet frame
 NAME_BYTES, TEXT_BYTES = 64, 192
@@ -45,13 +46,13 @@ class Said(IntFlag):
 
     VOTED = 1
     STATE = 2  # with level
-    PATTERN = 4  # with resolver, reference_usable, common_mode
+    PATTERN = 4  # with rule, reference_usable, common_mode
     TREND = 8
     DISCRETES = 16  # their votes, states and levels
     SURFACE = 32
 
 
-class Form(IntEnum):
+class Role(IntEnum):
     """Parts of the flight computer that a unit may be."""
 
     REDUNDANCY = 0  # channels in, votes and states out
@@ -76,7 +77,7 @@ ANSWERS: Final[dict[str, Said]] = {
     "state": Said.STATE,
     "level": Said.STATE,
     "pattern": Said.PATTERN,
-    "resolver": Said.PATTERN,
+    "decided_by": Said.PATTERN,
     "reference_usable": Said.PATTERN,
     "common_mode": Said.PATTERN,
     "trend_high": Said.TREND,
@@ -86,13 +87,23 @@ ANSWERS: Final[dict[str, Said]] = {
     "discrete_level": Said.DISCRETES,
     "law": Said.SURFACE,
 }
-ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (Kind, Form, Said, Ilm, State, Pattern, Resolver, Law, Status)
+ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (
+    Kind,
+    Role,
+    Said,
+    Ilm,
+    State,
+    Pattern,
+    DecidedBy,
+    Law,
+    Status,
+)
 
 
 def members(enum: type[IntEnum] | type[IntFlag], version: int = VERSION) -> list[IntEnum | IntFlag]:
     """Return the values of an enum that a unit of a version of the records may read or write."""
-    since = {Resolver.SLOW: 2, Resolver.LANE: 3, Resolver.GIVEN_UP: 3}
-    return [member for member in enum if not isinstance(member, Resolver) or version >= since.get(member, 1)]
+    since = {DecidedBy.SLOW: 2, DecidedBy.LANE: 3, DecidedBy.GIVEN_UP: 3}
+    return [member for member in enum if not isinstance(member, DecidedBy) or version >= since.get(member, 1)]
 
 
 _Entry = tuple[str, Any, tuple[int, ...]]
@@ -135,7 +146,7 @@ def _packed(entries: list[_Entry]) -> np.dtype[Any]:
 
 
 def _little(dtype: np.dtype[Any], names: Iterable[str]) -> np.dtype[Any]:
-    """Return fields of a record of our own settings as a record of the seam: the widest first."""
+    """Return fields of a record of our own settings as a record of the interface: the widest first."""
     kinds = {name: place(dtype, name)[0] for name in names}
     return _packed(_widest_first([(name, kind.base.newbyteorder("<"), kind.shape) for name, kind in kinds.items()]))
 
@@ -148,13 +159,13 @@ def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
 
 # Fields of CONFIG that hold our own settings, and which of them.
 SETTINGS: Final[dict[str, tuple[str, ...]]] = {
-    **{part: told(part) for part in ("signal", "lasting", "rules")},
+    **{part: told(part) for part in ("signal", "slow_faults", "rules")},
     "discrete": DISCRETE_PARAMS.names or (),
 }
-RESOLVERS: Final = 5  # that a unit may ask: it knows of no other computers
-_TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "resolvers" else (n, "i8", (RESOLVERS,)) for n in PARAMS.names or ()])
+TIE_BREAKS: Final = 5  # that a unit may ask: it knows of no other computers
+_TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "tie_break" else (n, "i8", (TIE_BREAKS,)) for n in PARAMS.names or ()])
 SIGNAL_CONFIG: Final = _little(_TOLD, SETTINGS["signal"])
-LASTING_CONFIG: Final = _little(PARAMS, SETTINGS["lasting"])
+SLOW_FAULTS_CONFIG: Final = _little(PARAMS, SETTINGS["slow_faults"])
 RULES_CONFIG: Final = _little(PARAMS, SETTINGS["rules"])
 DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS, SETTINGS["discrete"])
 HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too
@@ -162,7 +173,7 @@ READY: Final = _packed([*_HEAD, ("text", f"S{TEXT_BYTES}", ()), *_TAIL])  # REFU
 _CONFIGURED: Final[list[_Entry]] = [
     *_HEAD,
     ("rate_hz", "<f8", ()),
-    ("form", "<i8", ()),
+    ("role", "<i8", ()),
     ("box_signals", "<i8", ()),
     ("box_persistence", "<i8", ()),
     ("trim_surface", "<f8", (len(SURFACES),)),
@@ -173,8 +184,8 @@ _CONFIGURED: Final[list[_Entry]] = [
     ("aircraft", f"S{NAME_BYTES}", ()),
     ("flight_point", f"S{NAME_BYTES}", ()),
 ]
-_LASTING: Final[_Entry] = ("lasting", LASTING_CONFIG, (S,))
-CONFIG: Final = _packed([*_CONFIGURED, _LASTING, ("rules", RULES_CONFIG, (S,)), *_TAIL])
+_SLOW_FAULTS: Final[_Entry] = ("slow_faults", SLOW_FAULTS_CONFIG, (S,))
+CONFIG: Final = _packed([*_CONFIGURED, _SLOW_FAULTS, ("rules", RULES_CONFIG, (S,)), *_TAIL])
 PART: Final = _packed(
     [*_HEAD, ("part", "<u4", ()), ("parts", "<u4", ()), ("bytes", "u1", (PART_BYTES,)), *_TAIL]
 )  # of CONFIG
@@ -184,13 +195,13 @@ _OF_ITSELF: Final = [("fault_word", "<u4", ()), ("status", "<u2", ()), ("output_
 INPUT: Final = _packed([*_ASKED, ("age_us", "<u2", (S, CHANNELS)), *_TAIL])
 OUTPUT: Final = _packed([*_ANSWERED, *_OF_ITSELF, *_TAIL])
 # The version in which a field of CONFIG, INPUT or OUTPUT came; 1 where none is given.
-SINCE: Final = {"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "lasting": 2, "rules": 3}
+SINCE: Final = {"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "slow_faults": 2, "rules": 3}
 RECORDS: Final[dict[str, np.dtype[Any]]] = {
     "hello": HELLO,
     "ready": READY,
     "signal_config": SIGNAL_CONFIG,
     "discrete_config": DISCRETE_CONFIG,
-    "lasting_config": LASTING_CONFIG,
+    "slow_faults_config": SLOW_FAULTS_CONFIG,
     "rules_config": RULES_CONFIG,
     "config": CONFIG,
     "config_part": PART,
@@ -219,7 +230,10 @@ def walk(dtype: np.dtype[Any]) -> Iterator[Entry]:
 
 
 def described(version: int = VERSION) -> str:
-    """Return every name, type, shape and offset that both sides must agree on: LAYOUT is the hash of this text."""
+    """Return every name, type, shape and offset that both sides must agree on: LAYOUT is the hash of this text.
+
+    A name that was changed is in it as it was: the bytes are the same, and a unit that was built before still flies.
+    """
     lines = [f"version {version}", *(signal.name for signal in (*SIGNALS, *DISCRETES))]
     records = RECORDS | _OLDER.get(version, {})
     for record, dtype in records.items():
@@ -229,14 +243,14 @@ def described(version: int = VERSION) -> str:
         lines += [f"  {e.offset} {e.name} {e.record or e.base.str} {e.shape}" for e in walk(dtype)]
     enums = (enum for enum in ENUMS if version > 1 or enum is not Status)
     lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in enums for member in members(enum, version)]
-    return "\n".join(lines)
+    return in_layout("\n".join(lines))
 
 
 def _layout(version: int) -> int:
     return int.from_bytes(hashlib.sha256(described(version).encode()).digest()[:8], "little")
 
 
-class Seam(NamedTuple):
+class Interface(NamedTuple):
     """A version of the records that is flown: the first bytes of ours, with a tail of its own."""
 
     version: int
@@ -250,28 +264,32 @@ class Seam(NamedTuple):
 _CONFIG_1, _INPUT_1, _OUTPUT_1 = (_packed([*entries, *_TAIL]) for entries in (_CONFIGURED, _ASKED, _ANSWERED))
 _OLDER: Final[dict[int, dict[str, np.dtype[Any]]]] = {
     1: {"config": _CONFIG_1, "input": _INPUT_1, "output": _OUTPUT_1},
-    2: {"config": _packed([*_CONFIGURED, _LASTING, *_TAIL])},
+    2: {"config": _packed([*_CONFIGURED, _SLOW_FAULTS, *_TAIL])},
 }
 
 
-def _seam(version: int) -> Seam:
+def _interface(version: int) -> Interface:
     records = RECORDS | _OLDER.get(version, {})
     config, asked, answer = (records[name].itemsize for name in ("config", "input", "output"))
     unknown = [place(OUTPUT, name)[1] for name in OUTPUT.names or () if SINCE.get(name, 1) > version]
-    return Seam(version, _layout(version), config, asked, answer, min(unknown, default=answer))
+    return Interface(version, _layout(version), config, asked, answer, min(unknown, default=answer))
 
 
-SEAM: Final = _seam(VERSION)
-LAYOUT: Final = SEAM.layout
-OLD_SEAMS: Final = tuple(_seam(version) for version in range(VERSION - 1, 0, -1))  # the newest first
-SEAMS: Final = {(seam.version, seam.layout): seam for seam in (SEAM, *OLD_SEAMS)}
+INTERFACE: Final = _interface(VERSION)
+LAYOUT: Final = INTERFACE.layout
+OLD_INTERFACES: Final = tuple(_interface(version) for version in range(VERSION - 1, 0, -1))  # the newest first
+INTERFACES: Final = {(interface.version, interface.layout): interface for interface in (INTERFACE, *OLD_INTERFACES)}
 
 
-def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0, seam: Seam = SEAM) -> np.ndarray[Any, Any]:
-    """Return a record (1,) of a session with nothing in it but its head and length, where ``seam`` has that."""
+def blank(
+    dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0, interface: Interface = INTERFACE
+) -> np.ndarray[Any, Any]:
+    """Return a record (1,) of a session with nothing in it but its head and length, where ``interface`` has that."""
     record = np.zeros(1, dtype)
-    record["magic"], record["version"], record["kind"] = magic, seam.version, kind
-    record["layout"], record["session"] = seam.layout, session
-    size = {CONFIG: seam.config_bytes, INPUT: seam.input_bytes, OUTPUT: seam.output_bytes}.get(dtype, dtype.itemsize)
+    record["magic"], record["version"], record["kind"] = magic, interface.version, kind
+    record["layout"], record["session"] = interface.layout, session
+    size = {CONFIG: interface.config_bytes, INPUT: interface.input_bytes, OUTPUT: interface.output_bytes}.get(
+        dtype, dtype.itemsize
+    )
     record.view("u1")[size - 8 : size - 4] = np.frombuffer((size - 8).to_bytes(4, "little"), "u1")
     return record

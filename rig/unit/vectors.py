@@ -54,8 +54,8 @@ def load(path: Path = FILE) -> list[Case]:
         with reported(path, what=NOT_WHOLE), path.open("rb") as file, np.load(file) as held:
             if int(held["layout"]) != LAYOUT:
                 raise RigError(f"{path}: vectors of another layout: write them again with tests/tools/unit_vectors.py")
-            requirement, config, case = held["requirement"], held["config"], held["case"]
-            inputs, expected = held["input"], held["expected"]
+            requirement, config, case = held["requirement"], held["config"].view(CONFIG), held["case"]
+            inputs, expected = held["input"].view(INPUT), held["expected"].view(OUTPUT)  # whatever names they had
     except (BadZipFile, KeyError, EOFError) as error:
         raise RigError(f"{path}: {NOT_WHOLE}: {error}") from None
     return [

@@ -5,7 +5,7 @@ row_kernel.py      the one kernel over rows: with fault_kernels.py it fills the 
 servo_kernels.py      the same over the rows of servo actuators; servo_tally.py, servo_sentence.py
 flight_tally.py    adds blocks of a flight, while it is flown or afterwards; its clean channels: unfaulted.py
 words.py           the vocabulary, and the public names of each word
-scoring.py         the score (score_records.py): tables over the records; patterns.py, transients.py against the twin
+scoring.py         the score (score_records.py): tables over the records; patterns.py; transients.py (baseline)
 of_log.py          the score of a log, and the conclusion of a flight; its sentences: conclusion.py, fault_sentence.py
 
 docs/score.md defines every number.

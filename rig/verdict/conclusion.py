@@ -36,19 +36,19 @@ _NAMES: Final = {"ilm": "in-line monitors"}
 
 
 def conclusion(scenario: Scenario, score: Score) -> list[str]:
-    """Return the sentences: faults, patterns, healthy channels that were failed, lasting suspects, the flight."""
+    """Return the sentences: faults, patterns, healthy channels that were failed, suspects that remain, the flight."""
     context = Context(scenario, score)
     return [
         *fault_sentences(context),
         *(_pattern_sentence(group, context) for group in _groups(score.episodes, context.rate_hz)),
         *(
-            _isolated(each, f"at {seconds(each.frame, context.rate_hz)} by {each.resolver}")
+            _isolated(each, f"at {seconds(each.frame, context.rate_hz)} by {each.decided_by}")
             for each in (*score.false_alarms, *score.wrong_isolations)
         ),
         *of_unit(context),
         *false_findings(context),
         *_by_design(score, context),
-        *(f"{channel(one.signal, one.channel)} was suspect {one.text()}" for one in score.suspects if one.lasting),
+        *(f"{channel(one.signal, one.channel)} was suspect {one.text()}" for one in score.suspects if one.slow_faults),
         _flight(context),
     ]
 
@@ -156,11 +156,11 @@ def _pattern_sentence(group: Sequence[Episode], context: Context) -> str:
 
 
 def _settled(episode: Episode, context: Context) -> str:
-    if episode.resolver == "unresolved":
+    if episode.decided_by == "unresolved":
         return "nobody settled it: the vote was held"
-    if episode.resolver == "given_up":
+    if episode.decided_by == "given_up":
         return "nobody settled it, and the signal was given up"
-    who = _NAMES.get(episode.resolver, episode.resolver)
+    who = _NAMES.get(episode.decided_by, episode.decided_by)
     if not episode.failed:
         return f"settled by {who}, and the pattern went by before a channel was failed"
     how = "correctly" if episode.verdict == "right" else f"wrongly: {_healthy_of(episode, context)}"
@@ -180,14 +180,14 @@ def _healthy_of(episode: Episode, context: Context) -> str:
 
 
 def _answers(episode: Episode, context: Context) -> Iterator[str]:
-    """Yield each resolver that was asked, with what it had to go by in the last frame of the episode."""
+    """Yield each rule that was asked, with what it had to go by in the last frame of the episode."""
     row, p = episode.last, context.params[INDEX[episode.signal]]
     fitted = np.arange(CHANNELS) < p["fitted"]
     out = (row["failed"] >> np.arange(CHANNELS) & 1).astype(bool) | ~fitted
     used = np.flatnonzero(comparable(row["channels"], row["valid"] != 0, out, p))
     sentences = {"ilm": _ilm, "trend": _trend, "reference": _reference}
     for name in episode.asked:
-        answered = "answered" if name == episode.resolver else "no answer"
+        answered = "answered" if name == episode.decided_by else "no answer"
         why = sentences[name](row, used, p) if name in sentences else ""
         yield f"{_NAMES.get(name, name)}: {answered}{f' ({why})' if why else ''}"
 

@@ -41,7 +41,7 @@ class Context(NamedTuple):
         return self.scenario.rate_hz
 
     @property
-    def decided_by(self) -> str:
+    def decider(self) -> str:
         """Name who failed channels, or did not."""
         if self.score.evidence.by_unit:
             return "the unit under test"
@@ -163,7 +163,7 @@ def agreement_of(fault: FaultScore, context: Context, first: int, end: int) -> A
     return Agreement(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def singular(pattern: NDArray[np.uint8]) -> Bools:
+def in_split(pattern: NDArray[np.uint8]) -> Bools:
     """Return where a Pattern has no majority."""
     return (pattern >= Pattern.P2_2) & (pattern <= Pattern.P1_1)
 

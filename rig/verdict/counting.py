@@ -12,7 +12,7 @@ import numpy as np
 
 from rig.core.frame import DISCRETE_INDEX, INDEX
 from rig.core.settings import in_frames
-from rig.verdict.context import Agreement, Bools, Context, agreement_of, singular
+from rig.verdict.context import Agreement, Bools, Context, agreement_of, in_split
 from rig.verdict.score_records import FaultScore
 
 COMPARISON = "comparison"
@@ -30,7 +30,7 @@ def climb(fault: FaultScore, context: Context) -> Climb:
     """Return how the count rose that failed the channel of ``fault``; empty where its last frame was not counted."""
     onset, end = fault.onset_frame or 0, (fault.failed_frame or 0) + 1
     near, p = agreement_of(fault, context, onset, end), context.params[INDEX[fault.signal]]
-    still = stands_still(near, int(p["singular_persistence"]))
+    still = stands_still(near, int(p["split_persistence"]))
     counted = ~near.usable | (near.alone & ~still)
     taken_off = 1.0 if p["filter_gain"] > 0 else float(p["count_down"]) or len(still) + 1.0
     total = np.cumsum([0.0, *np.where(counted, 1.0, np.where(still, 0.0, -taken_off))])
@@ -38,13 +38,13 @@ def climb(fault: FaultScore, context: Context) -> Climb:
     return Climb(onset + first, near.alone[first:], counted[first:])
 
 
-def stands_still(near: Agreement, singular_persistence: int) -> Bools:
+def stands_still(near: Agreement, split_persistence: int) -> Bools:
     """Return (m,) whether counts stood still: without a majority, and for as long after it as persistence.py says."""
-    without = singular(near.pattern)
+    without = in_split(near.pattern)
     still = without.copy()
     edges = np.flatnonzero(np.diff([False, *without, False]))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
-        after = slice(end, end + min(end - first, singular_persistence))
+        after = slice(end, end + min(end - first, split_persistence))
         still[after] |= near.many[after] != 1
     return still
 
@@ -77,9 +77,9 @@ def _began(fault: FaultScore, context: Context) -> int | None:
         return failed + 1 - _linger(fault, context)
     if fault.signal not in INDEX:
         return None
-    if fault.resolver == "box":
+    if fault.decided_by == "box":
         return failed + 1 - context.scenario.redundancy.box_persistence
-    if fault.resolver == COMPARISON and context.compares(fault):
+    if fault.decided_by == COMPARISON and context.compares(fault):
         found = climb(fault, context)
         return found.first if len(found.counted) else fault.exceeded_frame
     return fault.exceeded_frame
@@ -89,7 +89,7 @@ def _linger(fault: FaultScore, context: Context) -> int:
     """Return for how many frames a fault must last to be found."""
     if fault.signal in INDEX:
         p = context.params[INDEX[fault.signal]]
-        return max(int(p["persistence"]), int(p["singular_persistence"]))
+        return max(int(p["persistence"]), int(p["split_persistence"]))
     redundancy = context.scenario.redundancy
     own = getattr(redundancy.discretes, fault.signal)
     return in_frames(own.persistence or redundancy.discrete_persistence, own.persistence_s, context.rate_hz)

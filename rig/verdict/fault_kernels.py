@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.compare import is_split
 from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.core.frame import S, sig
 from rig.core.kernels import kernel
@@ -68,7 +68,7 @@ def follow_faults(row, clean, references, frame, out):
         if fault["signal"] < 0 and fault["failed_at"] == NEVER:
             fault["sample"] = sample
             if lost_reference(row, fault, frame, out):
-                fault["failed_at"], fault["resolver"] = frame, COMPARISON
+                fault["failed_at"], fault["decided_by"] = frame, COMPARISON
 
 
 @kernel
@@ -82,7 +82,7 @@ def at_its_place(row, clean, references, fault, out):
         return row["reference"][s], abs(difference(row["reference"][s], references[s], out.params[s]["wraps"]))
     if fault["surface"] >= 0:
         i = fault["surface"]
-        return row["actuator"][i], abs(row["actuator"][i] - row["surface"][i])
+        return row["surface_command"][i], abs(row["surface_command"][i] - row["surface"][i])
     return math.nan, 0.0
 
 
@@ -112,7 +112,7 @@ def begin(row, fault, frame, out):
     flight = out.flight[0]
     flight["onsets"] = 1
     fault["onset"], fault["peak"] = frame, np.nan
-    fault["singular"] = fault["worst"] = 0
+    fault["in_split"] = fault["worst"] = 0
     fault["load_factor"] = flight["load_factor"] if frame > 0 else row["truth"][sig.N_Z]
     fault["load_factor_change"] = np.nan
     s, c = fault["signal"], fault["channel"]
@@ -155,5 +155,5 @@ def watch_faults(row, frame, out):
         if fault["signal"] >= 0 and fault["discrete"] == 0:
             pattern = row["pattern"][fault["signal"]]
             fault["worst"] = max(fault["worst"], pattern)
-            if fault["singular"] == 0 and is_singular(pattern):
-                fault["singular"] = pattern
+            if fault["in_split"] == 0 and is_split(pattern):
+                fault["in_split"] = pattern

@@ -22,7 +22,7 @@ from rig.world.faults.places import site
 
 _OTHER: Final = Triggered.sentence  # of a kind that says nothing of its own
 _NO_ERROR: Final = "{where} had a fault ({kind}) from {at} on"
-_RESOLVERS: Final = {
+_TIE_BREAKS: Final = {
     "ilm": "by the in-line monitors",
     "extremes": "as one of the extremes",
     "middle": "for not being the middle one",
@@ -115,8 +115,8 @@ def _detected(fault: FaultScore, context: Context) -> str:
     if (cause := another(fault, context)) is not None:
         failed, began = (seconds(frame or 0, context.rate_hz) for frame in (fault.failed_frame, cause.onset_frame))
         return f"was not found: the channel was failed at {failed} for another fault, {cause.kind} from {began} on"
-    if fault.resolver != COMPARISON:
-        return f"was failed {after} later {_RESOLVERS.get(fault.resolver or '', f'by the {fault.resolver}')}"
+    if fault.decided_by != COMPARISON:
+        return f"was failed {after} later {_TIE_BREAKS.get(fault.decided_by or '', f'by the {fault.decided_by}')}"
     if not context.compares(fault):
         return f"was failed {after} later"
     found = climb(fault, context)
@@ -174,9 +174,9 @@ def _missed(fault: FaultScore, context: Context) -> str:
     if fault.tolerated:
         return f"{text}, shorter than the persistence"
     if context.silent(fault.signal):
-        return f"{text}, and {context.decided_by} says nothing of channels"
+        return f"{text}, and {context.decider} says nothing of channels"
     if not context.compares(fault):
-        return f"{text}, and {context.decided_by} did not fail the channel"
+        return f"{text}, and {context.decider} did not fail the channel"
     return f"{text}, and {_fared(_while_missed(fault, context), context.unit(fault))}"
 
 
@@ -241,7 +241,7 @@ def _vote(fault: FaultScore, context: Context) -> str:
 
 
 def _threshold(fault: FaultScore, context: Context) -> str:
-    """Return what the monitor allows, by name and figure: ``outlier threshold of 0.63 deg/s``."""
+    """Return what the monitor allows, by name and figure: ``isolation threshold of 0.63 deg/s``."""
     value = context.threshold(fault)
     if value is None:
         return "threshold"

@@ -90,7 +90,7 @@ class LaneOutcome:
         onset = fault.onset_frame
         if not on_lanes(fault) or onset is None or not self.finder.seen:
             return fault
-        of_servo = [(fault.failed_frame, fault.resolver or "")] if fault.failed_frame is not None else []
+        of_servo = [(fault.failed_frame, fault.decided_by or "")] if fault.failed_frame is not None else []
         detection = min([*self._found(fault.signal, onset), *of_servo], default=None)
         if detection is None:
             return replace(fault, outcome="missed", word=fault_word(True, False, True), peak_error=None)
@@ -100,7 +100,7 @@ class LaneOutcome:
             word=fault_word(True, True, True),
             failed_frame=detection[0],
             delay_from_onset_frames=detection[0] - onset,
-            resolver=detection[1],
+            decided_by=detection[1],
             peak_error=None,
         )
 
@@ -144,7 +144,7 @@ def lane_result(fault: FaultScore, context: Context) -> str:
     if fault.outcome != "detected":
         return f"was not found: {KINDS[fault.kind].unseen or 'nothing left its threshold for long enough'}"
     after = duration(fault.delay_from_onset_frames, context.rate_hz)
-    return f"was found by {_BY.get(fault.resolver or '', f'its own {fault.resolver}')} after {after}"
+    return f"was found by {_BY.get(fault.decided_by or '', f'its own {fault.decided_by}')} after {after}"
 
 
 def of_unit(context: Context) -> Iterator[str]:

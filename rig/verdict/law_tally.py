@@ -35,8 +35,10 @@ def news(table: Table, before: Table | None) -> Table:
 
     before : earlier frames, of which the last that was news counts; None: none was
     """
-    last = (Trust.NONE, SensorFault.NONE) if before is None else (before["trust"][-1], before["lie"][-1])
-    changed = [np.diff(table[name], prepend=was) != 0 for name, was in zip(("trust", "lie"), last, strict=True)]
+    last = (Trust.NONE, SensorFault.NONE) if before is None else (before["trust"][-1], before["sensor_fault"][-1])
+    changed = [
+        np.diff(table[name], prepend=was) != 0 for name, was in zip(("trust", "sensor_fault"), last, strict=True)
+    ]
     return table[np.logical_or(*changed)]
 
 
@@ -48,14 +50,14 @@ def findings(frames: Table, params: NDArray[np.void]) -> list[LawFinding]:
     found: list[LawFinding] = []
     trusted, called = int(Trust.NONE), int(SensorFault.NONE)
     for row, clean in zip(frames.rows, frames.clean, strict=True):
-        trust, lie = int(row["trust"]), int(row["lie"])
+        trust, sensor_fault = int(row["trust"]), int(row["sensor_fault"])
         if trust != trusted and trust == Trust.CORRECTED:
             found.append(_found(CORRECTED, row, clean, params))
-        if lie != called and lie == SensorFault.RATE_BIAS:
+        if sensor_fault != called and sensor_fault == SensorFault.RATE_BIAS:
             found.append(_found(BIASED, row, clean, params))
-        elif lie in NAMES and found and found[-1].finding == CORRECTED and found[-1].named_frame is None:
-            found[-1] = replace(found[-1], named=NAMES[SensorFault(lie)], named_frame=int(row["frame"]))
-        trusted, called = trust, lie
+        elif sensor_fault in NAMES and found and found[-1].finding == CORRECTED and found[-1].named_frame is None:
+            found[-1] = replace(found[-1], named=NAMES[SensorFault(sensor_fault)], named_frame=int(row["frame"]))
+        trusted, called = trust, sensor_fault
     return found
 
 
@@ -96,7 +98,7 @@ def completed(fault: FaultScore, acted_until: int, found: Sequence[LawFinding]) 
         law_frame=first,
         delay_from_onset_frames=first - onset,
         delay_from_exceeded_frames=None if exceeded is None else first - exceeded,
-        resolver=LAW,
+        decided_by=LAW,
         tolerated=False,
     )
 

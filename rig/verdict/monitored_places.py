@@ -23,7 +23,7 @@ from rig.world import sensors
 from rig.world.faults import Fault
 from rig.world.faults.places import CHANNELLED, Places, number, site
 
-MARGIN: Final = 10  # frames: counts that wait after a pattern without a majority, lags of the sensors
+MARGIN: Final = 10  # frames: counts that wait after a split, lags of the sensors
 _LATEST: Final[list[tuple[ref[Scenario], NDArray[np.void], NDArray[np.void]]]] = []  # one at most; settings are frozen
 _HALF: Final = 0.5  # an error of a discrete is 0 or 1
 
@@ -43,12 +43,12 @@ def monitor(scenario: Scenario) -> NDArray[np.void]:
 
 def lingers(params: NDArray[np.void]) -> NDArray[np.int64]:
     """Return (S,) frames for which a fault that has ceased can be the cause of a failure: the longer persistence."""
-    return np.maximum(params["persistence"], params["singular_persistence"])
+    return np.maximum(params["persistence"], params["split_persistence"])
 
 
 def allowed_frames(p: NDArray[np.void]) -> int:
     """Return for how many frames after a fault a kept vote may be off; p : PARAMS of the signal."""
-    return int(p["persistence"]) + int(p["singular_persistence"]) + MARGIN
+    return int(p["persistence"]) + int(p["split_persistence"]) + MARGIN
 
 
 class Monitored(NamedTuple):
@@ -62,7 +62,7 @@ class Monitored(NamedTuple):
     def of(cls, params: NDArray[np.void], discretes: NDArray[np.void], box_signals: int | None) -> Monitored:
         """Return the blank records; params, discretes : config.PARAMS and DISCRETE_PARAMS.
 
-        A single channel of four is measured by the outlier threshold where there is one.
+        A single channel of four is measured by the isolation threshold where there is one.
         """
         outlier = params["outlier_threshold"]
         signals = blank_records(

@@ -1,4 +1,4 @@
-"""The score of a log: read, check that it is a whole flight of a scenario, fly its twin, score."""
+"""The score of a log: read, check that it is a whole flight of a scenario, fly its baseline, score."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from rig.verdict.conclusion import conclusion
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.score_records import Score, Yardstick
 from rig.verdict.scoring import score_blocks, score_of
-from rig.verdict.transients import twin_blocks
+from rig.verdict.transients import baseline_blocks
 
 _UNANSWERED: Final = (UnitStatus.HELD, UnitStatus.LATE, UnitStatus.DEAD, UnitStatus.REFUSED)
 
@@ -70,15 +70,15 @@ class Scored(NamedTuple):
 def score_log(
     path: Path,
     yardstick: Yardstick,
-    twin: bool = True,
+    baseline: bool = True,
     allow_code: bool = False,
     unit: UnitUnderTest | None = None,
     log: Log | LogFile | None = None,
 ) -> Scored:
-    """Score the flight at ``path``; ``twin`` flies it again without its faults to compare with.
+    """Score the flight at ``path``; ``baseline`` flies it again without its faults to compare with.
 
-    allow_code : a manager class that the log names may be run, in the flight of the twin
-    unit : under test, that flew it and flies the twin
+    allow_code : a manager class that the log names may be run, in the flight of the baseline
+    unit : under test, that flew it and flies the baseline
     log : what has been read from ``path`` already; otherwise it is gone through block by block
     BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
     """
@@ -86,15 +86,15 @@ def score_log(
     scenario = _scenario(path, log, allow_code)
     if log.result is None:
         raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
-    if twin:
+    if baseline:
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
-            raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE, or --no-twin")
+            raise BadInput(f"{path}: a unit under test flew it: its baseline needs --unit FILE, or --no-baseline")
     unit_facts = unit_of(log.metadata)
     if unit is not None:
         unit.fly_as(unit_facts)
     times, answers = Times(), list[NDArray[Any]]()
-    blocks, other = _gone_through(log, times, answers), _twin(log, scenario, unit) if twin else None
+    blocks, other = _gone_through(log, times, answers), _baseline(log, scenario, unit) if baseline else None
     try:
         scored = score_blocks(scenario, blocks, other, yardstick, unit_facts.get("lane"))
     except BadInput as error:
@@ -107,9 +107,9 @@ def score_log(
     return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), missed, sentences, voted_by)
 
 
-def _twin(log: Log | LogFile, scenario: Scenario, unit: UnitUnderTest | None) -> Iterator[Block]:
+def _baseline(log: Log | LogFile, scenario: Scenario, unit: UnitUnderTest | None) -> Iterator[Block]:
     tell("flying the fault-free run")
-    return twin_blocks(scenario, log.frames, unit)
+    return baseline_blocks(scenario, log.frames, unit)
 
 
 def _gone_through(log: Log | LogFile, times: Times, answers: list[NDArray[Any]]) -> Iterator[Table]:
@@ -156,7 +156,7 @@ class FlightConclusion:
 def conclude(log: Log) -> list[str]:
     """Return the conclusion of a log that has been read, without a fault-free run; never raises."""
     try:
-        return score_log(Path("log"), Yardstick(), twin=False, log=log).conclusion
+        return score_log(Path("log"), Yardstick(), baseline=False, log=log).conclusion
     except BadInput as error:
         return [f"not scored: {error}"]
 

@@ -9,17 +9,17 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import SIGNALS, Pattern, Resolver
+from rig.core.frame import SIGNALS, DecidedBy, Pattern
 from rig.verdict.flight_tally import FlightOutcome
-from rig.verdict.score_records import Coverage, Episode, ResolverScore
+from rig.verdict.score_records import Coverage, Episode, RuleScore
 from rig.verdict.signal_kernels import LEVELS
 from rig.verdict.tally_records import PATTERNS
 from rig.verdict.words import Cause
 
-RESOLVERS: Final = ("ilm", "lane", "trend", "reference", "extremes", "middle", "box")
-SINGULAR: Final = tuple(pattern for pattern in Pattern if pattern.is_singular)
-_CODES: Final = frozenset(map(int, Resolver))
-_LAST_RESORT: Final = {Pattern.P1_1_1_1: Resolver.EXTREMES, Pattern.P1_1_1: Resolver.MIDDLE}
+TIE_BREAKS: Final = ("ilm", "lane", "trend", "reference", "extremes", "middle", "box")
+SPLITS: Final = tuple(pattern for pattern in Pattern if pattern.is_split)
+_CODES: Final = frozenset(map(int, DecidedBy))
+_LAST_RESORT: Final = {Pattern.P1_1_1_1: DecidedBy.EXTREMES, Pattern.P1_1_1: DecidedBy.MIDDLE}
 _RIGHT: Final = (Cause.OWN_FAULT, Cause.WITH_ITS_BOX, Cause.BY_RULE)
 # What a voter of so many channels can meet; a sample that is lost for a frame makes any number below possible.
 POSSIBLE: Final = {
@@ -30,7 +30,7 @@ POSSIBLE: Final = {
 
 
 def episodes(outcome: FlightOutcome) -> list[Episode]:
-    """Return every run of frames in which a signal kept one singular pattern, in order of time."""
+    """Return every run of frames in which a signal kept one split, in order of time."""
     failures = outcome.failures
     failures = failures[failures["discrete"] == 0]
     return [_episode(record, outcome.params[record["signal"]], failures) for record in outcome.episodes]
@@ -38,50 +38,50 @@ def episodes(outcome: FlightOutcome) -> list[Episode]:
 
 def _episode(record: np.void, p: NDArray[np.void], failures: NDArray[Any]) -> Episode:
     pattern = Pattern(record["pattern"])
-    reported = [resolver for resolver in Resolver if int(record["resolvers"]) >> resolver & 1]
-    stood = Resolver(record["resolver"]) if record["resolver"] in _CODES else Resolver.NONE
+    reported = [decided_by for decided_by in DecidedBy if int(record["tie_break"]) >> decided_by & 1]
+    stood = DecidedBy(record["decided_by"]) if record["decided_by"] in _CODES else DecidedBy.NONE
     within = (record["first"] <= failures["frame"]) & (failures["frame"] <= record["last"])
     within &= failures["signal"] == record["signal"]
-    by_resolver = [f for f in failures[within] if Resolver(f["resolver"]).name.lower() in RESOLVERS]
+    by_rule = [f for f in failures[within] if DecidedBy(f["decided_by"]).name.lower() in TIE_BREAKS]
     verdict: Literal["right", "wrong", "open"] = "open"
-    if by_resolver:
-        verdict = "right" if all(f["cause"] in _RIGHT for f in by_resolver) else "wrong"
+    if by_rule:
+        verdict = "right" if all(f["cause"] in _RIGHT for f in by_rule) else "wrong"
     return Episode(
         signal=SIGNALS[record["signal"]].name,
         pattern=pattern.label,
         first_frame=int(record["first"]),
         frames=int(record["last"] - record["first"]) + 1,
         asked=_asked(pattern, reported, p),
-        resolver=stood.name.lower() if stood is not Resolver.NONE else Resolver.UNRESOLVED.name.lower(),
-        failed=tuple(sorted(int(f["channel"]) + 1 for f in by_resolver)),
+        decided_by=stood.name.lower() if stood is not DecidedBy.NONE else DecidedBy.UNRESOLVED.name.lower(),
+        failed=tuple(sorted(int(f["channel"]) + 1 for f in by_rule)),
         verdict=verdict,
         last=record,
     )
 
 
-def _asked(pattern: Pattern, reported: Sequence[Resolver], p: NDArray[np.void]) -> tuple[str, ...]:
-    """Return the resolvers asked in any frame: in their order, up to the one that answered, all when nobody did."""
-    order = _order(pattern, [Resolver(code) for code in p["resolvers"] if code])
+def _asked(pattern: Pattern, reported: Sequence[DecidedBy], p: NDArray[np.void]) -> tuple[str, ...]:
+    """Return the rules asked in any frame: in their order, up to the one that answered, or all."""
+    order = _order(pattern, [DecidedBy(code) for code in p["tie_break"] if code])
     reached = [order.index(r) + 1 if r in order else len(order) for r in reported]
-    return tuple(r.name.lower() for r in order[: max(reached)]) + (("box",) if Resolver.BOX in reported else ())
+    return tuple(r.name.lower() for r in order[: max(reached)]) + (("box",) if DecidedBy.BOX in reported else ())
 
 
-def _order(pattern: Pattern, configured: Sequence[Resolver]) -> list[Resolver]:
+def _order(pattern: Pattern, configured: Sequence[DecidedBy]) -> list[DecidedBy]:
     """Return who is asked of a pattern: monitors and reference as configured, trend of halves, the rank last."""
     halves = pattern not in _LAST_RESORT
     rules = _LAST_RESORT.values()
-    asked = [r for r in configured if r not in rules and (halves or r is not Resolver.TREND)]
+    asked = [r for r in configured if r not in rules and (halves or r is not DecidedBy.TREND)]
     return asked if halves else [*asked, *(r for r in configured if r is _LAST_RESORT[pattern])]
 
 
-def tally(listed: Sequence[Episode]) -> dict[str, ResolverScore]:
-    """Count the episodes of each resolver."""
-    scores = {name: ResolverScore() for name in RESOLVERS}
+def tally(listed: Sequence[Episode]) -> dict[str, RuleScore]:
+    """Count the episodes of each rule."""
+    scores = {name: RuleScore() for name in TIE_BREAKS}
     for episode in listed:
         for name in episode.asked:
             scores[name].asked += 1
-        if episode.resolver in scores:
-            score = scores[episode.resolver]
+        if episode.decided_by in scores:
+            score = scores[episode.decided_by]
             score.answered += 1
             score.right += episode.verdict == "right"
             score.wrong += episode.verdict == "wrong"
@@ -89,9 +89,9 @@ def tally(listed: Sequence[Episode]) -> dict[str, ResolverScore]:
     return scores
 
 
-def by_pattern(listed: Sequence[Episode]) -> dict[str, dict[str, ResolverScore]]:
+def by_pattern(listed: Sequence[Episode]) -> dict[str, dict[str, RuleScore]]:
     """Count them for each pattern that was seen."""
-    seen = {pattern.label: [e for e in listed if e.pattern == pattern.label] for pattern in SINGULAR}
+    seen = {pattern.label: [e for e in listed if e.pattern == pattern.label] for pattern in SPLITS}
     return {label: tally(some) for label, some in seen.items() if some}
 
 

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from rig.computer.redundancy.compare import is_singular
-from rig.core.frame import CHANNELS, Ilm, Resolver, State, UnitStatus, sig
+from rig.computer.redundancy.compare import is_split
+from rig.core.frame import CHANNELS, DecidedBy, Ilm, State, UnitStatus, sig
 from rig.core.kernels import kernel, long_kernel
 from rig.core.units.angles import difference
 from rig.verdict.fault_kernels import follow_faults, mark_acting, watch_faults
@@ -25,7 +25,7 @@ from rig.verdict.signal_kernels import (
     mark_failed,
     mark_wrong,
 )
-from rig.verdict.tally_records import COMPARISON, EXTREMES, PATTERNS, RESOLVERS
+from rig.verdict.tally_records import COMPARISON, EXTREMES, PATTERNS, TIE_BREAKS
 from rig.verdict.unfaulted import injected, middle, same
 from rig.verdict.words import Cause
 
@@ -129,7 +129,7 @@ def add_signal(row, clean, s, frame, out):
     signal["acting"] = 0
     add_vote(row, clean, s, level, signal, p, out)
     add_pattern(row, s, level, before, signal, frame, out)
-    signal["unresolved"] += row["resolver"][s] == Resolver.UNRESOLVED
+    signal["unresolved"] += row["decided_by"][s] == DecidedBy.UNRESOLVED
     signal["lost"] += level == 0
     signal["level"], signal["usable"] = level, row["reference_usable"][s]
 
@@ -153,32 +153,32 @@ def add_failures(row, s, became, before, frame, signal, out):
     excused = 0
     for c in range(CHANNELS):
         if (became >> c) & 1:
-            resolver = np.int64(row["resolver"][s])
+            decided_by = np.int64(row["decided_by"][s])
             comparable = row["valid"][s, c] != 0 and math.isfinite(row["channels"][s, c])
-            if not comparable or resolver == Resolver.UNRESOLVED or resolver >= RESOLVERS:
-                resolver = COMPARISON
-            cause = add_failure(row, s, c, False, resolver, before, frame, out)
+            if not comparable or decided_by == DecidedBy.UNRESOLVED or decided_by >= TIE_BREAKS:
+                decided_by = COMPARISON
+            cause = add_failure(row, s, c, False, decided_by, before, frame, out)
             excused |= (cause == Cause.WITH_ITS_BOX or cause == Cause.BY_RULE) << c
     return excused
 
 
 @kernel
-def add_failure(row, s, c, discrete, resolver, before, frame, out):
+def add_failure(row, s, c, discrete, decided_by, before, frame, out):
     """List one channel that became failed, and book it on the faults that it was failed for; return its Cause."""
     signal = out.discretes[s] if discrete else out.signals[s]
-    cause = cause_of(signal, s, c, resolver, before, frame, discrete, out)
+    cause = cause_of(signal, s, c, decided_by, before, frame, discrete, out)
     flight = out.flight[0]
     failure = out.failures[flight["failures"]]
     flight["failures"] += 1
     failure["frame"], failure["signal"], failure["channel"], failure["discrete"] = frame, s, c, discrete
-    failure["resolver"], failure["cause"] = resolver, cause
+    failure["decided_by"], failure["cause"] = decided_by, cause
     failure["erring"] = erring_since(signal, frame - signal["linger"])
     for f in range(len(out.faults)):
         fault = out.faults[f]
         here = fault["signal"] == s and fault["channel"] == c and (fault["discrete"] != 0) == discrete
         recent = frame - fault["acted_at"] <= signal["linger"]
         if here and recent and fault["changes"] != 0 and fault["executed"] != 0 and fault["failed_at"] == NEVER:
-            fault["failed_at"], fault["resolver"] = frame, resolver
+            fault["failed_at"], fault["decided_by"] = frame, decided_by
             if not discrete:
                 fault["sample"] = row["channels"][s, c]
                 fault["pattern"] = signal["pattern"] if frame > fault["onset"] else row["pattern"][s]
@@ -186,7 +186,7 @@ def add_failure(row, s, c, discrete, resolver, before, frame, out):
 
 
 @kernel
-def cause_of(signal, s, c, resolver, before, frame, discrete, out):
+def cause_of(signal, s, c, decided_by, before, frame, discrete, out):
     """Return the Cause for which channel c was failed; what happened within the linger can be it.
 
     before : channels that were failed in the row before, bits
@@ -194,7 +194,7 @@ def cause_of(signal, s, c, resolver, before, frame, discrete, out):
     since = frame - signal["linger"]
     if signal["wrong_at"][c] >= since:
         return Cause.OWN_FAULT.value
-    if not discrete and resolver == Resolver.BOX:
+    if not discrete and decided_by == DecidedBy.BOX:
         faulty = 0
         for other in range(len(out.signals)):
             mate = out.signals[other]
@@ -204,7 +204,7 @@ def cause_of(signal, s, c, resolver, before, frame, discrete, out):
     erring = erring_since(signal, since)
     # The vote was that of healthy channels where most were: then it was the references that were wrong.
     outvoted = 2 * in_use(signal, before, erring) >= in_use(signal, before, ~0)
-    if not discrete and resolver == Resolver.COMMON and outvoted:
+    if not discrete and decided_by == DecidedBy.COMMON and outvoted:
         return Cause.BY_RULE.value
     return Cause.WRONG_ISOLATION.value if erring != 0 else Cause.FALSE_ALARM.value
 
@@ -253,18 +253,18 @@ def add_pattern(row, s, level, before, signal, frame, out):
         out.episodes[flight["episodes"]] = episode
         flight["episodes"] += 1
         episode["first"] = NEVER
-    if is_singular(pattern):
+    if is_split(pattern):
         if episode["first"] == NEVER:
-            episode["signal"], episode["first"], episode["pattern"], episode["resolvers"] = s, frame, pattern, 0
+            episode["signal"], episode["first"], episode["pattern"], episode["tie_break"] = s, frame, pattern, 0
         keep_last(row, s, before, frame, episode)
 
 
 @kernel
 def keep_last(row, s, before, frame, episode):
-    """Keep what the resolvers of an episode have to go by in its last row."""
-    resolver = row["resolver"][s]
-    episode["last"], episode["resolver"], episode["failed"] = frame, resolver, before
-    episode["resolvers"] |= 1 << (resolver if resolver < RESOLVERS else Resolver.NONE.value)
+    """Keep what the tie-break rules of an episode have to go by in its last row."""
+    decided_by = row["decided_by"][s]
+    episode["last"], episode["decided_by"], episode["failed"] = frame, decided_by, before
+    episode["tie_break"] |= 1 << (decided_by if decided_by < TIE_BREAKS else DecidedBy.NONE.value)
     for c in range(CHANNELS):
         episode["channels"][c], episode["valid"][c] = row["channels"][s, c], row["valid"][s, c]
         episode["ilm"][c] = row["ilm"][s, c]

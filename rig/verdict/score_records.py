@@ -67,7 +67,7 @@ class FaultScore:
     outcome: Outcome
     delay_from_onset_frames: int | None  # failed_frame - onset_frame
     delay_from_exceeded_frames: int | None  # failed_frame - exceeded_frame; below 0 when failed before
-    resolver: str | None  # who failed it: comparison, or a resolver; who found it, where no channel was failed
+    decided_by: str | None  # who failed it: comparison, or a rule; who found it, where no channel was failed
     peak_error: float | None  # largest injected error that is a number, in the unit of its place
     exceeded_run_frames: int  # longest run of frames above the threshold
     tolerated: bool  # missed, and above the threshold for fewer frames in a row than the persistence
@@ -90,7 +90,7 @@ class Isolation:
     signal: str
     channel: int
     frame: int
-    resolver: str
+    decided_by: str
     faulty: tuple[int, ...] = ()  # channels of the same place, or lanes from 1, that were faulty then
 
 
@@ -150,22 +150,22 @@ class LawFinding:
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """Frames in a row in which one signal had one pattern without a majority."""
+    """Frames in a row in which one signal had one split."""
 
     signal: str
     pattern: str
     first_frame: int
     frames: int
-    asked: tuple[str, ...]  # the resolvers that were asked in any of its frames
-    resolver: str  # whose answer stood in its last frame; unresolved when nobody's
-    failed: tuple[int, ...]  # channels that the resolver failed
+    asked: tuple[str, ...]  # the tie-break rules that were asked in any of its frames
+    decided_by: str  # whose answer stood in its last frame; unresolved when nobody's
+    failed: tuple[int, ...]  # channels that the rule failed
     verdict: Literal["right", "wrong", "open"]  # right: no healthy one was failed wrongly; open: nobody was
     last: Any = field(default=None, compare=False, repr=False)  # EPISODE, with its last frame; not in JSON
 
 
 @dataclass(slots=True)
-class ResolverScore:
-    """How often a resolver was asked, answered to the end of an episode, and failed the right channels."""
+class RuleScore:
+    """How often a rule was asked, answered to the end of an episode, and failed the right channels."""
 
     asked: int = 0
     answered: int = 0
@@ -201,7 +201,7 @@ class SignalScore:
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Largest differences of the truth from the fault-free twin's."""
+    """Largest differences of the truth from the fault-free baseline's."""
 
     load_factor: float
     pitch_rate_rad_s: float
@@ -222,7 +222,7 @@ class Transient:
 
 @dataclass(frozen=True, slots=True)
 class Transients:
-    """The flight against its fault-free twin."""
+    """The flight against its fault-free baseline."""
 
     limits: dict[str, float]
     windows: tuple[Transient, ...]
@@ -248,7 +248,7 @@ class FlightScore:
     roll_angle_max_rad: float
     angle_of_attack_min_rad: float
     angle_of_attack_max_rad: float
-    transients: Transients | None  # None without a twin
+    transients: Transients | None  # None without a baseline
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,9 +284,9 @@ class Score:
     failed_with_box: list[Isolation]
     failed_by_rule: list[Isolation]
     episodes: list[Episode]
-    resolvers: dict[str, ResolverScore]
-    resolvers_by_pattern: dict[str, dict[str, ResolverScore]]
-    unresolved: int  # episodes in whose last frame no resolver had an answer
+    tie_break: dict[str, RuleScore]
+    tie_break_by_pattern: dict[str, dict[str, RuleScore]]
+    unresolved: int  # episodes in whose last frame no rule had an answer
     vote_error: dict[str, VoteError]
     signals: dict[str, SignalScore]
     flight: FlightScore

@@ -11,8 +11,8 @@ from rig.core.column import Column
 from rig.core.frame import INDEX, SIGNALS
 from rig.core.units.quantities import duration, moment, number, quantity, unit_shown
 from rig.verdict.context import channel, error_unit
-from rig.verdict.requirements.margins import margin_text
 from rig.verdict.requirements.requirement_recorder import Verdict
+from rig.verdict.requirements.robustness import robustness_text
 from rig.verdict.score_records import FlightScore, Score
 
 ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
@@ -56,18 +56,18 @@ FAULTS: Final = (
     Column("found", lambda r: _at("law_frame" if r.of.failed_frame is None else "failed_frame")(r), worth=7),
     Column("delay", lambda r: duration(r.of.delay_from_onset_frames, r.rate_hz)),
     Column("from threshold", lambda r: duration(r.of.delay_from_exceeded_frames, r.rate_hz), worth=3),
-    Column("by", "of.resolver"),
+    Column("by", "of.decided_by"),
     Column("peak error", lambda r: f"{_peak_error(r)} {_error_unit(r)}", worth=6, page=None),
     *(Column("peak error", _peak_error, worth=0), Column("unit", _error_unit, worth=0)),
     Column("outcome", lambda r: f"{r.of.outcome}, shorter than the persistence" if r.of.tolerated else r.of.outcome),
 )
-RESOLVERS: Final = (
-    *(Column("pattern"), Column("resolver"), Column("asked", worth=3), Column("answered", worth=5)),
+TIE_BREAKS: Final = (
+    *(Column("pattern"), Column("decided_by"), Column("asked", worth=3), Column("answered", worth=5)),
     *(Column("correct", "right"), Column("wrong"), Column("open", worth=4)),
 )
 ISOLATIONS: Final = (
     *(Column("what", "name"), Column("channel", lambda r: channel(r.of.signal, r.of.channel))),
-    *(Column("at", _at("frame")), Column("by", "of.resolver")),
+    *(Column("at", _at("frame")), Column("by", "of.decided_by")),
 )
 SUSPECTS: Final = (
     *(Column("suspect", lambda one: channel(one.signal, one.channel)), Column("in frames", "rows")),
@@ -103,7 +103,7 @@ VOTES: Final = (
 
 def _there(verdict: Verdict, most: int | None = None) -> str:
     """Return the quantities of a verdict's instant, ``most`` of them."""
-    if not isfinite(verdict.margin):
+    if not isfinite(verdict.robustness):
         return ""
     there = [f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items()]
     return ", ".join([*there[:most], *(["..."] if len(there) > len(there[:most]) else [])])
@@ -111,8 +111,8 @@ def _there(verdict: Verdict, most: int | None = None) -> str:
 
 VERDICTS: Final = (
     *(Column("requirement"), Column("on", "signal", worth=3), Column("verdict", "status")),
-    Column("margin", lambda verdict: margin_text(verdict.margin) or None, "s"),
-    Column("at", lambda verdict: f"{verdict.instant_s:.2f} s" if isfinite(verdict.margin) else None, "s", worth=4),
+    Column("robustness", lambda verdict: robustness_text(verdict.robustness) or None, "s"),
+    Column("at", lambda verdict: f"{verdict.instant_s:.2f} s" if isfinite(verdict.robustness) else None, "s", worth=4),
     *(Column("there", lambda v: _there(v, FEW), worth=1, page=None), Column("there", _there, worth=0)),
 )
 
@@ -134,17 +134,17 @@ def tables(score: Score, rate_hz: float) -> dict[str, ScoreTable]:
         "law": ScoreTable("The fault-tolerant law", LAW, rows((each.finding, each) for each in score.law)),
         "suspects": ScoreTable("Suspect channels", SUSPECTS, suspects),
         "isolations": ScoreTable("Healthy channels that were failed", ISOLATIONS, rows(score.isolations)),
-        "resolvers": ScoreTable("Patterns without a majority", RESOLVERS, _resolvers(score)),
+        "tie_break": ScoreTable("Splits", TIE_BREAKS, _tie_break(score)),
         "votes": ScoreTable("Votes", VOTES, rows(off)),
     }
 
 
-def _resolvers(score: Score) -> list[dict[str, Any]]:
-    """Return the resolvers that were asked, by pattern."""
+def _tie_break(score: Score) -> list[dict[str, Any]]:
+    """Return the tie-break rules that were asked, by pattern."""
     return [
-        {"pattern": pattern, "resolver": name, **asdict(asked)}
-        for pattern, resolvers in score.resolvers_by_pattern.items()
-        for name, asked in resolvers.items()
+        {"pattern": pattern, "decided_by": name, **asdict(asked)}
+        for pattern, tie_break in score.tie_break_by_pattern.items()
+        for name, asked in tie_break.items()
         if asked.asked
     ]
 

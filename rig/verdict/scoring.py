@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, Pattern, Resolver, Table
+from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Block, DecidedBy, Pattern, Table
 from rig.scenario.scenario import Scenario
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.law_tally import completed
@@ -49,30 +49,33 @@ OUTCOMES: Final[Mapping[FaultWord, Outcome]] = PUBLIC["score"]  # pyright: ignor
 def score(
     scenario: Scenario,
     table: Table,
-    twin: Block | None = None,
+    baseline: Block | None = None,
     yardstick: Yardstick = _YARDSTICK,
     unit_lane: str | None = None,
 ) -> Score:
     """Score a flight of ``scenario`` against the truth in its ``table``, from frame 0 on.
 
-    twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
+    baseline : rows of the same flight without faults (``fly_baseline``); without it there are no transients
     unit_lane : of several computers, the one whose software is a unit under test, A to D
     Without its clean channels the sensors are run again over the recorded truth.
-    BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
+    BadInput when these sensors cannot have given the rows, or the baseline is that of another flight.
     """
-    return score_blocks(scenario, [table], None if twin is None else [twin], yardstick, unit_lane)
+    return score_blocks(scenario, [table], None if baseline is None else [baseline], yardstick, unit_lane)
 
 
 def score_blocks(
     scenario: Scenario,
     blocks: Iterable[Table],
-    twin: Iterable[Block] | None = None,
+    baseline: Iterable[Block] | None = None,
     yardstick: Yardstick = _YARDSTICK,
     unit_lane: str | None = None,
 ) -> Score:
-    """Score a flight whose frames come in blocks, as ``score`` does; twin : as many at a time, fewer where it ends."""
+    """Score a flight whose frames come in blocks, as ``score`` does.
+
+    baseline : as many frames at a time, fewer where it ends
+    """
     outcome, again, apart = FlightOutcome(scenario, yardstick.window_s, unit_lane), None, list[Apart]()
-    for table, other in zip_longest(blocks, twin or ()):
+    for table, other in zip_longest(blocks, baseline or ()):
         rows = laid_out(table.rows)
         if outcome.frames == 0 and len(rows) and rows["frame"][0] != 0:
             raise BadInput(_FROM_0)
@@ -82,15 +85,15 @@ def score_blocks(
                 outcome.add(part)
         else:
             outcome.add(Table(rows, table.beside, clean=table.clean))
-        if twin is not None:
+        if baseline is not None:
             apart.append(apart_from(rows, other))
     if outcome.frames == 0:
         raise BadInput(_FROM_0)
-    return score_of(outcome, None if twin is None else Deviations.of(apart, yardstick))
+    return score_of(outcome, None if baseline is None else Deviations.of(apart, yardstick))
 
 
 def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
-    """Return the score of the flight that was added up; off : from its twin, for the transients."""
+    """Return the score of the flight that was added up; off : from its baseline, for the transients."""
     scenario, records = outcome.scenario, outcome.records
     names = [name for name, signal in zip(_SIGNAL_NAMES, records.signals, strict=True) if not signal["reported"]]
     faults, listed = _faults(outcome), episodes(outcome)
@@ -102,9 +105,9 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
         faults=faults,
         **isolations,
         episodes=listed,
-        resolvers=tally(listed),
-        resolvers_by_pattern=by_pattern(listed),
-        unresolved=sum(episode.resolver == "unresolved" for episode in listed),
+        tie_break=tally(listed),
+        tie_break_by_pattern=by_pattern(listed),
+        unresolved=sum(episode.decided_by == "unresolved" for episode in listed),
         vote_error=_vote_errors(outcome),
         signals=_signals(outcome),
         flight=flight_score(scenario, records.flight[0], measured),
@@ -144,7 +147,7 @@ def _faults(outcome: FlightOutcome) -> list[FaultScore]:
                 outcome=OUTCOMES[of_its_own],
                 delay_from_onset_frames=None if failed is None or onset is None else failed - onset,
                 delay_from_exceeded_frames=None if failed is None or exceeded is None else failed - exceeded,
-                resolver=None if failed is None else resolver_name(record["resolver"]),
+                decided_by=None if failed is None else rule_name(record["decided_by"]),
                 peak_error=_number(record["peak"]),
                 exceeded_run_frames=run,
                 tolerated=of_its_own == "missed" and run < _persistence(outcome, record),
@@ -182,11 +185,11 @@ def _number(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
-def resolver_name(code: int) -> str:
+def rule_name(code: int) -> str:
     """Return who failed a channel, as the kernels write it."""
     if code >= MONITORS:
         return finder(int(code))
-    return "comparison" if code == COMPARISON else Resolver(code).name.lower()
+    return "comparison" if code == COMPARISON else DecidedBy(code).name.lower()
 
 
 def _persistence(outcome: FlightOutcome, record: np.void) -> int:
@@ -208,12 +211,12 @@ def _looked_at_s(outcome: FlightOutcome, onset: int | None) -> float | None:
 
 
 def _pattern(record: np.void) -> str | None:
-    """Return how the channels were in the frame before a failure, else the first pattern without a majority."""
+    """Return how the channels were in the frame before a failure, else the first split."""
     if record["onset"] == NEVER or record["signal"] == NEVER or record["discrete"]:
         return None
     if record["failed_at"] != NEVER:
         return Pattern(record["pattern"]).label
-    return Pattern(record["singular"] or record["worst"]).label
+    return Pattern(record["in_split"] or record["worst"]).label
 
 
 def _window(outcome: FlightOutcome, record: np.void) -> Window | None:
@@ -260,7 +263,7 @@ def _isolations(outcome: FlightOutcome, kind: IsolationKind, faults: list[FaultS
             (_DISCRETE_NAMES if each["discrete"] else _SIGNAL_NAMES)[each["signal"]],
             int(each["channel"]) + 1,
             int(each["frame"]),
-            resolver_name(each["resolver"]),
+            rule_name(each["decided_by"]),
             tuple(c + 1 for c in range(CHANNELS) if int(each["erring"]) >> c & 1),
         )
         for each in failures

@@ -17,7 +17,7 @@ from rig.verdict.fault_kernels import acts, exceed
 from rig.verdict.signal_kernels import NEVER
 from rig.verdict.words import Cause
 
-MONITORS: Final = 100  # who found a fault: from here on an ActuatorMonitor, before it the comparison or a Resolver;
+MONITORS: Final = 100  # who found a fault: from here on an ActuatorMonitor, before it the comparison or a DecidedBy;
 VALVE: Final = MONITORS + len(ActuatorMonitor)  # or the monitor of the shut-off valve, which fails nobody
 SERVO: Final = np.dtype(
     [
@@ -170,9 +170,9 @@ def find(placed, fault, servo, c, frame):
         return
     if placed["valve"] != 0:
         if servo["differs_at"][c] == frame:
-            fault["failed_at"], fault["resolver"] = frame, VALVE
+            fault["failed_at"], fault["decided_by"] = frame, VALVE
     elif servo["failed_at"][c] == frame:
-        fault["failed_at"], fault["resolver"] = frame, MONITORS + servo["failed_by"][c]
+        fault["failed_at"], fault["decided_by"] = frame, MONITORS + servo["failed_by"][c]
 
 
 @kernel

@@ -34,7 +34,7 @@ def actuator_result(fault: FaultScore, context: Context) -> str:
 def _found(fault: FaultScore, context: Context) -> str:
     after = duration(fault.delay_from_onset_frames, context.rate_hz)
     on = "" if fault.channel is not None else f" on {_failed_for(fault, context)}"
-    return f"was found by {_NAMES.get(fault.resolver or '', fault.resolver)} after {after}{on}"
+    return f"was found by {_NAMES.get(fault.decided_by or '', fault.decided_by)} after {after}{on}"
 
 
 def _failed_for(fault: FaultScore, context: Context) -> str:

@@ -7,11 +7,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import CHANNELS, Pattern, Resolver, sig
+from rig.core.frame import CHANNELS, DecidedBy, Pattern, sig
 
-COMPARISON: Final = 0  # who failed a channel: this, or a Resolver
+COMPARISON: Final = 0  # who failed a channel: this, or a DecidedBy
 PATTERNS: Final = len(Pattern)
-RESOLVERS: Final = len(Resolver)
+TIE_BREAKS: Final = len(DecidedBy)
 ROOM: Final = 4 * CHANNELS  # a signal, of the arrays that are emptied
 EXTREMES: Final = (sig.N_Z, sig.Q, sig.THETA, sig.PHI, sig.ALPHA)  # of the truth
 FAULT: Final = np.dtype(
@@ -33,7 +33,7 @@ FAULT: Final = np.dtype(
         ("executed", "u1"),
         ("exceeded_at", "i8"),
         ("failed_at", "i8"),
-        ("resolver", "i8"),
+        ("decided_by", "i8"),
         ("acted_at", "i8"),  # last frame
         ("beyond_at", "i8"),  # last frame in which its error was above the threshold
         ("run", "i8"),  # of such frames, up to that
@@ -44,7 +44,7 @@ FAULT: Final = np.dtype(
         ("load_factor", "f8"),  # before the onset
         ("load_factor_change", "f8"),  # NaN: none
         ("pattern", "u1"),  # before it was failed,
-        ("singular", "u1"),  # the first without a majority since the onset; 0: none,
+        ("in_split", "u1"),  # the first without a majority since the onset; 0: none,
         ("worst", "u1"),  # the worst
     ],
     align=True,
@@ -56,7 +56,7 @@ FAILURE: Final = np.dtype(
             ("signal", "i8"),
             ("channel", "i8"),
             ("discrete", "u1"),
-            ("resolver", "i8"),
+            ("decided_by", "i8"),
             ("cause", "u1"),
         ),
         ("erring", "u1"),  # channels whose samples were wrong in its frame or the linger before, bits
@@ -82,11 +82,11 @@ EPISODE: Final = np.dtype(
         ("signal", "i8"),
         ("first", "i8"),
         ("last", "i8"),
-        ("resolvers", "i8"),  # those that were reported in any of its frames, bits
+        ("tie_break", "i8"),  # those that were reported in any of its frames, bits
         ("channels", "f8", (CHANNELS,)),  # of its last frame, as the rest
         ("reference", "f8"),
         ("pattern", "u1"),
-        ("resolver", "u1"),
+        ("decided_by", "u1"),
         ("valid", "u1", (CHANNELS,)),
         ("failed", "u1"),  # in the frame before
         ("ilm", "u1", (CHANNELS,)),

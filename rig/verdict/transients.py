@@ -1,4 +1,4 @@
-"""How the flight went, alone and against its fault-free twin."""
+"""How the flight went, alone and against its fault-free baseline."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ WRAPS: Final = np.array([signal.wraps for signal in SIGNALS])
 _COMPARED: Final = [INDEX[name] for name in ("normal_load_factor", "pitch_rate", "pitch_angle", "roll_angle")]
 
 
-def fly_twin(scenario: Scenario, frames: int | None = None, unit: UnitUnderTest | None = None) -> Block:
+def fly_baseline(scenario: Scenario, frames: int | None = None, unit: UnitUnderTest | None = None) -> Block:
     """Return the same scenario and seed without its faults: its rows, no more than ``frames``.
 
     unit : under test, that flew the scenario too
     """
-    from rig.flight.unit_loop import fly_rows  # a score without a twin needs no simulation
+    from rig.flight.unit_loop import fly_rows  # a score without a baseline needs no simulation
 
     return fly_rows(scenario.model_copy(update={"faults": []}), frames, unit)
 
 
-def twin_blocks(scenario: Scenario, frames: int, unit: UnitUnderTest | None = None) -> Iterator[Block]:
-    """Fly the twin as ``fly_twin`` does, and yield its rows in blocks of core.blocks.ROWS."""
+def baseline_blocks(scenario: Scenario, frames: int, unit: UnitUnderTest | None = None) -> Iterator[Block]:
+    """Fly the baseline as ``fly_baseline`` does, and yield its rows in blocks of core.blocks.ROWS."""
     from rig.flight.unit_loop import fly_blocks
 
     return (table.rows for table in fly_blocks(scenario.model_copy(update={"faults": []}), frames, unit))
@@ -69,7 +69,7 @@ def _reason(end: End, frames: int, scenario: Scenario) -> str:
 
 
 class Apart(NamedTuple):
-    """How far frames of a flight are from those of its twin."""
+    """How far frames of a flight are from those of its baseline."""
 
     frames: int
     lost: bool  # the flight, in the last of them
@@ -77,20 +77,20 @@ class Apart(NamedTuple):
     off: NDArray[np.float64]  # (n, 4) of the frames that both have, _COMPARED
 
 
-def apart_from(rows: Block, twin: Block | None) -> Apart:
-    """Compare ``rows`` (n,) with those of the twin, which has fewer where it has ended, or none."""
+def apart_from(rows: Block, baseline: Block | None) -> Apart:
+    """Compare ``rows`` (n,) with those of the baseline, which has fewer where it has ended, or none."""
     lost = bool(len(rows)) and bool(rows["end"][-1] != End.FLYING)
-    if twin is None:
+    if baseline is None:
         return Apart(len(rows), lost, None, np.empty((0, len(_COMPARED))))
-    n = min(len(rows), len(twin))
-    truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
+    n = min(len(rows), len(baseline))
+    truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(baseline["truth"][:n])
     differs = np.flatnonzero((truth != other).any(axis=1))
     off = np.abs(differences(truth, other, WRAPS))[:, _COMPARED]
     return Apart(len(rows), lost, int(differs[0]) if len(differs) else None, off)
 
 
 class Deviations(NamedTuple):
-    """How far a whole flight is from its twin."""
+    """How far a whole flight is from its baseline."""
 
     yardstick: Yardstick
     frames: int
@@ -113,15 +113,15 @@ class Deviations(NamedTuple):
 
 
 def transients(deviations: Deviations, faults: Sequence[FaultScore], acted_from: int, rate_hz: float) -> Transients:
-    """Return how far a flight was from its twin; BadInput when that is none of this flight.
+    """Return how far a flight was from its baseline; BadInput when that is none of this flight.
 
     acted_from : first frame in which any fault acted, or NEVER
     """
     first, off, yardstick = deviations.first_difference, deviations.off, deviations.yardstick
     if first is not None and (acted_from == NEVER or first <= acted_from):
         raise BadInput(
-            f"the fault-free twin leaves the flight in frame {first}, before any fault can have moved the "
-            "aircraft: other versions flew it; without the twin (--no-twin) it can be scored"
+            f"the fault-free baseline leaves the flight in frame {first}, before any fault can have moved the "
+            "aircraft: other versions flew it; without the baseline (--no-baseline) it can be scored"
         )
     limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
     beyond = np.any(~(off[:, :2] <= limits), axis=1)

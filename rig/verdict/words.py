@@ -48,7 +48,7 @@ PUBLIC: Final[dict[str, dict[str, str]]] = {
         "no effect": "missed",
         "not executed": "none",
     },
-    "reliability": {"kept": "kept", "lost and announced": "known loss", "bad and silent": "bad vote"},
+    "reliability": {"kept": "correct", "lost and announced": "annunciated loss", "bad and silent": "undetected error"},
 }
 PRIOR: Final = "prior"  # of an injected fault: its signal had failed a channel before it began
 INJECTED: Final[tuple[FaultWord, ...]] = ("isolated", "wrong channel", "missed")  # that acts, and is to be found

@@ -16,7 +16,7 @@ _TAKERS: Final[tuple[tuple[str, ...], ...]] = (
     ("fly", "x", "--out", "logs"),
     ("scenario", "check", "x"),
     ("scenario", "show", "x"),
-    ("bench", "x", "--repeats", "1"),
+    ("cost", "x", "--repeats", "1"),
     ("campaign", "plan", "x"),
     ("campaign", "run", "x", "--out", "o"),
     ("campaign", "plan", "base.toml"),

@@ -35,7 +35,7 @@ _NEEDED: Final = {
 }
 # A legal number would take minutes there, a legal path would write into the checkout: only what is refused at once.
 _REFUSE: Final = {
-    *("bench --repeats", "study fault-tolerant --seeds", "study fault-tolerant --workers", "study rate-bias --seeds"),
+    *("cost --repeats", "study fault-tolerant --seeds", "study fault-tolerant --workers", "study rate-bias --seeds"),
     *("study rate-bias --drawn", "study rate-bias --workers", "fly --realtime-factor"),
 }
 _STUDIES: Final = ("ding2015", "fault-tolerant", "rate-bias")

@@ -1,7 +1,7 @@
 """Kind ``kernel``: random samples through all five managers.
 
 While a valid sample in range exists the vote is finite and within the range of such samples.  Three exceptions are
-the manager's own rules: nobody answers a pattern without a majority (the last vote is held, moved by the ranks), a
+the manager's own rules: nobody answers a split (the last vote is held, moved by the ranks), a
 fade, and a last channel against which its monitor or the reference speaks (the reference votes, else the last vote).
 """
 
@@ -54,7 +54,7 @@ def _sequence(manager: str, wraps: bool, rng: Random) -> str:
     settings: dict[str, Any] = {
         "threshold": rng.choice([0.02, 1.0, 1e-9]),
         "persistence": rng.choice([1, 3, 8]),
-        "singular_persistence": rng.choice([1, 10]),
+        "split_persistence": rng.choice([1, 10]),
         "mean": rng.choice(["plain", "trend-weighted"]),
         "fade_s": fade_s,
     }
@@ -91,7 +91,7 @@ def _broken(
     block: Any, manager: str, limits: tuple[float, float], fitted: int, wraps: bool, fade_s: float, settings: Any
 ) -> str:
     """The first frame in which the property does not hold."""
-    from rig.core.frame import Resolver, State
+    from rig.core.frame import DecidedBy, State
 
     samples, valid = block["channels"][:, 0, :fitted], block["valid"][:, 0, :fitted] != 0
     states, voted = block["state"][:, 0, :fitted], block["voted"][:, 0]
@@ -103,9 +103,9 @@ def _broken(
         where = f"{manager}, {settings}, range {limits}, frame {k}: vote {voted[k]!r} of {samples[k].tolist()}"
         if (before is not None or counts[k].any()) and not np.isfinite(voted[k]):
             return f"not finite: {where}"
-        resolver = block["resolver"][k, 0]
-        accused = usable.sum() == 1 and resolver in (Resolver.ILM, Resolver.REFERENCE)
-        held = accused or resolver == Resolver.UNRESOLVED or fade_s > 0 or not usable.any()
+        decided_by = block["decided_by"][k, 0]
+        accused = usable.sum() == 1 and decided_by in (DecidedBy.ILM, DecidedBy.REFERENCE)
+        held = accused or decided_by == DecidedBy.UNRESOLVED or fade_s > 0 or not usable.any()
         if not held and not _within(float(voted[k]), samples[k][usable], wraps, before):
             return f"outside of the good samples: {where}"
         before = float(voted[k]) if before is not None or counts[k].any() else None

@@ -14,7 +14,7 @@ from hostile_cases.values import TEXTS, short
 COMMANDS: Final[tuple[tuple[str, ...], ...]] = (
     ("info", "l.mcap"),
     ("info", "l.mcap", "--json"),
-    ("score", "l.mcap", "--no-twin"),
+    ("score", "l.mcap", "--no-baseline"),
     ("score", "l.mcap"),
     ("replay", "l.mcap"),
     ("replay", "l.mcap", "--fly"),

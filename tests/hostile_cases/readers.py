@@ -46,7 +46,7 @@ _CAMPAIGN: Final[dict[str, Any]] = {"sound": "camp", "mark": "campaign.json"}
 _CELLS: Final[dict[str, Any]] = {"sound": "cells", "mark": "campaign.json"}  # of the campaign `reliability`
 _SCENARIO: Final = "everything.toml"
 _OWN: Final = "aircraft.toml"
-_NAMES: Final = 'name = "u"\npath = "X"\n', 'name = "u"\ncarrier = "udp"\ncommand = ["X"]\n'
+_NAMES: Final = 'name = "u"\npath = "X"\n', 'name = "u"\ntransport = "udp"\ncommand = ["X"]\n'
 _MAPPED: Final = "".join(f'"pitch_rate.{c}" = "X:pitch_rate.{c}"\n' for c in (1, 2))
 _MAPPING: Final = f"[default]\nthreshold = 0.1\n[mapping]\n{_MAPPED}"
 _BASE: Final = "\n[vary]\nseed = [1]\n"
@@ -74,7 +74,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "aircraft design name": (Reader("aircraft design X", "own", mark=_OWN, long=True),),
     "aircraft list folders": (Reader("aircraft list X", "own", mark=_OWN),),
     "aircraft show name": (Reader("aircraft show X", "own", mark=_OWN),),
-    "bench scenario": (Reader("bench X --repeats 1", _SCENARIO, long=True),),
+    "cost scenario": (Reader("cost X --repeats 1", _SCENARIO, long=True),),
     "campaign compare first": (Reader("campaign compare X camp", **_CAMPAIGN, needs=("camp",)),),
     "campaign compare second": (Reader("campaign compare camp X", **_CAMPAIGN, needs=("camp",)),),
     "campaign fly --unit": (_unit("campaign fly camp --run 0 --unit X", "camp"),),
@@ -96,19 +96,21 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "fly --unit": (_unit(f"fly everything.toml {_FLY} --unit X", _SCENARIO),),
     "fly scenario": (Reader(f"fly X {_FLY}", _SCENARIO),),
     "info log": (_log("info X"),),
-    "league --config": (Reader("league --recordings in.csv --config X", "vote.toml", ("in.csv",), long=True),),
-    "league --healthy": (Reader("league smoke --healthy X --out o", **_CAMPAIGN, named=False, long=True),),
-    "league --recordings": tuple(
-        Reader("league --recordings X --config vote.toml", sound, ("vote.toml",), long=True)
+    "benchmark --config": (Reader("benchmark --recordings in.csv --config X", "vote.toml", ("in.csv",), long=True),),
+    "benchmark --healthy": (Reader("benchmark smoke --healthy X --out o", **_CAMPAIGN, named=False, long=True),),
+    "benchmark --recordings": tuple(
+        Reader("benchmark --recordings X --config vote.toml", sound, ("vote.toml",), long=True)
         for sound in ("in.csv", "in.parquet")
     ),
-    "league --second": (
-        Reader("league smoke --healthy camp --second X --out o", **_CAMPAIGN, needs=("camp",), named=False, long=True),
+    "benchmark --second": (
+        Reader(
+            "benchmark smoke --healthy camp --second X --out o", **_CAMPAIGN, needs=("camp",), named=False, long=True
+        ),
     ),
-    "league --out": (
-        Reader("league smoke --healthy camp --out X", **_CAMPAIGN, needs=("camp",), named=False, long=True),
+    "benchmark --out": (
+        Reader("benchmark smoke --healthy camp --out X", **_CAMPAIGN, needs=("camp",), named=False, long=True),
     ),
-    "league campaign": (Reader("league X --healthy camp --out o", "campaign.toml", ("camp",), long=True),),
+    "benchmark campaign": (Reader("benchmark X --healthy camp --out o", "campaign.toml", ("camp",), long=True),),
     "recover log": (_log("recover X --out r.mcap"),),
     "reliability confirm --aircraft": (
         Reader("reliability confirm cuts --aircraft X", "own", ("cuts",), mark=_OWN, named=False, long=True),
@@ -125,7 +127,9 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
         Reader(f"reliability fmea X --rates {RATES} --out f.csv", **_CELLS, needs=(RATES,)),
         Reader(f"reliability fmea X --rates {RATES} --out f.html", **_CELLS, needs=(RATES,)),
     ),
-    "reliability margin --scenario": (Reader("reliability margin pitch_rate --scenario X", _SCENARIO, long=True),),
+    "reliability false-isolations --scenario": (
+        Reader("reliability false-isolations pitch_rate --scenario X", _SCENARIO, long=True),
+    ),
     "reliability plan --rates": (Reader("reliability plan --target 1e-7 --rates X", RATES),),
     "reliability report --cells": (
         Reader(
@@ -177,9 +181,9 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "report log": (_log("report X --out r.html"), _log("report X")),
     "scenario check scenario": (Reader("scenario check X", _SCENARIO),),
     "scenario show scenario": (Reader("scenario show X", _SCENARIO),),
-    "score --requirements": (_requirements("score log.mcap --no-twin --requirements X", "log.mcap"),),
+    "score --requirements": (_requirements("score log.mcap --no-baseline --requirements X", "log.mcap"),),
     "score --unit": (_unit("score log.mcap --unit X", "log.mcap"),),
-    "score log": (_log("score X --no-twin"),),
+    "score log": (_log("score X --no-baseline"),),
     "search --out": (
         Reader("search worst-pitch-rate --requirement vote --flights 40 --out X", **_CAMPAIGN, long=True),
     ),
@@ -232,7 +236,7 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
     ),
     "Unit.path": (
         Reader(f"fly everything.toml {_FLY} --unit u.toml", "noise.csv", (_SCENARIO,), (("u.toml", _NAMES[0]),)),
-        Reader("unit check u.toml", "noise.csv", (), (("u.toml", f'carrier = "fmu"\n{_NAMES[0]}'),)),
+        Reader("unit check u.toml", "noise.csv", (), (("u.toml", f'transport = "fmu"\n{_NAMES[0]}'),)),
     ),
     "Unit.command": (
         Reader(
@@ -292,8 +296,9 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
 # What names no file to read: parameters by their names, and keys of settings.
 WRITES: Final = {"out", "save", "screenshot", "plot", "junit", "report", "chain", "svg"}
 _PARAMETERS: Final = """
-    against base channels checks conditions filters fmu good_before hours kind lane lasting layout levels logs managers
-    method persistence point points requirement rerun scheduler sensor_class sets signal signals surface tab threshold
+    against base channels checks conditions filters fmu good_before hours kind lane layout levels logs managers
+    method persistence point points requirement rerun scheduler sensor_class sets signal signals slow_faults surface
+    tab threshold
     to tolerance
 """
 OTHER_PARAMETERS: Final = {"aircraft new name", *_PARAMETERS.split()}  # other parameters ``name`` read one

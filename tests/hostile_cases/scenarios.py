@@ -62,7 +62,7 @@ def overridden(draw: Draw, store: Store) -> Case:
         text = draw.rng.choice([f"{key}={value}", f"{dotted(path)}.{key}=1", f"faults.{key}=1", key])
     text = text.encode().decode("utf-8", "surrogateescape").replace("\0", "")[:130_000]
     heads = (["fly", "s.toml", "--out", "logs"], ["scenario", "check", "s.toml"], ["scenario", "show", "s.toml"])
-    tails = (["bench", "s.toml", "--repeats", "1"], ["replay", "log.mcap"], ["campaign", "plan", "campaign.toml"])
+    tails = (["cost", "s.toml", "--repeats", "1"], ["replay", "log.mcap"], ["campaign", "plan", "campaign.toml"])
     argv = draw.rng.choices([*heads, *tails], (6, 3, 2, 1, 2, 1))[0]
     files = _writes({"s.toml": replaced(store.scenarios[name], ("title",), '"t"')})
 
@@ -83,7 +83,7 @@ def trust(draw: Draw, store: Store) -> Case:
         ("fly", "s.toml", "--out", "logs"),
         ("scenario", "check", "s.toml"),
         ("scenario", "show", "s.toml"),
-        ("bench", "s.toml", "--repeats", "1"),
+        ("cost", "s.toml", "--repeats", "1"),
         ("campaign", "plan", "c.toml"),
         ("campaign", "run", "c.toml", "--out", "o"),
         ("replay", "l.mcap"),
@@ -91,7 +91,7 @@ def trust(draw: Draw, store: Store) -> Case:
         ("replay", "l.mcap", "--set", "redundancy.signals.pitch_rate.threshold=0.1"),
         ("replay", "log.mcap", "--redundancy", "r.toml"),
         ("score", "l.mcap"),
-        ("score", "l.mcap", "--no-twin"),
+        ("score", "l.mcap", "--no-baseline"),
         ("report", "l.mcap"),
         ("info", "l.mcap"),
         ("export", "l.mcap", "--to", "csv"),

@@ -22,7 +22,7 @@ CAMPAIGN: Final[dict[str, Any]] = {
     "sampling": "grid",
     "runs": 4,
     "seed": 1,
-    "twin": False,
+    "baseline": False,
     "set": {"duration_s": 0.5, "faults.0.start_s": 0.2, "faults.0.end_s": 0.4},
     "vary": {
         "faults.0.offset": {"values": [0.02, 0.3]},
@@ -45,8 +45,8 @@ VOTE: Final[dict[str, Any]] = {
     "signal": {
         "pitch_rate": {
             "persistence": 8,
-            "singular_persistence": 10,
-            "resolvers": ["ilm", "trend", "reference"],
+            "split_persistence": 10,
+            "tie_break": ["ilm", "trend", "reference"],
             "trend_frames": 3,
             "reference_threshold": 0.05,
             "range": [-1.5, 1.5],
@@ -124,7 +124,7 @@ class Store:
         (self.folder / "rates.toml").write_text(rates)
         (self.folder / "noise.csv").write_text("".join(f"{k}e-6,2e-6,-3e-6,{-k}e-6\n" for k in range(99)))
         (self.folder / "redundancy.toml").write_text('[redundancy]\nmanager = "median"\n')
-        (self.folder / "unit.toml").write_text('name = "u"\ncarrier = "python"\nmanager = "evilmod:M"\n')
+        (self.folder / "unit.toml").write_text('name = "u"\ntransport = "python"\nmanager = "evilmod:M"\n')
         shutil.copytree(_CHECKOUT / "aircraft" / "f16", self.folder / "own")
         (self.folder / "trials").mkdir()
         (self.folder / "trials" / "trials.json").write_text('{"format": 1}')

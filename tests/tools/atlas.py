@@ -5,7 +5,7 @@
     python tests/tools/atlas.py page OUT.json                                    # docs/worst.md, docs/worst.svg
 
 A cell is a manager, an aircraft, a signal and a number of faults (search_here.space). It is searched open loop; the
-candidate of the least margin is then flown on five new seeds.
+candidate of the least robustness is then flown on five new seeds.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def search(job: tuple[Cell, int]) -> dict[str, Any]:
     violated = [i for i, each in enumerate(found) if each.violated]
     table = plan.data(best)
     flown = [_flown(table, seed, plan.requirements) for seed in new_seeds(plan.campaign, flights, SEEDS)]
-    margins = [margin for margin, _, _ in flown]
-    worst = flown[int(np.argmin(margins))]
+    robustness = [found for found, _, _ in flown]
+    worst = flown[int(np.argmin(robustness))]
     return {
         "manager": manager,
         "aircraft": plane,
@@ -72,8 +72,8 @@ def search(job: tuple[Cell, int]) -> dict[str, Any]:
         "faults": faults,
         "trials": len(found),
         "trials_to_first": violated[0] + 1 if violated else None,
-        "margin": min(each.margin for each in found),
-        "flown_margin": float(median(margins)),
+        "robustness": min(each.robustness for each in found),
+        "flown_robustness": float(median(robustness)),
         "flown_violated": sum(violates for _, violates, _ in flown),
         "scenario": _brief(table["faults"]),
         "why": worst[2],
@@ -90,7 +90,7 @@ def simplify(found: dict[str, Any]) -> str:
 
     def flights(tables: Sequence[dict[str, Any]]) -> list[Measured]:
         flown = [_flown(table, table["seed"], plan.requirements) for table in tables]
-        return [Measured(margin, 0.0, violates) for margin, violates, _ in flown]
+        return [Measured(found, 0.0, violates) for found, violates, _ in flown]
 
     simple = simplest(shrink(found["table"], few, flights), many, flights)
     path = ROOT / "faults" / "worst" / f"{name_of(found)}.toml"
@@ -100,12 +100,12 @@ def simplify(found: dict[str, Any]) -> str:
 
 
 def _flown(table: dict[str, Any], seed: int, requirements: Any) -> tuple[float, bool, str]:
-    """Return least margin of the vote, whether it is violated, and why, of a flight."""
+    """Return least robustness of the vote, whether it is violated, and why, of a flight."""
     data = aircraft.merge(aircraft.tables(table["aircraft"]), {**table, "seed": seed})
     scenario = build(Scenario, data, "atlas")
     flight = fly(scenario)
     verdict = next(each for each in check_rows(flight.rows, scenario, requirements) if each.requirement == REQUIREMENT)
-    return verdict.margin, verdict.status == "violated", why(scenario, flight.rows, verdict.instant_s)
+    return verdict.robustness, verdict.status == "violated", why(scenario, flight.rows, verdict.instant_s)
 
 
 def why(scenario: Scenario, rows: Block, instant_s: float) -> str:
@@ -163,7 +163,7 @@ def main() -> None:
             done[name] = found
             given.results.write_text(json.dumps(done, indent=1))
             print(
-                f"{len(done)}/{len(CELLS)} {name}: {found['margin']:.2f} {found['flown_violated']} of {SEEDS}",
+                f"{len(done)}/{len(CELLS)} {name}: {found['robustness']:.2f} {found['flown_violated']} of {SEEDS}",
                 flush=True,
             )
 

@@ -29,20 +29,20 @@ STYLE: Final = (
 HEAD: Final = """# Worst cases
 
 What 1, 2 and 3 faults of one sign on one signal can do to the vote, by manager and aircraft: a [search](search.md)
-looks for the flight with the least margin of the [requirement](margins.md) `vote` (the vote stays within the threshold
-of the truth, or the signal is lost and that is announced), and what it finds is flown on {seeds} new seeds. A margin is
-in thresholds of the signal; below 0 the requirement is violated.
+looks for the flight with the least robustness of the [requirement](requirements-format.md) `vote` (the vote stays
+within the threshold of the truth, or the signal is lost and that is announced), and what it finds is flown on {seeds}
+new seeds. A robustness is in thresholds of the signal; below 0 the requirement is violated.
 
-![Median margin of the vote and flights that violate it, by manager, aircraft, signal and faults](worst.svg)
+![Median robustness of the vote and flights that violate it, by manager, aircraft, signal and faults](worst.svg)
 
-The number of a cell is the median margin of its {seeds} flights; below it stands in how many of them the requirement is
-violated. Blue: in none. Yellow: in some. Red: in all. An outlined cell has a scenario in `faults/worst/`, of a
-search before this one: it may be worse than what this one found. The tables below have the same numbers,
-the faults, and why.
+The number of a cell is the median robustness of its {seeds} flights; below it stands in how many of them the
+requirement is violated. Blue: in none. Yellow: in some. Red: in all. An outlined cell has a scenario in
+`faults/worst/`, of a search before this one: it may be worse than what this one found. The tables below have the same
+numbers, the faults, and why.
 
 - Space: drifts (0.05 to 5 thresholds a second) or offsets (0.4 to 10 thresholds) on the first channels, each from 3
   to 6 s of 14 s in light turbulence.
-- Budget: {trials} open-loop trials a cell, 24 of them at random; the candidate of the least margin is then flown on
+- Budget: {trials} open-loop trials a cell, 24 of them at random; the candidate of the least robustness is then flown on
   {seeds} new seeds. So small a budget finds what is easy to find: a blue cell is no proof. `first` is the trial
   that first violated.
 - Again: `python tests/tools/atlas.py search OUT.json`, `scenarios`, `page`. {total} trials and {flights} flights.
@@ -92,10 +92,8 @@ def picture(rows: Sequence[Row], names: Sequence[str]) -> str:
     parts += _legend(height - 72)
     size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
-    title = (
-        "<title>Median margin of the vote, and flights that violate it, by manager, aircraft, signal and faults</title>"
-    )
-    return "\n".join([head, title, f"<style>{STYLE}</style>", *parts, "</svg>\n"])
+    title = "Median robustness of the vote, and flights that violate it, by manager, aircraft, signal and faults"
+    return "\n".join([head, f"<title>{title}</title>", f"<style>{STYLE}</style>", *parts, "</svg>\n"])
 
 
 def _cell(row: Row, x: float, y: float, names: Sequence[str]) -> str:
@@ -103,7 +101,7 @@ def _cell(row: Row, x: float, y: float, names: Sequence[str]) -> str:
     edge = 'class="edge"' if name_of(row) in names else 'stroke="none"'
     box = f'<rect x="{x + 1}" y="{y + 1}" width="{WIDTH - 2}" height="{HEIGHT - 2}" rx="3" fill="{fill}" {edge}/>'
     middle, ink = x + WIDTH / 2, f'style="fill:{ink}"'
-    text = f'<text x="{middle}" y="{y + 16}" {ink}>{_short(row["flown_margin"])}</text>'
+    text = f'<text x="{middle}" y="{y + 16}" {ink}>{_short(row["flown_robustness"])}</text>'
     count = f'<text x="{middle}" y="{y + 29}" class="small" {ink}>{row["flown_violated"]} of {row["seeds"]}</text>'
     where = f"{row['manager']}, {row['aircraft']}, {row['signal']}, {row['faults']}"
     title = escape(f"{where}: {row['scenario']}: {row['why']}")
@@ -115,7 +113,7 @@ def look(row: Row) -> tuple[str, str]:
     if 0 < row["flown_violated"] < row["seeds"]:
         return MIXED
     scale = VIOLATED if row["flown_violated"] else MET
-    return next((fill, ink) for bound, fill, ink in scale if row["flown_margin"] >= bound)
+    return next((fill, ink) for bound, fill, ink in scale if row["flown_robustness"] >= bound)
 
 
 def _legend(top: float) -> list[str]:
@@ -129,8 +127,8 @@ def _legend(top: float) -> list[str]:
     return parts
 
 
-def _short(margin: float) -> str:
-    return f"{margin:.2f}" if abs(margin) < 1.0 else f"{margin:.1f}"
+def _short(robustness: float) -> str:
+    return f"{robustness:.2f}" if abs(robustness) < 1.0 else f"{robustness:.1f}"
 
 
 def _text(x: float, y: float, text: str, kind: str) -> str:
@@ -145,7 +143,7 @@ def page(rows: Sequence[Row], names: Sequence[str], root: Path, seeds: int) -> s
         findings=findings(rows), scenarios=scenarios(names, root), met=met_now(names),
     )]  # fmt: skip
     for manager, plane in dict.fromkeys((row["manager"], row["aircraft"]) for row in rows):
-        texts.append(f"\n## {manager} {plane}\n\n| signal | faults | margin | violated | first | the case | why |")
+        texts.append(f"\n## {manager} {plane}\n\n| signal | faults | robustness | violated | first | the case | why |")
         texts.append("|---|---|---|---|---|---|---|")
         texts += [_line(row, seeds) for row in rows if (row["manager"], row["aircraft"]) == (manager, plane)]
     return "\n".join(texts) + "\n"
@@ -153,10 +151,9 @@ def page(rows: Sequence[Row], names: Sequence[str], root: Path, seeds: int) -> s
 
 def _line(row: Row, seeds: int) -> str:
     first = row["trials_to_first"] or "-"
-    found = (
-        f"{row['flown_margin']:.2f} | {row['flown_violated']} of {seeds} | {first} | {row['scenario']} | {row['why']}"
-    )
-    return f"| {row['signal'].replace('_', ' ')} | {row['faults']} | {found} |"
+    found = f"{row['flown_robustness']:.2f} | {row['flown_violated']} of {seeds} | {first}"
+    name = row["signal"].replace("_", " ")
+    return f"| {name} | {row['faults']} | {found} | {row['scenario']} | {row['why']} |"
 
 
 def findings(rows: Sequence[Row]) -> str:
@@ -168,7 +165,7 @@ def findings(rows: Sequence[Row]) -> str:
             own = [row for row in rows if (row["manager"], row["faults"]) == (manager, count)]
             every = sum(row["flown_violated"] == row["seeds"] for row in own)
             some = sum(0 < row["flown_violated"] < row["seeds"] for row in own)
-            least = min(row["flown_margin"] for row in own)
+            least = min(row["flown_robustness"] for row in own)
             many = f"{count} fault{'s' if count > 1 else ''}"
             told.append(f"{many}: violated in all flights of {every} cells, in some of {some}, in none of "
                         f"{len(own) - every - some} (least median {least:.2f})")  # fmt: skip

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.core.frame import DISCRETES, SIGNALS, Resolver, State, Trust
+from rig.core.frame import DISCRETES, SIGNALS, DecidedBy, State, Trust
 from rig.flight import loop
 from rig.flight.fly import fly
 from rig.log import read_log
@@ -25,7 +25,7 @@ from rig.verdict.of_log import score_log
 from rig.verdict.score_records import Yardstick
 
 COMPARISON = "comparison"
-WORDS = {  # how a fault's sentence ends, by the resolver of the row
+WORDS = {  # how a fault's sentence ends, by the rule of the row
     "ilm": "by the in-line monitors",
     "trend": "by the trend",
     "reference": "by the reference",
@@ -69,8 +69,8 @@ def isolated(rows: Any, rate_hz: float) -> list[Isolated]:
         for k, i, c in np.argwhere(became):
             by = COMPARISON
             if field == "state" and rows["valid"][k, i, c] and np.isfinite(rows["channels"][k, i, c]):
-                resolver = Resolver(rows["resolver"][k, i])
-                by = COMPARISON if resolver in (Resolver.NONE, Resolver.UNRESOLVED) else resolver.name.lower()
+                decided_by = DecidedBy(rows["decided_by"][k, i])
+                by = COMPARISON if decided_by in (DecidedBy.NONE, DecidedBy.UNRESOLVED) else decided_by.name.lower()
             found.append(Isolated(places[i].name, int(c) + 1, k / rate_hz, by))
     return sorted(found, key=lambda each: each.at_s)
 
@@ -101,12 +101,12 @@ def onset_s(head: str) -> float:
     return float(_TIME.findall(head)[-1])
 
 
-def contradictions(scenario: Scenario, rows: Any, twin: Any, sentences: Sequence[str]) -> list[str]:
+def contradictions(scenario: Scenario, rows: Any, baseline: Any, sentences: Sequence[str]) -> list[str]:
     """Return what the sentences say that the rows do not, and what the rows hold and no sentence says.
 
-    twin : rows of the fault-free flight, with which the log was scored
+    baseline : rows of the fault-free flight, with which the log was scored
     """
-    found = [*_transients(scenario.rate_hz, rows, twin, sentences)]
+    found = [*_transients(scenario.rate_hz, rows, baseline, sentences)]
     if scenario.computers.count == 1:
         found += [
             *_isolations(scenario, rows, sentences),
@@ -174,10 +174,10 @@ def _counts(scenario: Scenario, sentences: Sequence[str]) -> Iterator[str]:
         yield f"{healthy} healthy channels failed by the sentences; {last}"
 
 
-def _transients(rate_hz: float, rows: Any, twin: Any, sentences: Sequence[str]) -> Iterator[str]:
+def _transients(rate_hz: float, rows: Any, baseline: Any, sentences: Sequence[str]) -> Iterator[str]:
     """The load factor against the fault-free flight, wherever a sentence states it."""
-    n = min(len(rows), len(twin))
-    off = np.abs(rows["truth"][:n, N_Z] - twin["truth"][:n, N_Z])
+    n = min(len(rows), len(baseline))
+    off = np.abs(rows["truth"][:n, N_Z] - baseline["truth"][:n, N_Z])
     for line in sentences:
         if (moved := _MOVED.search(line)) is None:
             if "load factor" in line.partition("; ")[2] and "departure" not in line:
@@ -196,8 +196,8 @@ def check(name: str) -> tuple[list[str], int]:
         flight = fly(name, out=folder)
         log, scored = read_log(flight.log), score_log(flight.log, Yardstick())
         scenario = scored.scenario
-        twin = loop.fly_rows(scenario.model_copy(update={"faults": []}), log.frames)
-        found = contradictions(scenario, log.rows, twin, scored.conclusion)
+        baseline = loop.fly_rows(scenario.model_copy(update={"faults": []}), log.frames)
+        found = contradictions(scenario, log.rows, baseline, scored.conclusion)
     if any("the load factor" in line for line in flight.conclusion):
         found.append("rig fly tells of a load factor, and has no fault-free flight")
     return found, len(scored.conclusion)

@@ -26,15 +26,15 @@ from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 import rig
-from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, Block, Pattern, Resolver, Source, State
+from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, Block, DecidedBy, Pattern, Source, State
 from rig.core.frame.fields import FIELD
 from rig.scenario.aircraft import bundled
 
 DECIDED: Final = (
-    *("frame", "state", "level", "pattern", "resolver", "reference_usable", "common_mode", "source"),
-    *("discrete_state", "discrete_level", "discrete_voted", "law", "trust", "lie", "end"),
+    *("frame", "state", "level", "pattern", "decided_by", "reference_usable", "common_mode", "source"),
+    *("discrete_state", "discrete_level", "discrete_voted", "law", "trust", "sensor_fault", "end"),
 )
-OF_FLIGHT: Final = {name: FIELD[name].enum for name in ("law", "trust", "lie", "end")}
+OF_FLIGHT: Final = {name: FIELD[name].enum for name in ("law", "trust", "sensor_fault", "end")}
 SHOWN: Final = 4  # entries of one decision
 Track = tuple[str, str, NDArray[Any], Callable[[int], str]]  # whose, what, a value each row, a row's value in words
 Entries = dict[tuple[str, str], list[tuple[int, str]]]  # (whose, what): the frames in which it changes, and to what
@@ -83,14 +83,14 @@ def tracks(rows: Block) -> Iterator[Track]:
 
 
 def of_signal(rows: Block, s: int, name: str) -> Iterator[Track]:
-    """Failed channels, pattern without a majority and who answers it, level, reference, source, common mode."""
-    pattern, resolver = (rows[field][:, s].astype(int) for field in ("pattern", "resolver"))
+    """Failed channels, split and who answers it, level, reference, source, common mode."""
+    pattern, decided_by = (rows[field][:, s].astype(int) for field in ("pattern", "decided_by"))
     for c in range(CHANNELS):
-        yield of_channel(f"{name}.{c + 1}", rows["state"][:, s, c], resolver)
-    answered = np.where((pattern >= Pattern.P2_2) & (pattern <= Pattern.P1_1), 16 * pattern + resolver, 0)
+        yield of_channel(f"{name}.{c + 1}", rows["state"][:, s, c], decided_by)
+    answered = np.where((pattern >= Pattern.P2_2) & (pattern <= Pattern.P1_1), 16 * pattern + decided_by, 0)
 
     def words(k: int) -> str:
-        return f"{Pattern(pattern[k]).label} {Resolver(resolver[k]).name.lower()}" if answered[k] else "over"
+        return f"{Pattern(pattern[k]).label} {DecidedBy(decided_by[k]).name.lower()}" if answered[k] else "over"
 
     yield name, "pattern", answered, words
     yield of_values(name, "level", rows["level"][:, s])
@@ -100,13 +100,13 @@ def of_signal(rows: Block, s: int, name: str) -> Iterator[Track]:
         yield of_values(name, "common mode", rows["common_mode"][:, s])
 
 
-def of_channel(whose: str, state: NDArray[Any], resolver: NDArray[Any]) -> Track:
+def of_channel(whose: str, state: NDArray[Any], decided_by: NDArray[Any]) -> Track:
     """When a channel is failed, and by whom."""
     failed = state == State.FAILED
 
     def words(k: int) -> str:
-        resolved = resolver[k] not in (Resolver.NONE, Resolver.UNRESOLVED)
-        by = Resolver(resolver[k]).name.lower() if resolved else "comparison"
+        resolved = decided_by[k] not in (DecidedBy.NONE, DecidedBy.UNRESOLVED)
+        by = DecidedBy(decided_by[k]).name.lower() if resolved else "comparison"
         return f"by {by}" if failed[k] else "readmitted"
 
     return whose, "failed", failed, words

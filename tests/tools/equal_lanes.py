@@ -19,7 +19,7 @@ from rig.flight.loop import Rig
 from rig.scenario import scenario
 
 EXACT: Final = (0.0,) * len(COMPUTERS)
-_NOTED = ("voted", "state", "level", "pattern", "resolver", "surface")  # fields of COMPUTER that are the FCC's
+_NOTED = ("voted", "state", "level", "pattern", "decided_by", "surface")  # fields of COMPUTER that are the FCC's
 
 
 class Compared:

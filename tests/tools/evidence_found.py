@@ -55,7 +55,7 @@ def by_frames(flown: CampaignFlight) -> Table:
     """
     rows, named = flown.rows, flown.scenario.redundancy.signals
     thresholds = np.array([getattr(named, signal.name).threshold for signal in SIGNALS])
-    faulty, middle = lasting(flown.scenario.faults), middle_of(flown.table.clean["channels"], rows["truth"])
+    faulty, middle = slow_faults(flown.scenario.faults), middle_of(flown.table.clean["channels"], rows["truth"])
     voted, referred = (~(np.abs(differences(rows[by], middle, WRAPS)) <= thresholds) for by in ("voted", "reference"))
     second = round(flown.scenario.rate_hz)
     undeclared = lasts(voted & (rows["source"] == Source.VOTED) & (rows["level"] > 0), second)
@@ -82,7 +82,7 @@ def channels(flags: Flags) -> list[str]:
     return [f"{SIGNALS[s].name}.{c + 1}" for s, c in np.argwhere(flags)]
 
 
-def lasting(faults: Sequence[Fault]) -> Flags:
+def slow_faults(faults: Sequence[Fault]) -> Flags:
     """Return (S, 4) the channels whose fault lasts, as bursts do not."""
     flags = np.zeros((S, CHANNELS), bool)
     for fault in faults:

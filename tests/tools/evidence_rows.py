@@ -229,7 +229,7 @@ def trend() -> Iterator[Try]:
         "sliding": (),
         "tumbling": ("trend_window=tumbling", "trend_frames=4"),
         "by-change": ("trend_small={small}",),
-        "none": ('resolvers=["ilm"]',),
+        "none": ('tie_break=["ilm"]',),
     }
     for aircraft in AIRCRAFT:
         for name in REFERRED:

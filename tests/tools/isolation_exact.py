@@ -1,8 +1,8 @@
 """How often four channels with independent Gaussian noise are falsely isolated: exact, and nothing of the rig's.
 
 Patterns of one frame by quadrature over the ordered samples; frames are independent, so counts of miscompares are a
-Markov chain.  A pattern without a majority holds the counts; after it the manager waits as many frames as it has
-lasted, ``singular_persistence`` at most, in which they are held too (docs/redundancy.md).
+Markov chain.  A split holds the counts; after it the manager waits as many frames as it has
+lasted, ``split_persistence`` at most, in which they are held too (docs/redundancy.md).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def patterns(threshold: float) -> dict[tuple[int, ...], float]:
 
 
 def isolations(threshold: float, persistence: int = 8, rate_hz: float = 100.0, wait: int = 10) -> float:
-    """False isolations of a channel an hour; wait : ``singular_persistence``, 0 for a manager that does not wait."""
+    """False isolations of a channel an hour; wait : ``split_persistence``, 0 for a manager that does not wait."""
     found = patterns(threshold)
     held = found[HALVES] + found[ALL_APART]
     alone = 0.0

@@ -1,6 +1,7 @@
 """Kill each study in its first second, many times, and compare what it goes on to with an uninterrupted run.
 
-python tests/tools/kills.py FOLDER [--kills 20] [--seed 1] [--only campaign,search,league,trials,cutsets] [--chains 2]
+python tests/tools/kills.py FOLDER [--kills 20] [--seed 1] [--only campaign,search,benchmark,trials,cutsets] [--chains
+2]
 
 Each kill is of a new run: SIGKILL to all its processes, at a time drawn from the second after its folder appears; every
 fourth at once.  Then the same command runs to its end.  With --chains instead so many runs of a study, each ended up to
@@ -50,8 +51,8 @@ EXAMPLES: Final = ROOT / "docs" / "examples"
 STUDIES: Final[dict[str, tuple[str, ...]]] = {
     "campaign": ("campaign", "run", "../campaign.toml", "--workers", "2"),
     "search": ("search", "../campaign.toml", "--requirement", "vote", "--flights", "32", "--workers", "2"),
-    "league": (
-        *("league", str(EXAMPLES / "league_small.toml"), "--managers", "cusum,median", "--budget", "20"),
+    "benchmark": (
+        *("benchmark", str(EXAMPLES / "benchmark_small.toml"), "--managers", "cusum,median", "--budget", "20"),
         *("--healthy", "../healthy", "--trials", "4", "--workers", "2"),
     ),
     "trials": ("reliability", "trials", "reliability", "--runs", "2000", "--good-before", "4", "--workers", "2"),
@@ -158,8 +159,17 @@ def main() -> None:
     (folder / "campaign.toml").write_text(CAMPAIGN)
     (folder / "scenario.toml").write_text(SCENARIO)
     names = given.only.split(",")
-    if "league" in names:
-        healthy = (*RIG, "campaign", "run", str(EXAMPLES / "league_healthy.toml"), "--out", "healthy", "--runs", "12")
+    if "benchmark" in names:
+        healthy = (
+            *RIG,
+            "campaign",
+            "run",
+            str(EXAMPLES / "benchmark_healthy.toml"),
+            "--out",
+            "healthy",
+            "--runs",
+            "12",
+        )
         subprocess.run([*healthy, "--set", "duration_s=20"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
     same = [study(name, folder, runs, bool(given.chains), random.Random(f"{given.seed} {name}")) for name in names]
     sys.exit(0 if all(same) else 1)

@@ -66,7 +66,7 @@ FIGURES: Final = {  # name: its module
     ),
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
-    **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures", "quad_rivals")},
+    **{name: name for name in ("references", "tie_break", "throughput", "tolerant", "unit_failures", "quad_baselines")},
     "slow_drifts": "slow_drifts",
 }
 
@@ -132,7 +132,7 @@ PAGES: Final = {
                 r"^(result|flight   |report   logs|written|runs )",
             ),
             Section("Bad input", ["python tests/tools/hostile.py --cases 1000"], r"^\| (kind|all) |^\|-|cases in"),
-            Section("A frame", ["rig bench"] * 8, "^ratio"),
+            Section("A frame", ["rig cost"] * 8, "^ratio"),
             Section("A campaign", [f"{SHOW} throughput"]),
             Section("A unit under test", [UNITS_BUILT, f"{SHOW} unit_cost {UNITS}/build"]),
         ],
@@ -200,14 +200,17 @@ PAGES: Final = {
         ],
     ),
     "patterns": Page(
-        "Patterns without a majority",
+        "Splits",
         [
             Section(
                 "Who settles them",
-                ["rig campaign run resolvers --out {folder}/resolvers", f"{SHOW} resolvers {{folder}}/resolvers"],
+                [
+                    "rig campaign run tie_break --out {folder}/tie_break",
+                    f"{SHOW} tie-break rules {{folder}}/tie_break",
+                ],
                 r"^table|^\||^Default|^$",
             ),
-            Section("Flown", ["python tests/test_singular_flights.py"]),
+            Section("Flown", ["python tests/test_split_flights.py"]),
         ],
     ),
     "references": Page(
@@ -221,7 +224,7 @@ PAGES: Final = {
         "Thresholds from a budget, and four recorders of one quadrotor",
         [
             Section("Real flights that did not design them", [f"{SHOW} thresholds_quad {QUADROTOR}"]),
-            Section("Ours and rivals at one budget", [f"{SHOW} quad_rivals {QUADROTOR}"]),
+            Section("Ours and baseline managers at one budget", [f"{SHOW} quad_baselines {QUADROTOR}"]),
             Section("Noise of known kinds", [f"{SHOW} thresholds_synthetic"]),
             Section("A million rows", [f"{SHOW} thresholds_speed"]),
             Section("Healthy channels failed", [f"{SHOW} quad_isolations {QUADROTOR}"]),

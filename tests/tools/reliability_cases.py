@@ -20,8 +20,8 @@ from isolation_exact import isolations
 from rig.core.frame import S
 from rig.scenario.scenario import load
 from rig.studies.reliability.chain import probabilities, solve_file
-from rig.studies.reliability.margin import Effort, Margin, estimate
-from rig.studies.reliability.margin_bench import Bench
+from rig.studies.reliability.false_isolation_bench import Bench
+from rig.studies.reliability.false_isolations import Effort, FalseIsolationRate, estimate
 from rig.studies.reliability.one_signal import Recording
 
 WINSURE: Final = Path(__file__).parents[3] / "shared" / "data" / "winsure"
@@ -169,7 +169,7 @@ NOISE: Final = 0.0009  # rad/s, of a pitch rate channel; biases are within 0.003
 _PITCH: Final = "sensors.pitch_rate"
 NOISE_ALONE: Final = [
     *(f"{_PITCH}.{key}=0" for key in ("scale_tolerance", "skew_frames", "quantum", "lag_s")),
-    "redundancy.signals.pitch_rate.resolvers=[]",
+    "redundancy.signals.pitch_rate.tie_break=[]",
 ]
 SCENARIO: Final = "f16_pitch_rate_hardover"
 
@@ -182,7 +182,7 @@ class Isolation:
     threshold: float  # rad/s
     known: float | None
     biased: bool
-    waits: bool  # after a pattern without a majority, as the manager does
+    waits: bool  # after a split, as the manager does
 
     @property
     def expected(self) -> float:
@@ -201,14 +201,14 @@ class Isolation:
         level = np.zeros((400, S))
         made = Bench(scenario, "pitch_rate", Recording(level, level, level))
         if not self.waits:
-            made.params["singular_persistence"] = 0
+            made.params["split_persistence"] = 0
         return made
 
-    def obtain(self, seed: int = 0, effort: Effort | None = None) -> Margin:
-        """The margin."""
+    def obtain(self, seed: int = 0, effort: Effort | None = None) -> FalseIsolationRate:
+        """The rate."""
         return estimate(self.bench(), seed, effort)
 
-    def intervals(self, found: Margin) -> float:
+    def intervals(self, found: FalseIsolationRate) -> float:
         """How many half-widths of its interval ``found`` is from what is expected."""
         assert found.per_hour is not None
         return abs(found.per_hour - self.expected) / (found.high - found.per_hour)

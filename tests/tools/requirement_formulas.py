@@ -2,7 +2,8 @@
 
     python tests/tools/requirement_formulas.py [--count 2000]
 
-Prints how many agree in verdict and in margin, met from 0 on and violated below 0; exit code 1 when one does not.  The
+Prints how many agree in verdict and in robustness, met from 0 on and violated below 0; exit code 1 when one does not.
+The
 definition is written here once more, on trees that no parser has seen: every window is gone through, nothing is kept
 from one block to the next.
 """
@@ -121,7 +122,7 @@ def text(tree: Any) -> str:
 
 
 class Definition:
-    """Verdict and margin by definition, frame by frame."""
+    """Verdict and robustness by definition, frame by frame."""
 
     def __init__(self, rows: Any, scale: float) -> None:
         self.n, self.scale = len(rows), scale
@@ -151,7 +152,7 @@ class Definition:
         return {"+": a + b, "-": a - b, "*": a * b}[kind]
 
     def of(self, tree: Any, k: int, sign: int = 1) -> tuple[bool, float] | None:
-        """Return verdict and margin in frame k; None where nothing was flown to decide on."""
+        """Return verdict and robustness in frame k; None where nothing was flown to decide on."""
         if not 0 <= k < self.n:
             return None
         key = id(tree), k, sign
@@ -198,8 +199,8 @@ class Definition:
             return (sign < 0, -sign * MOST)
         apart = {"<": b - a, "<=": b - a, ">": a - b, ">=": a - b, "==": -abs(a - b), "!=": abs(a - b)}[kind]
         met = {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}[kind]
-        margin = max(-MOST, min(MOST, apart / self.scale))
-        return (met, max(margin, 0.0) if met else min(margin, -LEAST))
+        robustness = max(-MOST, min(MOST, apart / self.scale))
+        return (met, max(robustness, 0.0) if met else min(robustness, -LEAST))
 
 
 def combine(found: list[Any], least: bool) -> Any:
@@ -218,7 +219,7 @@ def case(number: int) -> tuple[Any, Any, float, Random]:
 
 
 def measured(tree: Any, rows: Any, scale: float, random: Random) -> tuple[str, float]:
-    """Return status and margin as the rig has them, the rows given in blocks of any size, and measured soon or late."""
+    """Return status and robustness as the rig has them, the rows in blocks of any size, measured soon or late."""
     requirement = Requirement(id="random", formula=text(tree), at="each onset", scale=scale)
     with patch.object(recorder_module, "AT_ONCE", random.choice((1, 10, 1000))):
         recorder, first = RequirementsRecorder([requirement], SUBJECT), 0
@@ -227,29 +228,29 @@ def measured(tree: Any, rows: Any, scale: float, random: Random) -> tuple[str, f
             recorder.record(Table(rows[first : first + size]))
             first += size
         found = recorder.finish()[0]
-    return found.status, found.margin
+    return found.status, found.robustness
 
 
 def defined(tree: Any, rows: Any, scale: float) -> tuple[str, float]:
-    """Return status and margin by definition: the least of all onsets."""
+    """Return status and robustness by definition: the least of all onsets."""
     definition = Definition(rows, scale)
     bits = np.unpackbits(rows["acting"], axis=1, bitorder="little")
     onsets = sorted({int(np.argmax(bits[:, i])) for i in range(bits.shape[1]) if bits[:, i].any()})
     found = [one for one in (definition.of(tree, k) for k in onsets) if one is not None]
     if not found:
         return "not applicable", math.nan
-    margin, verdict = min((margin, verdict) for verdict, margin in found)
-    return "met" if verdict else "violated", margin
+    robustness, verdict = min((robustness, verdict) for verdict, robustness in found)
+    return "met" if verdict else "violated", robustness
 
 
 def agree(number: int) -> bool:
-    """Return True if both have the same status, and the same margin to 1e-12, which is 0 or more where it is met."""
+    """Return True if both have the same status, and the same robustness to 1e-12, 0 or more where it is met."""
     tree, rows, scale, random = case(number)
-    status, margin = measured(tree, rows, scale, random)
+    status, robustness = measured(tree, rows, scale, random)
     expected, by_definition = defined(tree, rows, scale)
     if status != expected or status == "not applicable":
         return status == expected
-    return abs(margin - by_definition) <= 1e-12 and (status == "met") == (margin >= 0.0)
+    return abs(robustness - by_definition) <= 1e-12 and (status == "met") == (robustness >= 0.0)
 
 
 def main() -> int:

@@ -25,7 +25,7 @@ def main() -> None:
         for rate in (1e-5, 1e-4, 1e-3, 2e-3)
         for of in [model(per_hour=rate, beta=0.01, **ORDER_DECIDES)]
     }
-    trees["stuck twins"] = mode_tree(TWINS), mode_chain(TWINS)
+    trees["stuck together"] = mode_tree(TWINS), mode_chain(TWINS)
     print(f"{'case':22} {'hours':>5} {'tree':>12} {'SCRAM':>12} {'chain':>12} {'differs':>10} {'direct sum':>11}")
     with tempfile.TemporaryDirectory() as folder:
         for name, (tree, chain) in trees.items():

@@ -25,7 +25,7 @@ SHARES = (0.01, 0.05)
 
 
 def cell(job: tuple[tuple[str, str, str, int], int, int, int, bool]) -> tuple[float, ...]:
-    """Least margins, share of random flights that violate, and the ratios of one cell and seed."""
+    """Least robustness, share of random flights that violate, and the ratios of one cell and seed."""
     (manager, aircraft, signal, faults), many, flights, seed, free_signs = job
     campaign = space(manager, aircraft, signal, faults, free_signs)
     random = np.array([each.value for each in search_here(plan_of(campaign, many, "random", 100 + seed))])

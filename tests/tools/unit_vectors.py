@@ -103,7 +103,7 @@ def exact_below(flown: Flown) -> bool:
     """A reference settles two halves, exactly its threshold above a sample."""
     given = zip(flown.answers, flown.flight.samples, flown.flight.references, strict=True)
     return any(
-        frame.pattern in PAIRS and frame.resolver == "reference" and x - flown.settings.reference_threshold in samples
+        frame.pattern in PAIRS and frame.decided_by == "reference" and x - flown.settings.reference_threshold in samples
         for frame, samples, x in given
         if x is not None
     )
@@ -117,7 +117,7 @@ def on_a_rank(side: int) -> Wanted:
         references = [None if x is None else x + little for x in flown.flight.references]
         there = replace(flown, flight=replace(flown.flight, references=references))
         frames = [
-            k for k, frame in enumerate(flown.answers) if frame.pattern in PAIRS and frame.resolver == "reference"
+            k for k, frame in enumerate(flown.answers) if frame.pattern in PAIRS and frame.decided_by == "reference"
         ]
         return bool(frames) and any(flown.answers[k].states != there.answers[k].states for k in frames)
 
@@ -193,12 +193,12 @@ def behind_filter(flown: Flown) -> bool:
 
 
 def by_bias(flown: Flown) -> bool:
-    return flown.hangs_on(bias_bound=0.0)
+    return flown.hangs_on(equalise_bound=0.0)
 
 
 def by_bound(flown: Flown) -> bool:
     """A bias is held within its bound: a wider one gives other answers."""
-    return flown.settings.bias_bound > 0.0 and flown.hangs_on(bias_bound=100.0)
+    return flown.settings.equalise_bound > 0.0 and flown.hangs_on(equalise_bound=100.0)
 
 
 def by_repeats(flown: Flown) -> bool:
@@ -260,7 +260,7 @@ PLAIN: list[tuple[str, list[Wanted], Sequence[str]]] = [
         (),
     ),
     (
-        "counts stand still during and after a pattern without a majority",
+        "counts stand still during and after a split",
         reached(FREEZE("count kept"), FREEZE("miscompare not counted"), FREEZE("what was left is longer")),
         (),
     ),

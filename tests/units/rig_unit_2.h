@@ -43,9 +43,9 @@ enum rig_kind {
     RIG_KIND_REPLY = 7,
 };
 
-enum rig_form {
-    RIG_FORM_REDUNDANCY = 0,
-    RIG_FORM_FLIGHT_COMPUTER = 1,
+enum rig_role {
+    RIG_ROLE_REDUNDANCY = 0,
+    RIG_ROLE_FLIGHT_COMPUTER = 1,
 };
 
 enum rig_said {
@@ -80,17 +80,17 @@ enum rig_pattern {
     RIG_PATTERN_LOST = 6,
 };
 
-enum rig_resolver {
-    RIG_RESOLVER_NONE = 0,
-    RIG_RESOLVER_ILM = 1,
-    RIG_RESOLVER_TREND = 2,
-    RIG_RESOLVER_REFERENCE = 3,
-    RIG_RESOLVER_EXTREMES = 4,
-    RIG_RESOLVER_MIDDLE = 5,
-    RIG_RESOLVER_UNRESOLVED = 6,
-    RIG_RESOLVER_BOX = 7,
-    RIG_RESOLVER_COMMON = 8,
-    RIG_RESOLVER_SLOW = 9,
+enum rig_decided_by {
+    RIG_DECIDED_BY_NONE = 0,
+    RIG_DECIDED_BY_ILM = 1,
+    RIG_DECIDED_BY_TREND = 2,
+    RIG_DECIDED_BY_REFERENCE = 3,
+    RIG_DECIDED_BY_EXTREMES = 4,
+    RIG_DECIDED_BY_MIDDLE = 5,
+    RIG_DECIDED_BY_UNRESOLVED = 6,
+    RIG_DECIDED_BY_BOX = 7,
+    RIG_DECIDED_BY_COMMON = 8,
+    RIG_DECIDED_BY_SLOW = 9,
 };
 
 enum rig_law {
@@ -133,12 +133,12 @@ enum rig_discrete_index {
     RIG_DISCRETE_AUTOPILOT_ENGAGED = 2,
 };
 
-enum rig_demand_index {
-    RIG_DEMAND_PITCH_ANGLE_RAD = 0,
-    RIG_DEMAND_ROLL_ANGLE_RAD = 1,
-    RIG_DEMAND_ALTITUDE_M = 2,
-    RIG_DEMAND_HEADING_RAD = 3,
-    RIG_DEMAND_AIRSPEED_M_S = 4,
+enum rig_autopilot_command_index {
+    RIG_AUTOPILOT_COMMAND_PITCH_ANGLE_RAD = 0,
+    RIG_AUTOPILOT_COMMAND_ROLL_ANGLE_RAD = 1,
+    RIG_AUTOPILOT_COMMAND_ALTITUDE_M = 2,
+    RIG_AUTOPILOT_COMMAND_HEADING_RAD = 3,
+    RIG_AUTOPILOT_COMMAND_AIRSPEED_M_S = 4,
 };
 
 enum rig_surface_index {
@@ -225,14 +225,14 @@ struct rig_signal_config {
     double low;
     double high;
     int64_t persistence;
-    int64_t singular_persistence;
+    int64_t split_persistence;
     int64_t trend_frames;
     int64_t readmit_frames;
     int64_t fade_frames;
     double deviation;
     double deviation_frames;
     int64_t fitted;
-    int64_t resolvers[5];
+    int64_t tie_break[5];
     uint8_t common_fails;
     uint8_t wraps;
     uint8_t weighted;
@@ -253,14 +253,14 @@ RIG_ASSERT(offsetof(struct rig_signal_config, common_persistence) == 72);
 RIG_ASSERT(offsetof(struct rig_signal_config, low) == 80);
 RIG_ASSERT(offsetof(struct rig_signal_config, high) == 88);
 RIG_ASSERT(offsetof(struct rig_signal_config, persistence) == 96);
-RIG_ASSERT(offsetof(struct rig_signal_config, singular_persistence) == 104);
+RIG_ASSERT(offsetof(struct rig_signal_config, split_persistence) == 104);
 RIG_ASSERT(offsetof(struct rig_signal_config, trend_frames) == 112);
 RIG_ASSERT(offsetof(struct rig_signal_config, readmit_frames) == 120);
 RIG_ASSERT(offsetof(struct rig_signal_config, fade_frames) == 128);
 RIG_ASSERT(offsetof(struct rig_signal_config, deviation) == 136);
 RIG_ASSERT(offsetof(struct rig_signal_config, deviation_frames) == 144);
 RIG_ASSERT(offsetof(struct rig_signal_config, fitted) == 152);
-RIG_ASSERT(offsetof(struct rig_signal_config, resolvers) == 160);
+RIG_ASSERT(offsetof(struct rig_signal_config, tie_break) == 160);
 RIG_ASSERT(offsetof(struct rig_signal_config, common_fails) == 200);
 RIG_ASSERT(offsetof(struct rig_signal_config, wraps) == 201);
 RIG_ASSERT(offsetof(struct rig_signal_config, weighted) == 202);
@@ -280,21 +280,21 @@ RIG_ASSERT(offsetof(struct rig_discrete_config, fail_safe) == 8);
 RIG_ASSERT(offsetof(struct rig_discrete_config, persistence) == 16);
 RIG_ASSERT(offsetof(struct rig_discrete_config, readmit_frames) == 24);
 
-/* what lasts: how long and how much of it a signal bears; each off at 0 */
-struct rig_lasting_config {
-    double bias_bound;
-    double bias_gain;
+/* slow faults: how long and how much of it a signal bears; each off at 0 */
+struct rig_slow_faults_config {
+    double equalise_bound;
+    double equalise_gain;
     double slow_allowance;
     double slow_limit;
     int64_t stale_frames;
 };
 
-RIG_ASSERT(sizeof(struct rig_lasting_config) == 40);
-RIG_ASSERT(offsetof(struct rig_lasting_config, bias_bound) == 0);
-RIG_ASSERT(offsetof(struct rig_lasting_config, bias_gain) == 8);
-RIG_ASSERT(offsetof(struct rig_lasting_config, slow_allowance) == 16);
-RIG_ASSERT(offsetof(struct rig_lasting_config, slow_limit) == 24);
-RIG_ASSERT(offsetof(struct rig_lasting_config, stale_frames) == 32);
+RIG_ASSERT(sizeof(struct rig_slow_faults_config) == 40);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, equalise_bound) == 0);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, equalise_gain) == 8);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, slow_allowance) == 16);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, slow_limit) == 24);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, stale_frames) == 32);
 
 /* what a flight is flown with */
 struct rig_config {
@@ -306,7 +306,7 @@ struct rig_config {
     int64_t frame;
     double time_s;
     double rate_hz;
-    int64_t form;
+    int64_t role;
     int64_t box_signals;
     int64_t box_persistence;
     double trim_surface[4];
@@ -316,7 +316,7 @@ struct rig_config {
     struct rig_discrete_config discrete[3];
     char aircraft[64];
     char flight_point[64];
-    struct rig_lasting_config lasting[16];
+    struct rig_slow_faults_config slow_faults[16];
     uint32_t length;
     uint32_t crc;
 };
@@ -330,7 +330,7 @@ RIG_ASSERT(offsetof(struct rig_config, session) == 16);
 RIG_ASSERT(offsetof(struct rig_config, frame) == 24);
 RIG_ASSERT(offsetof(struct rig_config, time_s) == 32);
 RIG_ASSERT(offsetof(struct rig_config, rate_hz) == 40);
-RIG_ASSERT(offsetof(struct rig_config, form) == 48);
+RIG_ASSERT(offsetof(struct rig_config, role) == 48);
 RIG_ASSERT(offsetof(struct rig_config, box_signals) == 56);
 RIG_ASSERT(offsetof(struct rig_config, box_persistence) == 64);
 RIG_ASSERT(offsetof(struct rig_config, trim_surface) == 72);
@@ -340,7 +340,7 @@ RIG_ASSERT(offsetof(struct rig_config, signal) == 168);
 RIG_ASSERT(offsetof(struct rig_config, discrete) == 3496);
 RIG_ASSERT(offsetof(struct rig_config, aircraft) == 3592);
 RIG_ASSERT(offsetof(struct rig_config, flight_point) == 3656);
-RIG_ASSERT(offsetof(struct rig_config, lasting) == 3720);
+RIG_ASSERT(offsetof(struct rig_config, slow_faults) == 3720);
 RIG_ASSERT(offsetof(struct rig_config, length) == 4360);
 RIG_ASSERT(offsetof(struct rig_config, crc) == 4364);
 
@@ -385,7 +385,7 @@ struct rig_input {
     double time_s;
     double reference[16];
     double second_reference[16];
-    double demand[5];
+    double autopilot_command[5];
     double channels[16][4];
     double inertial[9];
     uint8_t valid[16][4];
@@ -411,7 +411,7 @@ RIG_ASSERT(offsetof(struct rig_input, frame) == 24);
 RIG_ASSERT(offsetof(struct rig_input, time_s) == 32);
 RIG_ASSERT(offsetof(struct rig_input, reference) == 40);
 RIG_ASSERT(offsetof(struct rig_input, second_reference) == 168);
-RIG_ASSERT(offsetof(struct rig_input, demand) == 296);
+RIG_ASSERT(offsetof(struct rig_input, autopilot_command) == 296);
 RIG_ASSERT(offsetof(struct rig_input, channels) == 336);
 RIG_ASSERT(offsetof(struct rig_input, inertial) == 848);
 RIG_ASSERT(offsetof(struct rig_input, valid) == 920);
@@ -441,7 +441,7 @@ struct rig_output {
     uint8_t state[16][4];
     uint8_t level[16];
     uint8_t pattern[16];
-    uint8_t resolver[16];
+    uint8_t decided_by[16];
     uint8_t reference_usable[16];
     uint8_t common_mode[16];
     uint8_t trend_high[16];
@@ -473,7 +473,7 @@ RIG_ASSERT(offsetof(struct rig_output, surface) == 176);
 RIG_ASSERT(offsetof(struct rig_output, state) == 208);
 RIG_ASSERT(offsetof(struct rig_output, level) == 272);
 RIG_ASSERT(offsetof(struct rig_output, pattern) == 288);
-RIG_ASSERT(offsetof(struct rig_output, resolver) == 304);
+RIG_ASSERT(offsetof(struct rig_output, decided_by) == 304);
 RIG_ASSERT(offsetof(struct rig_output, reference_usable) == 320);
 RIG_ASSERT(offsetof(struct rig_output, common_mode) == 336);
 RIG_ASSERT(offsetof(struct rig_output, trend_high) == 352);

@@ -3,7 +3,7 @@
 The evidence that a channel is faulty is the weighted sum of its features: its log odds but for a constant.
 
     rig fly --set redundancy.manager=learned:Learned
-    rig league docs/examples/league.toml --managers learned:Learned --healthy HEALTHY --out DIR
+    rig benchmark docs/examples/benchmark.toml --managers learned:Learned --healthy HEALTHY --out DIR
 
 train_learned.py makes the weights.  Copy this file and learned.json beside your scenario.
 """
@@ -43,15 +43,15 @@ class Features:
         self.spread += np.where(takes, (np.abs(clipped - self.short) - self.spread) / SHORT, 0.0)
         self.last = np.roll(self.last, 1, axis=0)
         self.last[0] = r
-        lasting = np.maximum(self.last.min(axis=0), -self.last.max(axis=0))  # on one side in all of the last frames
-        features = (np.clip(lasting, 0.0, 3.0), np.abs(self.short - self.long), np.abs(self.short), self.spread)
+        slow_faults = np.maximum(self.last.min(axis=0), -self.last.max(axis=0))  # on one side in all of the last frames
+        features = (np.clip(slow_faults, 0.0, 3.0), np.abs(self.short - self.long), np.abs(self.short), self.spread)
         return np.stack(features, axis=-1)
 
 
 class Learned:
     """Median of the channels in use; fails a channel whose evidence exceeds the limit for 8 frames."""
 
-    calibrate = "limit"  # what a league chooses
+    calibrate = "limit"  # what a benchmark chooses
     limit = 12.0
 
     def __init__(self, params):

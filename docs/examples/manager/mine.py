@@ -9,7 +9,7 @@ from rig.core.units.angles import into_range, unwrap
 class Smoothed:
     """Median of the channels in use; fails a channel whose smoothed distance from it exceeds the limit."""
 
-    calibrate = "limit"  # what `rig league` chooses
+    calibrate = "limit"  # what `rig benchmark` chooses
     limit = 1.0  # thresholds
 
     def __init__(self, params):

@@ -60,9 +60,9 @@ static double owed(const struct pid *pid, double error, double rate)
     return pid->p * error + pid->i_1_s * pid->integral + pid->d_s * rate;
 }
 
-static double demanded(const struct rig_input *in, int i)
+static double commanded(const struct rig_input *in, int i)
 {
-    return isfinite(in->demand[i]) ? in->demand[i] : 0.0;
+    return isfinite(in->autopilot_command[i]) ? in->autopilot_command[i] : 0.0;
 }
 
 int rig_unit_open(const struct rig_config *wanted)
@@ -72,7 +72,7 @@ int rig_unit_open(const struct rig_config *wanted)
     roll = (struct pid){.p = 2.0, .i_1_s = 0.4, .d_s = 1.2};
     memset(voted, 0, sizeof voted);
     stepped = 0;
-    const int ours = wanted->form == RIG_FORM_FLIGHT_COMPUTER && wanted->rate_hz > 0.0;
+    const int ours = wanted->role == RIG_ROLE_FLIGHT_COMPUTER && wanted->rate_hz > 0.0;
     return ours && wanted->layout == RIG_UNIT_LAYOUT ? 0 : 1;
 }
 
@@ -89,8 +89,8 @@ int rig_unit_step(const struct rig_input *in, struct rig_output *out)
         yaw_rate_slow = voted[RIG_SIGNAL_YAW_RATE];
     }
     const double soft = REFERENCE_PRESSURE / fmax(voted[RIG_SIGNAL_DYNAMIC_PRESSURE], LEAST_PRESSURE);
-    const double pitch_error = voted[RIG_SIGNAL_PITCH_ANGLE] - pitch.held - demanded(in, RIG_DEMAND_PITCH_ANGLE_RAD);
-    const double roll_error = voted[RIG_SIGNAL_ROLL_ANGLE] - roll.held - demanded(in, RIG_DEMAND_ROLL_ANGLE_RAD);
+    const double pitch_error = voted[RIG_SIGNAL_PITCH_ANGLE] - pitch.held - commanded(in, RIG_AUTOPILOT_COMMAND_PITCH_ANGLE_RAD);
+    const double roll_error = voted[RIG_SIGNAL_ROLL_ANGLE] - roll.held - commanded(in, RIG_AUTOPILOT_COMMAND_ROLL_ANGLE_RAD);
     const double alpha = voted[RIG_SIGNAL_ANGLE_OF_ATTACK] - alpha_trim;
     const double elevator = soft * owed(&pitch, pitch_error, voted[RIG_SIGNAL_PITCH_RATE]) + ALPHA_GAIN * alpha;
     const double aileron = -soft * owed(&roll, roll_error, voted[RIG_SIGNAL_ROLL_RATE]);

@@ -1,4 +1,4 @@
-/* A box that dies: a channel accused on several signals of a box at once is failed on all signals of that box.
+/* LRU failure: a channel accused on several signals of a box at once is failed on all signals of that box.
  *
  * redundancy.md of that name.
  */
@@ -43,11 +43,11 @@ void boxes_open(const struct rig_config *config, const struct signal signals[RIG
 
 unsigned boxes_accuse(const struct frame *f, params *p, const struct signal *s)
 {
-    const bool evidence = (f->resolver == RIG_RESOLVER_ILM) || (f->resolver == RIG_RESOLVER_REFERENCE);
-    const bool singular = is_singular(s->pattern);
+    const bool evidence = (f->decided_by == RIG_DECIDED_BY_ILM) || (f->decided_by == RIG_DECIDED_BY_REFERENCE);
+    const bool in_split = is_split(s->pattern);
     unsigned bits = 0U;
     for (int c = 0; c < p->fitted; c++) {
-        const bool against = singular ? (evidence && f->blamed[c]) : f->alone[c];
+        const bool against = in_split ? (evidence && f->blamed[c]) : f->alone[c];
         if (!s->latches.failed[c] && (!has(f->ranked, c) || against)) {
             bits |= 1U << c;
         }
@@ -79,10 +79,10 @@ static void fail_all(unsigned condemned, int i, params *p, struct signal *s, str
             s->level--;
             s->fade_left = p->fade_frames;
             references_trust_pair(s);
-            lasting_begin_sums(&s->lasting);
+            slow_begin_sums(&s->slow_faults);
             output->state[i][c] = RIG_STATE_FAILED;
             output->level[i] = (uint8_t)s->level;
-            output->resolver[i] = RIG_RESOLVER_BOX;
+            output->decided_by[i] = RIG_DECIDED_BY_BOX;
         }
     }
 }

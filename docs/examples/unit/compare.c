@@ -90,7 +90,7 @@ static void rank(struct frame *f, params *p, struct signal *s)
     int in_use = 0;
     for (int c = 0; c < p->fitted; c++) {
         in_use += s->latches.failed[c] ? 0 : 1;
-        if (!s->latches.failed[c] && !lasting_is_stale(c, &s->lasting) && compare_is_comparable(f, c, p)) {
+        if (!s->latches.failed[c] && !slow_is_stale(c, &s->slow_faults) && compare_is_comparable(f, c, p)) {
             f->x[c] = near_base(f->samples[c], f, p);
             f->order[f->n] = c;
             f->n++;
@@ -128,7 +128,7 @@ static double begins_at(const struct frame *f, const struct signal *s)
     return mean(f->low, f->high, 0.5);
 }
 
-/* What is compared: samples and reference, or where there is a filter what it makes of them, less learned biases. */
+/* What is compared: samples and reference, or where there is a filter what it makes of them, less channel equalisation. */
 static void look(struct frame *f, params *p, struct signal *s)
 {
     memcpy(f->y, f->x, sizeof f->y);
@@ -137,7 +137,7 @@ static void look(struct frame *f, params *p, struct signal *s)
     if (p->filter_gain > 0.0) {
         const double start = begins_at(f, s);
         for (int c = 0; c < p->fitted; c++) {
-            const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);
+            const bool there = compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults);
             const double last = isnan(s->smooth[c]) ? start : s->smooth[c];
             s->smooth[c] = there ? compare_follow(last, near_base(f->samples[c], f, p), f, p) : (double)NAN;
         }
@@ -149,8 +149,8 @@ static void look(struct frame *f, params *p, struct signal *s)
     }
     bool biased = false;
     for (int c = 0; c < RIG_CHANNELS; c++) {
-        f->z[c] = f->y[c] - s->lasting.bias[c];
-        biased = biased || (s->lasting.bias[c] != 0.0);
+        f->z[c] = f->y[c] - s->slow_faults.bias[c];
+        biased = biased || (s->slow_faults.bias[c] != 0.0);
     }
     if (biased) {
         sort_again(f->z, f->by, f->n);
@@ -192,11 +192,11 @@ struct frame compare_samples(const struct rig_input *input, int signal, params *
     f.reference = seen(input->reference[signal], &f, p);
     f.second = seen(input->second_reference[signal], &f, p);
     f.reference_threshold = reference_threshold(f.reference, p);
-    lasting_count(&f, input->reference[signal], p, s);
+    slow_count(&f, input->reference[signal], p, s);
     rank(&f, p, s);
     look(&f, p, s);
     f.threshold = threshold(f.n, p);
-    f.outlier_threshold = lasting_is_learned(&f, &s->lasting) ? outlier_threshold(f.n, p) : 0.0;
+    f.outlier_threshold = slow_is_learned(&f, &s->slow_faults) ? outlier_threshold(f.n, p) : 0.0;
     return f;
 }
 
@@ -250,7 +250,7 @@ static bool come_together(const struct frame *f, params *p)
     return fabs(difference(f->x[f->by[f->n / 2]], low, p)) <= f->threshold;
 }
 
-/* Those who all agree are compared once more by the outlier threshold; without a majority at that scale nobody is
+/* Those who all agree are compared once more by the isolation threshold; without a majority at that scale nobody is
  * blamed (redundancy.md 'Outliers'). */
 void compare_pattern(struct frame *f, params *p, struct signal *s)
 {
@@ -262,7 +262,7 @@ void compare_pattern(struct frame *f, params *p, struct signal *s)
             pattern = RIG_PATTERN_NORMAL;
         }
     }
-    f->together = is_singular(pattern) && (p->filter_gain > 0.0) && come_together(f, p);
+    f->together = is_split(pattern) && (p->filter_gain > 0.0) && come_together(f, p);
     if (pattern != s->pattern) {
         s->pattern_frames = 1;
     } else if (!f->together) {

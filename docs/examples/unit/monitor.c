@@ -13,11 +13,11 @@ static uint64_t stepped;
 /* Sections 5 to 8: this frame's vote and who decided; a lost signal holds its last vote. */
 static void decide(struct frame *f, params *p, struct signal *s)
 {
-    f->resolver = RIG_RESOLVER_NONE;
+    f->decided_by = RIG_DECIDED_BY_NONE;
     if (f->n == 0) {
         f->vote = s->vote;
-    } else if (is_singular(s->pattern)) {
-        resolvers_settle(f, p, s);
+    } else if (is_split(s->pattern)) {
+        tie_break_settle(f, p, s);
     } else if (f->n == 1) {
         references_check_last(f, p, s);
     } else {
@@ -71,7 +71,7 @@ static void report(const struct frame *f, int i, double reference, struct rig_ou
     output->voted[i] = s->output;
     output->level[i] = (uint8_t)s->level;
     output->pattern[i] = s->pattern;
-    output->resolver[i] = f->resolver;
+    output->decided_by[i] = f->decided_by;
     output->reference_usable[i] = (s->reference_usable && isfinite(reference)) ? 1 : 0;
     output->common_mode[i] = s->common_mode ? 1 : 0;
     output->trend_high[i] = (uint8_t)s->trend.high;
@@ -88,7 +88,7 @@ static void remember(const struct frame *f, params *p, struct signal *s)
 {
     s->last_n = f->n;
     for (int c = 0; c < p->fitted; c++) {
-        const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting);
+        const bool there = compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults);
         s->before[c] = there ? f->samples[c] : (double)NAN;
     }
 }
@@ -100,13 +100,13 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     struct signal *const s = &signals[i];
     const struct latches before = s->latches;
     persistence_readmit(&s->latches, input->reset[i], p->fitted, p->readmit_frames);
-    lasting_readmit(before.failed, s);
+    slow_readmit(before.failed, s);
     references_readmit(before.failed, s);
     struct frame f = compare_samples(input, i, p, s);
     compare_pattern(&f, p, s);
     trend_update(&f, p, s);
     decide(&f, p, s);
-    resolvers_keep_basis(&f, s);
+    tie_break_keep_basis(&f, s);
     references_cut_pair(&f, p, s);
     references_monitor(&f, p, s);
     references_watch_common(&f, p, s);
@@ -114,12 +114,12 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     s->accused = boxes_accuse(&f, p, s);
     persistence_count(&f, p, s);
     const int64_t level = s->level;
-    lasting_watch(&f, p, s);
+    slow_watch(&f, p, s);
     persistence_settle(&f, p, s);
     if (s->level == level) {
-        lasting_learn(&f, s);
+        slow_learn(&f, s);
     } else {
-        lasting_begin_sums(&s->lasting);
+        slow_begin_sums(&s->slow_faults);
     }
     publish(&f, p, s);
     remember(&f, p, s);
@@ -157,7 +157,7 @@ int rig_unit_open(const struct rig_config *wanted)
             signals[i].before[c] = (double)NAN;
         }
         rules_open(&config, i, &signals[i].rules);
-        lasting_open(&config, i, &signals[i].lasting);
+        slow_open(&config, i, &signals[i].slow_faults);
         signals[i].smooth_reference = (double)NAN;
         signals[i].smooth_vote = (double)NAN;
         signals[i].reference_usable = true;

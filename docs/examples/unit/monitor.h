@@ -3,11 +3,11 @@
  * monitor.c      the interface, and one signal's frame from the samples to the answer
  * compare.c      which samples are compared, their ranks, pattern and median
  * trend.c        the trend bytes of the two voting ranks, and what they say
- * lasting.c      learned biases, sums of small deviations, samples that repeat
- * resolvers.c    patterns without a majority
+ * slow_faults.c      channel equalisation, sums of small deviations, samples that repeat
+ * tie_break.c    splits
  * references.c   the references' own monitor, the last channel, two references against all channels
  * persistence.c  counts, answers that last, latched failures, readmission
- * boxes.c        boxes that die
+ * boxes.c        LRU failures
  * rules.c        what version 3 of the records tells of a signal, and what becomes of a split that nobody answers
  * discretes.c    the voter of the discretes
  *
@@ -36,9 +36,9 @@ struct latches {
     int64_t agreed[RIG_CHANNELS]; /* frames in a row that a failed channel agreed with the vote */
 };
 
-/* What lasts of the channels of one signal; each part where it is on. */
-struct lasting {
-    const struct rig_lasting_config *set;
+/* Slow faults of the channels of one signal; each part where it is on. */
+struct slow_faults {
+    const struct rig_slow_faults_config *set;
     double bias[RIG_CHANNELS];
     int64_t learned[RIG_CHANNELS];    /* frames that the bias is of */
     double above[RIG_CHANNELS];       /* sums of residuals, unit times frames */
@@ -62,7 +62,7 @@ struct trend {
     enum verdict says;             /* the last whole window, where they tumble */
 };
 
-/* A pattern without a majority: the answer to it, and the vote while there is none. */
+/* A split: the answer to it, and the vote while there is none. */
 struct split {
     uint8_t rule;            /* that answers, */
     unsigned blames;         /* the channels that it would fail, bits, */
@@ -112,8 +112,8 @@ struct frame {
     double rise_low, rise_high; /* and their changes since the last frame */
     bool alone[RIG_CHANNELS];   /* agrees with no other channel */
     bool together;              /* behind a filter: the samples of a split agree again */
-    bool blamed[RIG_CHANNELS];  /* would be failed by the answer to a pattern without a majority */
-    uint8_t resolver;           /* who decided */
+    bool blamed[RIG_CHANNELS];  /* would be failed by the answer to a split */
+    uint8_t decided_by;           /* who decided */
     double vote;                /* before the fade */
 };
 
@@ -121,7 +121,7 @@ struct frame {
 struct signal {
     struct rules rules;
     struct latches latches;
-    struct lasting lasting;
+    struct slow_faults slow_faults;
     struct trend trend;
     struct split split;
     double smooth[RIG_CHANNELS]; /* behind the filter; NaN: begins with the next value */
@@ -136,7 +136,7 @@ struct signal {
     int64_t fade_left;           /* frames */
     uint8_t pattern;
     int64_t pattern_frames;      /* that it has lasted */
-    int64_t singular_run;        /* frames in a row of any pattern without a majority */
+    int64_t split_run;        /* frames in a row of any split */
     int64_t freeze;              /* frames for which the counts stand still after it */
     bool after_extremes;         /* the two channels left are those that extremes have kept */
     int64_t cut_frames;          /* frames in a row in which the reference is off both */
@@ -186,7 +186,7 @@ static inline double larger(double a, double b)
 }
 
 /* Whether a pattern has no majority: sections 2 and 3. */
-static inline bool is_singular(uint8_t pattern)
+static inline bool is_split(uint8_t pattern)
 {
     return (pattern >= RIG_PATTERN_P2_2) && (pattern <= RIG_PATTERN_P1_1);
 }
@@ -226,37 +226,37 @@ enum verdict trend_says(const struct frame *f, params *p, const struct signal *s
 /* Section 4: the share of the larger of two values in their mean, by which change is nearer to the vote's. */
 double trend_weight(double rise_high, double rise_low, double rise_vote);
 
-/* ---- lasting.c ---- */
+/* ---- slow_faults.c ---- */
 
 /* Begin with a signal of `config`, which stays where it is. */
-void lasting_open(const struct rig_config *config, int signal, struct lasting *l);
+void slow_open(const struct rig_config *config, int signal, struct slow_faults *l);
 
 /* Forget the bias of the channels that were `failed` and are no longer. */
-void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
+void slow_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
 
 /* Count the frames in which each channel's sample was the last one again while another's moved. */
-void lasting_count(const struct frame *f, double reference, params *p, struct signal *s);
+void slow_count(const struct frame *f, double reference, params *p, struct signal *s);
 
 /* Whether a channel's sample has repeated for too long to be compared. */
-bool lasting_is_stale(int c, const struct lasting *l);
+bool slow_is_stale(int c, const struct slow_faults *l);
 
 /* Whether the bias of each channel with a sample is a mean over the time constant, or none is learned. */
-bool lasting_is_learned(const struct frame *f, const struct lasting *l);
+bool slow_is_learned(const struct frame *f, const struct slow_faults *l);
 
 /* Move the sums and fail whom they fail. */
-void lasting_watch(struct frame *f, params *p, struct signal *s);
+void slow_watch(struct frame *f, params *p, struct signal *s);
 
 /* Move each bias towards its channel's residual, within the bound; it begins as the mean of the residuals. */
-void lasting_learn(const struct frame *f, struct signal *s);
+void slow_learn(const struct frame *f, struct signal *s);
 
 /* Begin all sums again: another number of channels has another middle. */
-void lasting_begin_sums(struct lasting *l);
+void slow_begin_sums(struct slow_faults *l);
 
-/* ---- resolvers.c ---- */
+/* ---- tie_break.c ---- */
 
-/* redundancy.md 'Patterns without a majority': this frame's vote, who decided it, and whom that would fail. */
-void resolvers_settle(struct frame *f, params *p, struct signal *s);
-void resolvers_keep_basis(const struct frame *f, struct signal *s);
+/* redundancy.md 'Splits': this frame's vote, who decided it, and whom that would fail. */
+void tie_break_settle(struct frame *f, params *p, struct signal *s);
+void tie_break_keep_basis(const struct frame *f, struct signal *s);
 
 /* ---- references.c ---- */
 

@@ -1,6 +1,6 @@
 /* Persistence: miscompare counters, answers that last, latched failures, readmission by command.
  *
- * Sections 1 and 2; redundancy.md 'After a pattern without a majority' and 'No rule answers'.
+ * Sections 1 and 2; redundancy.md 'After a split' and 'No rule answers'.
  */
 #include "monitor.h"
 
@@ -19,8 +19,8 @@ void persistence_watch_failed(const struct frame *f, params *p, struct signal *s
         return;
     }
     for (int c = 0; c < p->fitted; c++) {
-        const double off = difference(samples[c], vote, p) - s->lasting.bias[c];
-        const bool there = compare_is_comparable(f, c, p) && !lasting_is_stale(c, &s->lasting) && !has(f->ranked, c);
+        const double off = difference(samples[c], vote, p) - s->slow_faults.bias[c];
+        const bool there = compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults) && !has(f->ranked, c);
         const bool agrees = s->latches.failed[c] && there && (fabs(off) <= p->threshold);
         s->latches.agreed[c] = agrees ? (s->latches.agreed[c] + 1) : 0;
     }
@@ -43,15 +43,15 @@ void persistence_readmit(struct latches *latches, unsigned commanded, int64_t fi
 /* Whether the counts of comparable samples wait in this frame. */
 static bool counts_stand_still(const struct frame *f, params *p, struct signal *s)
 {
-    if (is_singular(s->pattern)) {
-        s->singular_run++;
+    if (is_split(s->pattern)) {
+        s->split_run++;
         return true;
     }
-    if (s->singular_run > 0) {
-        const bool long_run = s->singular_run > p->singular_persistence;
-        const int64_t wait = long_run ? p->singular_persistence : s->singular_run;
+    if (s->split_run > 0) {
+        const bool long_run = s->split_run > p->split_persistence;
+        const int64_t wait = long_run ? p->split_persistence : s->split_run;
         s->freeze = (wait > s->freeze) ? wait : s->freeze;
-        s->singular_run = 0;
+        s->split_run = 0;
     }
     if (s->freeze == 0) {
         return false;
@@ -71,7 +71,7 @@ static double counted_down(double count, const struct rules *r)
 static bool is_off(int c, const struct frame *f, params *p, const struct signal *s)
 {
     const double limit = (f->outlier_threshold > 0.0) ? f->outlier_threshold : f->threshold;
-    const double off = difference(f->x[c], f->vote, p) - s->lasting.bias[c];
+    const double off = difference(f->x[c], f->vote, p) - s->slow_faults.bias[c];
     return (p->filter_gain <= 0.0) || (f->n <= 1) || (fabs(off) > limit);
 }
 
@@ -99,7 +99,7 @@ void persistence_count(const struct frame *f, params *p, struct signal *s)
 static int64_t begun(const struct frame *f, params *p, const struct signal *s)
 {
     int64_t covered = p->trend_frames - 1;
-    if (f->resolver != RIG_RESOLVER_TREND) {
+    if (f->decided_by != RIG_DECIDED_BY_TREND) {
         return 1;
     }
     covered = ((s->pattern_frames - 1) < covered) ? (s->pattern_frames - 1) : covered;
@@ -107,13 +107,13 @@ static int64_t begun(const struct frame *f, params *p, const struct signal *s)
     return 1 + covered;
 }
 
-/* Whether an answer may be acted on: the pattern has lasted for singular_persistence frames, and the same rule has
+/* Whether an answer may be acted on: the pattern has lasted for split_persistence frames, and the same rule has
  * blamed the same channels for half of that.  Counts the frames without an answer, which one that does not stand, or a
  * frame without all samples, leaves as they are. */
 static bool has_stood(const struct frame *f, params *p, struct signal *s)
 {
     struct split *const split = &s->split;
-    if (!is_singular(s->pattern)) {
+    if (!is_split(s->pattern)) {
         split->stood = 0;
         split->silent = 0;
         split->unresolved = split->whole ? 0 : split->unresolved;
@@ -126,19 +126,19 @@ static bool has_stood(const struct frame *f, params *p, struct signal *s)
     for (int c = 0; c < p->fitted; c++) {
         blames |= f->blamed[c] ? (1U << c) : 0U;
     }
-    const bool same = (f->resolver == split->rule) && (blames == split->blames) && (s->pattern_frames > 1);
+    const bool same = (f->decided_by == split->rule) && (blames == split->blames) && (s->pattern_frames > 1);
     split->stood = same ? (split->stood + 1) : begun(f, p, s);
-    split->rule = f->resolver;
+    split->rule = f->decided_by;
     split->blames = blames;
-    const bool stands = (2 * split->stood) >= p->singular_persistence;
-    if (f->resolver == RIG_RESOLVER_UNRESOLVED) {
+    const bool stands = (2 * split->stood) >= p->split_persistence;
+    if (f->decided_by == RIG_DECIDED_BY_UNRESOLVED) {
         split->silent++;
         split->unresolved++;
     } else {
         split->silent = 0;
         split->unresolved = stands ? 0 : split->unresolved;
     }
-    return (s->pattern_frames >= p->singular_persistence) && stands;
+    return (s->pattern_frames >= p->split_persistence) && stands;
 }
 
 /* Fail what has persisted. */
@@ -165,6 +165,6 @@ void persistence_settle(struct frame *f, params *p, struct signal *s)
     rules_give_up(f, p, s);
     latch(settled, f, p, s);
     if (s->level != level) {
-        s->after_extremes = settled && (f->resolver == RIG_RESOLVER_EXTREMES) && (s->level == 2);
+        s->after_extremes = settled && (f->decided_by == RIG_DECIDED_BY_EXTREMES) && (s->level == 2);
     }
 }

@@ -28,7 +28,7 @@ void references_check_last(struct frame *f, params *p, const struct signal *s)
     f->vote = f->x[c];
     if (bad || (there && (apart > (REFERENCE_MARGIN * f->reference_threshold)))) {
         f->alone[c] = true;
-        f->resolver = bad ? RIG_RESOLVER_ILM : RIG_RESOLVER_REFERENCE;
+        f->decided_by = bad ? RIG_DECIDED_BY_ILM : RIG_DECIDED_BY_REFERENCE;
         if (there) {
             f->vote = f->reference;
         } else if (s->started) {
@@ -81,14 +81,14 @@ void references_cut_pair(struct frame *f, params *p, struct signal *s)
     s->cut_frames = (agree && (off_ranks(f, p) > most)) ? (s->cut_frames + 1) : 0;
     if (s->cut_frames >= p->persistence) {
         fail_all(p, s);
-        f->resolver = RIG_RESOLVER_REFERENCE;
+        f->decided_by = RIG_DECIDED_BY_REFERENCE;
     }
 }
 
 /* Not while a pair is left that is itself under suspicion, nor by channels that all stand still. */
 void references_monitor(const struct frame *f, params *p, struct signal *s)
 {
-    if ((f->n < 2) || is_singular(s->pattern) || isnan(f->reference) || s->after_extremes || s->lasting.standing) {
+    if ((f->n < 2) || is_split(s->pattern) || isnan(f->reference) || s->after_extremes || s->slow_faults.standing) {
         return;
     }
     const bool agrees = off_ranks(f, p) <= f->reference_threshold;
@@ -134,6 +134,6 @@ void references_watch_common(struct frame *f, params *p, struct signal *s)
         fail_all(p, s);
         s->reference_usable = true;
         s->reference_run = 0;
-        f->resolver = RIG_RESOLVER_COMMON;
+        f->decided_by = RIG_DECIDED_BY_COMMON;
     }
 }

@@ -28,7 +28,7 @@ void rules_give_up(struct frame *f, params *p, struct signal *s)
 {
     const int64_t most = s->rules.unresolved_frames;
     if ((most > 0) && (s->split.unresolved >= most)) {
-        f->resolver = RIG_RESOLVER_GIVEN_UP;
+        f->decided_by = RIG_DECIDED_BY_GIVEN_UP;
         for (int c = 0; c < p->fitted; c++) {
             s->latches.failed[c] = true;
         }

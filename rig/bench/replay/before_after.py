@@ -15,6 +15,7 @@ from rig.bench.replay.compare_flights import Comparison, Field, joined, of_colum
 from rig.core.blocks import cuts
 from rig.core.errors import BadLog
 from rig.core.frame import INDEX, SIGNALS
+from rig.core.renamed import field_now
 from rig.core.text import shorten
 from rig.log import LogFile, foreign
 from rig.log.columns import COLUMNS, LANE_COLUMNS
@@ -70,23 +71,30 @@ def _is_voted(path: Path) -> bool:
 
 def _voted(path: Path) -> Side:
     """Read a vote: of a flight's log by its own scenario only what the flight has too, else all fields."""
-    of_flight = foreign.fields(path)
+    of_flight = {topic: set(map(field_now, fields)) for topic, fields in foreign.fields(path).items()}
     wanted = {
-        topic: {field.name for field in MESSAGES[schema] if not of_flight or field.source in of_flight[topic]}
-        for topic, schema in foreign.topics(path).items()
-        if schema == "rig.Signal" or topic in of_flight
+        topic: _fields(message, names, of_flight.get(topic))
+        for topic, (message, names) in foreign.messages_of(path).items()
+        if message == "rig.Signal" or topic in of_flight
     }
     columns, wraps, rows = dict[str, NDArray[Any]](), dict[str, bool](), 0
     for topic, source in foreign.read(path, wanted).items():
         name, rows = topic.rsplit("/", 1)[1], len(source.time_s)
         on_circle = name in INDEX and SIGNALS[INDEX[name]].wraps
-        for field, values in source.fields.items():
+        for field, values in ((field_now(field), values) for field, values in source.fields.items()):
             columns[f"{name}.{field}"], wraps[f"{name}.{field}"] = values, on_circle and field in _ANGLES
 
     def blocks() -> Iterator[tuple[NDArray[np.int64], Part]]:
         return ((np.arange(rows)[part], lambda name, part=part: columns[name][part]) for part in cuts(rows))
 
     return Side(path, None, rows, wraps, blocks, {}, partial=bool(of_flight))
+
+
+def _fields(message: str, names: Sequence[str], of_flight: set[str] | None) -> set[str]:
+    """Return which ``names`` of a message, as it was written, are fields of ours; of_flight : the fields that count."""
+    sources = {field.name: field.source for field in MESSAGES[message]}
+    given = {name: sources.get(field_now(name)) for name in names}
+    return {name for name, source in given.items() if source and (of_flight is None or source in of_flight)}
 
 
 def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:

@@ -19,7 +19,7 @@ from rig.core.runs import runs
 from rig.log.columns import COLUMNS, Column, chosen_lanes, label
 
 FIELDS: Final = (
-    *("state", "level", "pattern", "resolver", "reference_usable", "source"),
+    *("state", "level", "pattern", "decided_by", "reference_usable", "source"),
     *("discrete_state", "discrete_level", "discrete_voted"),
 )
 LANE_FIELDS: Final = ("failed_by", "valve_differs", "health", "failed_for", "leads")  # of servo actuators, computers
@@ -32,7 +32,7 @@ _FLIGHT: Final = {"law": "control law", "end": "end"}
 class Moved:
     """One decision over frames in a row (the last included) in which it is ``new`` and was ``old``."""
 
-    decision: str  # state, level, pattern, resolver, reference_usable, source, voted
+    decision: str  # state, level, pattern, decided_by, reference_usable, source, voted
     signal: str  # or a discrete
     channel: int | None  # counted from 1
     first_frame: int
@@ -178,7 +178,7 @@ def _first(there: NDArray[np.bool_], frames: NDArray[np.int64]) -> int | None:
 def history(rows: Block, fields: tuple[str, ...] = ALL) -> list[str]:
     """Every decision of a flight as lines of text, in the order of time: frame, whose, what, old, new.
 
-    What stands in the first frame is told only when it is not the ordinary: OK, all channels, no resolver.
+    What stands in the first frame is told only when it is not the ordinary: OK, all channels, no rule.
     """
     found: list[tuple[int, str]] = []
     for column in decided(fields):

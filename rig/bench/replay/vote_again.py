@@ -13,11 +13,11 @@ from rig.flight import loop
 from rig.flight.unit_loop import UnitVoter
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
-from rig.unit.unit_records import Form
+from rig.unit.unit_records import Role
 
 # What the redundancy stage writes of a row, and the source that the control law takes on its word.
 OUTPUTS: Final = (
-    *("voted", "reference", "second_reference", "trend_high", "trend_low", "state", "level", "pattern", "resolver"),
+    *("voted", "reference", "second_reference", "trend_high", "trend_low", "state", "level", "pattern", "decided_by"),
     *("reference_usable", "common_mode"),
     *("source", "discrete_voted", "discrete_state", "discrete_level"),
 )
@@ -69,4 +69,4 @@ class VoteAgain:
 
 def outputs(unit: UnitUnderTest | None) -> tuple[str, ...]:
     """Return the fields that a replay writes."""
-    return OUTPUTS if unit is None or unit.form is Form.REDUNDANCY else (*OUTPUTS, *COMMANDED)
+    return OUTPUTS if unit is None or unit.role is Role.REDUNDANCY else (*OUTPUTS, *COMMANDED)

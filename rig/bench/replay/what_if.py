@@ -1,4 +1,4 @@
-"""What if: another threshold, resolver order or manager over the channels that were recorded, or other limits of
+"""What if: another threshold, rule order or manager over the channels that were recorded, or other limits of
 the monitors of servo actuators.
 
 Open loop: the flight stays that of the recording, truth and commands with it.  What the new votes would have

@@ -24,7 +24,7 @@ from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
 from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.analytic.reference_sources import PARTNERS, Config, second, source
 from rig.computer.gain_schedule import look_up
-from rig.core.frame import CHANNELS, INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S, State, sig
+from rig.core.frame import CHANNELS, INDEX, INERTIAL, SIGNALS, DecidedBy, Pattern, S, State, sig
 from rig.core.kernels import kernel
 from rig.core.settings import record
 from rig.core.units.angles import difference
@@ -61,7 +61,7 @@ STATE: Final = np.dtype(
         ("gyros", "i8"),  # channels in the votes of pitch and yaw rate
         # Of the last frame, a bit for each signal:
         ("lost", "i8"),  # no channel
-        ("singular", "i8"),  # no majority
+        ("in_split", "i8"),  # no majority
         ("agreed", "i8"),  # all channels in use agree, and nothing disputes a last one
         ("roll_angle", "f8"),  # by the voted gyros
         ("rolling", "u1"),  # whether that has begun
@@ -192,9 +192,9 @@ def look_back(fcc, st):
     Nor is that of a last channel which its monitor or its reference disputes: the vote is a substitute then, and two
     signals that are references of each other would close a loop through their substitutes (ours).
     """
-    voted, level, pattern, resolver, kept = fcc["voted"], fcc["level"], fcc["pattern"], fcc["resolver"], st["voted"]
+    voted, level, pattern, decided_by, kept = fcc["voted"], fcc["level"], fcc["pattern"], fcc["decided_by"], st["voted"]
     state = fcc["state"]
-    lost, singular, agreed, resettled = 0, 0, 0, 0
+    lost, in_split, agreed, resettled = 0, 0, 0, 0
     for s in range(S):
         trusted = 0
         for c in range(CHANNELS):
@@ -205,17 +205,17 @@ def look_back(fcc, st):
         if level[s] == 0 or not math.isfinite(voted[s]):
             lost |= 1 << s
             continue
-        disputed = pattern[s] == Pattern.NORMAL and resolver[s] in (Resolver.ILM, Resolver.REFERENCE)
+        disputed = pattern[s] == Pattern.NORMAL and decided_by[s] in (DecidedBy.ILM, DecidedBy.REFERENCE)
         torn = Pattern.P2_2 <= pattern[s] <= Pattern.P1_1
         if torn:
-            singular |= 1 << s
+            in_split |= 1 << s
         if disputed or torn:
             if st["started"] != 0:
                 continue
-        elif pattern[s] == Pattern.NORMAL and resolver[s] == Resolver.NONE:
+        elif pattern[s] == Pattern.NORMAL and decided_by[s] == DecidedBy.NONE:
             agreed |= 1 << s
         kept[s] = voted[s]
-    st["lost"], st["singular"], st["agreed"], st["resettled"] = lost, singular, agreed, resettled
+    st["lost"], st["in_split"], st["agreed"], st["resettled"] = lost, in_split, agreed, resettled
     st["gyros"] = 8 * level[sig.Q] + level[sig.R]
 
 
@@ -255,7 +255,7 @@ def opinion(s, source, partners, inertial, p, st, air):
         value = of_attitude(s, st) if abs(st["voted"][sig.THETA]) <= _STEEPEST else math.nan
     else:
         value = of_partners(s, partners, p, st, speed)
-    return value if partners & (st["lost"] | st["singular"]) == 0 else math.nan
+    return value if partners & (st["lost"] | st["in_split"]) == 0 else math.nan
 
 
 @kernel

@@ -1,7 +1,7 @@
 """The control stage: voted signals in, surface positions out, one kernel call a frame.
 
 With the discrete ``autopilot_engaged`` voted 1 the autopilot holds pitch or altitude, roll or
-heading, and airspeed, about the values captured at engagement plus the demands of the frame.
+heading, and airspeed, about the values captured at engagement plus the autopilot commands of the frame.
 With 0 the sticks command pitch rate, roll rate and sideslip, and the throttle stays where it is.
 
 Signs: stick_pitch + pulls (nose up), stick_roll + rolls right, pedal + is the right pedal (nose
@@ -122,7 +122,7 @@ class Control:
         return ControlData(self.pressures, self.table, self.param, self.state, self.gain, *fdi)
 
     def step(self, block: Block, k: int) -> None:
-        """Write what ``control_law`` writes of row ``k`` from its voted signals and demands."""
+        """Write what ``control_law`` writes of row ``k`` from its voted signals and autopilot commands."""
         row = nested(block)[k]
         control_law(row["bus"], row["fcc"], self.data)
 

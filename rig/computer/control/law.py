@@ -13,21 +13,21 @@ from rig.computer.control.modes import AIRSPEED
 from rig.computer.control.source import select
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.gain_schedule import look_up
-from rig.core.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, Law, S, Source, sig
+from rig.core.frame import AUTOPILOT_COMMANDS, COMMANDS, DISCRETE_INDEX, SURFACES, Law, S, Source, sig
 from rig.core.kernels import kernel
 from rig.core.units.atmosphere import equivalent_airspeed, mach_number, pressure_altitude, temperature, true_airspeed
 from rig.core.units.constants import GRAVITY
 
 _ENGAGED, _WHEELS, _GEAR = (DISCRETE_INDEX[name] for name in ("autopilot_engaged", "weight_on_wheels", "gear_down"))
-_DEMANDS, _SURFACES, _COMMANDS = len(DEMANDS), len(SURFACES), len(COMMANDS)
+_AUTOPILOT_COMMANDS, _SURFACES, _COMMANDS = len(AUTOPILOT_COMMANDS), len(SURFACES), len(COMMANDS)
 
 
 @kernel
 def control_law(bus, fcc, data):
     """Fly one frame: signals to surfaces.
 
-    bus, fcc : the row's BUS and FCC records; reads demand, inertial, voted, level, reference, reference_usable,
-               discrete_voted; writes source, command, surface, law, estimate, trust, lie
+    bus, fcc : the row's BUS and FCC records; reads autopilot_command, inertial, voted, level, reference,
+               reference_usable, discrete_voted; writes source, command, surface, law, estimate, trust, sensor_fault
     data : ControlData
     A signal that is not finite keeps its last value; before the first one the surfaces stay at trim.
     """
@@ -35,7 +35,7 @@ def control_law(bus, fcc, data):
     param, state, gain = data.param, data.state, data.gain
     law = Law.AUTOPILOT if fcc["discrete_voted"][_ENGAGED] == 1 else Law.STICK
     source, measured, command = fcc["source"], s["measured"], s["command"]
-    keep_demand(bus["demand"], state)
+    keep_command(bus["autopilot_command"], state)
     lost = select(fcc, param, state)
     if lost > 0:
         if s["started"] == 0:
@@ -77,12 +77,12 @@ def on_ground(voted, state):
 
 
 @kernel
-def keep_demand(demand, state):
-    """Keep every finite demand."""
-    kept = state[0]["demand"]
-    for i in range(_DEMANDS):
-        if math.isfinite(demand[i]):
-            kept[i] = demand[i]
+def keep_command(autopilot_command, state):
+    """Keep every finite autopilot command."""
+    kept = state[0]["autopilot_command"]
+    for i in range(_AUTOPILOT_COMMANDS):
+        if math.isfinite(autopilot_command[i]):
+            kept[i] = autopilot_command[i]
 
 
 @kernel

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import COMMANDS, DEMANDS, SURFACES, S
+from rig.core.frame import AUTOPILOT_COMMANDS, COMMANDS, SURFACES, S
 
 # Places of ``command``.
 (
@@ -40,7 +40,7 @@ STATE: Final = np.dtype(
         ("fade", "f8", (S,)),  # the jump of the last change of source, being taken out
         ("fade_left", "i8", (S,)),  # frames
         ("source", "u1", (S,)),  # frame.Source
-        ("demand", "f8", (len(DEMANDS),)),  # the last finite one, 0 until there is one
+        ("autopilot_command", "f8", (len(AUTOPILOT_COMMANDS),)),  # the last finite one, 0 until there is one
         ("command", "f8", (len(COMMANDS),)),
         ("surface", "f8", (len(SURFACES),)),
         ("started", "i8"),

@@ -28,7 +28,7 @@ class Mode(NamedTuple):
     name: str
     description: str
     limits: tuple[str, ...] = ()  # settings of [control] that bound it
-    kernel: Any = None  # that commands the attitude, or tests a sensor; None: nothing beyond stick or demand
+    kernel: Any = None  # that commands the attitude, or tests a sensor; None: nothing beyond stick or autopilot command
     tested: tuple[str, ...] = ()  # signals whose common faults it finds by itself: the manager only reports them
 
 
@@ -99,14 +99,14 @@ else:
 
 @kernel
 def command_pitch(vertical, param, state, gain, measured, command):
-    """Command the pitch attitude by the vertical mode; ``command`` (C,) has the demands."""
+    """Command the pitch attitude by the vertical mode; ``command`` (C,) has the autopilot commands."""
     if vertical == ALTITUDE:
         hold_altitude(param, state, gain, measured, command)
 
 
 @kernel
 def command_bank(lateral, param, state, gain, measured, command):
-    """Command the roll attitude by the lateral mode; ``command`` (C,) has the demands."""
+    """Command the roll attitude by the lateral mode; ``command`` (C,) has the autopilot commands."""
     if lateral == HEADING:
         hold_heading(param, state, gain, measured, command)
     else:
@@ -126,7 +126,7 @@ def yaw_rate(law, param, state, gain, measured, command):
 
 @kernel
 def outer(param, state, gain, measured, command, law):
-    """Turn demands or sticks into pitch rate, roll rate and sideslip commands.
+    """Turn autopilot commands or sticks into pitch rate, roll rate and sideslip commands.
 
     On the ground the autopilot's pitch and roll attitude commands stay as they are.
     """
@@ -137,7 +137,7 @@ def outer(param, state, gain, measured, command, law):
     vertical, lateral = STICK, STICK
     if law == Law.AUTOPILOT:
         vertical, lateral = c["vertical"], c["lateral"]
-        add_demand(s["demand"], command)
+        add_command(s["autopilot_command"], command)
         command_bank(lateral, param, state, gain, measured, command)
         if s["ground"] != 0 and s["started"] != 0:
             command[C_THETA], command[C_PHI] = held_pitch, held_roll
@@ -149,13 +149,13 @@ def outer(param, state, gain, measured, command, law):
 
 
 @kernel
-def add_demand(demand, command):
-    """Add the demands, in the order of frame.DEMANDS, to what is held."""
-    command[C_THETA] += demand[0]
-    command[C_PHI] = wrap(command[C_PHI] + demand[1])
-    command[C_ALTITUDE] += demand[2]
-    command[C_PSI] = (command[C_PSI] + demand[3]) % TWO_PI
-    command[C_SPEED] += demand[4]
+def add_command(autopilot_command, command):
+    """Add the autopilot commands, in the order of frame.AUTOPILOT_COMMANDS, to what is held."""
+    command[C_THETA] += autopilot_command[0]
+    command[C_PHI] = wrap(command[C_PHI] + autopilot_command[1])
+    command[C_ALTITUDE] += autopilot_command[2]
+    command[C_PSI] = (command[C_PSI] + autopilot_command[3]) % TWO_PI
+    command[C_SPEED] += autopilot_command[4]
 
 
 @kernel

@@ -20,7 +20,8 @@ _FIRST_THETA_RAD: Final = 0.001  # sigma of the sensor at the start
 def monitor_pitch_angle(inertial, fcc, param, state, signals):
     """Replace the pitch angle in ``signals`` by its estimate while the sensor is declared faulty; write the status.
 
-    inertial : quantities of frame.INERTIAL; fcc : an FCC record, reads source and level; writes estimate, trust, lie
+    inertial : quantities of frame.INERTIAL; fcc : an FCC record, reads source, level, writes estimate, trust,
+    sensor_fault
     signals : (S,), all finite; param, state : one record of PARAM and of STATE; state in place
     A healthy sensor is passed on bit for bit.
     """
@@ -76,10 +77,13 @@ def flown_pitch_angle(c, w, measured):
 
 @kernel
 def write_status(fcc, w):
-    """Write estimate, trust and lie of the row; in the order of frame.ESTIMATES."""
+    """Write estimate, trust and sensor_fault of the row; in the order of frame.ESTIMATES."""
     estimate, e, p = fcc["estimate"], w["filter"], w["fault_covariance"]
     estimate[0], estimate[1], estimate[2] = e["theta"], w["effectiveness"], w["offset"]
     estimate[3], estimate[4] = math.sqrt(max(p[0], 0.0)), math.sqrt(max(p[1], 0.0))
     estimate[5], estimate[6] = w["innovation"], w["sigma"]
     estimate[7], estimate[8] = e["drift"], e["path"]
-    fcc["trust"], fcc["lie"] = w["trust"], SensorFault.RATE_BIAS if rate_bias.biased(w) else fault_estimate.name(w)
+    fcc["trust"], fcc["sensor_fault"] = (
+        w["trust"],
+        SensorFault.RATE_BIAS if rate_bias.biased(w) else fault_estimate.name(w),
+    )

@@ -1,7 +1,7 @@
 """The vote of the lanes' commands: every lane tells its own, votes all, and puts out what is voted.
 
 Each surface is voted as a signal is, by the same manager: four commands, a threshold as a share of the stroke, and the
-lanes' own tests as the only resolver.  Where no test speaks, a tie goes to the largest group of lanes whose votes of
+lanes' own tests as the only rule.  Where no test speaks, a tie goes to the largest group of lanes whose votes of
 the signals are the same, if that is one of its sides.  Commands go round once: of three equal good ones the median is
 right whatever a fourth lane tells whom.  Before they think, the lanes bring their integrators together, which has no
 effect while they agree.
@@ -20,14 +20,14 @@ from rig.computer.lanes.lane_clock import insert
 from rig.computer.redundancy.manager import manage_signal
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.state import new_state
-from rig.core.frame import COMPUTERS, INTEGRATED, SURFACES, Ilm, LinkState, Resolver, S
+from rig.core.frame import COMPUTERS, INTEGRATED, SURFACES, DecidedBy, Ilm, LinkState, S
 from rig.core.kernels import kernel
 from rig.core.settings import in_frames
 from rig.world.faults.servo_parts import LinkPart
 
 _LANES: Final = len(COMPUTERS)
 _SURFACES: Final = len(SURFACES)
-SETTINGS: Final = np.dtype([("own", "u1"), ("equalise", "u1"), ("singular_frames", "i8")], align=True)
+SETTINGS: Final = np.dtype([("own", "u1"), ("equalise", "u1"), ("split_frames", "i8")], align=True)
 
 
 class CommandData(NamedTuple):
@@ -40,7 +40,7 @@ class CommandData(NamedTuple):
     before: NDArray[np.float64]  # (4, 4) in the frame before
     meant: NDArray[np.float64]  # (4, 4) what each means to put out: voted, or its own
     put: NDArray[np.float64]  # (4, 4) put out, behind the converters
-    resolver: NDArray[np.uint8]  # (4, 4) of the votes
+    decided_by: NDArray[np.uint8]  # (4, 4) of the votes
     differs: NDArray[np.uint8]  # (4, 4) the first lane's vote has failed the commands of the second
     integral: NDArray[np.float64]  # (4, 4) integrators of each lane at the end of the last frame
     tells_integrals: NDArray[np.uint8]  # (4,) a unit under test with a control law of its own does not
@@ -53,14 +53,14 @@ def commands(config: Config, limits: NDArray[np.float64], rate_hz: float) -> Com
     """Return the vote at the first frame; limits : (4, 2) of each surface."""
     settings, params = np.zeros(1, SETTINGS), np.zeros(_SURFACES, PARAMS)
     settings["own"], settings["equalise"] = config.output == "own", config.equalise
-    settings["singular_frames"] = in_frames(1, config.command_singular_s, rate_hz)
+    settings["split_frames"] = in_frames(1, config.command_split_s, rate_hz)
     for row, (low, high) in zip(params, limits, strict=True):
         stroke = high - low
         vote = SignalConfig(
             threshold=config.command_threshold * stroke,
             persistence_s=config.command_persistence_s,
-            singular_persistence_s=config.command_persistence_s,
-            resolvers=["ilm"],
+            split_persistence_s=config.command_persistence_s,
+            tie_break=["ilm"],
         )
         fill(row, vote, (low - 2 * stroke, high + 2 * stroke), config.count, False, rate_hz)
     square = (_LANES, _SURFACES)
@@ -72,7 +72,7 @@ def commands(config: Config, limits: NDArray[np.float64], rate_hz: float) -> Com
         before=np.zeros(square),
         meant=np.zeros(square),
         put=np.zeros(square),
-        resolver=np.zeros(square, np.uint8),
+        decided_by=np.zeros(square, np.uint8),
         differs=np.zeros((_LANES, _LANES), np.uint8),
         integral=np.zeros((_LANES, len(INTEGRATED))),
         tells_integrals=np.ones(_LANES, np.uint8),
@@ -132,7 +132,7 @@ def vote_commands(i, lead, fcc, links, health, data):
     """Vote all lanes' commands in lane i.
 
     lead : (4,) frames;  fcc : (4,) FCC of the lanes, whose votes settle what no test does
-    Writes state, resolver, differs and, unless each lane puts out its own, meant of that lane
+    Writes state, rule, differs and, unless each lane puts out its own, meant of that lane
     """
     fitted, threshold = links.link[0]["fitted"], data.params["threshold"]
     differs = data.differs[i]
@@ -142,10 +142,10 @@ def vote_commands(i, lead, fcc, links, health, data):
         for j in range(fitted):
             late = lead[i] - lead[j] > links.link[0]["window"]
             data.samples[j] = data.before[j, s] if late and i != j else data.told[j, s]
-            data.samples[j] += links.parts[LinkPart.LIE, i, j] * threshold[s]
+            data.samples[j] += links.parts[LinkPart.OFFSET, i, j] * threshold[s]
             data.valid[j] = is_engaged(health.lane[j]) and hears(i, j, links)
         p, st = data.params[s], data.state[i, s]
-        data.resolver[i, s] = manage_signal(data.samples, data.valid, data.ilm, np.nan, np.nan, p, st)
+        data.decided_by[i, s] = manage_signal(data.samples, data.valid, data.ilm, np.nan, np.nan, p, st)
         for j in range(fitted):
             if data.valid[j] == 0 and is_engaged(health.lane[j]):
                 st["count"][j] = 0  # what the link has not brought is no wrong command
@@ -213,9 +213,9 @@ def note_unresolved(health, data):
         return
     unresolved = False
     for s in range(_SURFACES):
-        unresolved |= data.resolver[system["leading"], s] == Resolver.UNRESOLVED
+        unresolved |= data.decided_by[system["leading"], s] == DecidedBy.UNRESOLVED
     system["unresolved_frames"] = system["unresolved_frames"] + 1 if unresolved else 0
-    if system["unresolved_frames"] >= data.settings[0]["singular_frames"]:
+    if system["unresolved_frames"] >= data.settings[0]["split_frames"]:
         system["backup"] = 1
 
 

@@ -67,7 +67,7 @@ class Config(Settings):
     equalise: bool = True  # integrators go to the mid value of the engaged lanes'
     command_threshold: float = Field(default=0.05, gt=0, le=1)  # of the vote of commands
     command_persistence_s: float = Field(default=0.05, gt=0)
-    command_singular_s: float = Field(default=0.1, gt=0)  # an unresolved vote of commands leads to the back-up
+    command_split_s: float = Field(default=0.1, gt=0)  # an unresolved vote of commands leads to the back-up
     wrap_around: OwnTest = OwnTest()
     reference_voltage: OwnTest = OwnTest()
     watchdog: Watchdog = Watchdog()

@@ -276,7 +276,7 @@ def of_lane(i, data, lanes):
     """Return the ComputerData of lane i: its own state, and the parameters that all have."""
     r, m, c, f = data.redundancy.references, data.redundancy.manager, data.control, data.faults
     references = ReferenceData(r.pressures, r.table, r.param, lanes.references[i])
-    manager = ManagerData(m.choice, m.params, lanes.manager[i], lanes.boxes[i], lanes.failed, m.rival)
+    manager = ManagerData(m.choice, m.params, lanes.manager[i], lanes.boxes[i], lanes.failed, m.baseline)
     discretes = DiscreteData(data.redundancy.discretes.params, lanes.discretes[i])
     control = ControlData(c.pressures, c.table, c.param, lanes.control[i], lanes.gain[i], c.fdi_param, lanes.fdi[i])
     faults = FaultData(
@@ -295,7 +295,10 @@ def note(out, i, lanes):
     for s in range(_SURFACES):
         out["surface"][s], out["output"][s] = lanes.fcc[i]["surface"][s], commands.put[i, s]
         out["integral"][s] = commands.integral[i, s]
-        out["command_pattern"][s], out["command_resolver"][s] = commands.state[i, s]["pattern"], commands.resolver[i, s]
+        out["command_pattern"][s], out["command_decided_by"][s] = (
+            commands.state[i, s]["pattern"],
+            commands.decided_by[i, s],
+        )
     out["clock_lead"], out["leads"] = lanes.clocks.clock[0]["lead"][i], lanes.health.system[0]["leading"] == i
     out["health"], out["failed_for"] = health["health"], health["failed_for"]
     for j in range(lanes.fitted):
@@ -306,10 +309,16 @@ def note(out, i, lanes):
 @kernel
 def note_votes(out, fcc):
     """Write what a lane decided on the signals, an FCC record, into its COMPUTER record."""
-    voted, state, level, pattern, resolver = out["voted"], out["state"], out["level"], out["pattern"], out["resolver"]
+    voted, state, level, pattern, decided_by = (
+        out["voted"],
+        out["state"],
+        out["level"],
+        out["pattern"],
+        out["decided_by"],
+    )
     for s in range(S):
-        voted[s], level[s], pattern[s], resolver[s] = (
-            fcc["voted"][s], fcc["level"][s], fcc["pattern"][s], fcc["resolver"][s]
+        voted[s], level[s], pattern[s], decided_by[s] = (
+            fcc["voted"][s], fcc["level"][s], fcc["pattern"][s], fcc["decided_by"][s]
         )  # fmt: skip
         for c in range(CHANNELS):
             state[s, c] = fcc["state"][s, c]

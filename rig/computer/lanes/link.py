@@ -2,8 +2,8 @@
 
 Each lane samples its own channel and tells it to the others (exchange.py).  A message that comes later than the
 receiver reads is one of the frame before.  What is missing is not valid in the receiver's BUS, and no number; inertial
-unit, demands and commands are common to all lanes.  While nothing is broken and all messages are in time each lane has
-what was sampled, and nothing is exchanged one by one.
+unit and the pilot's commands are common to all lanes.  While nothing is broken and all messages are in time each lane
+has what was sampled, and nothing is exchanged one by one.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def receive(lead, data):
             if comes(i, j, data):
                 silent[i, j] = 0
                 data.got[i, j] = data.before[j] if ahead > link["window"] else data.now[j]
-                lie(data.got[i, j], data.parts[LinkPart.LIE, i, j], data.signals)
+                put_off(data.got[i, j], data.parts[LinkPart.OFFSET, i, j], data.signals)
             else:
                 silent[i, j] += 1
             intact = data.parts[LinkPart.DAMAGED, i, j] == 0.0
@@ -218,7 +218,7 @@ def tell(sender, data):
             said[i, k] = Said.WORD.value
             told[i, k] = data.got[i, sender] if k == sender else data.got[k, sender]
             if k != sender:
-                lie(told[i, k], data.parts[LinkPart.LIE, i, k], data.signals)
+                put_off(told[i, k], data.parts[LinkPart.OFFSET, i, k], data.signals)
             for other in range(k):
                 if said[i, other] == Said.WORD and same(told[i, other], told[i, k]):
                     words[i, k] = words[i, other]
@@ -277,7 +277,7 @@ def miss(bus, c):
 
 
 @kernel
-def lie(message, thresholds, signals):
+def put_off(message, thresholds, signals):
     """Add to every sample of a MESSAGE so many thresholds of its signal's monitor; signals : (S,) PARAMS."""
     if thresholds == 0.0:
         return

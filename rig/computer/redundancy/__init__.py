@@ -67,7 +67,7 @@ class Redundancy:
         name = DEFAULT if own else config.manager
         self.manager = Manager(
             name,
-            with_settings(params, name, config.rivals, [signal.name for signal in SIGNALS]),
+            with_settings(params, name, config.baselines, [signal.name for signal in SIGNALS]),
             box_signals=config.box_signals,
             box_persistence=config.box_persistence,
         )
@@ -96,7 +96,7 @@ def flight_parameters(
     params = parameters(config.signals, ranges, channels, rate_hz)
     measured_thresholds(params, config, designed)
     if computers == 1:
-        params["resolvers"] = without_lanes(params["resolvers"])
+        params["tie_break"] = without_lanes(params["tie_break"])
     params["common_persistence"] = config.common_persistence
     params["unresolved_frames"] = in_frames(0, config.unresolved_s or None, rate_hz)
     params["box"] = box_of_signals(config.boxes, [signal.name for signal in SIGNALS])

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from rig.core.frame import CHANNELS, Pattern, Resolver, State
+from rig.core.frame import CHANNELS, DecidedBy, Pattern, State
 from rig.core.kernels import kernel
 
 _UNSAID: Final = 255  # no state and no level
@@ -40,7 +40,7 @@ def begin_answer(fcc, k, signals):
     row = fcc[k]
     for s in range(signals):
         row["voted"][s], row["level"][s] = _NO_VOTE, _UNSAID
-        row["pattern"][s], row["resolver"][s] = Pattern.NORMAL, Resolver.NONE
+        row["pattern"][s], row["decided_by"][s] = Pattern.NORMAL, DecidedBy.NONE
         row["reference_usable"][s] = row["common_mode"][s] = 0
         row["trend_high"][s] = row["trend_low"][s] = 0
         for c in range(CHANNELS):

@@ -1,10 +1,10 @@
-"""A box that dies: a channel accused on several signals of a box at once is failed on all signals of that box.
+"""LRU failure: a channel accused on several signals of a box at once is failed on all signals of that box.
 
 A box is a named set of signals that one unit of each channel measures: air data, inertial, sticks.
 
 One frame's evidence against a channel on one signal: it miscompares, its sample is not comparable, or an in-line
-monitor or the reference blames it for a pattern without a majority.  Trend, extremes and middle are no evidence.
-Ours: docs/redundancy.md, 'A box that dies'; Zhang 2023, sections 2 and 6, name a computer's channel fault logic only.
+monitor or the reference blames it for a split.  Trend, extremes and middle are no evidence.
+Ours: docs/redundancy.md, 'LRU failure'; Zhang 2023, sections 2 and 6, name a computer's channel fault logic only.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.compare import is_split
 from rig.computer.redundancy.slow_faults import begin_sums
-from rig.core.frame import CHANNELS, Resolver, State
+from rig.core.frame import CHANNELS, DecidedBy, State
 from rig.core.kernels import kernel
 from rig.core.text import choices, quoted, shorten
 
@@ -77,19 +77,19 @@ def boxes(of_signal: NDArray[np.int64], signals: int | None, persistence: int) -
 
 
 @kernel
-def accused(resolver, ranked, p, st):
+def accused(decided_by, ranked, p, st):
     """Return the channels against which this frame's evidence of one signal speaks, a bit each.
 
     ranked : bits of the channels with a comparable sample
     """
-    singular = is_singular(st["pattern"])
-    settled_by_evidence = resolver in (Resolver.ILM, Resolver.REFERENCE)
+    in_split = is_split(st["pattern"])
+    settled_by_evidence = decided_by in (DecidedBy.ILM, DecidedBy.REFERENCE)
     bits = 0
     for c in range(p["fitted"]):
         if st["failed"][c]:
             continue
         here = (ranked >> c) & 1 == 1
-        if not here or (settled_by_evidence and st["blamed"][c] if singular else st["miscomparing"][c]):
+        if not here or (settled_by_evidence and st["blamed"][c] if in_split else st["miscomparing"][c]):
             bits |= 1 << c
     return bits
 
@@ -142,4 +142,4 @@ def fail_all(channels, fcc, s, p, st):
             st["fade_left"] = p["fade_frames"]
             st["after_extremes"] = st["cut_frames"] = 0
             begin_sums(st)
-            fcc["state"][s, c], fcc["level"][s], fcc["resolver"][s] = State.FAILED, st["level"], Resolver.BOX
+            fcc["state"][s, c], fcc["level"][s], fcc["decided_by"][s] = State.FAILED, st["level"], DecidedBy.BOX

@@ -1,7 +1,7 @@
 """Cross-channel comparison: which samples count, how they are ranked, which pattern they make.
 
-Source: Zhang 2023, section 2 (what a miscompare is) and section 3 with figures 2 and 3 (patterns without a majority).
-Ours: thresholds by the number of samples, the outlier threshold, what is not comparable.
+Source: Zhang 2023, section 2 (what a miscompare is) and section 3 with figures 2 and 3 (splits).
+Ours: thresholds by the number of samples, the isolation threshold, what is not comparable.
 """
 
 from __future__ import annotations
@@ -93,9 +93,9 @@ def exchange(x, order, i, j):
 def pattern_of(x, order, n, within, limit, miscomparing):
     """Return the pattern of ``n`` ranked samples, outliers included; ``miscomparing`` as of ``classify``.
 
-    Where all agree ``within`` they are compared once more by the outlier threshold, which a single channel must keep
+    Where all agree ``within`` they are compared once more by the isolation threshold, which a single channel must keep
     to while the others show a majority: without one at that scale nobody is blamed (ours: 'Outliers' in docs).
-    limit : the outlier threshold, 0 for none
+    limit : the isolation threshold, 0 for none
     """
     pattern = classify(x, order, n, within, miscomparing)
     if pattern != Pattern.NORMAL or limit <= 0.0:
@@ -129,12 +129,12 @@ def classify(x, order, n, threshold, miscomparing):
         below = i == 0 or (gaps >> (i - 1)) & 1 == 1
         above = i == n - 1 or (gaps >> i) & 1 == 1
         miscomparing[order[i]] = below and above
-    return singular(n, gaps, apart)
+    return split_of(n, gaps, apart)
 
 
 @kernel
-def singular(n, gaps, apart):
-    """Return the pattern without a majority that the gaps make, or Pattern.ISOLATED (section 3, figures 2 and 3)."""
+def split_of(n, gaps, apart):
+    """Return the split that the gaps make, or Pattern.ISOLATED (section 3, figures 2 and 3)."""
     if n == 4 and gaps == 0b010:
         return Pattern.P2_2
     if apart < n - 1:
@@ -145,6 +145,6 @@ def singular(n, gaps, apart):
 
 
 @kernel
-def is_singular(pattern):
+def is_split(pattern):
     """Return True if no majority exists."""
     return Pattern.P2_2 <= pattern <= Pattern.P1_1

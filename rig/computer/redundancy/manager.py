@@ -12,27 +12,27 @@ import numpy as np
 from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy import reference_monitor, slow_faults
 from rig.computer.redundancy.box import accused, begin_counts, fail_boxes
-from rig.computer.redundancy.compare import comparable, is_singular, pattern_of, rank, threshold
+from rig.computer.redundancy.compare import comparable, is_split, pattern_of, rank, threshold
 from rig.computer.redundancy.lowpass import begins_at, follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
 from rig.computer.redundancy.quiet import is_quiet, last_quiet
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
-from rig.core.frame import CHANNELS, Pattern, Resolver, State
+from rig.core.frame import CHANNELS, DecidedBy, Pattern, State
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference, limit
 
 
 @kernel
 def manage(bus, fcc, data):
-    """Write voted, state, level, pattern, resolver, trend bytes, reference_usable and common_mode of a row.
+    """Write voted, state, level, pattern, decided_by, trend bytes, reference_usable and common_mode of a row.
 
     bus, fcc : the row's BUS and FCC records; data : ManagerData
     """
     params, state = data.params, data.state
     channels, valid, ilm, reset = bus["channels"], bus["valid"], bus["ilm"], bus["reset"]
     voted, reference, states = fcc["voted"], fcc["reference"], fcc["state"]
-    levels, patterns, resolvers, usable = fcc["level"], fcc["pattern"], fcc["resolver"], fcc["reference_usable"]
+    levels, patterns, tie_break, usable = fcc["level"], fcc["pattern"], fcc["decided_by"], fcc["reference_usable"]
     trend_high, trend_low = fcc["trend_high"], fcc["trend_low"]
     second, common = fcc["second_reference"], fcc["common_mode"]
     accusing, against = 0, reference_monitor.disputed(params, state)
@@ -43,7 +43,7 @@ def manage(bus, fcc, data):
         p, st = params[s], state[s]
         st["lanes"], st["in_dispute"] = lanes, against & p["sources"] != 0
         readmit_unbiased(reset[s], p, st)
-        resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
+        tie_break[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
         usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
         trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
@@ -74,7 +74,7 @@ def readmit_unbiased(commanded, p, st):
 
 @kernel
 def manage_signal(samples, valid, ilm, reference, second, p, st):
-    """Monitor and vote one signal in one frame; return the resolver that decided (Zhang 2023, sections 2 to 8)."""
+    """Monitor and vote one signal in one frame; return the rule that decided (Zhang 2023, sections 2 to 8)."""
     x, order = st["x"], st["order"]
     base = anchor(samples, valid, p, st)
     seen = beside(reference, base, p)
@@ -92,7 +92,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     st["threshold"] = threshold(n, p)
     limit = slow_faults.outlier_limit(n, p, st)
     pattern = pattern_of(compared.values, compared.order, n, st["threshold"], limit, st["miscomparing"])
-    st["together"] = is_singular(pattern) and p["filter_gain"] > 0.0 and come_together(compared.order, n, p, st)
+    st["together"] = is_split(pattern) and p["filter_gain"] > 0.0 and come_together(compared.order, n, p, st)
     if pattern != st["pattern"]:
         st["pattern_frames"] = 1
     elif not st["together"]:
@@ -100,11 +100,11 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     st["pattern"] = pattern
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
-    resolver, vote_before_fade = decide(ilm, reference, compared, n, p, st)
-    keep_basis(resolver, st)
-    resolver = reference_monitor.cut_pair(resolver, n, reference, p, st)
+    decided_by, vote_before_fade = decide(ilm, reference, compared, n, p, st)
+    keep_basis(decided_by, st)
+    decided_by = reference_monitor.cut_pair(decided_by, n, reference, p, st)
     reference_monitor.monitor_reference(reference, n, p, st)
-    resolver = reference_monitor.watch_common(resolver, n, vote_before_fade, reference, second, p, st)
+    decided_by = reference_monitor.watch_common(decided_by, n, vote_before_fade, reference, second, p, st)
     if p["filter_gain"] > 0.0:
         followed = vote_before_fade if np.isfinite(vote_before_fade) else st["vote"]
         st["smooth_vote"] = follow(st["smooth_vote"], followed, base, p)
@@ -115,13 +115,13 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     for i in range(n):
         ranked |= 1 << order[i]
         st["agreed"][order[i]] = 0  # of a channel that this frame has failed
-    st["accused"] = accused(resolver, ranked, p, st)
+    st["accused"] = accused(decided_by, ranked, p, st)
     count_miscompares(n, ranked, vote_before_fade, p, st)
     m = slow_faults.middle(n, reference, st) if slow_faults.lasts(p) and n >= 2 else 0.0
-    slow = slow_faults.watch_sums(m, n, p, st) if resolver != Resolver.COMMON else slow_faults.NOBODY
-    resolver = latch_all(resolver, slow, m, n, p, st)
+    slow = slow_faults.watch_sums(m, n, p, st) if decided_by != DecidedBy.COMMON else slow_faults.NOBODY
+    decided_by = latch_all(decided_by, slow, m, n, p, st)
     publish(vote_before_fade, p, st)
-    return resolver
+    return decided_by
 
 
 @kernel
@@ -142,7 +142,7 @@ def to_compare(samples, valid, reference, base, n, p, st):
         smooth_channels(samples, valid, base, start, n, p, st)
         st["smooth_reference"] = follow(start if np.isnan(last) else last, reference, base, p)
         values, order, reference = st["smooth"], st["smooth_order"], st["smooth_reference"]
-    if p["bias_bound"] <= 0.0:
+    if p["equalise_bound"] <= 0.0:
         return Compared(values, order, values, reference)
     slow_faults.take_bias_off(values, order, n, st)
     return Compared(st["compared"], st["compared_order"], values, reference)
@@ -162,20 +162,20 @@ def come_together(order, n, p, st):
 
 
 @kernel
-def latch_all(resolver, slow, m, n, p, st):
-    """Latch what has persisted and whom the sums fail, and learn; return the resolver.
+def latch_all(decided_by, slow, m, n, p, st):
+    """Latch what has persisted and whom the sums fail, and learn; return the rule.
 
     slow : channel that the sums of small deviations fail, or NOBODY; m : the middle of the samples
     """
     level = st["level"]
     if slow != slow_faults.NOBODY:
-        st["failed"][slow], resolver = True, Resolver.SLOW.value
-    resolver = settle(resolver, p, st)
+        st["failed"][slow], decided_by = True, DecidedBy.SLOW.value
+    decided_by = settle(decided_by, p, st)
     if st["level"] != level:
         slow_faults.begin_sums(st)
     else:
         slow_faults.learn_bias(m, n, p, st)
-    return resolver
+    return decided_by
 
 
 @kernel
@@ -188,15 +188,15 @@ def vote_quiet(reference, second, n, p, st):
     weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"]) if p["weighted"] else 0.5
     voted = vote.median(x, order, n, st["miscomparing"], weight)
     reference_monitor.monitor_reference(reference, n, p, st)
-    resolver = reference_monitor.watch_common(Resolver.NONE.value, n, voted, reference, second, p, st)
+    decided_by = reference_monitor.watch_common(DecidedBy.NONE.value, n, voted, reference, second, p, st)
     st["accused"] = 0
-    if slow_faults.lasts(p) or resolver != Resolver.NONE:
+    if slow_faults.lasts(p) or decided_by != DecidedBy.NONE:
         m = slow_faults.middle(n, reference, st)
-        slow = last_quiet(m, n, p, st) if resolver == Resolver.NONE else slow_faults.NOBODY
-        if resolver != Resolver.NONE or slow != slow_faults.NOBODY:
-            resolver = latch_all(resolver, slow, m, n, p, st)
+        slow = last_quiet(m, n, p, st) if decided_by == DecidedBy.NONE else slow_faults.NOBODY
+        if decided_by != DecidedBy.NONE or slow != slow_faults.NOBODY:
+            decided_by = latch_all(decided_by, slow, m, n, p, st)
     publish(voted, p, st)
-    return resolver
+    return decided_by
 
 
 @kernel
@@ -236,7 +236,7 @@ def keep_before(samples, valid, p, st):
 
 @kernel
 def decide(ilm, reference, compared, n, p, st):
-    """Return the resolver that answered, and this frame's vote before the fade (Zhang 2023, sections 4 to 8).
+    """Return the rule that answered, and this frame's vote before the fade (Zhang 2023, sections 4 to 8).
 
     Writes ``blamed``: the channels that the answer would fail.  compared : Compared
     """
@@ -244,15 +244,15 @@ def decide(ilm, reference, compared, n, p, st):
     for c in range(CHANNELS):
         blamed[c] = False
     if pattern == Pattern.LOST:
-        return Resolver.NONE.value, st["vote"]
-    if is_singular(pattern):
+        return DecidedBy.NONE.value, st["vote"]
+    if is_split(pattern):
         return resolve(ilm, reference, compared, n, p, st)
     if n == 1:
         return reference_monitor.check_last(ilm, reference, p, st)
     weight = 0.5
     if p["weighted"]:
         weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
-    return Resolver.NONE.value, vote.median(x, order, n, st["miscomparing"], weight)
+    return DecidedBy.NONE.value, vote.median(x, order, n, st["miscomparing"], weight)
 
 
 @kernel

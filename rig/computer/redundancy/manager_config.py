@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator, model_validator
 
 from rig.computer.analytic.references import Config as References
+from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.lowpass import gain
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS
 from rig.computer.redundancy.resets import Reset
-from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.core import settings
-from rig.core.frame import INDEX, SIGNALS, Resolver, S
+from rig.core.frame import INDEX, SIGNALS, DecidedBy, S
 from rig.core.settings import Settings, in_frames, refuse_both
 
-ResolverName = Literal["ilm", "lane", "reference", "trend", "extremes", "middle"]
-RESOLVERS: Final = len(get_args(ResolverName))
+TieBreak = Literal["ilm", "lane", "reference", "trend", "extremes", "middle"]
+TIE_BREAKS: Final = len(get_args(TieBreak))
 CommonMode = Literal["report", "fail"]  # what two references against all channels do to a signal
 
 
@@ -40,20 +40,20 @@ class SignalConfig(Settings):
     filter_s: float = Field(default=0.0, ge=0)
     persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
     persistence_s: float | None = Field(default=None, gt=0)  # the same as a time, in place of the frames
-    singular_persistence: int = Field(default=10, ge=1)  # frames until a singular pattern is settled
+    split_persistence: int = Field(default=10, ge=1)  # frames until a split is settled
     count_down: float | None = Field(default=None, gt=0)  # what an agreeing frame takes off the count; all of it
-    singular_persistence_s: float | None = Field(default=None, gt=0)
+    split_persistence_s: float | None = Field(default=None, gt=0)
     # The last two close the order.
-    resolvers: list[ResolverName] = ["ilm", "lane", "reference", "trend", "extremes", "middle"]
+    tie_break: list[TieBreak] = ["ilm", "lane", "reference", "trend", "extremes", "middle"]
     trend_frames: int = Field(default=8, ge=1, le=8)
     trend_window: Literal["sliding", "tumbling"] = "sliding"  # or begun again every trend_frames
     trend_small: float | None = Field(default=None, ge=0)  # changes a frame up to which one frame is trend enough
     trend_beside_reference: bool = False  # ask the trend of a signal with a reference that cannot be used, too
     reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
-    # What lasts (slow_faults.py); each 0 or not given: off.
+    # Slow faults (slow_faults.py); each 0 or not given: off.
     # Largest difference of a healthy channel that is learned, and compared without.
-    bias_bound: float = Field(default=0.0, ge=0)
-    bias_s: float = Field(default=10.0, gt=0)  # time constant of the learning
+    equalise_bound: float = Field(default=0.0, ge=0)
+    equalise_s: float = Field(default=10.0, gt=0)  # time constant of the learning
     slow_allowance: float | None = Field(default=None, gt=0)  # what a deviation may be for ever
     # Sum of what exceeds it that fails a channel, unit times seconds.
     slow_limit: float | None = Field(default=None, gt=0)
@@ -69,7 +69,7 @@ class SignalConfig(Settings):
 
     @model_validator(mode="after")
     def _fit_together(self) -> SignalConfig:
-        refuse_both(self, "persistence", "singular_persistence")
+        refuse_both(self, "persistence", "split_persistence")
         if self.count_down is not None and "persistence" not in self.model_fields_set:
             raise ValueError("count_down: give persistence, the count in frames that fails a channel, beside it")
         if self.trend_small is not None and self.trend_window == "tumbling":
@@ -90,16 +90,18 @@ class SignalConfig(Settings):
     @model_validator(mode="after")
     def _bias_within(self) -> SignalConfig:
         least = min(x for x in (self.threshold, self.threshold_triplex, self.threshold_duplex) if x is not None)
-        if self.bias_bound > least:
-            raise ValueError(f"bias_bound: at most the threshold of every level, {least:g}, got {self.bias_bound:g}")
+        if self.equalise_bound > least:
+            raise ValueError(
+                f"equalise_bound: at most the threshold of every level, {least:g}, got {self.equalise_bound:g}"
+            )
         return self
 
-    @field_validator("resolvers")
+    @field_validator("tie_break")
     @classmethod
-    def _once_each(cls, resolvers: list[ResolverName]) -> list[ResolverName]:
-        if len(set(resolvers)) < len(resolvers):
-            raise ValueError(f"each resolver at most once, got {resolvers}")
-        return resolvers
+    def _once_each(cls, tie_break: list[TieBreak]) -> list[TieBreak]:
+        if len(set(tie_break)) < len(tie_break):
+            raise ValueError(f"each rule at most once, got {tie_break}")
+        return tie_break
 
 
 _FIELDS: dict[str, Any] = {signal.name: (SignalConfig, ...) for signal in SIGNALS}
@@ -125,7 +127,7 @@ class Config(Settings):
     resets: list[Reset] = []
     references: References = References()
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
-    rivals: Rivals = Rivals()  # what the rivals among MANAGERS are told, each when it is the manager
+    baselines: Baselines = Baselines()  # what each of them is told when it is the manager
 
     @field_validator("manager")
     @classmethod
@@ -141,11 +143,11 @@ class Config(Settings):
             box_of_signals(boxes, tuple(INDEX))
         return boxes
 
-    @field_validator("rivals")
+    @field_validator("baselines")
     @classmethod
-    def _of_known_signals(cls, rivals: Rivals) -> Rivals:
-        rivals.refuse_others(INDEX)
-        return rivals
+    def _of_known_signals(cls, baselines: Baselines) -> Baselines:
+        baselines.refuse_others(INDEX)
+        return baselines
 
 
 class Param(NamedTuple):
@@ -154,7 +156,7 @@ class Param(NamedTuple):
     name: str
     base: str  # of its numpy type
     meaning: str  # as a unit's header has it
-    part: Literal["signal", "lasting", "rules", ""] = "signal"  # record of a unit that holds it; "": none
+    part: Literal["signal", "slow_faults", "rules", ""] = "signal"  # record of a unit that holds it; "": none
     shape: tuple[int, ...] = ()
 
 
@@ -166,26 +168,29 @@ PARAM_FIELDS: Final = (
     Param("outlier_threshold_triplex", "f8", "unit of the signal: the same for three; 0: none"),
     Param("filter_gain", "f8", "1: share of a new sample in the low-pass before the comparison; 0: no filter"),
     Param(
-        "bias_bound", "f8", "unit of the signal: largest difference that is learned of a channel; 0: none is", "lasting"
+        "equalise_bound",
+        "f8",
+        "unit of the signal: largest difference that is learned of a channel; 0: none is",
+        "slow_faults",
     ),
     Param(
-        "bias_gain",
+        "equalise_gain",
         "f8",
-        "1: share of a new residual in a learned bias, once as many frames as its inverse have been seen",
-        "lasting",
+        "1: share of a new residual in a channel equalisation, once as many frames as its inverse have been seen",
+        "slow_faults",
     ),
-    Param("slow_allowance", "f8", "unit of the signal: what a residual may be for ever", "lasting"),
+    Param("slow_allowance", "f8", "unit of the signal: what a residual may be for ever", "slow_faults"),
     Param(
         "slow_limit",
         "f8",
         "unit of the signal times frames: sum of what exceeds it that fails a channel; 0: no sums",
-        "lasting",
+        "slow_faults",
     ),
     Param(
         "stale_frames",
         "i8",
         "frames in which a sample repeats while others move until it is not compared; 0: any may",
-        "lasting",
+        "slow_faults",
     ),
     Param("reference_threshold", "f8", "unit of the signal: a sample and the reference agree within it"),
     Param(
@@ -203,7 +208,7 @@ PARAM_FIELDS: Final = (
     ),
     Param("high", "f8", "unit of the signal: largest sample of the sensor"),
     Param("persistence", "i8", "frames in a row of miscompare until a channel is failed"),
-    Param("singular_persistence", "i8", "frames until a pattern without a majority is settled"),
+    Param("split_persistence", "i8", "frames until a split is settled"),
     Param("trend_frames", "i8", "bits of a trend byte, 1 to 8"),
     Param("readmit_frames", "i8", "frames in a row of agreement before a reset readmits a failed channel"),
     Param("fade_frames", "i8", "frames in which the vote fades after a change of level; 0: none"),
@@ -214,7 +219,7 @@ PARAM_FIELDS: Final = (
         "unit of the signal times frames: integral of what exceeds it; manager selection alone",
     ),
     Param("fitted", "i8", "channels that there are, the first ones"),
-    Param("resolvers", "i8", "in their order, of Resolver; 0 behind the last", shape=(RESOLVERS,)),
+    Param("tie_break", "i8", "in their order, of DecidedBy; 0 behind the last", shape=(TIE_BREAKS,)),
     Param("wraps", "u1", "1: an angle in rad on the circle, differences go the short way"),
     Param("weighted", "u1", "1: means of the middle samples and of a good pair are weighted by their trend"),
     Param(
@@ -257,10 +262,10 @@ def told(part: str) -> tuple[str, ...]:
     return tuple(each.name for each in PARAM_FIELDS if each.part == part)
 
 
-def without_lanes(resolvers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return (n, RESOLVERS) resolvers in their order without the lanes' health, which one computer alone has not."""
-    rows = [[code for code in row if code != Resolver.LANE] for row in resolvers.tolist()]
-    return np.array([row + [0] * (RESOLVERS - len(row)) for row in rows], dtype=np.int64).reshape(-1, RESOLVERS)
+def without_lanes(tie_break: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return (n, TIE_BREAKS) tie-break rules in their order without the lanes' health: one computer has no lanes."""
+    rows = [[code for code in row if code != DecidedBy.LANE] for row in tie_break.tolist()]
+    return np.array([row + [0] * (TIE_BREAKS - len(row)) for row in rows], dtype=np.int64).reshape(-1, TIE_BREAKS)
 
 
 def refuse_short_wait(config: Config, rate_hz: float) -> None:
@@ -275,11 +280,11 @@ def short_wait(unresolved_s: float, signals: Mapping[str, SignalConfig], rate_hz
     given_up = in_frames(0, unresolved_s or None, rate_hz)
     default = ", the default," if unresolved_s == Config.model_fields["unresolved_s"].default else ""
     for name, own in signals.items():
-        settled = in_frames(own.singular_persistence, own.singular_persistence_s, rate_hz)
+        settled = in_frames(own.split_persistence, own.split_persistence_s, rate_hz)
         if 0 < given_up < settled:
             return (
                 f"unresolved_s: {unresolved_s:g} s{default} are {given_up} frames, fewer than the {settled} of "
-                f"singular_persistence of {name}; 0: never"
+                f"split_persistence of {name}; 0: never"
             )
     return ""
 
@@ -300,7 +305,7 @@ def fill(
 ) -> None:
     """Write one signal's settings into its PARAMS record, without what its references and common mode add."""
     threshold = config.threshold
-    resolvers = [Resolver[name.upper()] for name in config.resolvers]
+    tie_break = [DecidedBy[name.upper()] for name in config.tie_break]
     settings.fill(
         row,
         config,
@@ -309,7 +314,7 @@ def fill(
         outlier_threshold=config.outlier_threshold or 0.0,
         outlier_threshold_triplex=config.outlier_threshold_triplex or 0.0,
         filter_gain=gain(config.filter_s, rate_hz),
-        bias_gain=min(1.0, 1.0 / (config.bias_s * rate_hz)),
+        equalise_gain=min(1.0, 1.0 / (config.equalise_s * rate_hz)),
         slow_allowance=config.slow_allowance or 0.0,
         slow_limit=(config.slow_limit or 0.0) * rate_hz,
         reference_threshold=config.reference_threshold or threshold,
@@ -320,12 +325,12 @@ def fill(
         low=limits[0],
         high=limits[1],
         persistence=in_frames(config.persistence, config.persistence_s, rate_hz),
-        singular_persistence=in_frames(config.singular_persistence, config.singular_persistence_s, rate_hz),
+        split_persistence=in_frames(config.split_persistence, config.split_persistence_s, rate_hz),
         fade_frames=round(config.fade_s * rate_hz),
         deviation=config.selection_deviation or 2.5 * threshold,
         deviation_frames=(config.selection_integral_s or 5.0 * threshold) * rate_hz,
         fitted=channels,
-        resolvers=resolvers + [0] * (RESOLVERS - len(resolvers)),
+        tie_break=tie_break + [0] * (TIE_BREAKS - len(tie_break)),
         wraps=wraps,
         weighted=config.mean == "trend-weighted",
         count_down=config.count_down or 0.0,

@@ -1,7 +1,8 @@
 """The managers of the rig: what each is, and which one votes the continuous signals (own.py: a manager of the user's).
 
-To add one: its kernel (baselines.py), its row in ``KINDS`` and its branch in ``vote_chosen``.  A rival (rivals/) has
-state and settings in its row too, and a line in ``Chosen`` and ``vote_rival``; it is compiled when it is first flown.
+To add one: its kernel (baselines.py), its row in ``KINDS`` and its branch in ``vote_chosen``.  A baseline manager
+(baseline_managers/) has state and settings in its row too, and a line in ``Chosen`` and ``vote_baseline``; it is
+compiled when it is first flown.
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.baseline_managers import baseline_settings as of_baselines
+from rig.computer.redundancy.baseline_managers.bayes import BAYES_STATE, bayes
+from rig.computer.redundancy.baseline_managers.glr import GLR_STATE, glr
+from rig.computer.redundancy.baseline_managers.parity import parity
+from rig.computer.redundancy.baseline_managers.step import BASELINE_STATE, NOBODY
+from rig.computer.redundancy.baseline_managers.sums import CUSUM_STATE, cusum, innovation
 from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit, weighted
 from rig.computer.redundancy.box import boxes
 from rig.computer.redundancy.manager import manage
-from rig.computer.redundancy.rivals import rival_settings as of_rivals
-from rig.computer.redundancy.rivals.bayes import BAYES_STATE, bayes
-from rig.computer.redundancy.rivals.glr import GLR_STATE, glr
-from rig.computer.redundancy.rivals.parity import parity
-from rig.computer.redundancy.rivals.step import NOBODY, RIVAL_STATE
-from rig.computer.redundancy.rivals.sums import CUSUM_STATE, cusum, innovation
 from rig.computer.redundancy.state import ManagerData, new_state
 from rig.core.frame import CHANNELS
 from rig.core.kernels import inlined, kernel
@@ -39,15 +40,15 @@ class ManagerKind(NamedTuple):
     """Traits of a manager, for what runs it and what assesses it."""
 
     name: str
-    kernel: Any = None  # of a row: bus, fcc, ManagerData, of a rival one more; None: the user's own
-    compares: bool = False  # channels with each other: by outlier thresholds too, with references and boxes
+    kernel: Any = None  # of a row: bus, fcc, ManagerData, of a baseline manager one more; None: the user's own
+    compares: bool = False  # channels with each other: by isolation thresholds too, with references and boxes
     latches: bool = False  # keeps a channel that it has failed out for good
     takes_back: bool = False  # fails a channel only for as long as it distrusts it, which it integrates over time
     chooses_units: bool = False  # one channel for all signals that are axes of one unit
     refers: bool = False  # to references
     level: MonitorLevel | None = None  # of a baseline that fails channels
-    settings: type[of_rivals.Rival] | None = None  # of a rival; its ``levels`` are what a calibration chooses
-    state: tuple[Any, ...] = ()  # of a rival: fields of its record besides STATE and RIVAL_STATE
+    settings: type[of_baselines.Baseline] | None = None  # whose ``levels`` are what a calibration chooses
+    state: tuple[Any, ...] = ()  # of a baseline manager: fields of its record besides STATE and BASELINE_STATE
 
 
 _THRESHOLDS: Final = ("threshold", "threshold_triplex", "threshold_duplex")
@@ -61,22 +62,22 @@ KINDS: Final = (
     ManagerKind("median", plain_median),
     ManagerKind("cross-voter", cross_voter, latches=True, level=_FROM_THE_VOTE),
     ManagerKind("selection", select, takes_back=True, chooses_units=True, level=_FROM_THE_MEAN),
-    ManagerKind("cusum", cusum, latches=True, refers=True, settings=of_rivals.Cusum, state=CUSUM_STATE),
-    ManagerKind("glr", glr, latches=True, refers=True, settings=of_rivals.Glr, state=GLR_STATE),
-    ManagerKind("parity", parity, latches=True, refers=True, settings=of_rivals.Parity),
-    ManagerKind("bayes", bayes, latches=True, refers=True, settings=of_rivals.Bayes, state=BAYES_STATE),
-    ManagerKind("innovation", innovation, latches=True, refers=True, settings=of_rivals.Innovation),
-    ManagerKind("weighted", weighted, settings=of_rivals.Weighted),
+    ManagerKind("cusum", cusum, latches=True, refers=True, settings=of_baselines.Cusum, state=CUSUM_STATE),
+    ManagerKind("glr", glr, latches=True, refers=True, settings=of_baselines.Glr, state=GLR_STATE),
+    ManagerKind("parity", parity, latches=True, refers=True, settings=of_baselines.Parity),
+    ManagerKind("bayes", bayes, latches=True, refers=True, settings=of_baselines.Bayes, state=BAYES_STATE),
+    ManagerKind("innovation", innovation, latches=True, refers=True, settings=of_baselines.Innovation),
+    ManagerKind("weighted", weighted, settings=of_baselines.Weighted),
 )
 MANAGERS: Final = tuple(kind.name for kind in KINDS)
-RIVALS: Final = tuple(kind.name for kind in KINDS if kind.settings is not None)
+BASELINES: Final = tuple(kind.name for kind in KINDS if kind.settings is not None)
 DEFAULT: Final = MANAGERS[0]
-_CROSS_CHANNEL, _MEAN, _MEDIAN, _CROSS_VOTER, _SELECTION = range(len(KINDS) - len(RIVALS))
+_CROSS_CHANNEL, _MEAN, _MEDIAN, _CROSS_VOTER, _SELECTION = range(len(KINDS) - len(BASELINES))
 _UNIT: Final = len(KINDS)  # "selection", with all signals the axes of one unit
 
 
 class Chosen(NamedTuple):
-    """Which rival votes: its place has a number, all others None, so that they are not compiled."""
+    """Which baseline manager votes: its place has a number, all others None, so that they are not compiled."""
 
     cusum: int | None = None
     glr: int | None = None
@@ -92,23 +93,27 @@ def manager_kind(name: str) -> ManagerKind:
 
 
 def with_settings(
-    params: NDArray[np.void], name: str, rivals: of_rivals.Rivals | None = None, signals: Sequence[str] = ()
+    params: NDArray[np.void], name: str, baselines: of_baselines.Baselines | None = None, signals: Sequence[str] = ()
 ) -> NDArray[np.void]:
-    """Return (S,) config.PARAMS with what a rival is told of each signal; as they are for another manager.
+    """Return (S,) config.PARAMS with what a baseline manager is told of each signal; as they are for another manager.
 
-    rivals : its settings, by default when not given; signals : names of the records
+    baselines : its settings, by default when not given; signals : names of the records
     """
     names = signals or [""] * len(params)
-    return of_rivals.with_rival(params, name, rivals or of_rivals.Rivals(), names) if name in RIVALS else params
+    return (
+        of_baselines.with_baseline(params, name, baselines or of_baselines.Baselines(), names)
+        if name in BASELINES
+        else params
+    )
 
 
 class Manager:
     """A manager of the house; ``state`` is plain data and can be copied.
 
-    name : of KINDS; params : (S,) config.PARAMS, those of a rival as ``with_settings`` makes them, else its defaults
+    name : of KINDS; params : (S,) config.PARAMS, those of a baseline manager by ``with_settings``, or defaults
     box_signals, box_persistence : as in config.Config, of the boxes in ``params``; 0: no channel is failed as a box
     as_unit : the signals are the axes of one unit, of which "selection" selects one channel
-    watches : a rival computes its statistics, and fails nobody by them
+    watches : a baseline manager computes its statistics, and fails nobody by them
     """
 
     def __init__(
@@ -124,7 +129,7 @@ class Manager:
         self.choice = _UNIT if as_unit else MANAGERS.index(name)
         told = "watches" in (params.dtype.names or ())
         self.params = params if told else with_settings(params, name)
-        self.rival = Chosen(**{name: 1}) if name in RIVALS else None
+        self.baseline = Chosen(**{name: 1}) if name in BASELINES else None
         if watches:
             self.params["watches"] = 1
         self.state = self.new_state()
@@ -134,32 +139,32 @@ class Manager:
     def new_state(self) -> NDArray[np.void]:
         """Return (S,) records of the state at the first frame."""
         blank = new_state(self.params)
-        if self.rival is None:
+        if self.baseline is None:
             return blank
-        state = of_rivals.extended(blank, (*RIVAL_STATE, *KINDS[self.choice].state))
+        state = of_baselines.extended(blank, (*BASELINE_STATE, *KINDS[self.choice].state))
         state["run_of"] = NOBODY
         return state
 
     @property
     def data(self) -> ManagerData:
         """Data of ``vote_signals`` besides the row."""
-        return ManagerData(self.choice, self.params, self.state, self.boxes, self.lanes, self.rival)
+        return ManagerData(self.choice, self.params, self.state, self.boxes, self.lanes, self.baseline)
 
 
 @inlined
 def vote_signals(bus, fcc, data):
     """Vote a row by the chosen manager."""
-    vote_chosen(bus, fcc, data, data.rival)
+    vote_chosen(bus, fcc, data, data.baseline)
 
 
 @kernel
-def vote_chosen(bus, fcc, data, rival):
-    """Vote a row by the chosen manager, its place in KINDS, or by ``rival``: the other branch is not compiled.
+def vote_chosen(bus, fcc, data, baseline):
+    """Vote a row by the chosen manager, its place in KINDS, or by ``baseline``: the other branch is not compiled.
 
-    numba calls no kernel that a table holds.  rival : Chosen or None
+    numba calls no kernel that a table holds.  baseline : Chosen or None
     """
-    if rival is not None:
-        vote_rival(bus, fcc, data, rival)
+    if baseline is not None:
+        vote_baseline(bus, fcc, data, baseline)
     else:
         choice = data.choice
         if choice == _CROSS_CHANNEL:
@@ -177,11 +182,11 @@ def vote_chosen(bus, fcc, data, rival):
 
 
 @kernel
-def vote_rival(bus, fcc, data, rival):
-    """Vote a row by a rival; rival : Chosen."""
-    cusum(bus, fcc, data, rival.cusum)
-    glr(bus, fcc, data, rival.glr)
-    parity(bus, fcc, data, rival.parity)
-    bayes(bus, fcc, data, rival.bayes)
-    innovation(bus, fcc, data, rival.innovation)
-    weighted(bus, fcc, data, rival.weighted)
+def vote_baseline(bus, fcc, data, baseline):
+    """Vote a row by a baseline manager; baseline : Chosen."""
+    cusum(bus, fcc, data, baseline.cusum)
+    glr(bus, fcc, data, baseline.glr)
+    parity(bus, fcc, data, baseline.parity)
+    bayes(bus, fcc, data, baseline.bayes)
+    innovation(bus, fcc, data, baseline.innovation)
+    weighted(bus, fcc, data, baseline.weighted)

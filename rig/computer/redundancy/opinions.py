@@ -1,8 +1,8 @@
-"""Answers of single resolvers when no majority exists: in-line monitor, trend, reference.
+"""Answers of single tie-break rules when no majority exists: in-line monitor, trend, reference.
 
 Of two halves an answer is a set of sides to be failed, as bits: HIGH_SIDE the larger half of the samples,
 LOW_SIDE the smaller.  Where nobody agrees with anybody it is the one channel to be kept.  NO_ANSWER when a
-resolver cannot tell.
+rule cannot tell.
 Source: Zhang 2023, section 2 (ILM), section 6 with figure 7 and Table 1 (trend), section 7 with figure 8 (reference).
 Ours: ILM and reference where nobody agrees with anybody; a side that does not move has no trend.
 """

@@ -1,7 +1,7 @@
 """Persistence: miscompare counters, answers that last, latched failures, readmission by command.
 
 Source: Zhang 2023, section 2 (a failure is a miscompare that outlasts the time threshold).
-Ours: how long counts stand still for patterns without a majority and how long an answer to one must stand, the
+Ours: how long counts stand still for splits and how long an answer to one must stand, the
 up-and-down counter, what becomes of a split that nothing answers, readmission.
 """
 
@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig.computer.redundancy.compare import comparable, is_singular
+from rig.computer.redundancy.compare import comparable, is_split
 from rig.computer.redundancy.slow_faults import is_stale, outlier_limit
-from rig.core.frame import Resolver
+from rig.core.frame import DecidedBy
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 
@@ -20,7 +20,7 @@ from rig.core.units.angles import difference
 def count_miscompares(n, ranked, vote, p, st):
     """Count the frames in a row that each channel disagreed with all others (section 2).
 
-    A sample that is not comparable counts always; during a singular pattern and for a while after it the counts
+    A sample that is not comparable counts always; during a split and for a while after it the counts
     of the others stand still, so that the ordinary rule does not fail everybody first.  An agreeing frame sets the
     count to zero, or with ``count_down`` takes that off it.  Behind a filter a miscompare counts while the sample
     itself is off the vote, and else takes one off: what the filter still shows of a burst fails nobody.
@@ -54,15 +54,15 @@ def is_off(c, n, vote, p, st):
 def counts_stand_still(n, p, st):
     """Return True if persistence counters hold in this frame (ours).
 
-    They do during a singular run and, after it, for as long as it was, ``singular_persistence`` at most: noise that
+    They do during a run of splits and, after it, for as long as it was, ``split_persistence`` at most: noise that
     splits the good pair of a 2:2 must not let the comparison fail it.  What disputes a last channel needs no majority.
     """
-    if is_singular(st["pattern"]):
-        st["singular_run"] += 1
+    if is_split(st["pattern"]):
+        st["split_run"] += 1
         return True
-    if st["singular_run"] > 0:
-        st["freeze"] = max(st["freeze"], min(st["singular_run"], p["singular_persistence"]))
-        st["singular_run"] = 0
+    if st["split_run"] > 0:
+        st["freeze"] = max(st["freeze"], min(st["split_run"], p["split_persistence"]))
+        st["split_run"] = 0
     if st["freeze"] == 0:
         return False
     st["freeze"] -= 1
@@ -70,16 +70,16 @@ def counts_stand_still(n, p, st):
 
 
 @kernel
-def has_stood(resolver, p, st):
-    """Return True if the answer to a pattern without a majority may be acted on (ours).
+def has_stood(decided_by, p, st):
+    """Return True if the answer to a split may be acted on (ours).
 
-    The pattern has lasted for ``singular_persistence`` frames, and the same rule has blamed the same channels in at
+    The pattern has lasted for ``split_persistence`` frames, and the same rule has blamed the same channels in at
     least as many frames in a row as half of that: one row without a reference decides nothing.  The byte of a trend
     speaks for all frames that it covers and in which no other rule answered.
     Writes answer, answer_blames and answer_frames, and counts the frames without an answer, which one that does not
     stand, or a frame without all samples, leaves as they are.
     """
-    if not is_singular(st["pattern"]):
+    if not is_split(st["pattern"]):
         st["answer_frames"] = st["silent_frames"] = 0
         if st["whole"]:
             st["unresolved_frames"] = 0
@@ -89,41 +89,41 @@ def has_stood(resolver, p, st):
     blamed = 0
     for c in range(p["fitted"]):
         blamed |= np.int64(st["blamed"][c] != 0) << c
-    same = resolver == st["answer"] and blamed == st["answer_blames"] and st["pattern_frames"] > 1
+    same = decided_by == st["answer"] and blamed == st["answer_blames"] and st["pattern_frames"] > 1
     if same:
         st["answer_frames"] += 1
     else:
         unanswered = min(st["silent_frames"], st["pattern_frames"] - 1, p["trend_frames"] - 1)
-        st["answer_frames"] = 1 + (unanswered if resolver == Resolver.TREND else 0)
-    st["answer"], st["answer_blames"] = resolver, blamed
-    stands = 2 * st["answer_frames"] >= p["singular_persistence"]
-    if resolver == Resolver.UNRESOLVED:
+        st["answer_frames"] = 1 + (unanswered if decided_by == DecidedBy.TREND else 0)
+    st["answer"], st["answer_blames"] = decided_by, blamed
+    stands = 2 * st["answer_frames"] >= p["split_persistence"]
+    if decided_by == DecidedBy.UNRESOLVED:
         st["silent_frames"] += 1
         st["unresolved_frames"] += 1
     else:
         st["silent_frames"] = 0
         if stands:
             st["unresolved_frames"] = 0
-    return st["pattern_frames"] >= p["singular_persistence"] and stands
+    return st["pattern_frames"] >= p["split_persistence"] and stands
 
 
 @kernel
-def settle(resolver, p, st):
-    """Latch what has persisted, and what an answer that has stood blames; return the resolver.
+def settle(decided_by, p, st):
+    """Latch what has persisted, and what an answer that has stood blames; return the rule.
 
     A split that no rule has answered for ``unresolved_s`` is given up (ours): all channels of the signal are failed, so
     that its reference flies, or its degraded mode.  Where extremes have settled 1:1:1:1 the two that are left stay
     under suspicion (section 8, item 1).
     """
-    settled, level = has_stood(resolver, p, st), st["level"]
+    settled, level = has_stood(decided_by, p, st), st["level"]
     if 0 < p["unresolved_frames"] <= st["unresolved_frames"]:
-        resolver = Resolver.GIVEN_UP.value
+        decided_by = DecidedBy.GIVEN_UP.value
         for c in range(p["fitted"]):
             st["failed"][c] = True
     latch(settled, p, st)
     if st["level"] != level:
-        st["after_extremes"] = settled and resolver == Resolver.EXTREMES and st["level"] == 2
-    return resolver
+        st["after_extremes"] = settled and decided_by == DecidedBy.EXTREMES and st["level"] == 2
+    return decided_by
 
 
 @kernel

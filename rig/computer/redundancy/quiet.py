@@ -22,12 +22,12 @@ def is_quiet(n, p, st):
     """
     if n < 2 or n != p["fitted"] or n != st["level"] or st["pattern"] != Pattern.NORMAL or not st["started"]:
         return False
-    if p["filter_gain"] > 0.0 or st["singular_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
+    if p["filter_gain"] > 0.0 or st["split_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
         return False
     within, outlier = threshold(n, p), outlier_limit(n, p, st)
     if outlier > 0.0:
         within = min(within, outlier)
-    if p["bias_bound"] > 0.0:
+    if p["equalise_bound"] > 0.0:
         if not spread_without_bias(n, st) <= within:
             return False
     else:
@@ -78,7 +78,7 @@ def last_quiet(m, n, p, st):
             largest = max(largest, reached)
         if largest > limit and 2 * calm > n:
             return largest_sum(n, limit, st)
-    if p["bias_bound"] > 0.0:
+    if p["equalise_bound"] > 0.0:
         for c in range(n):
             learn_one(c, m, p, st)
     return NOBODY

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from rig.computer.redundancy.compare import is_singular
-from rig.core.frame import Ilm, Pattern, Resolver
+from rig.computer.redundancy.compare import is_split
+from rig.core.frame import DecidedBy, Ilm, Pattern
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 from rig.core.units.constants import DENSITY_PRINTED
@@ -44,7 +44,7 @@ def monitor_reference(reference, n, p, st):
     by half of that, and the reference that will be asked is near the good rank.  The pair that extremes have left is
     itself under suspicion, and so are channels that all stand still: no reference is compared with them.
     """
-    if n < 2 or is_singular(st["pattern"]) or np.isnan(reference) or st["after_extremes"] or st["standing"]:
+    if n < 2 or is_split(st["pattern"]) or np.isnan(reference) or st["after_extremes"] or st["standing"]:
         return
     off = off_ranks(reference, n, p, st)
     agrees = 1 if off <= st["reference_threshold"] else 0
@@ -62,29 +62,29 @@ def off_ranks(reference, n, p, st):
 
 
 @kernel
-def cut_pair(resolver, n, reference, p, st):
+def cut_pair(decided_by, n, reference, p, st):
     """Fail the two channels that extremes have left, if a usable reference is off both for ``persistence`` frames.
 
     Section 8, item 1: where all four were wrong, the comparison of the two that are left finds them wrong too.
-    Returns the resolver.
+    Returns the rule.
     """
     if not st["after_extremes"]:
-        return resolver
+        return decided_by
     agree = n == 2 and st["pattern"] == Pattern.NORMAL and st["reference_usable"] and not np.isnan(reference)
     far = agree and off_ranks(reference, n, p, st) > max(REFERENCE_MARGIN * st["reference_threshold"], st["threshold"])
     st["cut_frames"] = st["cut_frames"] + 1 if far else 0
     if st["cut_frames"] < p["persistence"]:
-        return resolver
+        return decided_by
     for c in range(p["fitted"]):
         st["failed"][c] = True
-    return Resolver.REFERENCE.value
+    return DecidedBy.REFERENCE.value
 
 
 @kernel
 def check_last(ilm, reference, p, st):
     """Check the last channel by its own monitor and its reference, as nobody is left to compare it with (ours).
 
-    While either speaks against it the reference votes if it is usable, else the last vote holds.  Returns resolver and
+    While either speaks against it the reference votes if it is usable, else the last vote holds.  Returns rule and
     vote.
     """
     c = st["order"][0]
@@ -92,10 +92,10 @@ def check_last(ilm, reference, p, st):
     usable = st["reference_usable"] and not np.isnan(reference)
     off = usable and abs(difference(sample, reference, p["wraps"])) > REFERENCE_MARGIN * st["reference_threshold"]
     if ilm[c] != Ilm.BAD and not off:
-        return Resolver.NONE.value, sample
+        return DecidedBy.NONE.value, sample
     st["miscomparing"][c] = True
     instead = reference if usable else (st["vote"] if st["started"] else sample)
-    return (Resolver.ILM.value if ilm[c] == Ilm.BAD else Resolver.REFERENCE.value), instead
+    return (DecidedBy.ILM.value if ilm[c] == Ilm.BAD else DecidedBy.REFERENCE.value), instead
 
 
 @kernel
@@ -121,8 +121,8 @@ def contradicted(n, vote, reference, second, p, st):
 
 
 @kernel
-def watch_common(resolver, n, vote, reference, second, p, st):
-    """Count the frames of a contradiction and, at ``common_persistence``, report it; return the resolver (ours).
+def watch_common(decided_by, n, vote, reference, second, p, st):
+    """Count the frames of a contradiction and, at ``common_persistence``, report it; return the rule (ours).
 
     By choice every channel in use is failed then: the signal is lost, and its reference, which its own monitor may
     have set aside because the channels outvoted it, is usable.
@@ -131,11 +131,11 @@ def watch_common(resolver, n, vote, reference, second, p, st):
     st["common_run"] = st["common_run"] + 1 if contradicted(n, vote, reference, second, p, st) else 0
     st["common_mode"] = st["common_run"] >= p["common_persistence"]
     if not st["common_mode"] or p["common_fails"] == 0:
-        return resolver
+        return decided_by
     for c in range(p["fitted"]):
         st["failed"][c] = True
     st["reference_usable"], st["reference_run"] = 1, 0
-    return Resolver.COMMON.value
+    return DecidedBy.COMMON.value
 
 
 @kernel

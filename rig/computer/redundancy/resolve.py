@@ -1,11 +1,11 @@
-"""Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the resolvers of its signal.
+"""Splits: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the tie-break rules of its signal.
 
 In-line monitors, lanes, reference and trend are asked in the configured order; the rules of likelihood, extremes and
 middle, only when none of them answers.  When nobody answers the vote goes on with the channels that it was of.
 Who stands on which side is told by what is compared, behind the filter if there is one; the vote is made of the samples
 themselves.
 Source: Zhang 2023, section 2 (ILM), 4 (weights), 6 (trend, lanes), 7 (reference), 8 (extremes, middle).
-Ours: their order, what holds while nobody answers; docs/redundancy.md, 'Patterns without a majority'.
+Ours: their order, what holds while nobody answers; docs/redundancy.md, 'Splits'.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy import opinions
-from rig.computer.redundancy.compare import is_singular
-from rig.core.frame import Pattern, Resolver
+from rig.computer.redundancy.compare import is_split
+from rig.core.frame import DecidedBy, Pattern
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 
@@ -31,7 +31,7 @@ class Compared(NamedTuple):
 
 @kernel
 def resolve(ilm, reference, compared, n, p, st):
-    """Return the resolver that answered a pattern without a majority, and this frame's vote; mark ``blamed``.
+    """Return the rule that answered a split, and this frame's vote; mark ``blamed``.
 
     ilm : (4,) flags; reference : of the signal itself; compared : Compared; n : comparable samples
     """
@@ -43,28 +43,28 @@ def resolve(ilm, reference, compared, n, p, st):
 @kernel
 def resolve_two_camps(ilm, reference, compared, n, p, st):
     """Resolve 2:2 and 1:1: which half is right (sections 2, 6 and 7; figures 7 and 8)."""
-    x, resolvers = st["x"], p["resolvers"]
+    x, tie_break = st["x"], p["tie_break"]
     y, order, near = compared.with_bias, compared.order, compared.reference
     half = n // 2
     low, high = order[half - 1], order[half]
-    for place in range(len(resolvers)):
-        name = resolvers[place]
+    for place in range(len(tie_break)):
+        name = tie_break[place]
         sides = opinions.NO_ANSWER
-        if name == Resolver.ILM:
+        if name == DecidedBy.ILM:
             sides = opinions.by_ilm(ilm, order, n)
-        elif name == Resolver.TREND:
+        elif name == DecidedBy.TREND:
             if p["referred"] == 0 or p["trend_beside_reference"] != 0:  # a trend is less than a reference (ours)
                 sides = opinions.by_trend(st, p)
-        elif name == Resolver.LANE:
+        elif name == DecidedBy.LANE:
             sides = opinions.by_lanes(st["lanes"], order, n)
-        elif name == Resolver.REFERENCE and st["reference_usable"]:
+        elif name == DecidedBy.REFERENCE and st["reference_usable"]:
             sides = opinions.by_reference(y[high], y[low], near, st["reference_threshold"])
         if sides != opinions.NO_ANSWER:
             blame_sides(sides, order, n, st)
-            if name == Resolver.REFERENCE:
+            if name == DecidedBy.REFERENCE:
                 return name, opinions.middle(x[high], x[low], reference)
             return name, vote_of_sides(name, sides, order, n, p, st)
-    return Resolver.UNRESOLVED.value, hold(n, p, st)
+    return DecidedBy.UNRESOLVED.value, hold(n, p, st)
 
 
 @kernel
@@ -74,9 +74,9 @@ def vote_of_sides(name, sides, order, n, p, st):
     Of two samples of which the trend tells the good one, the weighted vote is near that whose change fits.
     """
     x, half = st["x"], n // 2
-    if name == Resolver.TREND and sides == opinions.LOW_SIDE | opinions.HIGH_SIDE:
+    if name == DecidedBy.TREND and sides == opinions.LOW_SIDE | opinions.HIGH_SIDE:
         return vote.between(x[order[half - 1]], x[order[half]], 0.5)
-    if p["weighted"] and name == Resolver.TREND and n == 2:
+    if p["weighted"] and name == DecidedBy.TREND and n == 2:
         share = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
         return vote.mean(x[st["order"][0]], x[st["order"][1]], share)  # the ranks whose changes these are
     good = half if sides == opinions.LOW_SIDE else 0
@@ -91,14 +91,14 @@ def vote_of_sides(name, sides, order, n, p, st):
 @kernel
 def resolve_all_apart(ilm, compared, n, p, st):
     """Resolve 1:1:1:1 and 1:1:1: at most one channel is right (section 8; monitors and reference before it: ours)."""
-    resolvers = p["resolvers"]
+    tie_break = p["tie_break"]
     y, order, near = compared.with_bias, compared.order, compared.reference
-    for place in range(len(resolvers)):
-        name = resolvers[place]
+    for place in range(len(tie_break)):
+        name = tie_break[place]
         good = opinions.NO_ANSWER
-        if name == Resolver.ILM:
+        if name == DecidedBy.ILM:
             good = opinions.only_good(ilm, order, n)
-        elif name == Resolver.REFERENCE and st["reference_usable"]:
+        elif name == DecidedBy.REFERENCE and st["reference_usable"]:
             good = opinions.only_near(y, order, n, near, st["reference_threshold"], p["wraps"])
         if good != opinions.NO_ANSWER:
             blame_all_but(good, good, order, n, st)
@@ -113,13 +113,13 @@ def resolve_by_rank(order, n, p, st):
     Section 8, item 1 for four, whose two in between go on as a duplex, and item 2 for three.
     """
     x = st["x"]
-    rule = Resolver.EXTREMES.value if st["pattern"] == Pattern.P1_1_1_1 else Resolver.MIDDLE.value
-    for place in range(len(p["resolvers"])):
-        if p["resolvers"][place] == rule:
+    rule = DecidedBy.EXTREMES.value if st["pattern"] == Pattern.P1_1_1_1 else DecidedBy.MIDDLE.value
+    for place in range(len(p["tie_break"])):
+        if p["tie_break"][place] == rule:
             low, high = order[(n - 1) // 2], order[n // 2]
             blame_all_but(low, high, order, n, st)
             return rule, vote.between(x[low], x[high], 0.5)
-    return Resolver.UNRESOLVED.value, hold(n, p, st)
+    return DecidedBy.UNRESOLVED.value, hold(n, p, st)
 
 
 @kernel
@@ -148,15 +148,15 @@ def hold(n, p, st):
 
 
 @kernel
-def keep_basis(resolver, st):
+def keep_basis(decided_by, st):
     """Note whether the next frame that nobody decides may begin with this frame's vote; forget shares that have ended.
 
     It may if the vote is of all channels in use, among which is a majority, or was held itself.
     """
-    majority = st["whole"] and not is_singular(st["pattern"])
+    majority = st["whole"] and not is_split(st["pattern"])
     if majority:
         st["hold_of"] = 0
-    st["basis"] = majority or resolver == Resolver.UNRESOLVED
+    st["basis"] = majority or decided_by == DecidedBy.UNRESOLVED
 
 
 @kernel

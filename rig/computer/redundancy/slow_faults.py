@@ -1,6 +1,6 @@
-"""What lasts: a bias that is learned, small deviations summed over seconds, samples that repeat.
+"""Slow faults: a bias that is learned, small deviations summed over seconds, samples that repeat.
 
-All three are ours (docs/redundancy.md, 'What lasts') and off by default.  The residual of a channel is its sample less
+All three are ours (docs/redundancy.md, 'Slow faults') and off by default.  The residual of a channel is its sample less
 the middle of those in use: their median, or of an even number the usable reference between the two in the middle,
 else the mean of those.  Nothing here moves a vote: it changes who is compared with whom, and who is failed.
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy import opinions
-from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, sort_again
+from rig.computer.redundancy.compare import comparable, is_split, outlier_threshold, sort_again
 from rig.computer.redundancy.reference_monitor import REFERENCE_MARGIN, reference_threshold
 from rig.core.frame import Pattern
 from rig.core.kernels import kernel
@@ -26,7 +26,7 @@ CALM: Final = 0.5  # of the limit: what a strict majority must be below, or the 
 @kernel
 def lasts(p):
     """Return True if residuals of a signal are learned or summed."""
-    return p["bias_bound"] > 0.0 or p["slow_limit"] > 0.0
+    return p["equalise_bound"] > 0.0 or p["slow_limit"] > 0.0
 
 
 @kernel
@@ -55,7 +55,7 @@ def learn_bias(m, n, p, st):
 
     m : the middle of the samples
     """
-    if p["bias_bound"] <= 0.0 or n < 2 or st["pattern"] != Pattern.NORMAL:
+    if p["equalise_bound"] <= 0.0 or n < 2 or st["pattern"] != Pattern.NORMAL:
         return
     for i in range(n):
         c = st["order"][i]
@@ -69,7 +69,7 @@ def learn_one(c, m, p, st):
 
     It is the mean of the residuals for as many frames as the time constant has, then it follows.
     """
-    bias, bound, gain, learned = st["bias"], p["bias_bound"], p["bias_gain"], st["learned"]
+    bias, bound, gain, learned = st["bias"], p["equalise_bound"], p["equalise_gain"], st["learned"]
     if learned[c] * gain < 1.0:
         gain = max(gain, 1.0 / (learned[c] + 1.0))
     bias[c] = min(max(bias[c] + gain * (st["x"][c] - m - bias[c]), -bound), bound)
@@ -79,17 +79,17 @@ def learn_one(c, m, p, st):
 @kernel
 def has_learned(n, p, st):
     """Return True if the bias of each of the ``n`` ranked channels is a mean over the time constant, or none is on."""
-    if p["bias_bound"] <= 0.0:
+    if p["equalise_bound"] <= 0.0:
         return True
     learned = True
     for i in range(n):
-        learned &= (st["learned"][st["order"][i]] + 0.5) * p["bias_gain"] >= 1.0
+        learned &= (st["learned"][st["order"][i]] + 0.5) * p["equalise_gain"] >= 1.0
     return learned
 
 
 @kernel
 def outlier_limit(n, p, st):
-    """Return the outlier threshold of ``n`` samples; 0, none, until it can be kept to without the biases."""
+    """Return the isolation threshold of ``n`` samples; 0, none, until it can be kept to without the biases."""
     limit = outlier_threshold(n, p)
     return limit if limit > 0.0 and has_learned(n, p, st) else 0.0
 
@@ -98,12 +98,12 @@ def outlier_limit(n, p, st):
 def watch_sums(m, n, p, st):
     """Sum what each residual exceeds the allowance by, upwards and downwards; return whom that fails, or NOBODY.
 
-    Page 1954, with a step of at most limit / (persistence - 1/2): what lasts less than the persistence fails nobody,
+    Page 1954, with a step of at most limit / (persistence - 1/2): what is shorter than the persistence fails nobody,
     however large.  At most one channel a frame, and none without a strict majority that is calm.
     m : the middle of the ``n`` ranked samples
     """
     limit = p["slow_limit"]
-    if limit <= 0.0 or n < 3 or is_singular(st["pattern"]):
+    if limit <= 0.0 or n < 3 or is_split(st["pattern"]):
         return NOBODY
     calm, most = 0, limit / (p["persistence"] - 0.5)
     for i in range(n):

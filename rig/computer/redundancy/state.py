@@ -29,7 +29,7 @@ STATE: Final = np.dtype(
         ("smooth_order", "i8", (CHANNELS,)),
         ("smooth_reference", "f8"),
         ("smooth_vote", "f8"),
-        # What lasts (slow_faults.py), each where it is on.
+        # Slow faults (slow_faults.py), each where it is on.
         ("bias", "f8", (CHANNELS,)),
         ("learned", "i8", (CHANNELS,)),  # frames that the bias is of
         ("compared", "f8", (CHANNELS,)),
@@ -54,7 +54,7 @@ STATE: Final = np.dtype(
         ("last_n", "i8"),
         ("pattern", "i8"),
         ("pattern_frames", "i8"),  # frames that the present pattern has lasted
-        ("singular_run", "i8"),  # frames in a row of any pattern without a majority
+        ("split_run", "i8"),  # frames in a row of any split
         ("answer", "i8"),  # the rule that answers the pattern,
         ("answer_blames", "i8"),  # a bit for each channel that it would fail,
         ("answer_frames", "i8"),  # and for how many frames in a row
@@ -100,7 +100,7 @@ class ManagerData(NamedTuple):
     state: NDArray[Any]  # (S,) STATE, in place
     boxes: NDArray[Any]  # (1,) box.BOXES, in place
     lanes: NDArray[Any]  # (4,) 1 where the computer of a channel is failed
-    rival: Any = None  # managers.Chosen; None: no rival
+    baseline: Any = None  # managers.Chosen; None: no baseline manager
 
 
 def new_state(params: NDArray[np.void]) -> NDArray[np.void]:

@@ -1,7 +1,7 @@
 """The frame: every signal's name, unit and range, and the block of frames that all stages share.
 
 signals.py  which signals, discretes and other numbers there are
-enums.py    states, patterns, resolvers and what else has one byte
+enums.py    states, patterns, tie-break rules and what else has one byte
 fields.py   the one table of fields: part, shape, meaning, place in the log
 sig.py      the places of the signals by their symbols, for kernels
 second_row.py  the second row, of flights with servo actuators or several computers
@@ -11,6 +11,7 @@ row.py      the row type of some signals; FRAME, that of a flight, nested by par
 
 from rig.core.frame.enums import (
     ActuatorMonitor,
+    DecidedBy,
     End,
     Health,
     Ilm,
@@ -18,7 +19,6 @@ from rig.core.frame.enums import (
     Law,
     LinkState,
     Pattern,
-    Resolver,
     SensorFault,
     Source,
     State,
@@ -44,7 +44,6 @@ from rig.core.frame.row import (
     to_frame,
 )
 from rig.core.frame.second_row import (
-    ACTUATOR,
     COMPUTER,
     COMPUTER_FIELDS,
     COMPUTERS,
@@ -54,6 +53,7 @@ from rig.core.frame.second_row import (
     LINK,
     LINKS,
     MOVED,
+    SERVO,
     SYSTEMS,
     LanePart,
     LaneParts,
@@ -62,9 +62,9 @@ from rig.core.frame.second_row import (
     parts_of,
 )
 from rig.core.frame.signals import (
+    AUTOPILOT_COMMANDS,
     CHANNELS,
     COMMANDS,
-    DEMANDS,
     DISCRETE_INDEX,
     DISCRETES,
     ESTIMATES,

@@ -28,16 +28,16 @@ class Pattern(IntEnum):
     @property
     def label(self) -> str:
         """As written in tables: ``2:2`` rather than ``P2_2``."""
-        return self.name[1:].replace("_", ":") if self.is_singular else self.name.lower()
+        return self.name[1:].replace("_", ":") if self.is_split else self.name.lower()
 
     @property
-    def is_singular(self) -> bool:
+    def is_split(self) -> bool:
         """True if no majority exists."""
         return Pattern.P2_2 <= self <= Pattern.P1_1
 
 
-class Resolver(IntEnum):
-    """Resolver of a pattern without a majority."""
+class DecidedBy(IntEnum):
+    """DecidedBy of a split."""
 
     NONE = 0
     ILM = 1

@@ -5,7 +5,7 @@ FRAME (row.py), the log's messages (rig/log/schema.py), its column names and wha
 Parts, by who writes a field and who may read it:
 
     truth      what is so: plant and pilot; never read by the computer
-    bus        what the computer reads: sensors, inertial unit, faults on them, the pilot's demands and commands
+    bus        what the computer reads: sensors, inertial unit, faults on them, the pilot's commands
     fcc        what the computer writes
     actuation  what reaches the surfaces, and which faults act
 """
@@ -19,8 +19,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from rig.core.frame.enums import End, Ilm, Law, Pattern, Resolver, SensorFault, Source, State, Trust, UnitStatus
-from rig.core.frame.signals import CHANNELS, COMMANDS, DEMANDS, ESTIMATES, FLIGHT, INERTIAL, SURFACES, D, S
+from rig.core.frame.enums import DecidedBy, End, Ilm, Law, Pattern, SensorFault, Source, State, Trust, UnitStatus
+from rig.core.frame.signals import AUTOPILOT_COMMANDS, CHANNELS, COMMANDS, ESTIMATES, FLIGHT, INERTIAL, SURFACES, D, S
 
 MOST_FAULTS: Final = 64  # of one scenario
 Part = Literal["truth", "bus", "fcc", "actuation"]
@@ -65,7 +65,13 @@ def _elements(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
 FIELDS: Final = (
     Field("truth", "truth", _SIGNALS, unit="signal"),  # the sticks by the pilot
     Field("flight", "truth", (len(FLIGHT),), message=FLOWN, elements=FLIGHT, newer=_FORCES),
-    Field("demand", "bus", (len(DEMANDS),), message="rig.Demand", elements=DEMANDS),
+    Field(
+        "autopilot_command",
+        "bus",
+        (len(AUTOPILOT_COMMANDS),),
+        message="rig.AutopilotCommand",
+        elements=AUTOPILOT_COMMANDS,
+    ),
     Field("channels", "bus", _EACH, unit="signal", stem="ch"),
     Field("inertial", "bus", (len(INERTIAL),), message="rig.Inertial", elements=INERTIAL, newer=_FORCES),
     Field("voted", "fcc", _SIGNALS, unit="signal"),
@@ -76,7 +82,13 @@ FIELDS: Final = (
     Field("estimate", "fcc", (len(ESTIMATES),), message=CONTROL, elements=_elements("estimate_", ESTIMATES)),
     Field("surface", "fcc", (len(SURFACES),), message=CONTROL, elements=_elements("surface_", SURFACES)),
     # What reaches the actuators: ``surface``, unless a fault is between.
-    Field("actuator", "actuation", (len(SURFACES),), message=CONTROL, elements=_elements("actuator_", SURFACES)),
+    Field(
+        "surface_command",
+        "actuation",
+        (len(SURFACES),),
+        message=CONTROL,
+        elements=_elements("surface_command_", SURFACES),
+    ),
     Field("trend_high", "fcc", _SIGNALS, "byte"),
     Field("trend_low", "fcc", _SIGNALS, "byte"),
     Field("valid", "bus", _EACH, "flag"),  # 0: the sensor itself flags the sample
@@ -84,7 +96,7 @@ FIELDS: Final = (
     Field("state", "fcc", _EACH, "enum", State, stem="st"),
     Field("level", "fcc", _SIGNALS, "small"),
     Field("pattern", "fcc", _SIGNALS, "enum", Pattern),
-    Field("resolver", "fcc", _SIGNALS, "enum", Resolver),
+    Field("decided_by", "fcc", _SIGNALS, "enum", DecidedBy),
     Field("reference_usable", "fcc", _SIGNALS, "flag"),
     Field("common_mode", "fcc", _SIGNALS, "flag", since=3),  # both references speak against all channels, which agree
     Field("source", "fcc", _SIGNALS, "enum", Source),
@@ -99,7 +111,7 @@ FIELDS: Final = (
     Field("acting", "actuation", (MOST_FAULTS // 8,), "byte", message=FLOWN),
     Field("law", "fcc", (), "enum", Law, message=CONTROL),
     Field("trust", "fcc", (), "enum", Trust, message=CONTROL),
-    Field("lie", "fcc", (), "enum", SensorFault, message=CONTROL),
+    Field("sensor_fault", "fcc", (), "enum", SensorFault, message=CONTROL),
     Field("end", "truth", (), "enum", End, message=FLOWN),
     # Channels that are commanded to be readmitted in this frame: bit 0 is channel 1.
     Field("reset", "bus", _SIGNALS, "small", since=4),

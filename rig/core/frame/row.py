@@ -8,14 +8,14 @@ bytes field by field: ``rows["voted"]`` of a FLAT block is ``rows["fcc"]["voted"
 
 Order of writing in one frame (see loop.py):
 
-    pilot      bus: demand, resets; truth: sticks, discrete_truth[autopilot_engaged]
+    pilot      bus: autopilot_command, resets; truth: sticks, discrete_truth[autopilot_engaged]
     plant      truth
     sensors    bus: channels, valid, ilm, the same of the discretes, inertial
     faults     bus, corrupted; actuation: acting
     references fcc: reference, second_reference; then corrupted by faults
-    manager    fcc: voted, state, level, pattern, resolver, ...; the same of the discretes
-    control    fcc: source, law, command, surface, estimate, trust, lie
-    faults     actuation: actuator = surface, corrupted; acting
+    manager    fcc: voted, state, level, pattern, decided_by, ...; the same of the discretes
+    control    fcc: source, law, command, surface, estimate, trust, sensor_fault
+    faults     actuation: surface_command = surface, corrupted; acting
 
 SI units throughout; angles in rad, load factors in g (1), sticks normalised (-1 to 1).
 """

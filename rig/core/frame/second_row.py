@@ -2,7 +2,7 @@
 
 Its parts, by name:
 
-    actuator  an ACTUATOR record for elevator, aileron and rudder: what the channels of their servos saw and did
+    servo     a SERVO record for elevator, aileron and rudder: what the channels of their servos saw and did
     computer  a COMPUTER record for each of the lanes A to D: what it decided and commanded
 
 Measured numbers are what converters deliver, in single precision; monitors see them so, and so does who repeats their
@@ -18,7 +18,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame.enums import ActuatorMonitor, Health, LaneTest, LinkState, Pattern, Resolver, State
+from rig.core.frame.enums import ActuatorMonitor, DecidedBy, Health, LaneTest, LinkState, Pattern, State
 from rig.core.frame.fields import BASES, Field
 from rig.core.frame.signals import CHANNELS, SIGNALS, SURFACES, S
 
@@ -76,7 +76,7 @@ COMPUTER_FIELDS: Final = (
     ),
     Field("level", "fcc", (S,), "small", message=_COMPUTER, elements=_of_signals("level")),
     Field("pattern", "fcc", (S,), "enum", Pattern, message=_COMPUTER, elements=_of_signals("pattern")),
-    Field("resolver", "fcc", (S,), "enum", Resolver, message=_COMPUTER, elements=_of_signals("resolver")),
+    Field("decided_by", "fcc", (S,), "enum", DecidedBy, message=_COMPUTER, elements=_of_signals("decided_by")),
     Field("surface", "fcc", (len(SURFACES),), message=_COMPUTER, elements=_of_surfaces("surface")),
     Field(  # of the control law
         "integral",
@@ -102,13 +102,13 @@ COMPUTER_FIELDS: Final = (
         elements=_of_surfaces("command_pattern"),
     ),
     Field(
-        "command_resolver",
+        "command_decided_by",
         "fcc",
         (len(SURFACES),),
         "enum",
-        Resolver,
+        DecidedBy,
         message=_COMPUTER,
-        elements=_of_surfaces("command_resolver"),
+        elements=_of_surfaces("command_decided_by"),
     ),
     Field("health", "fcc", (), "enum", Health, message=_COMPUTER),
     Field("failed_for", "fcc", (), "enum", LaneTest, message=_COMPUTER),
@@ -129,13 +129,13 @@ def _record(fields: Sequence[Field]) -> np.dtype[Any]:
 
 LINKS: Final = tuple(permutations(range(len(COMPUTERS)), 2))  # sender, receiver
 LINK: Final = np.dtype([("state", "u1"), ("age", "u1"), ("outvoted", "u1")])  # of one link; age : frames, to 127
-ACTUATOR: Final = _record(LANE_FIELDS)
+SERVO: Final = _record(LANE_FIELDS)
 COMPUTER: Final = _record(COMPUTER_FIELDS)
-LanePart = Literal["actuator", "computer"]
+LanePart = Literal["servo", "computer"]
 LaneParts = tuple[LanePart, ...]  # in the order of LANE_PARTS
 LaneBlock = NDArray[Any]  # (n,), frame and the parts that the flight has
 LANE_PARTS: Final[dict[LanePart, np.dtype[Any]]] = {
-    "actuator": np.dtype((ACTUATOR, (len(MOVED),))),
+    "servo": np.dtype((SERVO, (len(MOVED),))),
     "computer": np.dtype((COMPUTER, (len(COMPUTERS),))),
 }
 
@@ -153,7 +153,7 @@ def links(computer: NDArray[Any]) -> NDArray[Any]:
     return found
 
 
-def lane_rows(frames: int, parts: LaneParts = ("actuator",), first_frame: int = 0) -> LaneBlock:
+def lane_rows(frames: int, parts: LaneParts = ("servo",), first_frame: int = 0) -> LaneBlock:
     """Return blank rows with some parts, numbered from ``first_frame``."""
     rows = np.zeros(frames, np.dtype([("frame", "i8"), *((part, LANE_PARTS[part]) for part in parts)], align=True))
     rows["frame"] = np.arange(first_frame, first_frame + frames)

@@ -80,7 +80,7 @@ INDEX: Final = {signal.name: i for i, signal in enumerate(SIGNALS)}
 DISCRETE_INDEX: Final = {discrete.name: i for i, discrete in enumerate(DISCRETES)}
 
 # What the pilot or the scenario asks of the autopilot, as changes from the values held at engagement.
-DEMANDS: Final = ("pitch_angle_rad", "roll_angle_rad", "altitude_m", "heading_rad", "airspeed_m_s")
+AUTOPILOT_COMMANDS: Final = ("pitch_angle_rad", "roll_angle_rad", "altitude_m", "heading_rad", "airspeed_m_s")
 # What the control law asks of the actuators: absolute positions, signs as JSBSim's fcs/*-pos-rad
 # (elevator trailing edge down is positive and pitches down).
 SURFACES: Final = ("elevator_rad", "aileron_rad", "rudder_rad", "throttle")

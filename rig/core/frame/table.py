@@ -1,7 +1,7 @@
 """The frames of a flight as one table, in memory while it flies and out of a log.
 
     table["voted"], len(table), table[first:end]    as of an array of rows
-    table.servo   (n, 3) ACTUATOR, or None: no servo moves a surface
+    table.servo   (n, 3) SERVO, or None: no servo moves a surface
     table.lane    (n, 4) COMPUTER, or None: there is one computer
     table.timing  (n,) TIMING, or None: not known
     table.clean   (n,) what the sensors gave before any fault, or None: not kept
@@ -68,8 +68,8 @@ class Table:
 
     @property
     def servo(self) -> Any:
-        """(n, 3) ACTUATOR; None: no servo moves a surface."""
-        return self.part("actuator")
+        """(n, 3) SERVO; None: no servo moves a surface."""
+        return self.part("servo")
 
     @property
     def lane(self) -> Any:

@@ -6,7 +6,8 @@
     [triads]           # three signals that are the axes of one vector: gyro = ["gyro_x", "gyro_y", "gyro_z"]
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
-    [rivals.<name>]    # of a manager that is a rival of ours; as [redundancy.rivals.<name>] of a flight
+    [baselines.<name>]    # of a manager that is a baseline manager of ours; as [redundancy.baselines.<name>] of a
+    flight
     [boxes]            # signals that one unit of each channel measures, each signal in one; all in one when not given
     box_signals        # of a box that accuse a channel at once until it is failed on all of them; 0: never; when not
                        # given never without [boxes], else more than half of the box
@@ -30,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, field_validator
 
+from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.computer.redundancy.manager_config import Config as FlightConfig
@@ -37,7 +39,6 @@ from rig.computer.redundancy.manager_config import SignalConfig, short_wait
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
 from rig.computer.redundancy.resets import Reset as FlightReset
 from rig.computer.redundancy.resets import bits
-from rig.computer.redundancy.rivals.rival_settings import Rivals
 from rig.core.errors import BadInput
 from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS
 from rig.core.settings import Settings, build, read_toml
@@ -52,7 +53,7 @@ TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
 AMOUNTS: Final = (  # settings of a signal that have its unit
     *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
     *("reference_threshold", "selection_deviation", "selection_integral_s"),
-    *("bias_bound", "slow_allowance", "slow_limit"),
+    *("equalise_bound", "slow_allowance", "slow_limit"),
 )
 V = TypeVar("V", float, NDArray[np.float64])
 MOST_ANGLE_RAD: Final = 1e6  # beyond it the fraction of a turn is lost to rounding
@@ -150,7 +151,7 @@ class VoteConfig(Settings):
     signal: dict[str, dict[str, Any]] = {}
     discrete: dict[str, RecordedDiscrete] = {}
     triads: dict[str, list[str]] = {}
-    rivals: Rivals = Rivals()
+    baselines: Baselines = Baselines()
     mapping: dict[str, str] = {}
     time_column: str = "time_s"
     time_unit: str = "s"
@@ -206,7 +207,7 @@ class VoteConfig(Settings):
         if not chosen and not self.discrete:
             raise BadInput(f"{source}: no signal to vote: add [signal.<name>], [discrete.<name>] or [default]")
         try:
-            self.rivals.refuse_others(present)
+            self.baselines.refuse_others(present)
         except ValueError as error:
             raise BadInput(f"{source}: {error}") from None
         try:

@@ -11,7 +11,7 @@ from rig.core import fault_names
 from rig.core.errors import BadLog
 from rig.core.palette import CHANNELS, DASHES, LINE, ORANGE, TRUTH, VOTE
 from rig.flight.failures import failed_channels, failed_text
-from rig.flight.suspects import count_suspects, lasting_text, new_counts, suspects
+from rig.flight.suspects import count_suspects, new_counts, slow_faults_text, suspects
 from rig.log import Log, scenario_of, unit_of
 from rig.show.viewer.series import Series, limits, series, threshold
 from rig.show.viewer.state_strips import acting
@@ -73,7 +73,7 @@ def _failed(log: Log) -> str:
     counts = new_counts()
     count_suspects(log.rows, counts)
     failed = failed_text(failed_channels(log.rows[-1]) if len(log.rows) else {})
-    return failed + lasting_text(suspects(counts, len(log.rows)))
+    return failed + slow_faults_text(suspects(counts, len(log.rows)))
 
 
 def plot(log: Log, name: str) -> Figure:

@@ -23,8 +23,20 @@ from rig.verdict.score_records import FaultScore
 
 # Of FLAT, that the pictures show.
 FIELDS: Final = (
-    *("frame", "acting", "truth", "channels", "voted", "reference", "state", "level", "pattern", "resolver", "source"),
-    *("discrete_state", "law", "surface", "actuator", "flight"),
+    *(
+        "frame",
+        "acting",
+        "truth",
+        "channels",
+        "voted",
+        "reference",
+        "state",
+        "level",
+        "pattern",
+        "decided_by",
+        "source",
+    ),
+    *("discrete_state", "law", "surface", "surface_command", "flight"),
 )
 LATEST_S: Final = 30.0  # an isolation later than this is not that of the first frame
 TOGETHER_S: Final = 2.0  # a fault that begins so shortly before a pattern is shown with it
@@ -87,7 +99,7 @@ class Limit(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Name and figure: ``outlier threshold 0.63 deg/s``."""
+        """Name and figure: ``isolation threshold 0.63 deg/s``."""
         return f"{self.name} {quantity(self.value, SIGNALS[INDEX[self.signal]].unit)}"
 
 
@@ -95,7 +107,7 @@ def limit(resolved: Mapping[str, Any], signal: str) -> Limit:
     """Return the limit of a signal's monitor, by a scenario as plain data."""
     value = threshold(resolved, signal)
     other = value != resolved["redundancy"]["signals"][signal]["threshold"]
-    return Limit(signal, "outlier threshold" if other else "threshold", value)
+    return Limit(signal, "isolation threshold" if other else "threshold", value)
 
 
 class Moment(NamedTuple):
@@ -126,7 +138,7 @@ def signals_of(fault: FaultScore, scenario: Scenario) -> list[str]:
 
 
 def moment(scored: Scored, course: Course, name: str) -> Moment | None:
-    """Return the moment of a signal: its first pattern without a majority, else its first fault; None: neither."""
+    """Return the moment of a signal: its first split, else its first fault; None: neither."""
     rate_hz = scored.scenario.rate_hz
     faults = [fault for fault in scored.score.faults if name in signals_of(fault, scored.scenario)]
     begins = [fault.onset_frame if fault.exceeded_frame is None else fault.exceeded_frame for fault in faults]

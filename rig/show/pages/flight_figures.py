@@ -32,7 +32,7 @@ from rig.show.pages.course import Limit, Moment
 from rig.show.pages.lines import Array, Line, SignalLines, SurfaceLines, line, signal_lines
 from rig.show.pages.page import lay_out
 from rig.show.viewer.series import Series, limits, series
-from rig.verdict.patterns import SINGULAR
+from rig.verdict.patterns import SPLITS
 
 Look = tuple[str, float, str]  # colour, width, dash
 _BAND, ACTING = faint(INK, 0.1), faint(ORANGE, 0.16)
@@ -103,13 +103,13 @@ def _signal(figure: go.Figure, shown: SignalLines, name: str, title: str, height
 
 
 def _counts(figure: go.Figure, rows: Block, time_s: Array, s: int, waits: Mapping[str, int]) -> None:
-    """Draw, below, for how many frames in a row a pattern without a majority or a suspect channel has lasted."""
-    singular = np.isin(rows["pattern"][:, s], SINGULAR)
-    patterns = np.where(singular, rows["pattern"][:, s], Pattern.NORMAL)
-    found = {Pattern(int(p)).label: (patterns == p, (INK, 1.8, "solid")) for p in np.unique(patterns[singular])}
+    """Draw, below, for how many frames in a row a split or a suspect channel has lasted."""
+    in_split = np.isin(rows["pattern"][:, s], SPLITS)
+    patterns = np.where(in_split, rows["pattern"][:, s], Pattern.NORMAL)
+    found = {Pattern(int(p)).label: (patterns == p, (INK, 1.8, "solid")) for p in np.unique(patterns[in_split])}
     for c, states in enumerate(rows["state"][:, s, : SIGNALS[s].channels].T):
         failed = states == State.FAILED
-        suspect = ((states == State.SUSPECT) | (failed & ~np.roll(failed, 1))) & ~singular
+        suspect = ((states == State.SUSPECT) | (failed & ~np.roll(failed, 1))) & ~in_split
         if suspect.any():
             found[f"channel {c + 1} suspect"] = suspect, (CHANNELS[c], 1.8, DASHES[c])
     most = 1.0

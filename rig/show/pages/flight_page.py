@@ -26,7 +26,7 @@ from rig.show.pages import servo_figures as actuators
 from rig.show.pages.course import FIELDS, Course, Moment, affected, limit, moment, signals_of
 from rig.show.pages.lines import errors, line, of_signal, of_surface
 from rig.show.pages.page import DASH, write_page
-from rig.show.pages.requirement_figures import Margins
+from rig.show.pages.requirement_figures import Robustness
 from rig.show.pages.timeline import MOST_GROUPS, groups, spans, timeline
 from rig.show.viewer.series import threshold
 from rig.verdict import score_tables as cells
@@ -51,21 +51,21 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     ``rig fly``, no verdict.
     """
     log = LogFile.open(path)
-    scored = score_log(path, Yardstick(), twin=False, log=log)
-    margins = Margins.of(log, scored.scenario, requirements)
+    scored = score_log(path, Yardstick(), baseline=False, log=log)
+    robustness = Robustness.of(log, scored.scenario, requirements)
     tell("looking for what happened")
     course = Course(log.table(FIELDS), len(scored.scenario.faults))
     names = affected(scored, course)
     moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
-    drawn = _figures(log, scored, course, names, moments) | margins.figures()
+    drawn = _figures(log, scored, course, names, moments) | robustness.figures()
     about = {
         **_about(log, scored, course, names, moments),
-        "requirements": cells.violated_first(margins.verdicts),
-        "unmeasured": margins.remark,
+        "requirements": cells.violated_first(robustness.verdicts),
+        "unmeasured": robustness.remark,
     }
     write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
-    told |= {"requirements": [plain(one) for one in margins.verdicts]} if margins.verdicts else {}
+    told |= {"requirements": [plain(one) for one in robustness.verdicts]} if robustness.verdicts else {}
     return {"report": str(out), **told, **scored.as_dict()}
 
 
@@ -89,7 +89,7 @@ def _figures(
     """Draw the pictures, by the id of their element, in the order of the page; names : signals with an event."""
     shown, flight = names[:MOST_SIGNALS], course.flight
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
-    surfaces = actuators.happened(scored) if "actuator" in log.lanes else []
+    surfaces = actuators.happened(scored) if "servo" in log.lanes else []
     lanes, thresholds = computers.happened(scored, log.events), _thresholds(scored, shown)
     labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
     beside = computers.states(course, rate_hz, scored.scenario.computers.count) if lanes else []
@@ -144,7 +144,7 @@ def _waits(scored: Scored, name: str) -> dict[str, int]:
     if evidence.by_unit or not manager_kind(scored.scenario.redundancy.manager).compares:
         return {}
     p = evidence.params[INDEX[name]]
-    return {"persistence": int(p["persistence"]), "singular persistence": int(p["singular_persistence"])}
+    return {"persistence": int(p["persistence"]), "split persistence": int(p["split_persistence"])}
 
 
 def _about(
@@ -164,7 +164,7 @@ def _about(
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _said(one, rate_hz)) for one in moments],
-        "actuators": actuators.happened(scored) if "actuator" in log.lanes else [],
+        "actuators": actuators.happened(scored) if "servo" in log.lanes else [],
         "computers": computers.happened(scored, log.events),
         "signals": names[:MOST_SIGNALS],
         "alike": [one for one in alike[:MOST_GROUPS] if len(one) > 1],
@@ -202,11 +202,11 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
     wrong = len(score.false_alarms) + len(score.wrong_isolations)
     delays = [fault.delay_from_exceeded_frames for fault in detected if fault.delay_from_exceeded_frames is not None]
     off = [name for name, error in score.vote_error.items() if error.above_threshold_s > 0]
-    failed = [(fault.failed_frame or fault.law_frame or 0, fault.resolver) for fault in detected if fault.resolver]
-    failed += [(each.frame, each.resolver) for _, each in score.isolations]
-    deciders = dict.fromkeys(resolver for _, resolver in sorted(failed))
+    failed = [(fault.failed_frame or fault.law_frame or 0, fault.decided_by) for fault in detected if fault.decided_by]
+    failed += [(each.frame, each.decided_by) for _, each in score.isolations]
+    deciders = dict.fromkeys(decided_by for _, decided_by in sorted(failed))
     lost = sum(signal.level_at_end == 0 for signal in score.signals.values())
-    lasting = sum(suspect.lasting for suspect in score.suspects)
+    slow_faults = sum(suspect.slow_faults for suspect in score.suspects)
     return [
         (f"{len(detected)} of {len(detected) + missed}", "detectable faults detected", missed > 0),
         (duration(max(delays), rate_hz) if delays else DASH, "longest delay from the threshold", False),
@@ -214,12 +214,12 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
         (", ".join(deciders) or DASH, "found the faults or failed the channels", False),
         (str(len(off)), _off_by(scored, off), bool(off)),
         (str(lost), "signals without a channel at the end", lost > 0),
-        *([(str(lasting), "channels suspect in many frames, never failed", True)] if lasting else []),
+        *([(str(slow_faults), "channels suspect in many frames, never failed", True)] if slow_faults else []),
     ]
 
 
 def _off_by(scored: Scored, names: Sequence[str]) -> str:
-    """Return what the tile of wrong votes says: whose threshold, which is not the outlier threshold."""
+    """Return what the tile of wrong votes says: whose threshold, which is not the isolation threshold."""
     limits = [
         f"{name} {quantity(value, SIGNALS[INDEX[name]].unit)}" for name, value in _thresholds(scored, names).items()
     ]

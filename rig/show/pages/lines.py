@@ -87,7 +87,7 @@ class SurfaceLines(NamedTuple):
 def of_surface(flight: Table, rate_hz: float, i: int) -> SurfaceLines:
     """Return surface ``i`` over a whole flight."""
     scale, time_s = degrees(1.0) if SURFACES[i].endswith("_rad") else 1.0, flight["frame"] / rate_hz
-    command, actuated = flight["surface"][:, i], flight["actuator"][:, i]
+    command, actuated = flight["surface"][:, i], flight["surface_command"][:, i]
     position = flight["flight"][:, FLIGHT_INDEX[SURFACES[i]]]
     lines = [line(time_s, values * scale) for values in (command, actuated, position)]
     return SurfaceLines(*lines, changed=not np.array_equal(command, actuated, equal_nan=True))

@@ -1,4 +1,4 @@
-"""Requirements of a flight on its page: their verdicts, and the picture of their margins over time."""
+"""Requirements of a flight on its page: their verdicts, and the picture of their robustness over time."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from rig.verdict.requirements.measure import recorder_of
 from rig.verdict.requirements.requirement import load_requirements
 from rig.verdict.requirements.requirement_recorder import Verdict
 
-CUT: Final = 3.0  # a margin beyond is drawn here
+CUT: Final = 3.0  # a robustness beyond is drawn here
 MOST: Final = 12  # lines
 
 
 @dataclass(frozen=True, slots=True)
-class Margins:
+class Robustness:
     """What was measured: verdicts, and lines by requirement and signal."""
 
     verdicts: tuple[Verdict, ...] = ()
@@ -36,7 +36,7 @@ class Margins:
     def of(cls, log: LogFile, scenario: Scenario, names: Sequence[str]) -> Self:
         """Measure a log; names : of sets and files, BadInput; beside those of the scenario, if they are there.
 
-        The page flies nothing: what names the twin is left to ``rig score``.
+        The page flies nothing: what names the baseline is left to ``rig score``.
         """
         asked = load_requirements(names)
         try:
@@ -44,13 +44,13 @@ class Margins:
             remark = ""
         except BadInput as error:
             every, remark = asked, f"requirements of the scenario are not measured: {error}"
-        alone = [each for each in every if not each.names_twin]
-        if late := [each.id for each in every if each.names_twin]:
+        alone = [each for each in every if not each.names_baseline]
+        if late := [each.id for each in every if each.names_baseline]:
             told = f"against the flight without faults, by rig score: {', '.join(late)}"
             remark = f"{remark}; {told}" if remark else told
         if not alone:
             return cls(remark=remark)
-        recorder = recorder_of(scenario, alone, twin=False, lines=True)
+        recorder = recorder_of(scenario, alone, baseline=False, lines=True)
         for block in log.blocks():
             recorder.record(block)
         verdicts = recorder.finish()
@@ -70,7 +70,7 @@ class Margins:
             about = {"name": name, "mode": "lines", "line": {"color": series_colour(i), "width": 1.2}}
             figure.add_scatter(x=one.time_s, y=one.values, hovertemplate="%{x:.2f} s: %{y:.3g}", **about)
         figure.add_hline(y=0.0, line=DOTTED)
-        lay_out(figure, "margin of each requirement", 320)
+        lay_out(figure, "robustness of each requirement", 320)
         figure.update_xaxes(title="time, s")
-        figure.update_yaxes(title="margin", range=[-1.1 * CUT, 1.1 * CUT])
+        figure.update_yaxes(title="robustness", range=[-1.1 * CUT, 1.1 * CUT])
         return {"requirements": figure}

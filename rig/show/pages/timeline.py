@@ -20,7 +20,7 @@ from rig.show.viewer.style import STATE_LOOKS, plain
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
 MOST_GROUPS: Final = 8  # of signals that are alike
 _UNUSED: Final = "not used"  # a channel that is not failed, of a signal without a channel
-_NAMES: Final = {"resolver": "decided by"}
+_NAMES: Final = {"decided_by": "decided by"}
 _QUIET: Final = ("ok", "normal", "none", "voted", "autopilot", "4 channels", "engaged", "fresh", "all channels")
 _LABELS: Final = [label for lane in (*HEALTH, *SERVOS) for label, _ in lane.looks.values()]
 _COLOURS: Final = {

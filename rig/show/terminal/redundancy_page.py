@@ -24,12 +24,12 @@ from rig.core.frame import (
     SIGNALS,
     SURFACES,
     ActuatorMonitor,
+    DecidedBy,
     End,
     Health,
     Law,
     LinkState,
     Pattern,
-    Resolver,
     Source,
     State,
 )
@@ -130,10 +130,10 @@ def _signal(row: Any, s: int) -> list[RenderableType]:
 
 
 def _notes(row: Any, s: int) -> Iterator[str]:
-    """Yield who decided a pattern without a majority, and control's source where it is not the vote."""
-    resolver, source = Resolver(row["resolver"][s]), Source(row["source"][s])
-    if resolver != Resolver.NONE:
-        yield resolver.name.lower()
+    """Yield who decided a split, and control's source where it is not the vote."""
+    decided_by, source = DecidedBy(row["decided_by"][s]), Source(row["source"][s])
+    if decided_by != DecidedBy.NONE:
+        yield decided_by.name.lower()
     if source != Source.VOTED:
         yield f"control: {source.name.lower()}"
 
@@ -229,7 +229,7 @@ def _links(lanes: Any) -> list[RenderableType]:
 def _command(name: str, lanes: Any, s: int, states: list[State], leads: int) -> list[RenderableType]:
     """Return what each lane commands of a surface, and what the leading one puts out after its vote."""
     unit, whose = unit_of_name(name), lanes[max(leads, 0)]
-    pattern, resolver = Pattern(whose["command_pattern"][s]), Resolver(whose["command_resolver"][s])
+    pattern, decided_by = Pattern(whose["command_pattern"][s]), DecidedBy(whose["command_decided_by"][s])
     scale, each = scale_shown(unit), zip(lanes, states, strict=True)
     quiet = pattern == Pattern.NORMAL or leads == _NOBODY
     return [
@@ -239,7 +239,7 @@ def _command(name: str, lanes: Any, s: int, states: list[State], leads: int) -> 
         Text("" if leads == _NOBODY else _number(whose["output"][s] * scale)),
         _engaged(states),
         Text(pattern.label if leads != _NOBODY else "", style="dim" if quiet else "bold yellow"),
-        Text(resolver.name.lower() if leads != _NOBODY and resolver != Resolver.NONE else "", style="yellow"),
+        Text(decided_by.name.lower() if leads != _NOBODY and decided_by != DecidedBy.NONE else "", style="yellow"),
     ]
 
 

@@ -82,7 +82,7 @@ def computers_tab(name: str, shown: Sequence[Shown]) -> rrb.Container:
 
 def _commands(surface: str, shown: Sequence[Shown], span: Span) -> rrb.TimeSeriesView:
     """Draw what each lane commands, and what reaches the surface."""
-    name = f"actuator_{surface}"
+    name = f"surface_command_{surface}"
     given = [Line("/control", DEGREES, name, "to the surface", VOTED, 3.5)] if name in DEGREE_NAMES else []
     zoom = "" if span is None else "zoom: "
     title = f"{zoom}{plain(surface.removesuffix('_rad'))}, deg: commands of the lanes"

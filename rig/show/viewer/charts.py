@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import DEMANDS, SURFACES, Block
+from rig.core.frame import AUTOPILOT_COMMANDS, SURFACES, Block
 from rig.log.columns import COLUMNS
 from rig.show.viewer.derived import DEGREE_NAMES, degrees
 from rig.show.viewer.style import plain
@@ -19,7 +19,7 @@ from rig.show.viewer.style import plain
 class Chart(NamedTuple):
     """Lines of one unit.
 
-    names : of DEGREE_NAMES; or command_*, surface_*, actuator_*, demand_* of FRAME, and flight_* of FLIGHT
+    names : of DEGREE_NAMES; or command_*, surface_*, surface_command_*, autopilot_command_*, and flight_* of FLIGHT
     span  : the least that its axis shows, in its unit
     """
 
@@ -45,17 +45,22 @@ CONTROL: Final = (
     Chart("commanded heading", "deg", ("command_heading_rad",), 2.0),
     Chart("commanded and pressure altitude", "m", ("command_altitude_m", "command_pressure_altitude_m"), 20.0),
     Chart("commanded and equivalent airspeed", "m/s", ("command_airspeed_m_s", "command_equivalent_airspeed_m_s"), 5.0),
-    Chart("demanded changes of angles", "deg", tuple(f"demand_{name}" for name in DEMANDS if name[-4:] == "_rad"), 2.0),
-    Chart("demanded change of altitude", "m", ("demand_altitude_m",), 20.0),
-    Chart("demanded change of airspeed", "m/s", ("demand_airspeed_m_s",), 5.0),
+    Chart(
+        "commanded changes of angles",
+        "deg",
+        tuple(f"autopilot_command_{name}" for name in AUTOPILOT_COMMANDS if name[-4:] == "_rad"),
+        2.0,
+    ),
+    Chart("commanded change of altitude", "m", ("autopilot_command_altitude_m",), 20.0),
+    Chart("commanded change of airspeed", "m/s", ("autopilot_command_airspeed_m_s",), 5.0),
 )
 SURFACE: Final = (
     *(
-        Chart(name[:-4], "deg", tuple(f"{what}_{name}" for what in ("surface", "actuator", "position")), 2.0)
+        Chart(name[:-4], "deg", tuple(f"{what}_{name}" for what in ("surface", "surface_command", "position")), 2.0)
         for name in SURFACES
         if name.endswith("_rad")
     ),
-    Chart("throttle", "1", ("surface_throttle", "actuator_throttle", "flight_throttle"), 0.1),
+    Chart("throttle", "1", ("surface_throttle", "surface_command_throttle", "flight_throttle"), 0.1),
 )
 FLOWN: Final = (
     Chart("altitude and height", "m", ("flight_altitude_m", "flight_height_m"), 20.0),
@@ -67,21 +72,29 @@ FLOWN: Final = (
     ),
 )
 CHARTS: Final = (*CONTROL, *SURFACE, *FLOWN)
+_LONG: Final = ("surface_command", "autopilot_command")  # before the others that names begin with
 _COLUMNS: Final = {column.path: column for column in COLUMNS}
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """Return what a name of a chart begins with, and the rest of it."""
+    long = next((each for each in _LONG if name.startswith(f"{each}_")), None)
+    where = long or name.partition("_")[0]
+    return where, name.removeprefix(f"{where}_")
 
 
 def place(name: str) -> tuple[str, str]:
     """Return topic and field in the log of a name of a chart."""
-    where, _, field = name.partition("_")
-    topics = {"flight": "/flight", "position": "/flight", "demand": "/demand"}
+    where, field = _parted(name)
+    topics = {"flight": "/flight", "position": "/flight", "autopilot_command": "/autopilot_command"}
     return (topics[where], field) if where in topics else ("/control", name)
 
 
 def label(name: str, chart: Chart) -> str:
     """Return a name of a chart in words, without its unit and what the chart's name says."""
-    where, _, field = name.partition("_")
-    if where in ("surface", "actuator", "position") or chart.name == "throttle":
-        return {"surface": "command", "actuator": "actuator input"}.get(where, "position")
+    where, field = _parted(name)
+    if where in ("surface", "surface_command", "position") or chart.name == "throttle":
+        return {"surface": "command", "surface_command": "actuator input"}.get(where, "position")
     for unit in ("_rad_s", "_m_s", "_rad", "_m"):
         field = field.removesuffix(unit)
     return plain(field)

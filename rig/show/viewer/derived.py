@@ -9,7 +9,7 @@ Of each signal, VALUES; a view picks its lines of them by their names in NAMES:
     apart_*         truth and channels less the vote, in thresholds of the monitor, within +-LIMIT;
                     apart_fault: 0 while a fault acts; apart_low, apart_high: -1 and 1
 
-Of control, DEGREES: commands, demands and surfaces that are angles or rates.
+Of control, DEGREES: commands, autopilot commands and surfaces that are angles or rates.
 
 On the scale of the signal four good channels lie on one another, and one hardover squeezes the rest flat.  Less truth
 they can be told apart; less the vote, one channel off the scale leaves the scale to the others.
@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import CHANNELS, COMMANDS, DEMANDS, FLIGHT_INDEX, SIGNALS, SURFACES, Block, S, State
+from rig.core.frame import AUTOPILOT_COMMANDS, CHANNELS, COMMANDS, FLIGHT_INDEX, SIGNALS, SURFACES, Block, S, State
 from rig.core.units.angles import differences, short_way
 from rig.core.units.quantities import scale_shown
 from rig.show.viewer.facts import Facts
@@ -122,13 +122,13 @@ def _carried(values: _Floats) -> _Floats:
 
 # Of control: what is an angle or a rate, in the order of its list.
 _COMMANDS: Final = [i for i, name in enumerate(COMMANDS) if name.endswith(("_rad", "_rad_s"))]
-_DEMANDS: Final = [i for i, name in enumerate(DEMANDS) if name.endswith("_rad")]
+_AUTOPILOT_COMMANDS: Final = [i for i, name in enumerate(AUTOPILOT_COMMANDS) if name.endswith("_rad")]
 _SURFACES: Final = [i for i, name in enumerate(SURFACES) if name.endswith("_rad")]
 _POSITIONS: Final = [FLIGHT_INDEX[SURFACES[i]] for i in _SURFACES]
 DEGREE_NAMES: Final = (
     *(f"command_{COMMANDS[i]}" for i in _COMMANDS),
-    *(f"demand_{DEMANDS[i]}" for i in _DEMANDS),
-    *(f"{what}_{SURFACES[i]}" for what in ("surface", "actuator", "position") for i in _SURFACES),
+    *(f"autopilot_command_{AUTOPILOT_COMMANDS[i]}" for i in _AUTOPILOT_COMMANDS),
+    *(f"{what}_{SURFACES[i]}" for what in ("surface", "surface_command", "position") for i in _SURFACES),
 )
 _ROUND: Final = [DEGREE_NAMES.index("command_heading_rad")]
 
@@ -137,9 +137,9 @@ def degrees(rows: Block) -> _Floats:
     """Return the numbers of DEGREE_NAMES in deg or deg/s: (n, m); the commanded heading within 180 deg of north."""
     parts = [
         rows["command"][:, _COMMANDS],
-        rows["demand"][:, _DEMANDS],
+        rows["autopilot_command"][:, _AUTOPILOT_COMMANDS],
         rows["surface"][:, _SURFACES],
-        rows["actuator"][:, _SURFACES],
+        rows["surface_command"][:, _SURFACES],
         rows["flight"][:, _POSITIONS],
     ]
     numbers = np.concatenate(parts, axis=1) * scale_shown("rad")

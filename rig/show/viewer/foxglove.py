@@ -124,7 +124,7 @@ def _range(facts: Facts, name: str) -> panel.Span:
 
 
 def _signal_states(panels: panel.Panels, facts: Facts, signal: Signal, span: panel.Span = None, title: str = "") -> str:
-    """Draw when faults act, and the states of a signal: its channels, level, pattern, resolver, source."""
+    """Draw when faults act, and the states of a signal: its channels, level, pattern, decided_by, source."""
     rows = [panel.state(lane, plain(lane.path.rsplit("/", 1)[1])) for lane in lanes.of_signal(signal)]
     level = {"value": f"{signal.topic}.level", "label": "level", **panel.DRAWN}
     return panels.states(f"{title}{lanes.title(signal)}", [*panel.acting(facts), *rows, level], span)

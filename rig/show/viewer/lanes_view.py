@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import COMPUTERS, LINKS, SURFACES, Health, LaneTest, LinkState, Pattern, Resolver, Table
+from rig.core.frame import COMPUTERS, LINKS, SURFACES, DecidedBy, Health, LaneTest, LinkState, Pattern, Table
 from rig.core.units.quantities import scale_shown, unit_of_name
 from rig.flight.lane_events import test_name
 from rig.show.viewer.charts import spanned
@@ -153,7 +153,7 @@ def codes(table: Table, lane: Lane) -> NDArray[Any]:
         return rows["link"][:, receiver, sender] | outvoted
     whose = np.minimum(leading(table), len(COMPUTERS) - 1), lane.at[0]
     k = np.arange(len(rows))
-    unresolved = rows["command_resolver"][k, *whose] == Resolver.UNRESOLVED
+    unresolved = rows["command_decided_by"][k, *whose] == DecidedBy.UNRESOLVED
     return rows["command_pattern"][k, *whose] | np.where(unresolved, _UNRESOLVED, 0)
 
 

@@ -4,7 +4,7 @@ Entities, component names, struct fields and the timeline are the importer's, so
 the stream and the opened log:
 
     /signal/<name>, /discrete/<name>   rig.Signal:message, rig.Discrete:message    one struct a frame
-    /control, /demand, /flight         rig.Control:message, ...
+    /control, /autopilot_command, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
     /actuator/<surface>                rig.Actuator:message, of flights with servos
     /computer/<A to D>                 lists of numbers alone: a message has 170

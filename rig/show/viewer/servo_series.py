@@ -119,7 +119,7 @@ LANES: Final = tuple(lane for surface in MOVED for lane in of_surface(surface))
 
 def entities(table: Table) -> Iterator[Entity]:
     """Yield what is drawn of each surface."""
-    for i, of in enumerate(LANE_TOPICS["actuator"]):
+    for i, of in enumerate(LANE_TOPICS["servo"]):
         yield Entity(of.name, VALUES, values(table, i), of)
 
 
@@ -134,4 +134,4 @@ def _codes(table: Table, lane: Lane) -> NDArray[Any]:
     return np.where(rows["bypassed"] != 0, _BYPASSED, held)
 
 
-SHOWN: Final = Beside("actuator", LEGEND, LEGEND_LINES, LANES, _codes, entities)
+SHOWN: Final = Beside("servo", LEGEND, LEGEND_LINES, LANES, _codes, entities)

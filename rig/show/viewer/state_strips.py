@@ -1,7 +1,7 @@
 """States as lanes against time: one entity a lane, one entry a change.
 
     /pitch_rate                           the channels of a signal together
-    /pitch_rate/channel_1 .. channel_4    each of them; and pattern, resolver, source
+    /pitch_rate/channel_1 .. channel_4    each of them; and pattern, decided_by, source
     /gear_down/channel_1 .. channel_4     of a discrete
     /control_law
     /fault_1 ..                           while a fault of the scenario acts
@@ -25,12 +25,12 @@ from rig.core.frame import (
     DISCRETES,
     SIGNALS,
     Block,
+    DecidedBy,
     Discrete,
     End,
     LanePart,
     Law,
     Pattern,
-    Resolver,
     Signal,
     Source,
     State,
@@ -76,7 +76,7 @@ def of_signal(signal: Signal) -> list[Lane]:
     return [
         *_channels(home, "state", s, signal.channels),
         _lane(f"{home}/pattern", "pattern", (s,), attention(Pattern, Pattern.NORMAL)),
-        _lane(f"{home}/resolver", "resolver", (s,), attention(Resolver, Resolver.NONE)),
+        _lane(f"{home}/decided_by", "decided_by", (s,), attention(DecidedBy, DecidedBy.NONE)),
         _lane(f"{home}/source", "source", (s,), attention(Source, Source.VOTED)),
     ]
 
@@ -129,7 +129,7 @@ ENDS: Final[Looks] = {
 
 def title(signal: Signal) -> str:
     """Return the title of a signal's lanes."""
-    return f"{plain(signal.name)}: faults, channels (?: suspect), pattern, resolver, source"
+    return f"{plain(signal.name)}: faults, channels (?: suspect), pattern, decided_by, source"
 
 
 def fault_path(number: int) -> str:

@@ -133,8 +133,8 @@ class Story:
         return f"{outcome}: {self._failed() if self.isolations else self._acted()}"
 
     def _failed(self) -> str:
-        """Return the failures, those of one frame and resolver together."""
-        grouped = groupby(self.isolations, lambda each: (each.failure.frame, each.failure.resolver))
+        """Return the failures, those of one frame and rule together."""
+        grouped = groupby(self.isolations, lambda each: (each.failure.frame, each.failure.decided_by))
         groups = [list(group) for _, group in grouped]
         more = len(groups) - _MOST_GROUPS
         texts = [self._group(group) for group in groups[:_MOST_GROUPS]]
@@ -151,7 +151,7 @@ class Story:
 
     def _group(self, group: Sequence[Isolation]) -> str:
         """Return a text of channels that were failed in one frame by the same."""
-        frame, by = group[0].failure.frame, group[0].failure.resolver
+        frame, by = group[0].failure.frame, group[0].failure.decided_by
         onsets = {isolation.onset for isolation in group}
         [onset] = onsets if len(onsets) == 1 else [None]
         after = f", {duration(frame - onset, self._rate_hz)} after the onset" if onset is not None else ""

@@ -1,4 +1,4 @@
-"""The report of a league: one HTML file that opens without a network: verdict, share over size, delay over budget."""
+"""The report of a benchmark, one HTML file that opens without a network: verdict, share over size, delays."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def write(path: Path, result: dict[str, Any]) -> None:
     entrants = list(dict.fromkeys(row["entrant"] for row in result["levels"]))
     figures = dict([*_shares(result["by_size"], entrants), *_delays(result["curve"], entrants)])
     about = {"title": title, "verdict": result["verdict"], "most": _AT_ONCE, "pictures": list(figures)}
-    write_page(path, "league.html", figures, {}, **about)
+    write_page(path, "benchmark.html", figures, {}, **about)
 
 
 def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:

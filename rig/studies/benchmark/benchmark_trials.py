@@ -69,7 +69,7 @@ def of_signals(plan: Plan) -> tuple[str, list[OfSignal]]:
         fault = made.scenario.faults[made.tested]
         found.setdefault(fault.signal, of_cell(made))
     if len(aircraft) > 1:
-        raise BadInput(f"{plan.source}: flies {', '.join(sorted(aircraft))}: a league is of one aircraft")
+        raise BadInput(f"{plan.source}: flies {', '.join(sorted(aircraft))}: a benchmark is of one aircraft")
     return aircraft.pop(), list(found.values())
 
 
@@ -78,7 +78,7 @@ def of_cell(made: Cell) -> OfSignal:
     scenario, name = made.scenario, made.scenario.faults[made.tested].signal
     settings, _ = settings_of(scenario)
     redundancy = scenario.redundancy
-    return OfSignal(name, made.one.manager.params, settings[name], redundancy.rivals, scenario.rate_hz)
+    return OfSignal(name, made.one.manager.params, settings[name], redundancy.baselines, scenario.rate_hz)
 
 
 def shared_out(plan: Plan, trials: int, seed: int) -> list[Batch]:

@@ -22,7 +22,7 @@ from rig.core.runs import cluster_starts
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
 from rig.studies.benchmark.entrants import (
     BIASED,
-    LASTING,
+    SLOW_FAULTS,
     Entrant,
     Level,
     OfSignal,
@@ -42,8 +42,8 @@ from rig.studies.thresholds.tail import CLUSTERS, GAP_S, LEAST, peaks
 Floats = NDArray[np.float64]
 WIDE: Final = 2.0 ** np.arange(-9.0, 7.0)  # of a level's default
 FINE: Final = 24  # levels of the fine grid
-_KEYS: Final = set(SignalConfig.model_fields) - {"persistence_s", "singular_persistence_s"}
-_AMOUNTS: Final = ("threshold", "outlier_threshold", "bias_bound", "slow_")  # that are told in thresholds
+_KEYS: Final = set(SignalConfig.model_fields) - {"persistence_s", "split_persistence_s"}
+_AMOUNTS: Final = ("threshold", "outlier_threshold", "equalise_bound", "slow_")  # that are told in thresholds
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Calibrated:
     entrant: str
     signal: str
     values: dict[str, Any] = field(default_factory=dict)  # as entrants.manager takes them
-    shown: dict[str, float] = field(default_factory=dict)  # in thresholds, or as a rival has them
+    shown: dict[str, float] = field(default_factory=dict)  # in thresholds, or as a baseline manager has them
     keys: dict[str, Any] = field(default_factory=dict)  # of ours, the table of the signal in a scenario
     clusters: int | None = None  # events that the tail is fitted to
     shape: float | None = None
@@ -137,7 +137,7 @@ def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
         raise too_few(signal, healthy.hours, 0, entrant.name)
     settings, notes = chosen.settings(signal.given), list[str]()
     if entrant.name == BIASED and not chosen.outliers:
-        notes.append(f"{signal.name}: a learned bias does not lower the threshold: without")
+        notes.append(f"{signal.name}: a channel equalisation does not lower the threshold: without")
     amounts = [(name, value) for name, value in chosen.keys().items() if name.startswith(_AMOUNTS)]
     pairs = zip(budgets[1:], made[1:], strict=True)
     return Calibrated(
@@ -154,22 +154,23 @@ def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
 
 
 def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float) -> Design | None:
-    """Return the last design of a signal, with learned biases where they lower the threshold; None: too few events.
+    """Return the last design of a signal, with channel equalisation where they lower the threshold; None: too few
+    events.
 
-    With all that lasts it is the one that ``rig thresholds`` chooses.
+    With all slow-fault rules it is the one that ``rig thresholds`` chooses.
     """
     flights = healthy.flights[signal.name]
     blocks = [DataBlock(each.name, np.ascontiguousarray(each.samples.T), signal.rate_hz) for each in flights]
-    lasting: dict[str, Sequence[Rule]] = {BIASED: ["bias"], LASTING: RULES}
+    slow_faults: dict[str, Sequence[Rule]] = {BIASED: ["bias"], SLOW_FAULTS: RULES}
     persistence = (int(signal.params["persistence"][0]),)
     grid = Grid(
         budget_per_h,
         persistence,
         filters_s=(signal.given.filter_s,),
-        lasting=lasting.get(entrant.name, ()),
+        slow_faults=slow_faults.get(entrant.name, ()),
         transients=True,
     )
-    if entrant.name == LASTING:
+    if entrant.name == SLOW_FAULTS:
         names = [block.name for block in blocks]
         data = Data(names, signal.rate_hz, healthy.hours, {signal.name: blocks}, {signal.name: signal.given})
         return of_signal(signal.name, data, grid, keep=True).design

@@ -78,7 +78,7 @@ def _flights(path: Path, signals: Sequence[OfSignal]) -> dict[str, Flight]:
 
 
 def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy) -> dict[str, Any]:
-    """Return what a rival is told of healthy residuals from the median, thresholds, and its variant.
+    """Return what a baseline manager is told of healthy residuals from the median, thresholds, and its variant.
 
     ``spread``: standard deviation within a flight; ``bias``: the largest mean over one; ``rms``: of all
     """

@@ -1,7 +1,8 @@
-"""Who takes part in a league, and which of its settings a calibration chooses.
+"""Who takes part in a benchmark, and which of its settings a calibration chooses.
 
 Ours is there four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the same with learned
-biases, with all that lasts, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's scenario.
+biases, with all slow-fault rules, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's
+scenario.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
-from rig.computer.redundancy.managers import DEFAULT, MANAGERS, RIVALS, Manager, manager_kind, with_settings
-from rig.computer.redundancy.rivals.rival_settings import Rivals
+from rig.computer.redundancy.managers import BASELINES, DEFAULT, MANAGERS, Manager, manager_kind, with_settings
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS
 from rig.core.text import choices
@@ -24,9 +25,9 @@ from rig.scenario.scenario import Scenario
 from rig.studies.benchmark.own_class import calibrated_number
 
 OURS: Final = DEFAULT
-BIASED, LASTING, SHIPPED = f"{OURS} bias", f"{OURS} lasting", f"{OURS} shipped"
+BIASED, SLOW_FAULTS, SHIPPED = f"{OURS} bias", f"{OURS} slow", f"{OURS} shipped"
 UNBOUNDED: Final = "unbounded"
-VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of rivals, named behind one: "cusum 60 guess"
+VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of baseline managers, named behind one: "cusum 60 guess"
     "guess": {"ties": "guess"},
     UNBOUNDED: {"bounded": False},  # as published; outside the verdict
     "middle": {"vote": "middle"},
@@ -37,14 +38,14 @@ _DESIGNED: Final = tuple(
     name
     for name in PARAMS.names or ()
     if name.startswith(
-        ("threshold", "outlier_threshold", "bias_", "slow_", "stale_", "filter_", "persistence", "singular")
+        ("threshold", "outlier_threshold", "equalise_", "slow_", "stale_", "filter_", "persistence", "split_")
     )
 )
 Values = Mapping[str, Any]  # of settings by name
 
 
 class Level(NamedTuple):
-    """A setting that a calibration chooses, for so many channels in use, in thresholds or as the rival has it."""
+    """A setting that a calibration chooses, for so many channels in use; in thresholds or as its manager has it."""
 
     name: str
     channels: int
@@ -53,7 +54,7 @@ class Level(NamedTuple):
 
 
 class Entrant(NamedTuple):
-    """One row of the league."""
+    """One row of the benchmark."""
 
     name: str
     manager: str
@@ -81,7 +82,7 @@ class OfSignal(NamedTuple):
     name: str
     params: NDArray[np.void]  # (1,) config.PARAMS
     given: RecordedSignal
-    rivals: Rivals
+    baselines: Baselines
     rate_hz: float
 
     @property
@@ -104,7 +105,7 @@ def entrants(managers: str) -> list[Entrant]:
     others = [_entrant(name) for name in names if name != OURS]
     if not others:
         raise BadInput(f"--managers: name one or more besides {OURS}, of {', '.join(MANAGERS[1:])}, or module:name")
-    return [*(Entrant(name, OURS) for name in (OURS, BIASED, LASTING, SHIPPED)), *others]
+    return [*(Entrant(name, OURS) for name in (OURS, BIASED, SLOW_FAULTS, SHIPPED)), *others]
 
 
 def _entrant(name: str) -> Entrant:
@@ -124,12 +125,12 @@ def _entrant(name: str) -> Entrant:
 
 
 def with_settings_of(signal: OfSignal, entrant: Entrant, settings: Values) -> OfSignal:
-    """Return the signal with ``settings`` of a rival in its table; as it is for another manager."""
-    if entrant.manager not in RIVALS:
+    """Return the signal with ``settings`` of a baseline manager in its table; as it is for another manager."""
+    if entrant.manager not in BASELINES:
         return signal
-    own = getattr(signal.rivals, entrant.manager).of(signal.name).model_copy(update=dict(settings))
-    told = signal.rivals.model_copy(update={entrant.manager: own.model_copy(update={"signals": {}})})
-    return signal._replace(rivals=told)
+    own = getattr(signal.baselines, entrant.manager).of(signal.name).model_copy(update=dict(settings))
+    told = signal.baselines.model_copy(update={entrant.manager: own.model_copy(update={"signals": {}})})
+    return signal._replace(baselines=told)
 
 
 def levels(entrant: Entrant, signal: OfSignal) -> list[Level]:
@@ -140,7 +141,7 @@ def levels(entrant: Entrant, signal: OfSignal) -> list[Level]:
     kind, level = manager_kind(entrant.manager).settings, manager_kind(entrant.manager).level
     if kind is None:
         return [] if level is None else [Level(level.name, signal.fitted, level.default)]
-    chosen = getattr(signal.rivals, entrant.manager).of(signal.name)
+    chosen = getattr(signal.baselines, entrant.manager).of(signal.name)
     first = float(getattr(chosen, kind.levels[0])) if kind.levels else 0.0
     return [
         Level(name, CHANNELS - i, getattr(chosen, name) or first, _least(kind.model_fields[name].metadata))
@@ -165,8 +166,8 @@ def manager(entrant: Entrant, signal: OfSignal, values: Values, channels: int | 
     """
     params = signal.params.copy()
     params["fitted"] = channels or signal.fitted
-    if entrant.manager in RIVALS:
-        told = with_settings_of(signal, entrant, values).rivals
+    if entrant.manager in BASELINES:
+        told = with_settings_of(signal, entrant, values).baselines
         return Manager(entrant.manager, with_settings(params, entrant.manager, told, [signal.name]))
     level = manager_kind(entrant.manager).level
     if level is not None and values:
@@ -196,10 +197,10 @@ def flown_by(
     of = scenario.redundancy
     told: dict[str, Any] = {"manager": entrant.manager}
     table = {**keys, **_keys_of(entrant, signal, values)}
-    if entrant.manager in RIVALS:
-        rival = getattr(of.rivals, entrant.manager)
-        own = rival.model_copy(update={"signals": {**rival.signals, signal.name: dict(values)}})
-        told["rivals"] = of.rivals.model_copy(update={entrant.manager: own})
+    if entrant.manager in BASELINES:
+        baseline = getattr(of.baselines, entrant.manager)
+        own = baseline.model_copy(update={"signals": {**baseline.signals, signal.name: dict(values)}})
+        told["baselines"] = of.baselines.model_copy(update={entrant.manager: own})
     if table:
         before = getattr(of.signals, signal.name)
         now = SignalConfig(**keys) if keys else before.model_copy(update=table)

@@ -1,7 +1,8 @@
 """The trials' first draws flown in closed loop: each entrant at its level in the same flights with JSBSim.
 
 A flight has the onset, the size and whatever else varies of an open-loop trial; its sensors and its seed are its own,
-the same for all entrants.  Only the faulty signal is calibrated: the others are as the scenario, or a rival's defaults,
+the same for all entrants.  Only the faulty signal is calibrated: the others are as the scenario, or a baseline's
+defaults,
 have them.
 """
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.managers import RIVALS
+from rig.computer.redundancy.managers import BASELINES
 from rig.core.column import Column
 from rig.core.runs import cluster_starts
 from rig.core.threads import heed
@@ -47,7 +47,7 @@ def failing(
     if entrant.is_own:
         return _own(entrant, signal, values, flights, channels)
     made = manager(entrant, signal, values, channels)
-    if guesses and entrant.manager in RIVALS:
+    if guesses and entrant.manager in BASELINES:
         made.params["holds_ties"] = 0
     return [failures(flight.samples, flight.references, made) for flight in flights]
 
@@ -113,7 +113,7 @@ def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
 
 
 def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dict[str, Any]:
-    """Return the levels times 2^(-step / 16); of ours the thresholds, outlier thresholds and allowance."""
+    """Return the levels times 2^(-step / 16); of ours the thresholds, isolation thresholds and allowance."""
     factor = 2.0 ** (-step / 16.0)
     names = tuple(level.name for level in levels(entrant, signal)) or (
         "threshold",

@@ -1,4 +1,4 @@
-"""A league on recordings: too short for a budget, so everybody is calibrated to fail nobody in the other half.
+"""A benchmark on recordings: too short for a budget, so everybody is calibrated to fail nobody in the other half.
 
 Every second recording calibrates, the others are flown with a fault put into one channel, and the other way round.  A
 piece begins BEFORE_S ahead of the fault, so that what learns has learned; the faults are those of the trade-off of
@@ -22,7 +22,7 @@ from rig.studies.benchmark.benchmark_trials import typed
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
 from rig.studies.benchmark.entrants import (
     BIASED,
-    LASTING,
+    SLOW_FAULTS,
     Entrant,
     OfSignal,
     designed_values,
@@ -52,7 +52,7 @@ MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail nobody
 Faults = Sequence[tuple[str, Kind, float]]
 
 
-def league(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
+def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
     """Return levels, false isolations in the halves that did not calibrate, table and differences.
 
     BadInput: fewer than two recordings, or all too short for a piece
@@ -64,7 +64,7 @@ def league(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[
     found, told = list[pl.DataFrame](), list[dict[str, Any]]()
     for place, (name, blocks) in enumerate(data.signals.items()):
         given, fitted, rate_hz = data.settings[name], len(blocks[0].samples), blocks[0].rate_hz
-        signal = OfSignal(name, parameters(given, fitted, rate_hz), given, config.rivals, rate_hz)
+        signal = OfSignal(name, parameters(given, fitted, rate_hz), given, config.baselines, rate_hz)
         for half in (0, 1):
             calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
             values = {entrant.name: _chosen(entrant, signal, calibrating) for entrant in entrants}
@@ -89,7 +89,8 @@ def _flights(blocks: Sequence[DataBlock]) -> list[Flight]:
 def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, Any]:
     """Return what an entrant is told: the least levels with which it fails nobody in ``blocks``, and a margin.
 
-    Of ours with all that lasts also the persistence and the limit of the sums.  Taken is what isolates most in those
+    Of ours with all slow-fault rules also the persistence and the limit of the sums.  Taken is what isolates most in
+    those
     of ``blocks`` that the levels are not from, each half of them in turn: levels that just fail nobody in some flights
     tell nothing of others.
     """
@@ -111,8 +112,8 @@ def _candidates(
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
     """Yield what an entrant may be told by ``blocks``, with the margins over its levels and what else it chooses."""
     flights = _flights(blocks)
-    if entrant.name == LASTING:
-        yield from _lasting(entrant, signal, blocks)
+    if entrant.name == SLOW_FAULTS:
+        yield from _slow_faults(entrant, signal, blocks)
     elif entrant.designed:
         bound = _bound(signal, blocks) if entrant.name == BIASED else 0.0
         values = _ours(entrant, signal, flights, signal.threshold * _HIGHEST, bound)
@@ -133,7 +134,7 @@ def _bound(signal: OfSignal, blocks: Sequence[DataBlock]) -> float:
 
 
 def _least(entrant: Entrant, signal: OfSignal, given: dict[str, Any], flights: Sequence[Flight]) -> dict[str, Any]:
-    """Return a rival's least levels of a grid with which it fails nobody."""
+    """Return a baseline's least levels of a grid with which it fails nobody."""
     highest = {**given, **{level.name: level.default * _HIGHEST for level in levels(entrant, signal)}}
     at = first_enough(lambda step: _fails(entrant, signal, scaled(entrant, signal, highest, step), flights), _STEPS)
     return scaled(entrant, signal, highest, (_STEPS if at is None else at) - 1)
@@ -146,17 +147,17 @@ def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: 
 def _ours(
     entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float = 0.0
 ) -> dict[str, Any]:
-    """Return ours with the least threshold, and with biases within ``bound`` the least outlier threshold behind it."""
+    """Return ours with the least threshold; with biases within ``bound`` the least isolation threshold too."""
     if bound > 0.0:
         highest = _ours(entrant, signal, flights, highest)["threshold"]
     none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")
-    plain: dict[str, Any] = {**dict.fromkeys(none), "bias_bound": 0.0, "slow_allowance": None, "slow_limit": None}
+    plain: dict[str, Any] = {**dict.fromkeys(none), "equalise_bound": 0.0, "slow_allowance": None, "slow_limit": None}
 
     def told(steps: int) -> dict[str, Any]:
         level = highest * 2.0 ** (-steps / 16.0)
         update = {**plain, "threshold": level}
         if bound > 0.0:
-            learned = {"outlier_threshold": level, "outlier_threshold_triplex": level, "bias_bound": bound}
+            learned = {"outlier_threshold": level, "outlier_threshold_triplex": level, "equalise_bound": bound}
             update |= {"threshold": max(highest, bound), **learned}
         return designed_values(signal, signal.given.model_copy(update=update))
 
@@ -164,18 +165,18 @@ def _ours(
     return told(max((_STEPS if at is None else at) - 1, 0))
 
 
-def _lasting(
+def _slow_faults(
     entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
     """Yield ours with each persistence and limit of the sums, 0 for none, and margins over thresholds and allowance.
 
-    No outlier threshold lies within the noise of single frames, as of ``rig thresholds``.
+    No isolation threshold lies within the noise of single frames, as of ``rig thresholds``.
     """
     flights, bound = _flights(blocks), _bound(signal, blocks)
     least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, CHANNELS, CHANNELS)
     for frames in Grid(0.0).persistence:
-        of_frames = {"persistence": frames, "singular_persistence": frames}
-        given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "singular_persistence_s": None})
+        of_frames = {"persistence": frames, "split_persistence": frames}
+        given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "split_persistence_s": None})
         of = signal._replace(given=given)
         biased = _ours(entrant, of, flights, signal.threshold * _HIGHEST, bound)
         biased |= {name: max(biased[name], least) for name in _COMPARED}

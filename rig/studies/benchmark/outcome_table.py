@@ -1,4 +1,4 @@
-"""The table of a league: outcomes by entrant, kind and number of faults; paired differences to ours with intervals."""
+"""The table of a benchmark: outcomes by entrant, kind and number of faults; paired differences, with intervals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import polars as pl
 
 from rig.core.column import Column
 from rig.studies.benchmark.benchmark_trials import STATES
-from rig.studies.benchmark.entrants import BIASED, LASTING, OURS
+from rig.studies.benchmark.entrants import BIASED, OURS, SLOW_FAULTS
 from rig.studies.campaign.statistics import detectable, mcnemar, paired_difference
 from rig.verdict.words import INJECTED, PRIOR
 
@@ -132,11 +132,11 @@ def differences(rows: pl.DataFrame, what: pl.Expr = ISOLATED) -> list[dict[str, 
     """Return, for each group, its isolated less ours, of every entrant: share, 95 % interval, exact p.
 
     what : what is counted of a trial, true or false; of flights also whether the aircraft is lost
-    ours : the row of ours it is compared with, as designed, with learned biases, with all that lasts
+    ours : the row of ours it is compared with, as designed, with channel equalisation, with all slow-fault rules
     ``peak_smaller`` and ``peak_larger`` count the trials in which its largest vote error was smaller or larger.
     """
     counted = rows.with_columns(what.alias("_what"))
-    return [row for ours in (OURS, BIASED, LASTING) for row in _differences(counted, ours)]
+    return [row for ours in (OURS, BIASED, SLOW_FAULTS) for row in _differences(counted, ours)]
 
 
 def _differences(rows: pl.DataFrame, ours: str) -> Iterator[dict[str, Any]]:

@@ -1,8 +1,8 @@
-"""A manager of the user's own in a league, named ``module:name``: open loop it votes up to 16 pieces at once.
+"""A manager of the user's own in a benchmark, named ``module:name``: open loop it votes up to 16 pieces at once.
 
 Each piece is a signal of a flight's rows for it, as in ``rig vote``, where such a manager votes every signal alone.  A
-class with ``calibrate = "limit"`` says which of its numbers a calibration chooses: the league makes it with others in
-that place, so it must read ``self.limit``, and less of it must fail channels sooner.  Without that it is compared by
+class with ``calibrate = "limit"`` says which of its numbers a calibration chooses: the benchmark makes it with others
+in that place, so it must read ``self.limit``, and less of it must fail channels sooner.  Without that it is compared by
 the error of its vote alone.
 """
 

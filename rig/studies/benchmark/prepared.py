@@ -28,7 +28,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a league is asked for."""
+    """What a benchmark is asked for."""
 
     entrants: list[Entrant]
     budget_per_h: float

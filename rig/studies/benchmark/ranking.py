@@ -1,4 +1,4 @@
-"""The verdict of a league in words: who keeps the price, and where ours loses and wins."""
+"""The verdict of a benchmark in words: which manager keeps the budget, and where ours loses and wins."""
 
 from __future__ import annotations
 
@@ -8,29 +8,31 @@ from typing import Any, Final
 from scipy.stats import poisson
 
 from rig.studies.benchmark.benchmark_trials import STATES
-from rig.studies.benchmark.entrants import BIASED, LASTING, OURS, SHIPPED, UNBOUNDED
+from rig.studies.benchmark.entrants import BIASED, OURS, SHIPPED, SLOW_FAULTS, UNBOUNDED
 from rig.studies.benchmark.outcome_table import ALL
 from rig.studies.thresholds.holdout import OVER
 from rig.verdict.words import PRIOR
 
 Row = dict[str, Any]
-_OURS: Final = (OURS, BIASED, LASTING, SHIPPED)
+_OURS: Final = (OURS, BIASED, SLOW_FAULTS, SHIPPED)
 
 
 def verdict(result: Mapping[str, Any]) -> list[str]:
-    """Return the sentences on ``result``, as of run_benchmark.py: the losses of ours first, then who is not worth its
-    price.
+    """Return the sentences on ``result``, as of run_benchmark.py: the losses of ours first, then the manager that
+    takes too long.
 
     A loss or a lead is one whose 95 % interval leaves out zero.
     """
     table, differences, silent = result["table"], result["differences"], result["silent"]
-    rivals = [row for row in differences if row["entrant"] not in (*silent, *_OURS) and UNBOUNDED not in row["entrant"]]
+    baselines = [
+        row for row in differences if row["entrant"] not in (*silent, *_OURS) and UNBOUNDED not in row["entrant"]
+    ]
     lines: list[str] = []
-    for ours in (OURS, BIASED, LASTING):
-        lines += _losses([row for row in rivals if row["ours"] == ours], ours)
+    for ours in (OURS, BIASED, SLOW_FAULTS):
+        lines += _losses([row for row in baselines if row["ours"] == ours], ours)
     lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
     plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
-    lines += _leads([row for row in plain if row in rivals])
+    lines += _leads([row for row in plain if row in baselines])
     lines += _among([row for row in plain if row["entrant"] in _OURS and row["ours"] == OURS])
     lines += [*_wrong(table, silent), *_before(table, silent), *_votes(plain, silent)]
     return [*lines, *_lost(result["lost_differences"])]
@@ -58,22 +60,22 @@ def _points(row: Row) -> str:
 
 
 def _losses(rows: Sequence[Row], ours: str) -> Iterator[str]:
-    """Yield each group in which a rival isolates more, the worst first."""
+    """Yield each group in which a baseline manager isolates more, the worst first."""
     lost = _alike([row for row in rows if row["low"] > 0.0], lambda row: (row["value"], row["low"], row["high"]))
     for row in sorted(lost, key=lambda row: -row["value"]):
         yield f"{ours} LOSES to {row['entrant']}: {_where(row)}: it isolates {_points(row)}"
     if rows and not lost:
-        yield f"{ours} loses in no group: no rival isolates significantly more"
+        yield f"{ours} loses in no group: no baseline manager isolates significantly more"
 
 
 def _leads(rows: Sequence[Row]) -> Iterator[str]:
     for row in rows:
         if row["high"] < 0.0:
-            yield f"{row['ours']} is ahead of {row['entrant']}: {_where(row)}: the rival isolates {_points(row)}"
+            yield f"{row['ours']} is ahead of {row['entrant']}: {_where(row)}: that one isolates {_points(row)}"
 
 
 def _among(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield how ours as shipped, with learned biases and with all that lasts differ from ours as designed."""
+    """Yield how ours as shipped, with equalisation and with all slow-fault rules differ from ours as designed."""
     for row in rows:
         if row["ours"] == OURS:
             yield f"{row['entrant']} against {OURS}: {_where(row)}: it isolates {_points(row)}"

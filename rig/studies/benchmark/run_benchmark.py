@@ -1,6 +1,7 @@
-"""One league in a folder: calibrate, run the trials on several processes, make the table; it goes on where it stopped.
+"""One benchmark in a folder: calibrate, run the trials on several processes, make the table; it goes on where it
+stopped.
 
-    league.json                  what decides the result: campaign, managers, budget, healthy flights, trials, seed
+    benchmark.json               what decides the result: campaign, managers, budget, healthy flights, trials, seed
     levels.json                  the calibration, transients, and the counts of the second campaign
     units/000000-000000.parquet  trials of a combination, a chunk
     flights/...                  flights of a combination in closed loop
@@ -24,7 +25,7 @@ import polars as pl
 from rig.core import sealed
 from rig.core.errors import BadInput
 from rig.core.files import is_file, read_bytes, sweep
-from rig.core.outputs import LEAGUE
+from rig.core.outputs import BENCHMARK
 from rig.core.progress import tell
 from rig.studies.benchmark import flights
 from rig.studies.benchmark.benchmark_trials import STATES, Runner, joined, of_signals, shared_out
@@ -46,7 +47,7 @@ LEVELS: Final = "levels.json"
 _AGAIN: Final = "remove it, and the same command"
 
 
-class _League(Study):
+class _BenchmarkFolder(Study):
     """Its mark has no checksum: all of it is compared."""
 
     def read(self, out: Path, name: str = "") -> dict[str, Any]:
@@ -59,15 +60,15 @@ class _League(Study):
         return was if isinstance(was, dict) else {}
 
     def written(self, about: dict[str, Any]) -> bytes:
-        """Return ``league.json``."""
+        """Return ``benchmark.json``."""
         return _json(about)
 
 
-STUDY: Final = _League(LEAGUE, "a league's folder", "another league", "rig league is writing")
+STUDY: Final = _BenchmarkFolder(BENCHMARK, "a benchmark's folder", "another benchmark", "rig benchmark is writing")
 
 
 def run(plan: Plan, asked: Asked, out: Path, workers: int = 1) -> dict[str, Any]:
-    """Run a league into the folder ``out``, or go on with it; return what ``result.json`` holds, and the costs.
+    """Run a benchmark into the folder ``out``, or go on with it; return what ``result.json`` holds, and the costs.
 
     BadInput, nothing written: ``out`` is something else's, or what ``calibrate`` and ``of_signals`` refuse.
     """
@@ -134,7 +135,7 @@ def _all(
 ) -> pl.DataFrame:
     """Return the rows of all units, those that ``folder`` holds read, the others run and kept.
 
-    of : the league's identity, with which its files are marked;  worker, about : as of ``pool.by_workers``
+    of : the benchmark's identity, with which its files are marked;  worker, about : as of ``pool.by_workers``
     """
     if units:
         folder.mkdir(exist_ok=True)

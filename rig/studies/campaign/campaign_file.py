@@ -19,6 +19,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from rig.core.errors import BadInput
 from rig.core.files import bundled, is_file
+from rig.core.renamed import CAMPAIGNS, now_called
 from rig.core.settings import Settings, build, read_toml
 from rig.core.text import quoted
 
@@ -143,7 +144,7 @@ class Campaign(Settings):
     runs: int | None = Field(default=None, ge=1, le=MOST_RUNS)  # a grid's: each of its points once
     seed: int = Field(default=0, ge=0, lt=2**63)
     requirements: list[dict[str, Any]] | None = None  # a file names sets and files; here their tables
-    twin: bool = False  # fly every run without its faults as well, for the transients
+    baseline: bool = False  # fly every run without its faults as well, for the transients
     vary: dict[str, Vary] = {}
     cases: dict[str, list[Case]] = {}
     run: How = How()
@@ -199,6 +200,8 @@ def find(name: str | Path) -> Path:
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
         if is_file(candidate):
             return candidate
+    if new := CAMPAIGNS.get(wanted.stem):
+        raise BadInput(now_called(str(wanted), new))
     raise BadInput(f"{wanted}: no such file; bundled: {', '.join(names())}")
 
 

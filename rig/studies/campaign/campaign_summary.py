@@ -19,15 +19,15 @@ from rig.studies.campaign.group_rates import (
     alarm_rate,
     by_kind,
     by_requirement,
-    by_resolver,
+    by_rule,
     delays,
     false_alarms,
     flown,
     rates,
     replies,
-    resolvers,
     share_of,
     smallest,
+    tie_break,
 )
 from rig.studies.campaign.statistics import mcnemar, median_interval, paired_difference
 from rig.studies.campaign.study_folder import difference
@@ -50,8 +50,8 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         *(Column("pattern", type=str, empty="None"), Column("acted"), Column("detected", "detection", SHARE)),
         Column("wrongly isolated", "wrong_isolation", SHARE),
     ),
-    "by_resolver": (
-        *(Column("decided by", "resolver", type=str), Column("faulty failed", "faulty")),
+    "by_rule": (
+        *(Column("decided by", "decided_by", type=str), Column("faulty failed", "faulty")),
         *(Column("healthy failed", "healthy"), Column("correct", "right", SHARE)),
     ),
     "by_varied": (
@@ -66,8 +66,8 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         Column("false alarms an h", "false_alarms", RATE, worth=6, page="false alarms a channel hour"),
     ),
     "false_alarms_by_signal": (Column("what", "kind", type=str), Column("signal", type=str), Column("count")),
-    "resolvers": (
-        *(Column("resolver", type=str), Column("pattern", type=str), Column("asked", worth=4)),
+    "tie_break": (
+        *(Column("decided_by", type=str), Column("pattern", type=str), Column("asked", worth=4)),
         *(Column("answered", worth=6), Column("correct", "right", worth=7), Column("wrong", worth=8)),
         *(Column("open", worth=5), Column("answered of asked", "answered_share", SHARE, worth=0)),
         Column("correct of decided", "right_share", SHARE),
@@ -83,7 +83,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
     ),
     "requirements": (
         *(Column("requirement", type=str, hint="text"), Column("met", format=SHARE, page="runs that meet it")),
-        *(Column("least margin", format=".3g"), Column("in run", "least_run")),
+        *(Column("least robustness", format=".3g"), Column("in run", "least_run")),
         *(Column("on", "signal", worth=5, type=str), Column("at s", "instant_s", INSTANT, worth=4, page="at, s")),
     ),
     "servos": (
@@ -127,13 +127,13 @@ def summary(folder: Folder) -> dict[str, Any]:
         "by_kind": rates(faults, ["signal", "kind"], names),
         "by_magnitude": rates(with_size, ["signal", "kind", "size"]),
         "by_pattern": rates(faults, ["pattern"]),
-        "by_resolver": by_resolver(tables),
+        "by_rule": by_rule(tables),
         "by_varied": by_varied(tables, plan),
         "by_place": rates(with_size, ["signal", "kind", "place", "size"]),
         "false_alarms_by_signal": false_alarms(tables),
         "delays": delays(faults, names),
         "detectable": smallest(faults, names),
-        "resolvers": resolvers(tables["episodes"]),
+        "tie_break": tie_break(tables["episodes"]),
         "coverage": coverage(tables["runs"]),
         "requirements": by_requirement(tables["runs"], plan.requirements),
         "servos": by_kind(tables["faults"]),
@@ -187,7 +187,7 @@ def coverage(runs: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def worst(folder: Folder) -> list[dict[str, Any]]:
-    """Return the flights to look at first: not flown, lost, wrong, alarmed, missed, then by the time of a bad vote."""
+    """Return the flights to look at first: not flown, lost, wrong, alarmed, missed, longest undetected error."""
     runs = folder.tables["runs"]
     order = [
         pl.col("outcome") != "flown",

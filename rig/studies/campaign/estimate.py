@@ -38,7 +38,7 @@ def estimate(plan: Plan, runs: int | None = None) -> Estimate:
     shortest = min(range(min(count, _LOOKED_AT)), key=durations.__getitem__)
     cost_s, log_bytes = _probe(plan, shortest)
     per_frame_s = cost_s / (durations[shortest] * rate_hz)
-    orders = Orders(how.logs, len(plan), "", 0.0, plan.campaign.twin, "")
+    orders = Orders(how.logs, len(plan), "", 0.0, plan.campaign.baseline, "")
     kept = [durations[number] for number in range(count) if keeps(orders, number, in_trouble=False)]
     return Estimate(
         runs=count,
@@ -69,7 +69,13 @@ def _probe(plan: Plan, number: int) -> tuple[float, int]:
     with tempfile.TemporaryDirectory() as folder:
         logs = "none" if how.logs == "none" else "all"
         orders = Orders(
-            logs, len(plan), folder, how.timeout_s, plan.campaign.twin, rig_identity(), requirements=plan.requirements
+            logs,
+            len(plan),
+            folder,
+            how.timeout_s,
+            plan.campaign.baseline,
+            rig_identity(),
+            requirements=plan.requirements,
         )
         rows = fly_alone([plan[number], plan[number]], orders)["runs"]
         if rows[-1]["outcome"] != "flown":

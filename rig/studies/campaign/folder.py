@@ -25,6 +25,7 @@ from rig.core.errors import BadInput
 from rig.core.files import DRAFT
 from rig.core.notes import note
 from rig.core.outputs import BESIDE_RUNS, CAMPAIGN
+from rig.core.renamed import data_now
 from rig.core.trust import Trust
 from rig.studies.campaign import table_parts as parts
 from rig.studies.campaign import tables as table
@@ -218,8 +219,8 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
     if not STUDY.is_begun(path):
         raise BadInput(f"{path}: not a campaign's folder: {CAMPAIGN} is missing")
     held, trust = STUDY.read(path), Trust(str(file), allow_code)
-    plan: Plan = Plan(from_what(held["campaign"], str(file)), str(file), trust)
-    search = held.get("search")
+    plan: Plan = Plan(from_what(data_now(held["campaign"]), str(file)), str(file), trust)
+    search = data_now(held.get("search"))
     if search is not None:
         plan = SearchedPlan(plan.campaign, str(file), trust, search)
     folder = Folder(path, plan)

@@ -13,8 +13,8 @@ import polars as pl
 
 from rig.flight.time_histogram import names as bin_names
 from rig.studies.campaign.statistics import detectable, poisson, proportion
-from rig.verdict.requirements.margins import number_of
 from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.robustness import number_of
 from rig.verdict.words import BY_DESIGN
 
 Tables = dict[str, pl.DataFrame]
@@ -120,15 +120,15 @@ def fault_rates(faults: pl.DataFrame) -> dict[str, Any]:
     }
 
 
-def by_resolver(tables: Tables) -> list[dict[str, Any]]:
-    """Count channels that were failed, by resolver: how many were the faulty ones; none that a rule failed."""
-    right = tables["faults"].filter(pl.col("outcome") == "detected")["resolver"].to_list()
+def by_rule(tables: Tables) -> list[dict[str, Any]]:
+    """Count channels that were failed, by rule: how many were the faulty ones; none that a rule failed."""
+    right = tables["faults"].filter(pl.col("outcome") == "detected")["decided_by"].to_list()
     by_design = pl.col("kind").is_in(BY_DESIGN).fill_null(value=False)
-    wrong = tables["alarms"].filter(~by_design)["resolver"].to_list()
+    wrong = tables["alarms"].filter(~by_design)["decided_by"].to_list()
     names = sorted({*right, *wrong} - {None})
     return [
         {
-            "resolver": name,
+            "decided_by": name,
             "faulty": right.count(name),
             "healthy": wrong.count(name),
             "right": _counted(right.count(name), right.count(name) + wrong.count(name)),
@@ -171,8 +171,8 @@ def _smallest(magnitudes: Any, detected: Any) -> dict[str, Any]:
     return {"acted": len(detected), "detected": int(detected.sum()), "fit": None if fit is None else asdict(fit)}
 
 
-def resolvers(episodes: pl.DataFrame) -> list[dict[str, Any]]:
-    """Return the truth table of the resolvers, over all patterns and for each.
+def tie_break(episodes: pl.DataFrame) -> list[dict[str, Any]]:
+    """Return the truth table of the tie-break rules, over all patterns and for each.
 
     asked: episodes in which it was asked; answered: in whose last frame its answer stood; right: it failed only
     faulty channels; wrong: it failed a healthy one; open: no channel was failed before the pattern went away.
@@ -182,12 +182,12 @@ def resolvers(episodes: pl.DataFrame) -> list[dict[str, Any]]:
         part = episodes if pattern == "all" else episodes.filter(pl.col("pattern") == pattern)
         for name in sorted({name for asked in part["asked"] for name in asked}):
             asked = int(part["asked"].list.contains(name).sum())
-            rows.append({"resolver": name, "pattern": pattern, **_answers(part, name, asked)})
+            rows.append({"decided_by": name, "pattern": pattern, **_answers(part, name, asked)})
     return rows
 
 
 def _answers(episodes: pl.DataFrame, name: str, asked: int) -> dict[str, Any]:
-    answered = episodes.filter(pl.col("resolver") == name)
+    answered = episodes.filter(pl.col("decided_by") == name)
     counts = {verdict: int((answered["verdict"] == verdict).sum()) for verdict in ("right", "wrong", "open")}
     return {
         "asked": asked,
@@ -206,7 +206,7 @@ def by_kind(faults: pl.DataFrame) -> list[dict[str, Any]]:
     acted = faults.filter(pl.col("signal").str.starts_with("actuator.") & pl.col("onset_s").is_not_null())
     figures = []
     for (kind,), part in acted.sort("kind").group_by("kind", maintain_order=True):
-        monitors, delays = part["resolver"].drop_nulls(), part["delay_from_onset_s"].drop_nulls()
+        monitors, delays = part["decided_by"].drop_nulls(), part["delay_from_onset_s"].drop_nulls()
         counts = monitors.value_counts().sort("count", descending=True).rows()
         found = asdict(proportion(len(monitors), len(part)))
         by = ", ".join(f"{name} {count}" for name, count in counts)
@@ -216,24 +216,27 @@ def by_kind(faults: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def by_requirement(runs: pl.DataFrame, requirements: Sequence[Requirement]) -> list[dict[str, Any]]:
-    """Return, of each requirement, the share of runs that meet it where it applies, and the run with the least margin.
+    """Return, of each requirement, the share of runs that meet it where it applies, and the run with the least
+    robustness.
 
     A run meets it where it does on every signal.
     """
     given = [(run, json.loads(text)) for run, text in runs.select("run", "requirements").drop_nulls().rows()]
     figures = []
     for each in requirements:
-        mine = {run: [v for v in of if v["requirement"] == each.id and v["margin"] is not None] for run, of in given}
+        mine = {
+            run: [v for v in of if v["requirement"] == each.id and v["robustness"] is not None] for run, of in given
+        }
         mine = {run: of for run, of in mine.items() if of}
         met = sum(all(verdict["status"] == "met" for verdict in of) for of in mine.values())
-        every = [(verdict["margin"], run, verdict) for run, of in mine.items() for verdict in of]
-        margin, run, least = min(every, key=lambda one: one[:2], default=(None, None, {}))
+        every = [(verdict["robustness"], run, verdict) for run, of in mine.items() for verdict in of]
+        robustness, run, least = min(every, key=lambda one: one[:2], default=(None, None, {}))
         figures.append(
             {
                 "requirement": each.id,
                 "text": each.text,
                 "met": asdict(proportion(met, len(mine))),
-                "least_margin": None if margin is None else number_of(margin),
+                "robustness": None if robustness is None else number_of(robustness),
                 "least_run": run,
                 "signal": least.get("signal"),
                 "instant_s": least.get("instant_s"),

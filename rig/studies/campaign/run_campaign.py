@@ -161,7 +161,7 @@ def orders_of(folder: Folder, logs: str | None = None) -> Orders:
         runs=len(plan),
         folder=str(folder.logs.absolute()),
         timeout_s=how.timeout_s,
-        twin=plan.campaign.twin,
+        baseline=plan.campaign.baseline,
         rig=rig_identity(),
         unit=unit,
         unit_build="" if unit is None else unit.build(),
@@ -177,7 +177,7 @@ def _workers(unit: Unit | None, workers: int | None) -> int | None:
     """
     if unit is None:
         return workers
-    if unit.carrier == "python":
+    if unit.transport == "python":
         raise BadInput(f"{unit.source}: in a campaign a class is named by --set redundancy.manager={unit.manager}")
     if unit.address is None:
         return workers

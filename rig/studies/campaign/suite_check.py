@@ -31,10 +31,10 @@ from rig.studies.campaign.plan import Plan, rig_identity
 from rig.studies.campaign.suite import Case, Suite
 from rig.studies.campaign.worker import Orders, flown_with, fly_run
 from rig.unit.unit_file import Unit
-from rig.verdict.requirements.margins import margin_text, number_of
 from rig.verdict.requirements.measure import check_log, check_rows
 from rig.verdict.requirements.requirement import Requirement
 from rig.verdict.requirements.requirement_recorder import Verdict
+from rig.verdict.requirements.robustness import number_of, robustness_text
 
 Result = Literal["met", "violated", "not applicable", "equal", "differs", "no reference", "failed", "did not act"]
 GOOD: Final = ("met", "not applicable", "equal", "no reference")
@@ -53,7 +53,7 @@ class Checked(NamedTuple):
     id: str  # of the requirement; DECISIONS, FAULTS
     signal: str
     result: Result
-    margin: float | None
+    robustness: float | None
     text: str  # why
     command: str  # that shows the same
 
@@ -110,7 +110,7 @@ def _measured(case: Case, requirements: tuple[Requirement, ...], unit: Unit | No
     if case.kind == "campaign":
         return _of_campaign(case, requirements, unit)
     scenario = load(case.path, case.set, case.seed)
-    if unit is not None and unit.carrier == "python":
+    if unit is not None and unit.transport == "python":
         scenario, unit = managed(scenario, unit), None
     with flown_with(unit) as tested:
         flight = fly(scenario, tested)
@@ -136,7 +136,7 @@ def _idle(events: list[Event]) -> list[str]:
 
 
 def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit | None) -> _Outcome:
-    """Fly the runs of a campaign; of each requirement the run with the least margin counts."""
+    """Fly the runs of a campaign; of each requirement the run with the least robustness counts."""
     plan = Plan(config.read(case.path, case.set), str(case.path))
     plan.check()
     build = "" if unit is None else unit.build()
@@ -144,7 +144,7 @@ def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit |
         *requirements,
         *(each for each in plan.requirements if each.id not in {requirement.id for requirement in requirements}),
     )
-    orders = Orders("none", len(plan), "", TIMEOUT_S, plan.campaign.twin, rig_identity(), unit, build, asked)
+    orders = Orders("none", len(plan), "", TIMEOUT_S, plan.campaign.baseline, rig_identity(), unit, build, asked)
     least: dict[tuple[str, str], tuple[Verdict, str]] = {}
     decided: list[str] = []
     idle: list[str] = []
@@ -164,22 +164,25 @@ def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit |
 
 
 def _told(fields: dict[str, Any]) -> Verdict:
-    margin, at_s = (float("nan") if fields[key] is None else fields[key] for key in ("margin", "instant_s"))
-    return Verdict(fields["requirement"], fields["signal"], fields["status"], margin, at_s, {})
+    robustness, at_s = (float("nan") if fields[key] is None else fields[key] for key in ("robustness", "instant_s"))
+    return Verdict(fields["requirement"], fields["signal"], fields["status"], robustness, at_s, {})
 
 
 def _before(one: Verdict, other: Verdict) -> bool:
-    """Return True if ``one`` counts before ``other``: the less margin, and any before none."""
-    if not isfinite(one.margin):
+    """Return True if ``one`` counts before ``other``: the less robustness, and any before none."""
+    if not isfinite(one.robustness):
         return False
-    return not isfinite(other.margin) or (one.margin, one.status == "met") < (other.margin, other.status == "met")
+    return not isfinite(other.robustness) or (one.robustness, one.status == "met") < (
+        other.robustness,
+        other.status == "met",
+    )
 
 
 def _decided_in(number: int, rows: dict[str, list[dict[str, Any]]]) -> list[str]:
     """Return the decisions of a run: faulty channels that were failed, and healthy ones."""
     failed = [(each["failed_s"], each) for each in rows["faults"] if each["failed_s"] is not None]
     failed += [(each["time_s"], each) for each in rows["alarms"]]
-    named = [(at_s, f"{each['signal']}.{each['channel']} failed by {each['resolver']}") for at_s, each in failed]
+    named = [(at_s, f"{each['signal']}.{each['channel']} failed by {each['decided_by']}") for at_s, each in failed]
     return [f"run {number}: {at_s:.3f} s {text}" for at_s, text in sorted(named)]
 
 
@@ -203,14 +206,14 @@ def _acted(case: Case, idle: list[str], command: str) -> list[Checked]:
 
 def _checked(case: str, verdict: Verdict, where: str, command: str) -> Checked:
     """Return the test of one verdict."""
-    if not isfinite(verdict.margin):
+    if not isfinite(verdict.robustness):
         return Checked(case, verdict.requirement, verdict.signal, "not applicable", None, "", command)
     there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in verdict.values.items())
     when = f"at {verdict.instant_s:.3f} s{f' of {where}' if where else ''}"
-    shown = margin_text(verdict.margin)
-    text = f"{f'margin {shown} ' if shown else ''}{when}{f': {there}' if there else ''}"
-    margin = number_of(verdict.margin)
-    return Checked(case, verdict.requirement, verdict.signal, verdict.status, margin, text, command)
+    shown = robustness_text(verdict.robustness)
+    text = f"{f'robustness {shown} ' if shown else ''}{when}{f': {there}' if there else ''}"
+    robustness = number_of(verdict.robustness)
+    return Checked(case, verdict.requirement, verdict.signal, verdict.status, robustness, text, command)
 
 
 def _compared(case: str, decided: list[str], reference: dict[str, list[str]] | None, command: str) -> Checked:
@@ -272,13 +275,13 @@ def _is_skipped(checked: Checked) -> bool:
 
 
 def _test(suite: Xml.Element, checked: Checked, seconds: float) -> None:
-    """Add a <testcase>: id and signal, the margin as a property, the command as its output."""
+    """Add a <testcase>: id and signal, the robustness as a property, the command as its output."""
     named = f"{checked.id} {checked.signal}".rstrip()
     test = Xml.SubElement(suite, "testcase", name=plain(named), classname=plain(checked.case), time=f"{seconds:.3f}")
     properties = Xml.SubElement(test, "properties")
     Xml.SubElement(properties, "property", name="id", value=plain(checked.id))
-    if checked.margin is not None:
-        Xml.SubElement(properties, "property", name="margin", value=repr(checked.margin))
+    if checked.robustness is not None:
+        Xml.SubElement(properties, "property", name="robustness", value=repr(checked.robustness))
     Xml.SubElement(properties, "property", name="command", value=plain(checked.command))
     if _is_skipped(checked):
         Xml.SubElement(test, "skipped", message=plain(checked.text or checked.result))

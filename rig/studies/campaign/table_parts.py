@@ -18,7 +18,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from rig.core import sealed
+from rig.core import renamed, sealed
 from rig.core.errors import BadInput
 from rig.core.files import is_file, is_folder
 from rig.core.frame import SIGNALS
@@ -93,6 +93,15 @@ def _bytes(folder: Path, name: str, part: str, identity: str | None) -> tuple[by
     return data, count
 
 
+def _with_names_of_now(frame: pl.DataFrame) -> pl.DataFrame:
+    """Return a table that an earlier version may have written, with the present names."""
+    named = frame.rename(lambda column: renamed.COLUMNS.get(column, renamed.key_now(column)))
+    if named.columns == frame.columns or "requirements" not in named.columns:
+        return named
+    verdicts = pl.col("requirements").str.replace_many(renamed.VERDICT)
+    return named.with_columns(verdicts)
+
+
 def _table(folder: Path, name: str, part: str, plan: Plan, data: bytes) -> pl.DataFrame:
     """Read one file and check its columns."""
     path = folder / name / f"{part}.parquet"
@@ -100,6 +109,7 @@ def _table(folder: Path, name: str, part: str, plan: Plan, data: bytes) -> pl.Da
         frame = pl.read_parquet(data, hive_partitioning=False, parallel="none")  # small: threads cost more
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise _unreadable(folder, path, part, error) from None
+    frame = _with_names_of_now(frame)
     expected, columns = table.schema(plan, name), frame.columns
     lacking = [n for n, column in OF[name].columns.items() if column.added and n not in columns]
     if lacking:
@@ -162,7 +172,7 @@ def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl
         agree = np.array_equal(numbers, np.repeat(flown, len(SIGNALS)))
     else:
         agree = bool(np.isin(numbers, runs["run"].to_numpy()).all())
-        agree &= int((rows["resolver"] == "unresolved").sum()) == int(runs["unresolved"].sum())
+        agree &= int((rows["decided_by"] == "unresolved").sum()) == int(runs["unresolved"].sum())
     if not agree:
         path = folder / name / f"{part}.parquet"
         raise _again(folder, path, part, f"its rows are not those that runs/{part}.parquet counts")

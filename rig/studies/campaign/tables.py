@@ -3,7 +3,7 @@
 runs      one row a run
 faults    one row a fault and channel of a run
 alarms    one row a healthy channel that was failed in a run
-episodes  one row a stretch of a run in which a signal had one pattern without a majority
+episodes  one row a stretch of a run in which a signal had one split
 signals   one row a signal of a run
 """
 
@@ -27,8 +27,8 @@ from rig.log import unit_of
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.plan import Plan
 from rig.verdict.requirements.along import plain, violated
-from rig.verdict.requirements.margins import number_of
 from rig.verdict.requirements.requirement_recorder import Verdict
+from rig.verdict.requirements.robustness import number_of
 from rig.verdict.score_records import Outcome, Score
 from rig.verdict.words import PUBLIC
 from rig.world.faults import Fault
@@ -103,10 +103,10 @@ RUNS: Final = _named(
         "vote_above_threshold_s",
         lambda s: sum(e.above_threshold_s for e in s.scored.vote_error.values()),
         type=float,
-        page="bad vote, s",
+        page="undetected error, s",
     ),
     Column("unresolved", "scored.unresolved", type=int),  # episodes
-    Column("out_of_limits_s", "scored.flight.transients.out_of_limits_s", type=float),  # where the twin was flown
+    Column("out_of_limits_s", "scored.flight.transients.out_of_limits_s", type=float),  # where the baseline was flown
     Column("coverage", lambda s: _coverage(s.scored), type=str),  # JSON
     Column("wall_s", lambda _: None, type=float, hashed=False),
     Column(  # reply times of a unit under test in each bin of flight/time_histogram.py
@@ -121,7 +121,7 @@ RUNS: Final = _named(
         for name in COUNTED
     ),
     Column(  # never failed
-        SUSPECTS, lambda s: sum(each.lasting for each in s.scored.suspects), type=int, hashed=False, added=True
+        SUSPECTS, lambda s: sum(each.slow_faults for each in s.scored.suspects), type=int, hashed=False, added=True
     ),
     *(  # channels of servos that were shut off; in ``digest`` too
         Column(name, lambda s, i=i: (_shut_off(s) or (None, None))[i], type=int, hashed=False, added=True)
@@ -131,13 +131,13 @@ RUNS: Final = _named(
         "violated", lambda s: len(violated(s.verdicts)) if s.verdicts else None, type=int, hashed=None, added=True
     ),
     Column(
-        "least_margin",
-        lambda s: min((m for v in s.verdicts if (m := number_of(v.margin)) is not None), default=None),
+        "robustness",
+        lambda s: min((m for v in s.verdicts if (m := number_of(v.robustness)) is not None), default=None),
         type=float,
         hashed=None,
         added=True,
     ),
-    Column(  # JSON: requirement, signal, status, margin (of a state +-1000), instant_s of verdicts
+    Column(  # JSON: requirement, signal, status, robustness (of a state +-1000), instant_s of verdicts
         "requirements",
         lambda s: json.dumps(_verdicts(s), sort_keys=True) if s.verdicts else None,
         type=str,
@@ -154,7 +154,7 @@ FAULTS: Final = _named(
     Column("outcome", "of.outcome", type=str),  # detected, missed, undetectable, not executed
     *(_time(f"{name}_s", f"of.{name}_frames") for name in ("delay_from_onset", "delay_from_exceeded")),
     Column("isolation", lambda s: PUBLIC["campaign"][s.of.word], type=str),  # right, wrong, none
-    *_same("of", resolver=str, pattern=str),
+    *_same("of", decided_by=str, pattern=str),
     *_same("of.window", good_before=int, latent_before=int),
     Column("vote_above_threshold_s", "of.window.above_threshold_s", type=float),  # these five: to the next onset
     Column("vote_error_max", "of.window.error_max", type=float),
@@ -169,7 +169,7 @@ ALARMS: Final = _named(
     Column("signal", lambda s: s.of[1].signal, type=str),
     Column("channel", lambda s: s.of[1].channel, type=int),
     Column("time_s", lambda s: s.of[1].frame * (1.0 / s.scenario.rate_hz), type=float),
-    Column("resolver", lambda s: s.of[1].resolver, type=str),
+    Column("decided_by", lambda s: s.of[1].decided_by, type=str),
 )
 EPISODES: Final = _named(
     Column("run", "number", type=int),
@@ -177,7 +177,7 @@ EPISODES: Final = _named(
     Column("begin_s", lambda s: s.of.first_frame / s.scenario.rate_hz, type=float),
     Column("frames", "of.frames", type=int),
     Column("asked", lambda s: list(s.of.asked), type=list[str]),
-    Column("resolver", "of.resolver", type=str),  # whose answer stood at its end; unresolved where none did
+    Column("decided_by", "of.decided_by", type=str),  # whose answer stood at its end; unresolved where none did
     Column("failed", lambda s: list(s.of.failed), type=list[int]),
     Column("verdict", "of.verdict", type=str),  # right, wrong, open
 )
@@ -233,8 +233,8 @@ def measured(verdicts: Sequence[Verdict]) -> Row:
 
 
 def _verdicts(source: Source) -> list[Row]:
-    """Return verdicts as JSON has them, each with its margin, that of a state too: to be compared with others."""
-    of = lambda each: {**plain(each), "margin": each.margin if math.isfinite(each.margin) else None}  # noqa: E731
+    """Return verdicts as JSON has them, each with its robustness, that of a state too: to be compared with others."""
+    of = lambda each: {**plain(each), "robustness": each.robustness if math.isfinite(each.robustness) else None}  # noqa: E731
     return [{name: value for name, value in of(each).items() if name != "values"} for each in source.verdicts]
 
 

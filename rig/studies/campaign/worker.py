@@ -43,7 +43,7 @@ from rig.unit.unit_file import Unit, voted_by
 from rig.verdict.requirements.measure import check_rows
 from rig.verdict.requirements.requirement import Requirement
 from rig.verdict.scoring import score
-from rig.verdict.transients import fly_twin
+from rig.verdict.transients import fly_baseline
 
 READY: Final = "ready"
 _CHILD: Final = "from rig.studies.campaign.worker import fly_for_parent; fly_for_parent()"
@@ -61,7 +61,7 @@ class Orders:
     runs: int  # of the campaign, for the sample
     folder: str  # of the logs
     timeout_s: float
-    twin: bool
+    baseline: bool
     rig: str  # sources and packages that fly; a worker with others refuses
     unit: Unit | None = None  # under test, and its build
     unit_build: str = ""
@@ -108,11 +108,11 @@ def fly_run(run: Run, orders: Orders) -> Rows:
     try:
         with _limit(orders.timeout_s), flown_with(orders.unit) as tested:
             flight = fly(run.scenario(_tables(run.aircraft)), tested)
-            twin = fly_twin(flight.scenario, unit=tested) if orders.twin else None
+            baseline = fly_baseline(flight.scenario, unit=tested) if orders.baseline else None
             lane = None if tested is None else tested.lane
-            scored = score(flight.scenario, flight.table, twin, unit_lane=lane)
+            scored = score(flight.scenario, flight.table, baseline, unit_lane=lane)
             asked = orders.requirements
-            verdicts = check_rows(flight.table.rows, flight.scenario, asked, twin, tested) if asked else ()
+            verdicts = check_rows(flight.table.rows, flight.scenario, asked, baseline, tested) if asked else ()
         found = {table: rows(table, run.number, flight.scenario, scored, flight, verdicts) for table in TABLES}
         found["runs"][0]["manager"] = orders.voter(flight.scenario.redundancy.manager)
     except (UnitDead, UnitRefused) as error:

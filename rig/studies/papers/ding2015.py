@@ -7,7 +7,7 @@ x2 = x - x^ are stacked to eight states, for which a linear-quadratic regulator 
     (e, x2)' = Atilde(F) (e, x2) + Bbar (u - u_r) + (F - 1) (H C x_r, -H C x_r)
     Atilde(F) = [[A - (1 - F) H C, F H C], [(1 - F) H C, A - F H C]],  Bbar = (B, 0)
 
-The paper drops the last term.  The honest experiment keeps it: it flies aircraft, sensor and observer.
+The paper drops the last term.  The complete experiment keeps it: it flies aircraft, sensor and observer.
 Source: Journal of Shanghai Institute of Technology 15 (2015) 167-172, doi 10.3969/j.issn.1671-7333.2015.02.014.
 """
 
@@ -64,7 +64,7 @@ PERTURBED: Final = (0.9, 1.0, 1.1)  # of A, B and C each
 BAND: Final = 0.02  # of a unit step: settled within
 STEP_S: Final = 0.01
 SHOWN_S: Final = 20.0
-LONG_S: Final = 60.0  # for what the honest experiment comes to
+LONG_S: Final = 60.0  # for what the complete experiment comes to
 _N: Final = 4
 
 
@@ -99,9 +99,9 @@ class Study:
     perturbed: list[Run]  # the same with A, B and C off by 10 %
     settling_s: tuple[float, float, float]  # of the tracking error: nominal, fastest and slowest of all
     settling_with_x2_s: tuple[float, float, float]  # the same, of the true pitch angle: the observation error added
-    honest: Run
-    with_truth: Run  # honest, and the law given the observation error that nobody can measure
-    honest_pitch: float  # where the true pitch angle comes to rest
+    complete: Run
+    with_truth: Run  # complete, and the law given the observation error that nobody can measure
+    complete_pitch: float  # where the true pitch angle comes to rest
     with_truth_pitch: float
 
     def as_dict(self) -> dict[str, float | bool | list[float]]:
@@ -112,11 +112,11 @@ class Study:
             "stacked_max_error": _worst(d.stacked, STACKED),
             "k1_left_max_error": _worst(d.k1_left, K1[:, :_N]),
             "settling_time_s": self.settling_s[0],
-            "honest_true_pitch": self.honest_pitch,
-            "honest_measured_pitch": EFFECTIVENESS * self.honest_pitch,
+            "complete_true_pitch": self.complete_pitch,
+            "complete_measured_pitch": EFFECTIVENESS * self.complete_pitch,
             "settling_time_range_s": list(self.settling_s[1:]),
             "settling_time_with_observation_error_s": self.settling_with_x2_s[0],
-            "honest_true_pitch_with_truth": self.with_truth_pitch,
+            "complete_true_pitch_with_truth": self.with_truth_pitch,
             "k1_right_is_defined": d.stabilisable_without_fault,
             "speed_is_observable": d.speed_is_observable,
         }
@@ -154,8 +154,8 @@ def design() -> Design:
 def _stabilisable(a: Matrix, b: Matrix) -> bool:
     """Apply Hautus' test: [a - s, b] has full rank at every eigenvalue s of ``a`` that does not decay."""
     scaled, unit = b / np.linalg.norm(b, axis=0), np.eye(len(a))
-    lasting = [s for s in np.linalg.eigvals(a) if s.real > -1e-6]
-    return all(np.linalg.matrix_rank(np.hstack([a - s * unit, scaled]), tol=1e-6) == len(a) for s in lasting)
+    slow = [s for s in np.linalg.eigvals(a) if s.real > -1e-6]
+    return all(np.linalg.matrix_rank(np.hstack([a - s * unit, scaled]), tol=1e-6) == len(a) for s in slow)
 
 
 def _observes_speed() -> bool:
@@ -192,7 +192,7 @@ def error_system(design: Design, a: float = 1.0, b: float = 1.0, c: float = 1.0)
     return Run(time, 1.0 + z[:, 3] + z[:, 7], 1.0 + z[:, 3], elevator)
 
 
-def honest(design: Design, feedback: Feedback, duration_s: float) -> Run:
+def complete(design: Design, feedback: Feedback, duration_s: float) -> Run:
     """Simulate aircraft, sensor and observer in full, nothing dropped.
 
     "estimate": u = u_r - K_left (x^ - x_r), all that a computer on board can know.
@@ -242,8 +242,8 @@ def study() -> Study:
         perturbed=runs,
         settling_s=_spread([settling(run.time_s, run.followed) for run in (nominal, *runs)]),
         settling_with_x2_s=_spread([settling(run.time_s, run.pitch) for run in (nominal, *runs)]),
-        honest=honest(gains, "estimate", SHOWN_S),
-        with_truth=honest(gains, "truth", SHOWN_S),
-        honest_pitch=float(honest(gains, "estimate", LONG_S).pitch[-1]),
-        with_truth_pitch=float(honest(gains, "truth", LONG_S).pitch[-1]),
+        complete=complete(gains, "estimate", SHOWN_S),
+        with_truth=complete(gains, "truth", SHOWN_S),
+        complete_pitch=float(complete(gains, "estimate", LONG_S).pitch[-1]),
+        with_truth_pitch=float(complete(gains, "truth", LONG_S).pitch[-1]),
     )

@@ -35,7 +35,7 @@ class _Line:
 
 def _panels(study: Study) -> list[list[_Line]]:
     """Return the lines of the three figures, from below to above."""
-    paper, honest, truth = study.error_system, study.honest, study.with_truth
+    paper, complete, truth = study.error_system, study.complete, study.with_truth
     t, one = paper.time_s, np.ones_like(paper.time_s)
     off = "the paper's error system, A, B, C off by 10 %"
     attitude = [_Line(off, t, run.pitch, TRUTH, 0.7, legend=i == 0) for i, run in enumerate(study.perturbed)]
@@ -44,19 +44,19 @@ def _panels(study: Study) -> list[list[_Line]]:
         [
             *attitude,
             _Line("the paper's error system", t, paper.pitch, BLUE),
-            _Line("honest: true", t, honest.pitch, GREEN),
-            _Line("honest: measured", t, honest.followed, VIOLET, dash=True),
-            _Line("honest: true, the law fed with the true state", t, truth.pitch, INK, 1.2),
+            _Line("complete: true", t, complete.pitch, GREEN),
+            _Line("complete: measured", t, complete.followed, VIOLET, dash=True),
+            _Line("complete: true, the law fed with the true state", t, truth.pitch, INK, 1.2),
         ],
         [
             *control,
             _Line("the paper's error system", t, paper.elevator, BLUE),
-            _Line("honest", t, honest.elevator, GREEN),
+            _Line("complete", t, complete.elevator, GREEN),
         ],
         [
             _Line("wanted, y_r", t, one, INK, 1.0, dash=True),
             _Line("the paper's error system: estimated", t, paper.followed, BLUE),
-            _Line("honest: measured", t, honest.followed, VIOLET),
+            _Line("complete: measured", t, complete.followed, VIOLET),
         ],
     ]
 
@@ -106,6 +106,6 @@ def _picture(study: Study) -> Figure:
         axis.set(title=title, ylabel=unit)
         axis.grid(alpha=0.25)
         axis.legend(loc="upper right", bbox_to_anchor=corner, fontsize="small")
-    axes[-1].set(xlabel="time, s", xlim=(0.0, study.honest.time_s[-1]))
+    axes[-1].set(xlabel="time, s", xlim=(0.0, study.complete.time_s[-1]))
     figure.suptitle("Ding, Xiao and Jiang 2015: as printed, and with the fault's own input (F = 0.5 from 5 s)")
     return figure

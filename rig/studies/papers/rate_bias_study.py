@@ -40,7 +40,7 @@ FACTOR: Final = 1.5
 MORE_M: Final = 25.0
 LAWS: Final = ("autopilot", "fault-tolerant")
 _ALTITUDE: Final = FLIGHT_INDEX["altitude_m"]
-_LIES: Final = (SensorFault.EFFECTIVENESS, SensorFault.OFFSET, SensorFault.BOTH)
+_FOUND: Final = (SensorFault.EFFECTIVENESS, SensorFault.OFFSET, SensorFault.BOTH)
 
 DRAWN: Final = {  # kinds of faults, of ten flights that are drawn
     "all four pitch rates, drawn": 5,
@@ -213,7 +213,7 @@ def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Bl
     rate_hz = len(healthy) / (case.onset_s + AFTER_S)
     onset = round(case.onset_s * rate_hz)
     errors = [error(rows, healthy, onset) for rows in (plain, tolerant)]
-    blamed = (tolerant["trust"] == Trust.CORRECTED) | np.isin(tolerant["lie"], _LIES)
+    blamed = (tolerant["trust"] == Trust.CORRECTED) | np.isin(tolerant["sensor_fault"], _FOUND)
     flags = [f"--set {quote(key)}" for key in settings(case, fault, LAWS[1])]
     return LawComparison(
         case=case,
@@ -224,9 +224,9 @@ def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Bl
         tolerant_survived=survived(tolerant),
         within=_within(plain, tolerant, errors),
         blamed=bool(blamed.any()),
-        answered_after_s=answered_after_s(tolerant["lie"][onset:] == SensorFault.RATE_BIAS, rate_hz),
-        early=bool((tolerant["lie"][:onset] == SensorFault.RATE_BIAS).any()),
-        identical=plain["actuator"].tobytes() == tolerant["actuator"].tobytes(),
+        answered_after_s=answered_after_s(tolerant["sensor_fault"][onset:] == SensorFault.RATE_BIAS, rate_hz),
+        early=bool((tolerant["sensor_fault"][:onset] == SensorFault.RATE_BIAS).any()),
+        identical=plain["surface_command"].tobytes() == tolerant["surface_command"].tobytes(),
         command=" ".join(["rig fly", f"--seed {case.seed}", *flags]),
     )
 

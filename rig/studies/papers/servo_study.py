@@ -176,7 +176,7 @@ def _move(
     surfaces = dict.fromkeys(MOVED, actuator)
     watch = monitors(_EXACT, stops_of(surfaces), rate_hz)
     servos = Actuators(_EXACT, surfaces, np.zeros(3), rate_hz, parts, SeedSequence(0), watch)
-    servos.prepare(lane_rows(frames)["actuator"])
+    servos.prepare(lane_rows(frames)["servo"])
     asked, moved, ram = asked_rad(np.arange(frames) / rate_hz), np.zeros(4), np.empty((frames, parts))
     step = bind(move_surfaces, servos.data.asked, moved, 0, servos.data)
     for k in range(frames):

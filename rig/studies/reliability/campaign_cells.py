@@ -105,7 +105,10 @@ def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame
     planned = runs.select("run", "condition", design=design.split(" ").list.first(), good_before=good)
     planned = planned.join(tested, on="run").select(*CELL).drop_nulls().unique()
     absent = planned.join(counts, on=CELL, how="anti")
-    zeros = [pl.lit(0, pl.Int64).alias(name) for name in ("trials", "kept", "known_loss", "bad_vote", "announced")]
+    zeros = [
+        pl.lit(0, pl.Int64).alias(name)
+        for name in ("trials", "correct", "annunciated_loss", "undetected_error", "announced")
+    ]
     return pl.concat([counts, absent.with_columns(zeros)], how="diagonal").select(*COUNTS).sort(CELL)
 
 

@@ -49,7 +49,9 @@ class Tally:
     """Results of a batch; sums of whole numbers, which are the same in any order."""
 
     cell: tuple[str, int, str, str, str]
-    counts: NDArray[np.int64]  # (5, 5): by good channels before: trials, known losses, bad votes, settled, their frames
+    counts: NDArray[
+        np.int64
+    ]  # (5, 5): by good channels before: trials, annunciated losses, undetected errors, settled, their frames
     healthy: NDArray[np.int64]  # (5,) frames of healthy channels by level, and failures of them
     failed: NDArray[np.int64]
     rate_hz: float

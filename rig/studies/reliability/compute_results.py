@@ -80,7 +80,7 @@ def assumptions(rates: Rates, name: str, results: Sequence[Result]) -> list[str]
         if unreached:
             lines.append(
                 f"{manager}: some faults of {'; '.join(unreached)} never came to be, as earlier ones had cost the "
-                "signal or the aircraft: they count as bad votes"
+                "signal or the aircraft: they count as undetected errors"
             )
     if any("lost_aircraft" not in result.estimates for result in results):
         lines.append("nothing is said of the aircraft: the trials were open loop")

@@ -6,7 +6,7 @@ flight that the fault's outcome is taken at once, with the chance of a second on
 
     (k)   -> next fault         (n - k) ((1 - beta) lambda + box + k pair)
     (k)   -> two alike          C(n - k, 2) pair                k <= n - 2
-    (k)   -> (k + 1, announced) (n - k) phi                     false isolation; of the last channel: known loss
+    (k)   -> (k + 1, announced) (n - k) phi                     false isolation; of the last channel: annunciated loss
 
 Common mode hits one of the C(n, 2) fixed pairs of channels: pair = beta lambda / C(n, 2), box is the rate of the box of
 one channel.  A pair with one good channel left is a single fault.
@@ -39,7 +39,7 @@ class Given:
     box_per_hour: float = 0.0
 
     def of(self, design: str, good: int) -> Floats:
-        """Return a cell's draws; of two faults that were not flown all are bad votes, shared out as others are."""
+        """Return a cell's draws; if two faults were not flown, all are undetected errors, shared out as others."""
         if (design, good) in self.outcomes:
             return self.outcomes[design, good]
         single = self.outcomes["single", good]

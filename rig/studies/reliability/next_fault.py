@@ -26,7 +26,7 @@ KEPT, KNOWN, KNOWN_LOST, BAD, BAD_LOST = range(5)  # outcomes; ..._LOST: with th
 OUTCOMES: Final = 5
 SETTLE_S: Final = 0.1  # where no fault was settled: the mean of hard faults (docs/reliability.md)
 CellKey = tuple[str, int]  # design, good channels before
-WHERE_FLOWN: Final = "lost_aircraft_known", "lost_aircraft_bad"
+WHERE_FLOWN: Final = "lost_aircraft_annunciated", "lost_aircraft_undetected"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,10 +68,10 @@ def outcomes(
         cell = cell.filter(pl.col("kind").is_in(list(shares)))  # kinds without a share count nowhere
         result.draws[place] = _conditions(cell, shares, lost, rng, draws, level ** (CHANNELS - place[1]))
         result.trials[place] = int(cell["trials"].sum())
-        result.seen[place] = int((cell["trials"] - cell["kept"]).sum())
+        result.seen[place] = int((cell["trials"] - cell["correct"]).sum())
         if bool((cell.group_by("kind").agg(pl.col("trials").sum())["trials"] == 0).any()):
             result.unreached.append(place)
-        kept = int(cell["kept"].sum())
+        kept = int(cell["correct"].sum())
         announced = int(cell["announced"].sum())
         result.announced[place] = announced / kept if kept else 0.0
     return result
@@ -79,7 +79,7 @@ def outcomes(
 
 def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: CellKey, source: str) -> dict[str, float]:
     """Return the shares of the kinds of a cell; pairs of faults are flown of some kinds only."""
-    flown = set(cell["kind"])  # or planned: what never came to be is a bad vote
+    flown = set(cell["kind"])  # or planned: what never came to be is an undetected error
     absent = sorted(set(kinds) - flown)
     if place[0] == "single" and absent:
         raise BadInput(f"{source}: no trial of {absent[0]} with {place[1]} good channels, which the rates file names")
@@ -144,7 +144,7 @@ def _cell(
     outcomes = np.zeros((draws, OUTCOMES))
     for kind, share in shares.items():
         of_kind = cell.filter(pl.col("kind") == kind)
-        kept, known, bad = (float(of_kind[name].sum()) for name in ("kept", "known_loss", "bad_vote"))
+        kept, known, bad = (float(of_kind[name].sum()) for name in ("correct", "annunciated_loss", "undetected_error"))
         if kept + known + bad == 0.0:
             chance = np.tile((0.0, 0.0, 1.0), (draws, 1))  # earlier faults had cost the signal or the aircraft
         else:
@@ -164,9 +164,9 @@ def _dirichlet(counts: tuple[float, ...], rng: Generator | None, draws: int) -> 
 
 
 def _lost_share(counts: pl.DataFrame, rng: Generator | None, draws: int) -> tuple[Floats, Floats]:
-    """Draw the share (draws,) of known losses, and of bad votes, in which the aircraft was lost, of all cells."""
+    """Draw the share (draws,) of annunciated losses, and of undetected errors, that lost the aircraft, of all."""
     shares = []
-    for column, outcome in zip(WHERE_FLOWN, ("known_loss", "bad_vote"), strict=True):
+    for column, outcome in zip(WHERE_FLOWN, ("annunciated_loss", "undetected_error"), strict=True):
         flown = counts.filter(pl.col(column).is_not_null())
         lost, of = float(flown[column].sum()), float(flown[outcome].sum())
         counted = lost + 0.5, of - lost + 0.5

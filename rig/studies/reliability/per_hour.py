@@ -1,4 +1,4 @@
-"""Per flight hour: bad vote, known loss and lost aircraft of every manager and number of channels, and what decides."""
+"""Undetected errors, annunciated losses and lost aircraft per flight hour of every manager and number of channels."""
 
 from __future__ import annotations
 
@@ -21,19 +21,20 @@ DRAWS: Final = 4000
 SEED: Final = 1
 TARGETS: Final = {"military": 1e-7, "civil": 1e-9}  # per flight hour; Zhang 2023, introduction
 TARGETS_EXPLAINED: Final = (
-    "military, civil: the function is lost at most 1e-7, 1e-9 times per flight hour, by a bad vote or a known loss; "
+    "military, civil: the function is lost at most 1e-7, 1e-9 times per flight hour, by an undetected error or an "
+    "annunciated loss; "
     "not shown: the interval holds the target, more trials decide"
 )
-WHAT: Final = ("bad_vote", "known_loss", "lost_aircraft")
+WHAT: Final = ("undetected_error", "annunciated_loss", "lost_aircraft")
 TITLES: Final = {
-    "bad_vote": "bad vote, not declared",
-    "known_loss": "known loss of the signal",
+    "undetected_error": "undetected error, not declared",
+    "annunciated_loss": "annunciated loss of the signal",
     "lost_aircraft": "lost aircraft",
 }
 MET, NOT_SHOWN, NOT_MET = "met", "not shown", "not met"
 WORTH_SAYING: Final = 0.01  # of a result
 MOST: Final = 3  # parts of what decides one
-_SUMS: Final = {"bad_vote": (2, 3), "known_loss": (0, 1), "lost_aircraft": (1, 3)}  # of model.LOSSES
+_SUMS: Final = {"undetected_error": (2, 3), "annunciated_loss": (0, 1), "lost_aircraft": (1, 3)}  # of model.LOSSES
 UNSEEN: Final = 0.5  # of a result from cells in which nothing was seen: above it the lower end is the prior's
 
 
@@ -77,11 +78,11 @@ class Result:
     estimates: dict[str, Estimate]  # by WHAT; without lost_aircraft where nothing was flown
     perfect: float
     requirement: dict[str, bool]  # by TARGETS: met by the upper end of the loss of the function
-    loss: Estimate  # of the function: bad vote and known loss together
+    loss: Estimate  # of the function: undetected error and annunciated loss together
     standing: dict[str, str]  # by TARGETS: met, not shown, not met
     contributions: tuple[Contribution, ...]  # to that loss, the largest first
     layers: tuple[str, ...]  # in series, with given coverages
-    unreached: tuple[str, ...]  # cells in which a kind of fault never came to be, and counts as a bad vote
+    unreached: tuple[str, ...]  # cells in which a kind of fault never came to be, and counts as an undetected error
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -137,7 +138,7 @@ def _result(
     unseen = sum(part.share for part in contributions if part.trials and not part.seen)
     more = sum(in_series(layer, case.hours) for layer in layers)
     estimates = {
-        name: _estimate(lost[:, list(_SUMS[name])].sum(axis=1) + (more if name != "known_loss" else 0.0), unseen)
+        name: _estimate(lost[:, list(_SUMS[name])].sum(axis=1) + (more if name != "annunciated_loss" else 0.0), unseen)
         for name in WHAT
         if drawn.flown or name != "lost_aircraft"
     }

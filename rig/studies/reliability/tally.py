@@ -3,9 +3,9 @@
 A cell is a signal, how many of its channels are good before the fault, a design (single, near, alike), a kind and a
 condition.  Every trial of a cell is one of three, by what follows the onset of its last fault to the end of the run:
 
-    known loss  the signal was declared lost, level 0 at any time, and its vote was kept until then
-    bad vote    the vote was not kept (verdict/scoring.py), before a loss was declared or without one
-    kept        neither
+    annunciated loss  the signal was declared lost, level 0 at any time, and its vote was kept until then
+    undetected error  the vote was not kept (verdict/scoring.py), before a loss was declared or without one
+    correct           neither
 
 The kind is that of the tested fault, or the name that its campaign's group of cases `kind` gives it: words before the
 kind, as in `slow drift`.
@@ -32,7 +32,7 @@ COUNTS: Final[dict[str, Any]] = {
     **dict.fromkeys(CELL, pl.String),
     "good_before": pl.Int64,
     **dict.fromkeys(("trials", *OUTCOMES), pl.Int64),
-    **dict.fromkeys(("lost_aircraft_known", "lost_aircraft_bad"), pl.Int64),  # null where not flown
+    **dict.fromkeys(("lost_aircraft_annunciated", "lost_aircraft_undetected"), pl.Int64),  # null where not flown
     "announced": pl.Int64,  # kept, and every faulty channel of it failed
     "settle_s_mean": pl.Float64,  # from the onset to the failure of all faulty channels; null where none was
 }
@@ -87,11 +87,11 @@ def counted(trials: pl.DataFrame) -> pl.DataFrame:
     crashed, flown = ~pl.col("survived"), pl.col("survived").is_not_null().any()
     grouped = trials.group_by(CELL).agg(
         trials=pl.len().cast(pl.Int64),
-        kept=kept.sum().cast(pl.Int64),
-        known_loss=known.sum().cast(pl.Int64),
-        bad_vote=bad.sum().cast(pl.Int64),
-        lost_aircraft_known=pl.when(flown).then((crashed & known).sum()).cast(pl.Int64),
-        lost_aircraft_bad=pl.when(flown).then((crashed & bad).sum()).cast(pl.Int64),
+        correct=kept.sum().cast(pl.Int64),
+        annunciated_loss=known.sum().cast(pl.Int64),
+        undetected_error=bad.sum().cast(pl.Int64),
+        lost_aircraft_annunciated=pl.when(flown).then((crashed & known).sum()).cast(pl.Int64),
+        lost_aircraft_undetected=pl.when(flown).then((crashed & bad).sum()).cast(pl.Int64),
         announced=(kept & pl.col("settle").is_not_null()).sum().cast(pl.Int64),
         settle_s_mean=pl.col("settle").filter(kept).sort().mean(),
     )

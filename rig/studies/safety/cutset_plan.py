@@ -115,7 +115,7 @@ def refuse_lost(asked: Asked, out: Path, trust: Trust) -> None:
         return
     for name in asked.conditions:
         healthy = _healthy(asked, CONDITIONS[name], trust)
-        orders = Orders("none", 1, "", healthy.campaign.run.timeout_s, twin=False, rig=rig_identity())
+        orders = Orders("none", 1, "", healthy.campaign.run.timeout_s, baseline=False, rig=rig_identity())
         rows = fly_alone([healthy[0]], orders)
         run = rows["runs"][0]
         if run["outcome"] != "flown":

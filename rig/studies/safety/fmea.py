@@ -86,7 +86,7 @@ class Mode:
 
     @property
     def beyond_s(self) -> pl.Series:
-        """Return the times beyond the transient limits, of the flights whose twin was flown."""
+        """Return the times beyond the transient limits, of the flights whose baseline was flown."""
         return self.rows["out_of_limits_s"].drop_nulls()
 
     @property
@@ -281,7 +281,7 @@ COLUMNS: Final = (  # ``page``: the column of the page in which some of a line's
     *(Column("source", lambda mode: _rate(mode)[1], page=_CAUSE), Column("phase", page=_CAUSE)),
     _of_flights("exposure", _exposure, _CAUSE),
     _of_flights(
-        "local effect", lambda m: f"pattern {_most(m.rows['pattern'])}, resolver {_most(m.rows['resolver'])}", _EFFECTS
+        "local effect", lambda m: f"pattern {_most(m.rows['pattern'])}, rule {_most(m.rows['decided_by'])}", _EFFECTS
     ),
     _of_flights(
         "next effect", lambda m: f"level {_most(m.rows['level_at_end'])} at the end; {_beyond(m.beyond_s)}", _EFFECTS

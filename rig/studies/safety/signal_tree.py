@@ -49,7 +49,7 @@ def signal_tree(model: SignalModel) -> FaultTree:
     """Return the tree of the loss of the signal, or of a layer in series with it."""
     tree = FaultTree(f"loss_of_{model.signal}", "lost")
     sums = [_signal(tree, model), *(_layer(tree, layer) for layer in model.layers)]
-    tree.any_of("lost", sums, f"{model.signal} lost, known or by a bad vote")
+    tree.any_of("lost", sums, f"{model.signal} lost, known or by an undetected error")
     return tree
 
 

@@ -1,6 +1,6 @@
-"""The worst case among the least margins: five of them, apart from each other, flown on new seeds.
+"""The worst case among the least robustness: five of them, apart from each other, flown on new seeds.
 
-The flight of the least margin is often luck: it violates on 4 to 20 of 20 seeds.
+The flight of the least robustness is often luck: it violates on 4 to 20 of 20 seeds.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ class Confirmed:
         return {each: ids.count(each) for each in dict.fromkeys(ids)}
 
     @property
-    def median_margin(self) -> float:
-        """Return the median of its margins."""
-        return float(median(result.margin for result in self.results))
+    def median_robustness(self) -> float:
+        """Return the median of its robustness."""
+        return float(median(result.robustness for result in self.results))
 
     @property
     def seed(self) -> int:
-        """Return the seed of its least margin, of a violation where there is one."""
-        ranked = [(not r.violated, r.margin, i) for i, r in enumerate(self.results)]
+        """Return the seed of its least robustness, of a violation where there is one."""
+        ranked = [(not r.violated, r.robustness, i) for i, r in enumerate(self.results)]
         return self.seeds[min(ranked)[2]]
 
 
@@ -81,5 +81,5 @@ def confirm(tables: Sequence[Table], seeds: Sequence[int], fly: Fly) -> list[Con
 
 
 def worst(confirmed: Sequence[Confirmed]) -> Confirmed:
-    """Return the one of most violations, then of the least median margin."""
-    return min(confirmed, key=lambda each: (-each.violations, each.median_margin))
+    """Return the one of most violations, then of the least median robustness."""
+    return min(confirmed, key=lambda each: (-each.violations, each.median_robustness))

@@ -26,7 +26,7 @@ from rig.studies.campaign.worker import fly_batch
 from rig.studies.search.confirm_worst import SEEDS, new_seeds
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
-from rig.verdict.requirements.margins import margin_text
+from rig.verdict.requirements.robustness import robustness_text
 
 _LATER: Final = 2 * SEEDS + SHRINK_SEEDS  # seeds that confirming and shrinking take
 
@@ -89,7 +89,7 @@ def flown(plan: Plan, out: Path, pool: Pool, stop: Stop, batch: Batch = fly_batc
 
 
 def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None:
-    """Raise BadInput for a requirement that a flight without faults violates; it names arm and margin.
+    """Raise BadInput for a requirement that a flight without faults violates; it names arm and robustness.
 
     A folder that is begun has passed.  Interrupted: asked to stop; RigError: such a flight cannot be flown.
     """
@@ -112,12 +112,13 @@ def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None
             one for one in told if one["status"] == "violated" and one["requirement"] in plan.asked.requirements
         ]
         if violated:
-            least = min(violated, key=lambda one: one["margin"])
+            least = min(violated, key=lambda one: one["robustness"])
             which = ", ".join(dict.fromkeys(one["requirement"] for one in violated))
-            shown = margin_text(least["margin"])
-            margin = f", margin {shown}" if shown else ""
+            shown = robustness_text(least["robustness"])
+            robustness = f", robustness {shown}" if shown else ""
             raise BadInput(
-                f"--requirement {which}: violated without any fault{margin} at {least['instant_s']:.2f} s ({name}): "
+                f"--requirement {which}: violated without any fault{robustness} at {least['instant_s']:.2f} s "
+                f"({name}): "
                 "there is nothing to search for; change the requirement or leave it out"
             )
 

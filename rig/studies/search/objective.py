@@ -1,4 +1,4 @@
-"""What a search makes least: the margin of its requirements; where they say yes or no, or agree, that of the vote."""
+"""What a search makes least: the robustness of its requirements; that of the vote where they are states, or agree."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rig.core.errors import BadInput
 from rig.core.text import choices, quoted
 from rig.verdict.requirements.requirement import Requirement, find_requirements, load_requirements, names
 
-TIE: Final = 1e-6  # of the margin of the vote, which is at most 1000: less than any margin that matters
-NONE: Final = 1000.0  # margin where no requirement applies, or nothing was flown
+TIE: Final = 1e-6  # of the robustness of the vote, which is at most 1000: less than any robustness that matters
+NONE: Final = 1000.0  # robustness where no requirement applies, or nothing was flown
 VOTE: Final = Requirement(
     id="vote-of-search",
     text="Ties: the vote stays within the threshold of the truth, or the signal is lost",
@@ -23,15 +23,15 @@ VOTE: Final = Requirement(
 class Measured(NamedTuple):
     """One draw: what it is worth."""
 
-    margin: float  # least of the requirements; against another setting the difference of two
-    vote: float  # least margin of the vote of the signals with faults
+    robustness: float  # least of the requirements; against another setting the difference of two
+    vote: float  # least robustness of the vote of the signals with faults
     violated: bool  # against another setting: here, and not there
     violating: tuple[str, ...] = ()  # ids of the requirements that are violated here, and not there
 
     @property
     def value(self) -> float:
         """Return the number that is made least."""
-        return self.margin + TIE * self.vote
+        return self.robustness + TIE * self.vote
 
 
 def chosen(ids: Sequence[str], files: Sequence[str] = (), own: Sequence[dict[str, Any]] = ()) -> list[Requirement]:
@@ -52,17 +52,18 @@ def measured(rows: Sequence[dict[str, Any]], ids: Iterable[str]) -> Measured:
     """Return what a draw is worth, by its rows of ``runs``: one, or two with the other setting's behind."""
     asked = list(ids)
     told = [json.loads(row.get("requirements") or "[]") for row in rows]
-    margins, votes = [_least(each, set(asked)) for each in told], [_least(each, {VOTE.id}) for each in told]
+    robustness, votes = [_least(each, set(asked)) for each in told], [_least(each, {VOTE.id}) for each in told]
     here, *there = [_violated(each) for each in told]
     found = bool(here.intersection(asked)) and not any(other.intersection(asked) for other in there)
     violating = tuple(each for each in asked if each in here) if found else ()
-    return Measured(margins[0] - sum(margins[1:]), votes[0] - sum(votes[1:]), found, violating)
+    return Measured(robustness[0] - sum(robustness[1:]), votes[0] - sum(votes[1:]), found, violating)
 
 
 def deciding(rows: Sequence[Sequence[dict[str, Any]]], ids: Sequence[str]) -> tuple[str, ...]:
     """Return the requirements that a search decides by: those of ``ids`` that not every random draw violates.
 
-    One that all of them violate has its margin in each flight and would hide the others.  All of ``ids`` if no other
+    One that all of them violate has its robustness in each flight and would hide the others.  All of ``ids`` if no
+    other
     is left.
 
     rows : of each random draw its flights, one in each setting
@@ -77,5 +78,5 @@ def _violated(told: Sequence[dict[str, Any]]) -> set[str]:
 
 
 def _least(told: Sequence[dict[str, Any]], ids: set[str]) -> float:
-    margins = [one["margin"] for one in told if one["requirement"] in ids]
-    return min((margin for margin in margins if margin is not None), default=NONE)
+    robustness = [one["robustness"] for one in told if one["requirement"] in ids]
+    return min((one for one in robustness if one is not None), default=NONE)

@@ -1,4 +1,4 @@
-"""The picture of a search: margin over flights, the random ones first, and the least so far."""
+"""The picture of a search: robustness over flights, the random ones first, and the least so far."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ from rig.core.units.quantities import unit_of_name
 from rig.show.pages.page import lay_out, write_page
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_plan import SearchPlan
-from rig.verdict.requirements.margins import margin_text
+from rig.verdict.requirements.robustness import robustness_text
 from rig.world.faults import KINDS
 
-MOST: Final = 30.0  # drawn of a margin
+MOST: Final = 30.0  # drawn of a robustness
 _FAULT: Final = re.compile(r"faults\.(\d+)\.(\w+)")
 
 
 def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
-    """Draw the margin of each draw over flights."""
-    margins = np.array([each.margin for each in found])
-    shown = np.clip(margins, -MOST, MOST)
-    flights = (np.arange(len(margins)) + 1) * plan.of_one_draw
+    """Draw the robustness of each draw over flights."""
+    robustness = np.array([each.robustness for each in found])
+    shown = np.clip(robustness, -MOST, MOST)
+    flights = (np.arange(len(robustness)) + 1) * plan.of_one_draw
     names = [plan.arms[draw.arm].name for draw in plan.draws]
     made = go.Figure()
     for label, part, colour in (
         ("random", slice(0, plan.random), SOFT),
-        ("CMA-ES", slice(plan.random, len(margins)), BLUE),
+        ("CMA-ES", slice(plan.random, len(robustness)), BLUE),
     ):
-        hover = "flight %{x}: margin %{customdata}<extra>" + label + "</extra>"
+        hover = "flight %{x}: robustness %{customdata}<extra>" + label + "</extra>"
         marks: dict[str, Any] = {"mode": "markers", "marker": {"color": faint(colour, 0.55), "size": 6}}
         texts = [
-            f"{margin_text(margin) or 'none'}<br>{name}"
-            for margin, name in zip(margins[part], names[part], strict=True)
+            f"{robustness_text(robustness) or 'none'}<br>{name}"
+            for robustness, name in zip(robustness[part], names[part], strict=True)
         ]
         made.add_scatter(x=flights[part], y=shown[part], name=label, customdata=texts, hovertemplate=hover, **marks)
     line: dict[str, Any] = {"mode": "lines", "line": {"color": INK, "width": 2, "shape": "hv"}}
     made.add_scatter(x=flights, y=np.minimum.accumulate(shown), name="least so far", hoverinfo="skip", **line)
     _level(made, float(shown[: plan.random].min()), "least at random", {"color": ORANGE, "width": 1.5, "dash": "dash"})
     _level(made, 0.0, "violated below", {"color": RED, "width": 1})
-    lay_out(made, "Margin over flights", 420, margin={"l": 10, "r": 120, "t": 40, "b": 10})
+    lay_out(made, "Robustness over flights", 420, margin={"l": 10, "r": 120, "t": 40, "b": 10})
     made.update_xaxes(title="flight")
-    made.update_yaxes(title="margin, in the scale of the requirement")
+    made.update_yaxes(title="robustness, in the scale of the requirement")
     return made
 
 
-def _level(figure: go.Figure, margin: float, text: str, line: dict[str, Any]) -> None:
+def _level(figure: go.Figure, robustness: float, text: str, line: dict[str, Any]) -> None:
     """Draw a level, its text to the right of the picture."""
-    figure.add_hline(y=margin, line=line)
-    figure.add_annotation(x=1.01, xref="paper", y=margin, text=text, showarrow=False, xanchor="left")
+    figure.add_hline(y=robustness, line=line)
+    figure.add_annotation(x=1.01, xref="paper", y=robustness, text=text, showarrow=False, xanchor="left")
 
 
 def write(out: Path, plan: SearchPlan, found: Sequence[Measured], figures: dict[str, Any]) -> None:
@@ -62,7 +62,7 @@ def write(out: Path, plan: SearchPlan, found: Sequence[Measured], figures: dict[
     title, varied = plan.campaign.title or plan.source, figures["worst"]["varied"]
     table = plan.data(figures["worst"]["run"])
     write_page(
-        out, "search.html", {"margins": figure(plan, found)}, {}, title=title, asked=plan.asked, results=figures,
+        out, "search.html", {"robustness": figure(plan, found)}, {}, title=title, asked=plan.asked, results=figures,
         requirements=[each for each in plan.requirements if each.id in plan.asked.requirements],
         varied={key: shown(key, value, table) for key, value in varied.items()},
     )  # fmt: skip

@@ -37,7 +37,7 @@ from rig.studies.search.rounds import schedule
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.studies.search.shrink import shrink, simplest
-from rig.verdict.requirements.margins import margin_text
+from rig.verdict.requirements.robustness import robustness_text
 
 CONFIRMED: Final = "confirmed"
 
@@ -115,8 +115,8 @@ def _searched(plan: SearchPlan, flights: Flown) -> _Found:
         ids = ids or deciding(draws, plan.asked.requirements)  # the random draws come first
         new = [measured(draw, ids) for draw in draws]
         results += new
-        least = margin_text(min(result.margin for result in results)) or "none yet"
-        tell(f"{len(plan.choices)} flights, least margin {least}", len(plan.choices) - 1, len(plan))
+        least = robustness_text(min(result.robustness for result in results)) or "none yet"
+        tell(f"{len(plan.choices)} flights, least robustness {least}", len(plan.choices) - 1, len(plan))
         try:
             asked = coming.send([each.value for each in new])
         except StopIteration:

@@ -14,8 +14,8 @@ from rig.studies.campaign.study_folder import write_whole
 from rig.studies.search.confirm_worst import SEEDS, Confirmed
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_plan import SearchPlan
-from rig.verdict.requirements.margins import number_of
 from rig.verdict.requirements.requirement import load_requirements, names
+from rig.verdict.requirements.robustness import number_of
 
 FIGURES, SCENARIO, PICTURE = BESIDE_RUNS
 
@@ -36,12 +36,12 @@ def figures(
         "flights": len(plan.choices),
         "violated": sum(each.violated for each in found),
         "random": {"flights": plan.random, "violated": at_random, "upper_95": at_most(at_random, plan.random)},
-        "least_margin": number_of(min(each.margin for each in found)),
+        "robustness": number_of(min(each.robustness for each in found)),
         "worst": {
             "run": worst * plan.of_one_draw,
             "arm": plan.arms[plan.draws[worst].arm].name,
-            "margin": number_of(found[worst].margin),
-            "median_margin": number_of(chosen.median_margin),
+            "robustness": number_of(found[worst].robustness),
+            "median_robustness": number_of(chosen.median_robustness),
             "confirmed": [chosen.violations, len(chosen.seeds)],
             "varied": plan.choices[worst * plan.of_one_draw],
         },

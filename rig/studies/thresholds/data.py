@@ -25,6 +25,7 @@ from rig.computer.redundancy.managers import KINDS
 from rig.core.errors import BadInput, BadLog
 from rig.core.files import is_file, is_folder
 from rig.core.outputs import CAMPAIGN
+from rig.core.renamed import data_now
 from rig.log.recordings.alignment import AlignOptions, run_alignment
 from rig.log.recordings.read import ENDINGS
 from rig.log.recordings.read import load as load_one
@@ -137,7 +138,7 @@ def _scenario(path: Path) -> dict[str, Any]:
             next(iter(iter_parts(path, about)))
     with suppress(ValueError, RecursionError):
         scenario = json.loads(about.metadata.get("scenario") or "{}")
-        return scenario if isinstance(scenario, dict) else {}
+        return data_now(scenario) if isinstance(scenario, dict) else {}
     return {}
 
 
@@ -158,7 +159,7 @@ def of_scenario(paths: Sequence[Path]) -> VoteConfig:
         signals[name] = {
             key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None
         }
-        signals[name].pop("singular_persistence", None)  # resolved: always there, whoever asked for it
+        signals[name].pop("split_persistence", None)  # resolved: always there, whoever asked for it
     return VoteConfig(signal=signals)
 
 

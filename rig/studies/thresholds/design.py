@@ -23,7 +23,7 @@ from rig.studies.thresholds.slow_fault_limits import (
     OFF,
     Rule,
     alarms,
-    bias_bound,
+    equalise_bound,
     residuals,
     stale_frames,
     unbiased,
@@ -31,8 +31,8 @@ from rig.studies.thresholds.slow_fault_limits import (
 from rig.studies.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
 
 Floats = NDArray[np.float64]
-BESIDE: Final = 1e-4  # of healthy frames beyond an outlier threshold: one beside a transient makes it last longer
-EXACT: Final = ("bias_s", "stale_frames")  # keys that are not rounded
+BESIDE: Final = 1e-4  # of healthy frames beyond an isolation threshold: one beside a transient makes it last longer
+EXACT: Final = ("equalise_s", "stale_frames")  # keys that are not rounded
 FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
 
 
@@ -49,14 +49,14 @@ class Threshold:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """One row of the table of a signal: thresholds by level; ``persistence`` and ``singular`` in frames."""
+    """One row of the table of a signal: thresholds by level; ``persistence`` and ``splits`` in frames."""
 
     filter_s: float
     persistence: int
-    singular: int
+    in_split: int
     thresholds: dict[int, Threshold]
-    outliers: dict[int, Threshold] = field(default_factory=dict)  # behind a learned bias, below ``thresholds``
-    lasting: dict[str, float | None] = field(default_factory=dict)  # keys of what was asked for; falsy: off
+    outliers: dict[int, Threshold] = field(default_factory=dict)  # behind a channel equalisation, below ``thresholds``
+    slow_faults: dict[str, float | None] = field(default_factory=dict)  # keys of what was asked for; falsy: off
     spreads: float = 0.0  # limit of the sums, spreads times frames
 
     @property
@@ -71,13 +71,13 @@ class Design:
 
     @property
     def single(self) -> Threshold:
-        """Return that by which one of all channels is found: behind a learned bias its outlier threshold."""
+        """Return that by which one of all channels is found: behind a channel equalisation its isolation threshold."""
         return self.outliers.get(max(self.thresholds), self.threshold)
 
     def settings(self, given: RecordedSignal) -> RecordedSignal:
         """Return the settings of a signal with this design in them."""
-        none = ("persistence_s", "singular_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
-        return given.model_copy(update={**dict.fromkeys(none), **self.lasting, **self.keys()})
+        none = ("persistence_s", "split_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
+        return given.model_copy(update={**dict.fromkeys(none), **self.slow_faults, **self.keys()})
 
     def keys(self) -> dict[str, float | int]:
         """Return its keys of a table of CONFIG; a level that was not designed has the threshold of the one above."""
@@ -89,9 +89,9 @@ class Design:
             of_level[f"outlier_{name}"] = min(rounded_up(threshold.upper), of_level.get(name, of_level["threshold"]))
         return {
             **of_level,
-            **{key: value if key in EXACT else rounded_up(value) for key, value in self.lasting.items() if value},
+            **{key: value if key in EXACT else rounded_up(value) for key, value in self.slow_faults.items() if value},
             "persistence": self.persistence,
-            "singular_persistence": self.singular,
+            "split_persistence": self.in_split,
             "filter_s": self.filter_s,
         }
 
@@ -105,8 +105,8 @@ class Grid:
     levels: Sequence[int] = (4, 3, 2)
     filters_s: Sequence[float] = (0.0, 0.1)
     seed: int = 0
-    lasting: Sequence[Rule] = ()
-    transients: bool = False  # no threshold within the noise of single frames, as no outlier threshold ever is
+    slow_faults: Sequence[Rule] = ()
+    transients: bool = False  # no threshold within the noise of single frames, as no isolation threshold ever is
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,17 +129,17 @@ def designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, num
     number : of the signal, for its random stream
     """
     made = list(_designs(flights, given, grid, number))
-    off = {key: value for rule in grid.lasting for key, value in OFF[rule].items()}
-    if "stale" in grid.lasting and made:
+    off = {key: value for rule in grid.slow_faults for key, value in OFF[rule].items()}
+    if "stale" in grid.slow_faults and made:
         off["stale_frames"] = stale_frames([flight.samples for flight in flights], flights[0].rate_hz)
-    return [replace(design, lasting={**off, **design.lasting}) for design in made]
+    return [replace(design, slow_faults={**off, **design.slow_faults}) for design in made]
 
 
 def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> Iterator[Design]:
     fitted = len(flights[0].samples)
     levels = sorted({fitted, *(level for level in grid.levels if level < fitted)}, reverse=True)
     bound = _bound(flights, given, grid, number)
-    frames = [(count, _singular(given, count, flights[0].rate_hz)) for count in grid.persistence]
+    frames = [(count, _split(given, count, flights[0].rate_hz)) for count in grid.persistence]
     for f, filter_s in enumerate(grid.filters_s):
         filtered = given.model_copy(update={"filter_s": filter_s})
         seen = [low_passed(flight.samples, filtered, flight.rate_hz) for flight in flights]
@@ -153,7 +153,7 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
         least = dict.fromkeys(levels, 0.0)
         if grid.transients:
             least = {level: of_one_frame(compared, given.wraps, fitted, level) for level in levels}
-        for i, (persistence, singular) in enumerate(frames):
+        for i, (persistence, in_split) in enumerate(frames):
             thresholds = {
                 level: _at_least(least[level], threshold)
                 for level in levels
@@ -161,7 +161,7 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
             }
             if fitted not in thresholds:
                 continue
-            plain = Design(filter_s, persistence, singular, thresholds)
+            plain = Design(filter_s, persistence, in_split, thresholds)
             yield plain
             if bound > 0.0 and (biased := _biased(flights, seen, plain, filtered, bound, (grid, number, f))):
                 yield biased
@@ -169,12 +169,12 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
 
 def _bound(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> float:
     """Return the bound of biases by the data, 0 if none is asked for."""
-    if "bias" not in grid.lasting:
+    if "bias" not in grid.slow_faults:
         return 0.0
     stream = np.random.SeedSequence(grid.seed, spawn_key=(number, 0, 0, 1))
     means = residuals([flight.samples for flight in flights], given.wraps).means
     hours = [flight.hours for flight in flights]
-    return bias_bound(means, hours, grid.budget_per_h, np.random.default_rng(stream))
+    return equalise_bound(means, hours, grid.budget_per_h, np.random.default_rng(stream))
 
 
 def _biased(
@@ -185,15 +185,15 @@ def _biased(
     bound: float,
     asked: tuple[Grid, int, int],
 ) -> Design | None:
-    """Return ``plain`` with learned biases and outlier thresholds behind them; None where those are not lower.
+    """Return ``plain`` with channel equalisation and isolation thresholds behind them; None where those are not lower.
 
     Who has a larger bias than the bound would be an outlier for all of a flight, so none is cut; no threshold is below
-    it: what is hidden by a bias stays within what two samples may be apart.  Nor is an outlier threshold within the
+    it: what is hidden by a bias stays within what two samples may be apart.  Nor is an isolation threshold within the
     noise of single frames: a transient of persistence - 1 frames with a noisy one beside it would fail a channel.
     """
     bound = rounded_up(bound)
-    learning = given.model_copy(update={"bias_bound": bound})
-    frames, outliers = [(plain.persistence, plain.singular)], {}
+    learning = given.model_copy(update={"equalise_bound": bound})
+    frames, outliers = [(plain.persistence, plain.in_split)], {}
     for level, before in plain.thresholds.items():
         if level == DUPLEX:
             continue
@@ -207,13 +207,13 @@ def _biased(
         least = of_one_frame(compared, given.wraps, len(flights[0].samples), level)
         if outlier is not None and max(outlier.upper, least) < before.upper:
             outliers[level] = _at_least(least, outlier)
-    lasting = {"bias_bound": bound, "bias_s": given.bias_s}
+    slow_faults = {"equalise_bound": bound, "equalise_s": given.equalise_s}
     if max(plain.thresholds) not in outliers:
         return None
     thresholds = {
         level: replace(threshold, upper=max(threshold.upper, bound)) for level, threshold in plain.thresholds.items()
     }
-    return replace(plain, thresholds=thresholds, outliers=outliers, lasting=lasting)
+    return replace(plain, thresholds=thresholds, outliers=outliers, slow_faults=slow_faults)
 
 
 def _at_least(least: float, threshold: Threshold) -> Threshold:
@@ -257,14 +257,14 @@ def with_sums(
     if not uppers or min(uppers) <= 0.0:
         return None
     asked["slow_allowance"] = max(uppers)
-    return replace(design, lasting={**design.lasting, **asked}, spreads=spreads)
+    return replace(design, slow_faults={**design.slow_faults, **asked}, spreads=spreads)
 
 
-def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
-    """Return ``singular_persistence``: as CONFIG says, else as the persistence."""
-    if given.singular_persistence_s is not None:
-        return in_frames(1, given.singular_persistence_s, rate_hz)
-    return given.singular_persistence if "singular_persistence" in given.model_fields_set else frames
+def _split(given: RecordedSignal, frames: int, rate_hz: float) -> int:
+    """Return ``split_persistence``: as CONFIG says, else as the persistence."""
+    if given.split_persistence_s is not None:
+        return in_frames(1, given.split_persistence_s, rate_hz)
+    return given.split_persistence if "split_persistence" in given.model_fields_set else frames
 
 
 def _at_level(

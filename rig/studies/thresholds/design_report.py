@@ -12,7 +12,7 @@ from rig.studies.thresholds.design_signals import MARKED, RULE, Signal, extrapol
 from rig.studies.thresholds.holdout import Count, total
 from rig.studies.thresholds.tradeoff import Tradeoff
 
-LASTING: Final = ("bias_bound", "bias_s", "slow_allowance", "slow_limit", "stale_frames")  # None: off
+SLOW_FAULTS: Final = ("equalise_bound", "equalise_s", "slow_allowance", "slow_limit", "stale_frames")  # None: off
 
 
 def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
@@ -77,8 +77,8 @@ def _design(design: Design, budget_per_h: float, hours: float) -> dict[str, Any]
     return {
         "filter_s": design.filter_s,
         "persistence": design.persistence,
-        "singular_persistence": design.singular,
-        **{key: keys.get(key) for key in LASTING},
+        "split_persistence": design.in_split,
+        **{key: keys.get(key) for key in SLOW_FAULTS},
         "extrapolation": extrapolation(budget_per_h, hours),
         "levels": levels,
         "outlier_levels": outliers,

@@ -67,8 +67,9 @@ class Signal:
                 design,
                 thresholds=in_unit(design.thresholds),
                 outliers=in_unit(design.outliers),
-                lasting={
-                    key: shown(value) if value and key not in EXACT else value for key, value in design.lasting.items()
+                slow_faults={
+                    key: shown(value) if value and key not in EXACT else value
+                    for key, value in design.slow_faults.items()
                 },
             )
             for design in self.designs
@@ -172,7 +173,7 @@ def _summed(
     flights: Sequence[DataBlock], given: RecordedSignal, design: Design, grid: Grid, number: int
 ) -> list[Design]:
     """Return ``design`` with each limit of the sums, where noise is more than what channels differ by for a flight."""
-    if "slow" not in grid.lasting or not residuals([flight.samples for flight in flights], given.wraps).noisy:
+    if "slow" not in grid.slow_faults or not residuals([flight.samples for flight in flights], given.wraps).noisy:
         return []
     summed = [with_sums(flights, given, design, spreads, grid, number) for spreads in LIMITS]
     return [each for each in summed if each is not None]

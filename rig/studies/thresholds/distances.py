@@ -5,12 +5,12 @@ channel c in frame k at threshold T exactly when D_c(k) > T (compare.py: agreeme
 and fails it after ``persistence`` such frames in a row, so with
 
     M(k) = the largest over c of the least D_c over the last ``persistence`` frames
-    G(k) = the least middle gap of the four ranked samples over the last ``singular_persistence`` frames
+    G(k) = the least middle gap of the four ranked samples over the last ``split_persistence`` frames
 
 a recording whose middle gap never exceeds T has its first failure at T in the first frame with M > T, and none when M
-never exceeds T.  Where the middle gap does, there are patterns without a majority (2:2 and 1:1:1:1 need it): while they
+never exceeds T.  Where the middle gap does, there are splits (2:2 and 1:1:1:1 need it): while they
 last and for as long after them the counts stand still (persistence.py), which moves single failures in time, and one
-that lasts for ``singular_persistence`` may be settled against healthy channels, for which G must exceed T.
+that lasts for ``split_persistence`` may be settled against healthy channels, for which G must exceed T.
 A sample that is not comparable counts always: its distance is infinite.
 """
 
@@ -33,11 +33,11 @@ CHUNK: Final = 16_384  # frames, so that what is made of them stays in the cache
 
 
 class Monitored(NamedTuple):
-    """What is compared with one threshold: ``channels`` in use, ``persistence`` and ``singular`` frames."""
+    """What is compared with one threshold: ``channels`` in use, ``persistence`` and ``splits`` frames."""
 
     channels: tuple[int, ...]  # counted from 0
     persistence: int
-    singular: int
+    in_split: int
 
 
 def in_use(fitted: int, level: int) -> list[tuple[int, ...]]:
@@ -55,7 +55,7 @@ def exceeded(samples: Floats, monitored: Monitored, wraps: bool = False) -> Floa
 
 
 def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool = False) -> list[Floats]:
-    """Return the same for all of the channels (C, n) and several persistences: (persistence, singular) each."""
+    """Return the same for all of the channels (C, n) and several persistences: (persistence, in_split) each."""
     n, lead = samples.shape[1], max(max(pair) for pair in frames) - 1
     series = [np.empty(n) for _ in frames]
     for start in range(0, n, CHUNK):
@@ -70,16 +70,16 @@ def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -
     if len(chosen) == DUPLEX:
         # 0 where one of them is not comparable, as it is failed without a pattern
         apart = np.nan_to_num(np.abs(chosen[0] - chosen[1]), nan=0.0, posinf=np.inf)
-        yield from (sliding_minimum(apart, singular) for _, singular in frames)
+        yield from (sliding_minimum(apart, in_split) for _, in_split in frames)
         return
     of_each = nearest(chosen)
     gap = middle_gap(chosen) if len(chosen) == CHANNELS else np.min(of_each, axis=0)
-    for persistence, singular in frames:
+    for persistence, in_split in frames:
         largest = sliding_minimum(of_each[0], persistence)
         for distance in of_each[1:]:
             np.maximum(largest, sliding_minimum(distance, persistence), out=largest)
-        if len(chosen) == CHANNELS or singular < persistence:
-            np.maximum(largest, sliding_minimum(gap, singular), out=largest)
+        if len(chosen) == CHANNELS or in_split < persistence:
+            np.maximum(largest, sliding_minimum(gap, in_split), out=largest)
         yield largest
 
 

@@ -43,7 +43,7 @@ def recorded_toml(
 
     Signals in ``referenced`` keep the threshold of their reference, which by default is that of the channels.
     """
-    tables, replaced = dict(raw), {"persistence_s", *(key for design in chosen.values() for key in design.lasting)}
+    tables, replaced = dict(raw), {"persistence_s", *(key for design in chosen.values() for key in design.slow_faults)}
     if (default := raw.get("default")) is not None:
         tables["default"] = {k: v for k, v in _in_frames(default, rate_hz).items() if k not in replaced}
     signals = {name: dict(table) for name, table in raw.get("signal", {}).items()}
@@ -77,18 +77,18 @@ def scenario_toml(
 
 
 def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]:
-    """Return the keys of a design; a singular persistence that CONFIG gives stays where it is."""
+    """Return the keys of a design; a split persistence that CONFIG gives stays where it is."""
     keys = dict(design.keys())
-    if "singular_persistence" in given.model_fields_set or given.singular_persistence_s is not None:
-        keys.pop("singular_persistence")
-    for name in ("bias_bound", "stale_frames"):
-        if design.lasting.get(name) == 0 and getattr(given, name):
+    if "split_persistence" in given.model_fields_set or given.split_persistence_s is not None:
+        keys.pop("split_persistence")
+    for name in ("equalise_bound", "stale_frames"):
+        if design.slow_faults.get(name) == 0 and getattr(given, name):
             keys[name] = 0  # what the flights were flown with is not asked for any more
     return _beside(keys, given) if outlier else _in_place(keys, given)
 
 
 def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """Return the designed thresholds in place of those of ``given``, whose outlier thresholds then ask nothing more."""
+    """Return the designed thresholds in place of those of ``given``, whose isolation thresholds then rest."""
     for level in ("", "_triplex"):
         if getattr(given, f"outlier_threshold{level}") is not None:
             keys.setdefault(f"outlier_threshold{level}", keys.get(f"threshold{level}", keys["threshold"]))

@@ -1,6 +1,6 @@
-"""What healthy flights say of the manager's rules of what lasts (docs/redundancy.md): designs beside thresholds.
+"""What healthy flights say of the manager's slow-fault rules (docs/redundancy.md): designs beside thresholds.
 
-bias    ``bias_bound`` is the largest mean over a flight of a channel's residual: one value a flight, and of ten
+bias    ``equalise_bound`` is the largest mean over a flight of a channel's residual: one value a flight, and of ten
         clusters or more the tail's upper value for the budget (tail.py), else the largest that was seen
 slow    the series of sums is, in each frame, the largest allowance with which they fail somebody; its tail gives
         ``slow_allowance``, for a limit of so many spreads of the residuals times frames
@@ -40,7 +40,7 @@ Floats = NDArray[np.float64]
 Rule = Literal["bias", "slow", "stale"]
 RULES: Final[tuple[Rule, ...]] = ("bias", "slow", "stale")
 OFF: Final[dict[Rule, dict[str, float | None]]] = {
-    "bias": {"bias_bound": 0.0},
+    "bias": {"equalise_bound": 0.0},
     "slow": {"slow_allowance": None, "slow_limit": None},
     "stale": {"stale_frames": 0},
 }
@@ -85,7 +85,7 @@ def _residuals_of(samples: Floats, wraps: bool) -> Floats:
     return residual.T[: len(samples)]
 
 
-def bias_bound(means: Floats, hours: Sequence[float], budget_per_h: float, rng: np.random.Generator) -> float:
+def equalise_bound(means: Floats, hours: Sequence[float], budget_per_h: float, rng: np.random.Generator) -> float:
     """Return the bound for the largest means of flights (F,) that last ``hours`` each."""
     tail = peaks([means[i : i + 1] for i in range(len(means))], [1.0 / (3600.0 * h) for h in hours], budget_per_h)
     if tail.clusters < LEAST:
@@ -110,7 +110,7 @@ def begun(before: Sequence[Floats], settings: RecordedSignal, count: int, rate_h
     """Return (R,) the manager's states of ``count`` channels that have learned from each ``before`` (C, n)."""
     params = _params(settings, np.empty((count, 0)), rate_hz)
     state = np.repeat(new_state(params), len(before))
-    if settings.bias_bound > 0.0:
+    if settings.equalise_bound > 0.0:
         for of_piece, samples in zip(state, before, strict=True):
             fresh, rows = new_state(params), _rows(samples, settings.wraps)
             _take_learned_off(rows, rows, _VALID, params, fresh, np.empty_like(rows))

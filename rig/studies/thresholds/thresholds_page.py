@@ -89,8 +89,8 @@ def _share(design: dict[str, Any]) -> float | None:
 
 
 def _kind(design: dict[str, Any]) -> str:
-    """Return what a line is of: filter, learned bias, sums."""
+    """Return what a line is of: filter, channel equalisation, sums."""
     words = [f"filter {design['filter_s']:g} s"]
-    words += ["learned bias"] if design["bias_bound"] else []
+    words += ["channel equalisation"] if design["equalise_bound"] else []
     words += [f"sums to {design['slow_limit']:.3g}"] if design["slow_limit"] else []
     return ", ".join(words)

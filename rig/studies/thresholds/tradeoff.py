@@ -173,7 +173,7 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
 
 def ranked(designs: Sequence[Design], tradeoffs: Sequence[Tradeoff]) -> list[int]:
     """Return the places of the designs, that which finds the largest share rightly first; of equals the shortest
-    persistence and filter, and without a learned bias."""
+    persistence and filter, and without a channel equalisation."""
 
     def order(i: int) -> tuple[float, int, float, bool]:
         design = designs[i]

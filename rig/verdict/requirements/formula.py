@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rig.core.frame import FLIGHT_INDEX, INDEX
+from rig.core.renamed import formula_now, now_called
 from rig.core.text import choices, quoted
 from rig.world.faults.grammar import Grammar, Op, Refused, Step, Steps, Window, parse
 
@@ -21,7 +22,7 @@ OF_CHANNELS: Final = ("channel", "count", "failed", "healthy")  # NAME.X.N
 CHANNEL_ERROR: Final = "channel error"  # error.X.N
 OTHERS: Final = ("departure", "acting", "onset", "lost", "unit.late")  # of no signal
 YES_NO: Final = ("failed", "healthy", *OTHERS[1:])
-TWIN: Final = "twin."
+BASELINE: Final = "baseline."
 SIGNAL: Final = "{signal}"
 CHANNEL: Final = "{channel}"  # of a signal; a formula holds for each that is fitted
 _WINDOWS: Final = (Op.ALWAYS, Op.EVENTUALLY, Op.ONCE, Op.UNTIL)
@@ -131,33 +132,33 @@ def body(node: Node) -> Node:
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """The parts of a quantity's name: ``twin.failed.X.N`` is family failed, of X, channel N of the twin."""
+    """The parts of a quantity's name: ``baseline.failed.X.N`` is family failed, of X, channel N of the baseline."""
 
     family: str  # of OF_SIGNALS, OF_CHANNELS, OTHERS; surface; flight
     of: str = ""
     channel: int = 0
-    twin: bool = False
+    baseline: bool = False
 
 
 def split(name: str) -> Name | None:
     """Return the parts of a quantity's name, None of one that is none whatever the signals are."""
-    twin = name.startswith(TWIN)
-    inner = name.removeprefix(TWIN)
+    baseline = name.startswith(BASELINE)
+    inner = name.removeprefix(BASELINE)
     family, _, rest = inner.partition(".")
     if inner in OTHERS:
-        return Name(inner, twin=twin)
+        return Name(inner, baseline=baseline)
     if inner in FLIGHT_INDEX:
-        return Name("flight", inner, twin=twin)
+        return Name("flight", inner, baseline=baseline)
     of, _, channel = rest.rpartition(".")
     if family in OF_CHANNELS:
-        return Name(family, of, int(channel), twin) if of and channel.isdigit() else None
+        return Name(family, of, int(channel), baseline) if of and channel.isdigit() else None
     if family == "error" and of and channel.isdigit():
-        return Name(CHANNEL_ERROR, of, int(channel), twin)
+        return Name(CHANNEL_ERROR, of, int(channel), baseline)
     if (family not in OF_SIGNALS and family != "surface") or not rest:
         return None
     if family in ("truth", "true") and rest in FLIGHT_INDEX:
-        return Name("flight", rest, twin=twin)
-    return Name("truth" if family == "true" else family, rest, twin=twin)
+        return Name("flight", rest, baseline=baseline)
+    return Name("truth" if family == "true" else family, rest, baseline=baseline)
 
 
 def may_hold(name: str) -> bool:
@@ -174,16 +175,18 @@ def _is_signal(name: Name) -> bool:
 
 def unknown_family(name: str) -> str:
     """Return what to say of a name that is no quantity whatever the signals are."""
+    if (new := formula_now(name)) != name:
+        return now_called(name, new)
     forms = [*(f"{family}.<signal>" for family in OF_SIGNALS), *(f"{family}.<signal>.<N>" for family in OF_CHANNELS)]
     accepted = [
         *forms,
         "error.<signal>.<N>",
         *OTHERS,
         "surface.<name>",
-        "twin.<quantity>",
+        "baseline.<quantity>",
         *(f"truth.{name}" for name in FLIGHT_INDEX),
     ]
-    return f"unknown quantity {quoted(name)}, {choices(name, accepted, 'docs/margins.md')}"
+    return f"unknown quantity {quoted(name)}, {choices(name, accepted, 'docs/requirements-format.md')}"
 
 
 def check_formula(text: str) -> None:

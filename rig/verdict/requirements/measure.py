@@ -18,51 +18,51 @@ from rig.unit.running_unit import UnitUnderTest
 from rig.verdict.requirements.requirement import Requirement
 from rig.verdict.requirements.requirement_recorder import RequirementsRecorder, Verdict
 from rig.verdict.requirements.subject import Subject, of_flight
-from rig.verdict.transients import twin_blocks
+from rig.verdict.transients import baseline_blocks
 
 
-def names_twin(requirements: Sequence[Requirement]) -> bool:
-    """Return True if a formula names the twin, which must then be flown."""
-    return any(each.names_twin for each in requirements)
+def names_baseline(requirements: Sequence[Requirement]) -> bool:
+    """Return True if a formula names the baseline, which must then be flown."""
+    return any(each.names_baseline for each in requirements)
 
 
 def recorder_of(
     scenario: Scenario,
     requirements: Sequence[Requirement],
-    twin: Iterator[Block] | Block | bool | None = None,
+    baseline: Iterator[Block] | Block | bool | None = None,
     unit: UnitUnderTest | None = None,
     lines: bool = False,
 ) -> RequirementsRecorder:
     """Return what measures requirements on a flight of ``scenario``.
 
-    twin : its rows, in blocks or whole; True or None: flown where a formula names it; False: there is none
+    baseline : its rows, in blocks or whole; True or None: flown where a formula names it; False: there is none
     lines : as of RequirementsRecorder
     """
     blocks: Iterator[Block] | None = None
-    if isinstance(twin, bool) or twin is None:
-        if twin is not False and names_twin(requirements):
+    if isinstance(baseline, bool) or baseline is None:
+        if baseline is not False and names_baseline(requirements):
             blocks = _late(scenario, unit)
     else:
-        blocks = twin if isinstance(twin, Iterator) else (twin[part] for part in cuts(len(twin)))
+        blocks = baseline if isinstance(baseline, Iterator) else (baseline[part] for part in cuts(len(baseline)))
     return RequirementsRecorder(requirements, of_flight(scenario), blocks, lines)
 
 
 def _late(scenario: Scenario, unit: UnitUnderTest | None) -> Iterator[Block]:
-    """Fly the twin when its first rows are asked for."""
-    yield from twin_blocks(scenario, scenario.frames, unit)
+    """Fly the baseline when its first rows are asked for."""
+    yield from baseline_blocks(scenario, scenario.frames, unit)
 
 
 def fly_requirements(
     scenario: Scenario,
     requirements: Sequence[Requirement],
-    twin: Iterator[Block] | Block | bool | None = None,
+    baseline: Iterator[Block] | Block | bool | None = None,
     unit: UnitUnderTest | None = None,
 ) -> tuple[Verdict, ...]:
-    """Fly a scenario without a log, and its twin where a formula names it; return the verdicts.
+    """Fly a scenario without a log, and its baseline where a formula names it; return the verdicts.
 
-    twin : as of ``recorder_of``; unit : under test, that flies it.  BadInput before the first frame.
+    baseline : as of ``recorder_of``; unit : under test, that flies it.  BadInput before the first frame.
     """
-    recorder = recorder_of(scenario, requirements, twin, unit)
+    recorder = recorder_of(scenario, requirements, baseline, unit)
     loop.fly(loop.Rig(scenario, None if unit is None else UnitComputer(unit)), [recorder])
     return recorder.finish()
 
@@ -71,15 +71,15 @@ def check_rows(
     rows: Block,
     subject: Scenario | Subject,
     requirements: Sequence[Requirement],
-    twin: Block | bool | None = None,
+    baseline: Block | bool | None = None,
     unit: UnitUnderTest | None = None,
 ) -> tuple[Verdict, ...]:
     """Measure requirements on all rows of a flight, a recording or a bench; return the verdicts.
 
-    subject : the scenario of a flight, or what a recording has; twin, unit : as of ``recorder_of``
+    subject : the scenario of a flight, or what a recording has; baseline, unit : as of ``recorder_of``
     """
     if isinstance(subject, Scenario):
-        recorder = recorder_of(subject, requirements, twin, unit)
+        recorder = recorder_of(subject, requirements, baseline, unit)
     else:
         recorder = RequirementsRecorder(requirements, subject)
     for part in cuts(len(rows)):
@@ -92,11 +92,11 @@ def check_log(
     requirements: Sequence[Requirement],
     unit: UnitUnderTest | None = None,
     allow_code: bool = False,
-    twin: bool = True,
+    baseline: bool = True,
 ) -> tuple[Verdict, ...]:
     """Measure requirements on the flight in a log, block by block; return the verdicts.  BadInput names the log.
 
-    twin : False: it is not flown, whatever names it; unit : under test, that flew it and flies the twin
+    baseline : False: it is not flown, whatever names it; unit : under test, that flew it and flies the baseline
     allow_code : a manager class that the log names may be run
     """
     path = Path(path)
@@ -107,14 +107,14 @@ def check_log(
     scenario = pressed(
         from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code)), log.result, str(path)
     )
-    if twin and names_twin(requirements):
+    if baseline and names_baseline(requirements):
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
-            raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE")
+            raise BadInput(f"{path}: a unit under test flew it: its baseline needs --unit FILE")
     if unit is not None:
         unit.fly_as(unit_of(log.metadata))
     try:
-        recorder = recorder_of(scenario, requirements, twin, unit)
+        recorder = recorder_of(scenario, requirements, baseline, unit)
         for block in log.blocks():
             recorder.record(block)
     except BadInput as error:

@@ -113,7 +113,7 @@ class _Count:
 def counts(state, persistence, before, out):
     """Fill ``out`` (n,) from the states of a channel; return the frames in a row up to its end, as ``before`` is.
 
-    Below 1 until the channel is failed: a count may stand still while a pattern without a majority lasts.
+    Below 1 until the channel is failed: a count may stand still while a split lasts.
     """
     for k in range(len(state)):
         before = before + 1 if state[k] == State.SUSPECT else 0
@@ -155,8 +155,8 @@ def _share(values: Floats, trim: float, limit: float) -> Floats:
     return (limit - values) / max(limit - trim, 1e-9)
 
 
-class TwinColumns:
-    """Columns of the twin, whose blocks are of other sizes; NaN after its end."""
+class BaselineColumns:
+    """Columns of the baseline, whose blocks are of other sizes; NaN after its end."""
 
     def __init__(self, blocks: Iterator[Block], columns: Columns) -> None:
         self._blocks, self._columns, self._left = blocks, columns, None

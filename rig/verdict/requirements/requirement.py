@@ -21,7 +21,7 @@ Scale = Annotated[float, Field(gt=0.0, le=1e12)]
 class Requirement(Settings):
     """A formula that must hold at some instants, of some signals."""
 
-    keys_are_in: ClassVar[str] = "docs/margins.md"
+    keys_are_in: ClassVar[str] = "docs/requirements-format.md"
 
     id: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,79}$")
     text: str = ""
@@ -29,7 +29,7 @@ class Requirement(Settings):
     at: Literal["start", "each onset", "each loss"] = "start"
     formula: str
     signals: list[str] | Literal["*"] | None = None  # those with faults when not given
-    scale: Scale | Annotated[list[Scale], Field(min_length=1)] | None = None  # margin 1; of each comparison
+    scale: Scale | Annotated[list[Scale], Field(min_length=1)] | None = None  # robustness 1; of each comparison
     _file: str = PrivateAttr(default="")
 
     @field_validator("formula")
@@ -42,9 +42,9 @@ class Requirement(Settings):
         return formula
 
     @property
-    def names_twin(self) -> bool:
+    def names_baseline(self) -> bool:
         """Return whether the formula names the same flight without faults."""
-        return "twin." in self.formula
+        return "baseline." in self.formula
 
     @property
     def where(self) -> str:
@@ -53,7 +53,7 @@ class Requirement(Settings):
 
 
 class _File(Settings):
-    keys_are_in: ClassVar[str] = "docs/margins.md"
+    keys_are_in: ClassVar[str] = "docs/requirements-format.md"
 
     title: str = ""
     requirements: list[Requirement] = Field(min_length=1, max_length=MOST)

@@ -14,9 +14,9 @@ from rig.core.errors import BadInput
 from rig.core.frame import Block, End, State, Table
 from rig.core.text import choices, quoted
 from rig.verdict.requirements.formula import CHANNEL, COMPARISONS, SIGNAL, Formula, body, read_formula
-from rig.verdict.requirements.margins import Held, decisive, frames_reach, refuse_empty_windows, values
-from rig.verdict.requirements.quantity_columns import Columns, Onsets, TwinColumns
+from rig.verdict.requirements.quantity_columns import BaselineColumns, Columns, Onsets
 from rig.verdict.requirements.requirement import Requirement
+from rig.verdict.requirements.robustness import Held, decisive, frames_reach, refuse_empty_windows, values
 from rig.verdict.requirements.subject import Quantity, Subject, holds, lookup, signals_of, unknown_of
 from rig.world.faults.grammar import Op, Refused
 
@@ -31,8 +31,8 @@ class Verdict(NamedTuple):
     requirement: str
     signal: str
     status: Status
-    margin: float  # NaN where it is not applicable
-    instant_s: float  # whose numbers give the margin
+    robustness: float  # NaN where it is not applicable
+    instant_s: float  # whose numbers give the robustness
     values: dict[str, tuple[float, str]]  # quantities of the formula at that instant, with their SI units
 
 
@@ -91,10 +91,10 @@ class Measured:
     bound: Bound
     held: Held  # without columns
     pending: list[int] = field(default_factory=list)  # instants
-    least: tuple[float, float] = (np.inf, 1.0)  # margin and verdict so far
+    least: tuple[float, float] = (np.inf, 1.0)  # robustness and verdict so far
     instant: int = -1
     numbers: dict[str, tuple[float, str]] = field(default_factory=dict)  # there, of the channel that has it
-    drawn: int = 0  # frames whose margins are in ``line``
+    drawn: int = 0  # frames whose robustness are in ``line``
     line: list[NDArray[np.float64]] = field(default_factory=list)
 
     def measure(self, instants: Sequence[int], held: Held) -> None:
@@ -102,9 +102,9 @@ class Measured:
         self.pending = [k for k in self.pending if k > instants[-1]]
         found = values(self.bound.formula.root, instants[0], instants[-1], held)
         found = np.where(np.isnan(found), np.inf, found)[..., np.array(instants) - instants[0]]
-        verdicts, margins = found.reshape(2, -1)  # channel after channel
-        i = int(np.lexsort((verdicts, margins))[0])
-        least, (channel, instant) = (float(margins[i]), float(verdicts[i])), divmod(i, len(instants))
+        verdicts, robustness = found.reshape(2, -1)  # channel after channel
+        i = int(np.lexsort((verdicts, robustness))[0])
+        least, (channel, instant) = (float(robustness[i]), float(verdicts[i])), divmod(i, len(instants))
         if least < self.least and least[0] < np.inf:
             alone = held.on(channel)
             self.least, self.instant = least, decisive(self.bound.formula.root, instants[instant], alone)
@@ -115,7 +115,7 @@ class Measured:
             }
 
     def draw(self, held: Held) -> None:
-        """Add the margins of the frames that can be told: of what the formula says of each frame."""
+        """Add the robustness of the frames that can be told: of what the formula says of each frame."""
         node = body(self.bound.formula.root)
         end = held.end - (frames_reach(node, held.rate_hz)[1] if held.frames is None else 0)
         if end > self.drawn:
@@ -126,10 +126,12 @@ class Measured:
         """Return what became of it."""
         if self.instant < 0:
             return not_applicable(self.requirement.id, self.signal)
-        margin, verdict = self.least
+        robustness, verdict = self.least
         status: Status = "met" if verdict > 0.0 else "violated"
         at_s = self.instant / self.held.rate_hz
-        return Verdict(self.requirement.id, self.signal, status, margin + 0.0, at_s, self.numbers)  # 0.0, never -0.0
+        return Verdict(
+            self.requirement.id, self.signal, status, robustness + 0.0, at_s, self.numbers
+        )  # 0.0, never -0.0
 
 
 class RequirementsRecorder:
@@ -139,32 +141,36 @@ class RequirementsRecorder:
         self,
         requirements: Sequence[Requirement],
         subject: Subject,
-        twin: Iterator[Block] | None = None,
+        baseline: Iterator[Block] | None = None,
         lines: bool = False,
     ) -> None:
         """BadInput: a requirement asks for what the subject does not have.
 
-        twin : the rows of the same flight without faults; required where a formula names ``twin.``
-        lines : keep the margin of each frame too, 8 bytes for each formula
+        baseline : the rows of the same flight without faults; required where a formula names ``baseline.``
+        lines : keep the robustness of each frame too, 8 bytes for each formula
         """
         self.subject, self.requirements, self._lines = subject, tuple(requirements), lines
         on = [(each, *of) for each in requirements for of in _bind(each, subject)]
         named = {q.name: q for *_, made in on for of in made.quantities for q in of}
-        self.quantities = sorted(named.values(), key=lambda quantity: quantity.parts.twin)
+        self.quantities = sorted(named.values(), key=lambda quantity: quantity.parts.baseline)
         place = {quantity.name: i for i, quantity in enumerate(self.quantities)}
         self.measured = [_measured(*each, place, subject.rate_hz) for each in on]
-        own = sum(not quantity.parts.twin for quantity in self.quantities)
-        if self.needs_twin and twin is None:
-            raise BadInput(f"{self.quantities[own].name}: {subject.called} has no twin here")
+        own = sum(not quantity.parts.baseline for quantity in self.quantities)
+        if self.needs_baseline and baseline is None:
+            raise BadInput(f"{self.quantities[own].name}: {subject.called} has no baseline here")
         self._own, self._columns = own, Columns(self.quantities[:own], subject)
-        self._twin = TwinColumns(twin, Columns(self.quantities[own:], subject)) if twin and self.needs_twin else None
+        self._baseline = (
+            BaselineColumns(baseline, Columns(self.quantities[own:], subject))
+            if baseline and self.needs_baseline
+            else None
+        )
         self._parts, self._first, self._end, self._next = list[NDArray[np.float64]](), 0, 0, AT_ONCE
         self._lost, self._onsets, self._down = False, Onsets(), np.zeros(len(subject.signals), bool)
 
     @property
-    def needs_twin(self) -> bool:
-        """Return whether a formula names ``twin.``"""
-        return any(q.parts.twin for q in self.quantities)
+    def needs_baseline(self) -> bool:
+        """Return whether a formula names ``baseline.``"""
+        return any(q.parts.baseline for q in self.quantities)
 
     def record(self, table: Table) -> None:
         """Take the next frames (n,), of a flight or of a bench."""
@@ -173,8 +179,8 @@ class RequirementsRecorder:
             return
         columns = np.empty((len(self.quantities), len(rows)))
         self._columns.fill(rows, columns[: self._own])
-        if self._twin is not None:
-            self._twin.fill(len(rows), columns[self._own :])
+        if self._baseline is not None:
+            self._baseline.fill(len(rows), columns[self._own :])
         self._parts.append(columns)
         self._find(rows, self._end)
         self._lost, self._end = bool(rows["end"][-1] != End.FLYING), self._end + len(rows)
@@ -238,7 +244,7 @@ class RequirementsRecorder:
         return tuple(verdict for id_, all_of in verdicts.items() for verdict in all_of or [not_applicable(id_)])
 
     def lines(self) -> dict[tuple[str, str], NDArray[np.float64]]:
-        """Return the margins (n,) of each frame by requirement and signal, once finished; of channels the least.
+        """Return the robustness (n,) of each frame by requirement and signal, once finished; of channels the least.
 
         They are of what a formula says of each frame, without the windows around it; NaN where nothing was flown.
         """

@@ -57,7 +57,7 @@ class ActuatorData(NamedTuple):
     state: NDArray[Any]  # (3,) STATE, in place
     monitors: Any
     noise: NDArray[np.float32]  # (n, 3, 4) of a block's rows, standard normal
-    rows: NDArray[Any]  # (n, 3) ACTUATOR of a block's rows
+    rows: NDArray[Any]  # (n, 3) SERVO of a block's rows
     asked: NDArray[np.float64]  # (4, 4) workspace: what each channel is asked for, surface by surface
     off: NDArray[np.uint8]  # (4,) channels that their computers shut off
     positions: NDArray[np.float64]  # (steps, 3) rad, for each step of the plant in this frame
@@ -94,7 +94,7 @@ class Actuators:
             state=state,
             monitors=monitors,
             noise=np.zeros((0, len(MOVED), CHANNELS), np.float32),
-            rows=lane_rows(2)["actuator"],  # of two: of one the view would count as contiguous
+            rows=lane_rows(2)["servo"],  # of two: of one the view would count as contiguous
             asked=np.zeros((CHANNELS, len(SURFACES))),
             off=np.zeros(CHANNELS, np.uint8),
             positions=np.tile(trim_rad, (steps_per_frame, 1)),
@@ -102,7 +102,7 @@ class Actuators:
         )
 
     def prepare(self, rows: NDArray[Any]) -> None:
-        """Take the next rows to write, (n, 3) ACTUATOR, and draw their noise, whose stream is the same for any n."""
+        """Take the next rows to write, (n, 3) SERVO, and draw their noise, whose stream is the same for any n."""
         noise = self._noise_rng.standard_normal((len(rows), len(MOVED), CHANNELS), np.float32)
         self.data = self.data._replace(noise=noise, rows=rows)
 

@@ -108,9 +108,9 @@ def corrupt_reference(row, reference, k, data):
 def actuate(row, data):
     """Corrupt what reaches the actuators; keep the votes of the row for the triggers of the next.
 
-    A fault begins where the surface truly is.  Writes actuator and acting.
+    A fault begins where the surface truly is.  Writes surface_command and acting.
     """
-    p, flight, actuator = data.param[0], row["truth"]["flight"], row["actuation"]["actuator"]
+    p, flight, actuator = data.param[0], row["truth"]["flight"], row["actuation"]["surface_command"]
     targets, state, kept, memory = data.targets, data.state, data.kept, data.memory
     for t in range(p["references"], p["surfaces"]):
         target = targets[t]

@@ -126,7 +126,7 @@ KEPT: Final = np.dtype(
 )
 # The fields of FCC whose changes trigger faults, in the order of their numbers in SEEN.
 WATCHED: Final = (
-    *("level", "pattern", "resolver", "source", "state"),
+    *("level", "pattern", "decided_by", "source", "state"),
     *("discrete_voted", "discrete_level", "discrete_state"),
 )
 _SIZES: Final = [prod(FCC[field].shape) for field in WATCHED]

@@ -84,7 +84,7 @@ class Triggered(Settings):
     for_s: float | None = quantity("s", "the condition must hold for so long", None, gt=0)
     on: Transition | None = quantity(
         "",
-        "trigger: a change of the autopilot, or of a signal's level, pattern, resolver, source or channel state",
+        "trigger: a change of the autopilot, or of a signal's level, pattern, decided_by, source or channel state",
         None,
     )
     after: str | None = quantity("", "trigger: the onset of the fault of this id", None)

@@ -65,7 +65,7 @@ class LinkCorrupt(_OnLink):
     kind: Literal["link_corrupt"]
 
 
-class LinkLie(_OnLink):
+class LinkByzantine(_OnLink):
     """Every sample that goes this way is off, and the checksum is right. A transmitter that reads the wrong memory.
 
     A node may tell each receiver something else: that parts lanes that believe what arrives.
@@ -74,9 +74,9 @@ class LinkLie(_OnLink):
     act = Act.SET
     sizes = ("offset",)
     sentence = "{where} told wrong samples from {at} on"
-    example = "f16_link_lie"
+    example = "f16_link_byzantine"
 
-    kind: Literal["link_lie"]
+    kind: Literal["link_byzantine"]
     offset_thresholds: float = quantity("thresholds", "added to every sample that is told")
     different: bool = quantity("", "to lanes A and C it is added, from what B and D are told it is taken away", False)
     ramp_s: float = quantity("s", "it grows linearly from nothing over this time", 0.0, ge=0)
@@ -84,4 +84,4 @@ class LinkLie(_OnLink):
     @property
     def effect(self) -> Effect:
         """Off by so many thresholds of each signal's monitor."""
-        return Effect(Act.SET, self.offset_thresholds, part=LinkPart.LIE, different=self.different)
+        return Effect(Act.SET, self.offset_thresholds, part=LinkPart.OFFSET, different=self.different)

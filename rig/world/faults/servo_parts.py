@@ -38,7 +38,7 @@ class LinkPart(IntEnum):
     SILENT = 0  # 1: nothing arrives
     FROZEN = 1  # 1: the last message arrives again, with its frame number
     DAMAGED = 2  # 1: the checksum is wrong
-    LIE = 3  # added to every sample that is told, in thresholds of its signal's monitor; the checksum is right
+    OFFSET = 3  # added to every sample that is told, in thresholds of its signal's monitor; the checksum is right
 
 
 def whole_links() -> NDArray[np.float64]:

@@ -47,16 +47,16 @@ class Toggling(Corrupted):
 class IlmFault(Placed):
     """The in-line monitor is stuck on one answer, or says the opposite. A self-test that was never wired, or misreads.
 
-    good, or blind: it sees nothing; bad, or false alarm: it accuses a healthy channel; inverted, or lying: on the two
-    good channels and on the two bad ones at once it makes a lying pair.
+    good, or blind: it sees nothing; bad, or false alarm: it accuses a healthy channel; inverted, or wrong: on the two
+    good channels and on the two bad ones at once it names the wrong pair.
     """
 
     sites, act, changes_samples = ("channel", "discrete"), Act.VALID_ONLY, False
     sentence = "{where} had a wrong in-line monitor from {at} on"
-    example = "f16_singular_2_2_lying_ilm"
+    example = "f16_split_2_2_wrong_ilm"
 
     kind: Literal["ilm"]
-    says: Literal["good", "bad", "inverted", "blind", "false alarm", "lying"] = quantity("", "the answer")
+    says: Literal["good", "bad", "inverted", "blind", "false alarm", "wrong"] = quantity("", "the answer")
 
     @property
     def flag(self) -> Flag:

@@ -13,7 +13,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from rig.core.frame import CHANNELS, DISCRETE_INDEX, INDEX, D, Pattern, Resolver, S, Source, State
+from rig.core.frame import CHANNELS, DISCRETE_INDEX, INDEX, D, DecidedBy, Pattern, S, Source, State
 from rig.core.kernels import kernel
 from rig.core.settings import Settings
 from rig.core.text import choices, quoted
@@ -41,12 +41,12 @@ class Pulses:
     times_s: Sequence[float] = ()
 
 
-_OF_SIGNAL: Final = ("level", "pattern", "resolver", "source", "state")  # keys, and fields of FRAME
+_OF_SIGNAL: Final = ("level", "pattern", "decided_by", "source", "state")  # keys, and fields of FRAME
 _OF_DISCRETE: Final = ("level", "state")
 _LABELS: Final = {pattern.label: pattern for pattern in Pattern}
 
 
-_Resolver = Literal[
+_DecidedBy = Literal[
     "none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box", "common", "slow", "lane", "given_up"
 ]
 
@@ -68,7 +68,7 @@ class Transition(Settings):
     signal: str | None = None
     level: int | None = Field(default=None, ge=0, le=CHANNELS)
     pattern: Literal["normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost"] | None = None
-    resolver: _Resolver | None = None
+    decided_by: _DecidedBy | None = None
     source: Literal["voted", "reference", "degraded"] | None = None
     channel: int | None = Field(default=None, ge=1, le=CHANNELS)
     state: Literal["ok", "suspect", "failed"] | None = None
@@ -107,14 +107,14 @@ class Transition(Settings):
         return Watched(code(f"discrete_{key}" if discrete else key, row, *channel), _number(key, value))
 
 
-_KEYS: Final = "level or pattern or resolver or source = ..., or channel = ..., state = ..."
+_KEYS: Final = "level or pattern or rule or source = ..., or channel = ..., state = ..."
 
 
 def _number(key: str, value: Any) -> int:
     """Return a value as it stands in the frame."""
     if key == "pattern":
         return int(_LABELS[value])
-    enums = {"resolver": Resolver, "source": Source, "state": State}
+    enums = {"decided_by": DecidedBy, "source": Source, "state": State}
     return int(enums[key][value.upper()]) if key in enums else int(value)
 
 
@@ -216,7 +216,7 @@ def watch(fcc, seen):
         s["discrete"][i] = fcc["discrete_voted"][i]
     end = keep(fcc["level"], now, 0)  # in the order of record.WATCHED
     end = keep(fcc["pattern"], now, end)
-    end = keep(fcc["resolver"], now, end)
+    end = keep(fcc["decided_by"], now, end)
     end = keep(fcc["source"], now, end)
     for i in range(S):
         end = keep(fcc["state"][i], now, end)

@@ -105,9 +105,9 @@ class Plant:
         return self._write_row(block, k, self._raw, self._fixed)
 
     def step(self, block: Block, k: int) -> None:
-        """Give row k's ``actuator`` to the actuators and fly to the next frame."""
+        """Give row k's ``surface_command`` to the actuators and fly to the next frame."""
         if block is not self._block:  # a field of a structured array is slow to look up
-            self._block, self._actuator, self._frame = block, block["actuator"], block["frame"]
+            self._block, self._actuator, self._frame = block, block["surface_command"], block["frame"]
         elevator, aileron, rudder, throttle = self._actuator[k].tolist()
         self._throttle(throttle)
         if not self._servos:

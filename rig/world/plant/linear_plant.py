@@ -134,8 +134,8 @@ class LinearPlant:
         return self._write_row(block, k, self._raw, self._fixed)
 
     def step(self, block: Block, k: int) -> None:
-        """Give row k's ``actuator`` to the actuators and fly to the next frame."""
-        self._command[:] = block["actuator"][k]
+        """Give row k's ``surface_command`` to the actuators and fly to the next frame."""
+        self._command[:] = block["surface_command"][k]
         self._move_air((int(block["frame"][k]) + 1) / self._rate_hz)
         half_s = 0.5 * float(self._param["dt"][0])
         for _ in self._steps:

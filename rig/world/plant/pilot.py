@@ -1,4 +1,4 @@
-"""The pilot: what the sticks and the autopilot's demands do over time.
+"""The pilot: what the sticks and the commands of the autopilot do over time.
 
 Manoeuvres add up on their axis.  Stick axes are normalised deflections (-1 to 1, clipped); autopilot
 axes are changes from the values held at engagement, in rad, m or m/s.
@@ -17,7 +17,7 @@ from rig.core.settings import Settings
 
 STICKS: Final = ("stick_pitch", "stick_roll", "pedal")
 _STICKS: Final = slice(INDEX["stick_pitch"], INDEX["pedal"] + 1)
-DEMAND_AXES: Final = ("pitch_angle", "roll_angle", "altitude", "heading", "airspeed")
+AUTOPILOT_AXES: Final = ("pitch_angle", "roll_angle", "altitude", "heading", "airspeed")
 Axis = Literal["stick_pitch", "stick_roll", "pedal", "pitch_angle", "roll_angle", "altitude", "heading", "airspeed"]
 Times = NDArray[np.float64]
 
@@ -116,21 +116,21 @@ class Config(Settings):
 
 
 class Pilot:
-    """Writes the truth of the sticks, the demands and the engage switch, a block at a time."""
+    """Writes the truth of the sticks, the autopilot commands and the engage switch, a block at a time."""
 
     def __init__(self, config: Config, rate_hz: float) -> None:
         self._config = config
         self._rate_hz = rate_hz
 
     def prepare(self, block: Block) -> None:
-        """Fill ``truth`` of the sticks, ``demand`` and ``discrete_truth`` of all rows of ``block``."""
+        """Fill ``truth`` of the sticks, ``autopilot_command`` and ``discrete_truth`` of all rows of ``block``."""
         t = block["frame"] / self._rate_hz
-        truth, demand = block["truth"], block["demand"]
+        truth, autopilot_command = block["truth"], block["autopilot_command"]
         truth[:, _STICKS] = 0.0
-        demand[:] = 0.0
+        autopilot_command[:] = 0.0
         for manoeuvre in self._config.manoeuvres:
             axis = manoeuvre.axis
-            column = truth[:, INDEX[axis]] if axis in STICKS else demand[:, DEMAND_AXES.index(axis)]
+            column = truth[:, INDEX[axis]] if axis in STICKS else autopilot_command[:, AUTOPILOT_AXES.index(axis)]
             column += manoeuvre.at(t)
         np.clip(truth[:, _STICKS], -1.0, 1.0, out=truth[:, _STICKS])
         block["discrete_truth"][:, DISCRETE_INDEX["autopilot_engaged"]] = self._engaged(t)

@@ -33,7 +33,7 @@ LINKS: Final = (
     "kind='link_loss'",
     "kind='link_frozen'",
     "kind='link_corrupt'",
-    "kind='link_lie', offset_thresholds=5.0",
+    "kind='link_byzantine', offset_thresholds=5.0",
 )
 LANE: Final = "signal='computer.{lane}'"
 SINGLE: Final = {  # what a row of the table is about: its faults
@@ -124,7 +124,7 @@ def _found(flight: CampaignFlight, found: Score, start_s: float) -> tuple[str, f
     """Return who found the flight's fault, and after how long: of one in samples, who failed its lane."""
     one, rate_hz = next((each for each in found.faults if each.channel is None), None), flight.scenario.rate_hz
     if one is not None:
-        return one.resolver or "", (one.delay_from_onset_frames or 0) / rate_hz
+        return one.decided_by or "", (one.delay_from_onset_frames or 0) / rate_hz
     failures = findings(flight).failures
     return (test_name(failures[0].test), failures[0].frame / rate_hz - start_s) if failures else ("", 0.0)
 
@@ -230,11 +230,11 @@ def _became(flight: CampaignFlight, clean: CampaignFlight) -> str:
     return f"flies with {transient(flight, clean)[0]:.2f} g"
 
 
-# A lying link and a sensor.
+# A byzantine link and a sensor.
 
 
 def lanes_asymmetric() -> None:
-    """Print flights with a link that lies and a sensor that is off in which good lanes fail different channels."""
+    """Print flights with a byzantine link and a sensor that is off in which good lanes fail different channels."""
     told = "; ".join(f"{_asymmetric(rounds)} with {word}" for rounds, word in ((1, "one round"), (2, "two")))
     print(f"good lanes failed different channels in {told}")
 
@@ -243,19 +243,21 @@ def _asymmetric(rounds: int) -> str:
     names = [name for name in INDEX if name not in ("stick_pitch", "stick_roll", "pedal")]
     ways = [(i, f"ccdl.{COMPUTERS[i]}-{COMPUTERS[j]}", "") for i, j in permutations(range(4), 2)]
     nodes = [(i, f"ccdl.{COMPUTERS[i]}", ", different=true") for i in range(4)]
-    flights = [(*lie, c, name) for lie in (*ways, *nodes) for c in range(4) if c != lie[0] for name in names]
+    flights = [
+        (*byzantine, c, name) for byzantine in (*ways, *nodes) for c in range(4) if c != byzantine[0] for name in names
+    ]
     return f"{sum(_parted(rounds, *flight) for flight in flights)} of {len(flights)} flights"
 
 
-def _parted(rounds: int, liar: int, link: str, more: str, channel: int, name: str) -> bool:
-    """Return True if lanes other than the liar have failed different channels of a signal after half a second."""
-    lie = f"kind='link_lie', signal='{link}', offset_thresholds=5.0{more}"
+def _parted(rounds: int, wrong_lane: int, link: str, more: str, channel: int, name: str) -> bool:
+    """Return True if lanes other than the wrong one have failed different channels of a signal after half a second."""
+    byzantine = f"kind='link_byzantine', signal='{link}', offset_thresholds=5.0{more}"
     off = f"kind='offset', signal='{name}', channels=[{channel + 1}], offset_thresholds=10.0"
     sets = [f"computers.exchange_rounds={rounds}", "actuators.model=lag", "duration_s=1"]
-    flight = four("f16", *sets, beginning([(lie, 0.3), (off, 0.3)]))
+    flight = four("f16", *sets, beginning([(byzantine, 0.3), (off, 0.3)]))
     assert flight.table.lane is not None
     failed = flight.table.lane["state"][-1][:, INDEX[name]] == State.FAILED
-    good = [lane for lane in range(4) if lane != liar]
+    good = [lane for lane in range(4) if lane != wrong_lane]
     return bool((failed[good] != failed[good[0]]).any())
 
 

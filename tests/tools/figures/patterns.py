@@ -53,14 +53,14 @@ def _fault(kind: str, channels: str, more: str = "", signal: str = "pitch_rate")
     return f"{{kind='{kind}', signal='{signal}', channels=[{channels}], start_s=10.0{more}}}"
 
 
-LEVEL: Final = "f16_singular_2_2_level"
+LEVEL: Final = "f16_split_2_2_level"
 OFFSETS: Final = [_fault("offset", "2", f", offset={size}", name) for name, size in BOX.items() if size]
 PICTURES: Final = {
     "isolated": Picture(LEVEL, 9.95, [_faults(_fault("offset", "3", ", offset=0.1"))]),
     "2_2": Picture(LEVEL, 9.95),
-    "1_1": Picture("f16_singular_1_1", 14.95),
-    "1_1_1_1": Picture("f16_singular_1_1_1_1", 9.95),
-    "1_1_1": Picture("f16_singular_1_1_1", 14.95),
+    "1_1": Picture("f16_split_1_1", 14.95),
+    "1_1_1_1": Picture("f16_split_1_1_1_1", 9.95),
+    "1_1_1": Picture("f16_split_1_1_1", 14.95),
     "box": Picture(LEVEL, 9.95, [_faults(*OFFSETS)], lanes=[(name, 2) for name in BOX]),
     "common": Picture(
         LEVEL,

@@ -1,6 +1,7 @@
 """What became of the flights of the campaign ``reliability-slow``, by aircraft and planned cell.
 
-Kept, known loss and bad vote as `rig reliability` counts them; flights in which the aircraft is lost, and in which a
+Kept, annunciated loss and undetected error as `rig reliability` counts them; flights in which the aircraft is lost,
+and in which a
 healthy channel of any signal is failed.
 """
 
@@ -32,7 +33,11 @@ def rows(tables: Tables, source: str) -> Iterator[list[object]]:
     for (name,), flown in sorted(runs.group_by(cell), key=lambda item: item[0], reverse=True):
         counts = of_tables({**tables, "runs": flown}, source).counts
         sums = [int(counts[outcome].sum()) for outcome in OUTCOMES]
-        off = counts.group_by("signal").agg(count=(pl.col("trials") - pl.col("kept")).sum()).filter(pl.col("count") > 0)
+        off = (
+            counts.group_by("signal")
+            .agg(count=(pl.col("trials") - pl.col("correct")).sum())
+            .filter(pl.col("count") > 0)
+        )
         signals = ", ".join(f"{signal} {count}" for signal, count in off.sort("signal").iter_rows())
         lost, healthy = int((~flown["survived"]).sum()), int(flown["run"].is_in(wrong.to_list()).sum())
         yield [flown["aircraft"][0], name, len(flown), *sums, lost, healthy, signals]

@@ -157,8 +157,8 @@ def designed(signals: Signals, grid: Grid) -> list[str]:
     hours, counted = sum(c.hours for c in counts), sum(c.counted for c in counts)
     allowed = Count(counted, hours, grid.budget_per_h).expected
     said = f"{counted} in {hours:.3f} h, allowed {allowed:.1f}; folds over {over} of {FOLDS}"
-    lasting = ", what lasts" if grid.lasting else ""
-    return row(f"budget {grid.budget_per_h:g}/h{lasting}", said, runs)
+    slow_faults = ", slow faults" if grid.slow_faults else ""
+    return row(f"budget {grid.budget_per_h:g}/h{slow_faults}", said, runs)
 
 
 def thresholds_quad(folder: str) -> None:
@@ -168,7 +168,7 @@ def thresholds_quad(folder: str) -> None:
     units = list(zip(*signals.values(), strict=True))
 
     def rows() -> Iterator[list[str]]:
-        yield from (designed(signals, Grid(budget, lasting=rules)) for budget in BUDGETS for rules in ((), RULES))
+        yield from (designed(signals, Grid(budget, slow_faults=rules)) for budget in BUDGETS for rules in ((), RULES))
         yield from (fixed(signals, *settings) for settings in FIXED)
         yield row("PX4's rule", "", [selected(unit, k) for k in range(len(AXES)) for unit in units])
 

@@ -51,9 +51,9 @@ def rounds(runs: int, count: int) -> Iterator[list[str]]:
     """
     numbers: list[tuple[float, ...]] = []
     for k in range(count):
-        before = rig("bench", "--repeats", "3")
+        before = rig("cost", "--repeats", "3")
         flown = {workers: campaign(runs, workers) for workers in ((1, 2) if k % 2 == 0 else (2, 1))}
-        after = rig("bench", "--repeats", "3")
+        after = rig("cost", "--repeats", "3")
         frame_us, bare_us = (fmean((before[name], after[name])) for name in ("frame_us", "bare_us"))
         allowed = 1e6 / (frame_us * FRAMES)
         one, two = (flown[workers]["flights_per_s"] for workers in (1, 2))

@@ -158,7 +158,7 @@ def second(w: Any, row: Any) -> list[float]:
 
 def declared(flight: Block, onset: int, rate_hz: float) -> Table:
     """Return sensor faults and biased rates."""
-    corrected, biased = flight["trust"] == Trust.CORRECTED, flight["lie"] == SensorFault.RATE_BIAS
+    corrected, biased = flight["trust"] == Trust.CORRECTED, flight["sensor_fault"] == SensorFault.RATE_BIAS
     after = np.flatnonzero(corrected[onset:])
     trips = int(np.count_nonzero(np.diff(corrected.astype(int), prepend=0) == 1))
     first_s = float(after[0]) / rate_hz if len(after) else None

@@ -32,20 +32,20 @@ from rig.scenario.scenario import Scenario, load, names
 from rig.unit.running_unit import UnitUnderTest, running
 from rig.unit.unit_file import Unit
 
-CARRIERS: Final[dict[str, dict[str, Any]]] = {
+TRANSPORTS: Final[dict[str, dict[str, Any]]] = {
     "in process": {"path": "libmonitor.so", "isolate": False},
     "child": {"path": "libmonitor.so"},
-    "FMU": {"carrier": "fmu", "path": "monitor.fmu"},
-    "UDP": {"carrier": "udp", "command": ["monitor_udp", "--rig", "{address}"]},
+    "FMU": {"transport": "fmu", "path": "monitor.fmu"},
+    "UDP": {"transport": "udp", "command": ["monitor_udp", "--rig", "{address}"]},
 }
 FLOWN: Final = 10  # scenarios whose loop the unit closes
 STOPPED_AT: Final = 1000  # frames
 RATES_HZ: Final = (100, 400, 1000)
 
 
-def keys_of(carrier: str, built: Path) -> dict[str, Any]:
+def keys_of(transport: str, built: Path) -> dict[str, Any]:
     """Return the keys of a unit file, with the paths in ``built``."""
-    keys = {"name": "monitor", **CARRIERS[carrier]}
+    keys = {"name": "monitor", **TRANSPORTS[transport]}
     if "path" in keys:
         return {**keys, "path": str(built / keys["path"])}
     program, *rest = keys["command"]
@@ -111,30 +111,31 @@ def frame_us(scenario: Scenario, unit: UnitUnderTest | None) -> tuple[float, flo
 
 def _costs(built: Path, count: int) -> Iterator[list[str]]:
     scenario = load(None)
-    pairs: dict[str, list[tuple[tuple[float, float], ...]]] = {carrier: [] for carrier in CARRIERS}
+    pairs: dict[str, list[tuple[tuple[float, float], ...]]] = {transport: [] for transport in TRANSPORTS}
     with tempfile.TemporaryDirectory() as folder, ExitStack() as units:
-        for unit in CARRIERS:
+        for unit in TRANSPORTS:
             (Path(folder) / unit).mkdir()
             written(Path(folder) / unit, keys_of(unit, built))
-        tested = {unit: units.enter_context(running(Path(folder) / unit / "unit.toml")) for unit in CARRIERS}
+        tested = {unit: units.enter_context(running(Path(folder) / unit / "unit.toml")) for unit in TRANSPORTS}
         for unit in (None, *tested.values()):
             frame_us(scenario, unit)  # compiles
         for _ in range(count):
-            for carrier, unit in tested.items():  # in turns: a shared host is slow for seconds at a time
-                pairs[carrier].append((frame_us(scenario, None), frame_us(scenario, unit)))
-    for carrier, both in pairs.items():
+            for transport, unit in tested.items():  # in turns: a shared host is slow for seconds at a time
+                pairs[transport].append((frame_us(scenario, None), frame_us(scenario, unit)))
+    for transport, both in pairs.items():
         for i, measure in enumerate(("mean", "median frame")):
             ours, theirs = (median(pair[side][i] for pair in both) for side in (0, 1))
             ratios = [pair[1][i] / pair[0][i] for pair in both]
             numbers = (*quantiles(ratios, n=4), min(ratios), max(ratios))
             low, middle, high, least, most = (f"{ratio:.3f}" for ratio in numbers)
-            yield [carrier, measure, f"{ours:.2f}", f"{theirs:.2f}", middle, f"{low} to {high}", f"{least} to {most}"]
+            yield [transport, measure, f"{ours:.2f}", f"{theirs:.2f}", middle, f"{low} to {high}", f"{least} to {most}"]
 
 
 def unit_cost(built: str, count: str = "175") -> None:
-    """Print the loop's frame with each carrier, without the log, in pairs of flights against our own manager."""
+    """Print the loop's frame with each transport, without the log, in pairs of flights against our own manager."""
     table(
-        ("carrier", "", "ours, us", "unit, us", "ratio", "quartiles", "all"), _costs(Path(built).resolve(), int(count))
+        ("transport", "", "ours, us", "unit, us", "ratio", "quartiles", "all"),
+        _costs(Path(built).resolve(), int(count)),
     )
 
 
@@ -177,13 +178,13 @@ def unit_stopped(built: str) -> None:
     stops = {"not stopped": None, "SIGSTOP": by_signal, **({"gdb": by_debugger} if shutil.which("gdb") else {})}
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        for carrier in ("child", "UDP"):
-            tested = written(Path(folder), {**keys_of(carrier, Path(built).resolve()), "timeout_s": 0})
+        for transport in ("child", "UDP"):
+            tested = written(Path(folder), {**keys_of(transport, Path(built).resolve()), "timeout_s": 0})
             for how, stop in stops.items():
                 flight = _fly_stopped(Path(folder), tested, stop)
                 longest = f"{(flight.unit or {})['reply']['worst_us'] / 1e6:.3f}"
-                rows.append([carrier, how, flight.frames, longest, f"`{flight.digest[:16]}`"])
-    table(("carrier", "stopped by", "frames", "longest reply, s", "digest"), rows)
+                rows.append([transport, how, flight.frames, longest, f"`{flight.digest[:16]}`"])
+    table(("transport", "stopped by", "frames", "longest reply, s", "digest"), rows)
 
 
 # Paced --------------------------------------------------------------------------------------------------------------

@@ -33,9 +33,9 @@ BY_UDP: Final = {
 UNREACHED: Final[dict[str, dict[str, Any]]] = {
     "no library": {"path": str(Path(__file__))},
     "no such functions": {"path": str(next(Path("/lib").rglob("libm.so.6"), "libm.so.6"))},
-    "no such program": {"carrier": "udp", "start_s": 1.0, "command": ["no-such-program"]},
-    "silent program": {"carrier": "udp", "start_s": 1.0, "command": ["sleep", "60"]},
-    "nobody at the address": {"carrier": "udp", "start_s": 1.0, "address": "127.0.0.1:9"},
+    "no such program": {"transport": "udp", "start_s": 1.0, "command": ["no-such-program"]},
+    "silent program": {"transport": "udp", "start_s": 1.0, "command": ["sleep", "60"]},
+    "nobody at the address": {"transport": "udp", "start_s": 1.0, "address": "127.0.0.1:9"},
 }
 
 

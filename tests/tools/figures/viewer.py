@@ -1,4 +1,4 @@
-"""Fly and photograph the viewer for the pages: docs/viewer_actuators.png, viewer_computers.png, viewer_twin.png.
+"""Fly and photograph the viewer for the pages: docs/viewer_actuators.png, viewer_computers.png, viewer_two_flights.png.
 
 python tests/tools/figures/viewer.py [NAME ...]    # half a minute; a Vulkan driver is needed
 
@@ -35,7 +35,7 @@ class Picture(NamedTuple):
 PICTURES: Final = {
     "viewer_actuators": Picture("f16_elevator_coil_hardover", tab="actuators"),
     "viewer_computers": Picture("f16_four_lanes_lost", tab="computers"),
-    "viewer_twin": Picture(
+    "viewer_two_flights": Picture(
         "f16_pitch_rate_hardover", [["redundancy.manager=cross-channel"], ["redundancy.manager=mean"]]
     ),
 }

@@ -1,0 +1,191 @@
+/* Slow faults: a bias that is learned, small deviations summed over seconds, samples that repeat.
+ *
+ * redundancy.md of that name.  The residual of a channel is its sample less the middle of those in use.  Nothing here
+ * moves a vote: it changes who is compared with whom, and who is failed.
+ */
+#include <string.h>
+
+#include "monitor.h"
+
+#define NOBODY (-1)
+#define CALM 0.5 /* of the limit: what most must be below, or the sums cannot tell who is right */
+
+void slow_open(const struct rig_config *config, int signal, struct slow_faults *l)
+{
+    memset(l, 0, sizeof *l);
+    l->set = &config->slow_faults[signal];
+    l->last_reference = (double)NAN;
+    for (int c = 0; c < RIG_CHANNELS; c++) {
+        l->last_sample[c] = (double)NAN;
+    }
+}
+
+void slow_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
+{
+    for (int c = 0; c < RIG_CHANNELS; c++) {
+        if (failed[c] && !s->latches.failed[c]) {
+            s->slow_faults.bias[c] = 0.0;
+            s->slow_faults.learned[c] = 0;
+        }
+    }
+}
+
+/* ---- Stale samples ---- */
+
+/* Channels in use with a comparable sample, and those of them whose sample is another than its last one. */
+struct movement {
+    int in_use;
+    int moving;
+    bool reference; /* what moves beside the only one in use */
+};
+
+static struct movement movement(const struct frame *f, double reference, params *p, const struct signal *s)
+{
+    const struct slow_faults *const l = &s->slow_faults;
+    struct movement m = {0, 0, false};
+    for (int c = 0; c < p->fitted; c++) {
+        if (!s->latches.failed[c] && compare_is_comparable(f, c, p)) {
+            m.in_use++;
+            m.moving += (f->samples[c] != l->last_sample[c]) ? 1 : 0;
+        }
+    }
+    m.reference = isfinite(reference) && (reference != l->last_reference);
+    return m;
+}
+
+/* Whether a repeat of channel c counts.  Nothing is told by a sample at the end of the range, nor where most repeat
+ * alike: sensors at their stop, or at rest with a coarse quantum, are in order, unless a reference contradicts them.
+ * `ends`: the count begins again instead. */
+static bool repeat_counts(const struct frame *f, int c, const struct movement *m, params *p, const struct signal *s,
+                          bool *ends)
+{
+    const double x = f->samples[c];
+    const double off = fabs(difference(x, f->reference, p));
+    const bool told = s->reference_usable && (off > (REFERENCE_MARGIN * f->reference_threshold));
+    const int others = m->in_use - (s->latches.failed[c] ? 0 : 1);
+    *ends = !told && (p->wraps == 0) && ((x <= p->low) || (x >= p->high));
+    const bool most = (others == 0) ? m->reference : ((2 * m->moving) >= others);
+    return told || (!*ends && most);
+}
+
+void slow_count(const struct frame *f, double reference, params *p, struct signal *s)
+{
+    struct slow_faults *const l = &s->slow_faults;
+    if (l->set->stale_frames == 0) {
+        return;
+    }
+    const struct movement m = movement(f, reference, p, s);
+    l->last_reference = reference;
+    l->stale = 0U;
+    l->standing = m.moving == 0;
+    for (int c = 0; c < p->fitted; c++) {
+        if (compare_is_comparable(f, c, p)) {
+            bool ends = f->samples[c] != l->last_sample[c];
+            if (!ends && repeat_counts(f, c, &m, p, s, &ends)) {
+                l->repeats[c]++;
+            }
+            l->repeats[c] = ends ? 0 : l->repeats[c];
+            l->last_sample[c] = f->samples[c];
+            l->stale |= (l->repeats[c] >= l->set->stale_frames) ? (1U << c) : 0U;
+        }
+    }
+}
+
+bool slow_is_stale(int c, const struct slow_faults *l)
+{
+    return has(l->stale, c);
+}
+
+/* ---- Channel equalisation ---- */
+
+bool slow_is_learned(const struct frame *f, const struct slow_faults *l)
+{
+    bool learned = true;
+    for (int i = 0; (i < f->n) && (l->set->equalise_bound > 0.0); i++) {
+        learned = learned && ((((double)l->learned[f->order[i]] + 0.5) * l->set->equalise_gain) >= 1.0);
+    }
+    return learned;
+}
+
+/* The median, or of an even number the usable reference between the two in the middle, else the mean of those. */
+static double middle(const struct frame *f, const struct signal *s)
+{
+    if (((f->n % 2) == 0) && s->reference_usable && !isnan(f->reference)) {
+        return clamp(f->reference, f->low, f->high);
+    }
+    return mean(f->low, f->high, 0.5);
+}
+
+void slow_learn(const struct frame *f, struct signal *s)
+{
+    struct slow_faults *const l = &s->slow_faults;
+    const double bound = l->set->equalise_bound;
+    if ((bound <= 0.0) || (f->n < 2) || (s->pattern != RIG_PATTERN_NORMAL)) {
+        return;
+    }
+    const double m = middle(f, s);
+    for (int i = 0; i < f->n; i++) {
+        const int c = f->order[i];
+        if (!f->alone[c] && !f->blamed[c] && (s->latches.count[c] <= 0.0)) {
+            const double seen = (double)l->learned[c];
+            const double first = 1.0 / (seen + 1.0);
+            const bool begins = ((seen * l->set->equalise_gain) < 1.0) && (first > l->set->equalise_gain);
+            const double gain = begins ? first : l->set->equalise_gain;
+            l->bias[c] = clamp(l->bias[c] + (gain * ((f->x[c] - m) - l->bias[c])), -bound, bound);
+            l->learned[c]++;
+        }
+    }
+}
+
+/* ---- Sums of small deviations ---- */
+
+/* The next sum: what exceeds the allowance, `most` of it; what is no number begins it again. */
+static double sum(double last, double excess, double most)
+{
+    const double step = (most < excess) ? most : excess;
+    const double next = last + step;
+    return (isfinite(step) && (next > 0.0)) ? next : 0.0;
+}
+
+/* Sum both ways of each channel; the channel with the largest sum above the limit, while most are calm. */
+static int watch(const struct frame *f, params *p, struct signal *s)
+{
+    struct slow_faults *const l = &s->slow_faults;
+    const double limit = l->set->slow_limit;
+    if ((limit <= 0.0) || (f->n < 3) || is_split(s->pattern)) {
+        return NOBODY;
+    }
+    const double m = middle(f, s);
+    const double most = limit / ((double)p->persistence - 0.5);
+    double largest = limit;
+    int worst = NOBODY;
+    int calm = 0;
+    for (int i = 0; i < f->n; i++) {
+        const int c = f->order[i];
+        const double residual = (f->x[c] - l->bias[c]) - m;
+        l->above[c] = sum(l->above[c], residual - l->set->slow_allowance, most);
+        l->below[c] = sum(l->below[c], -residual - l->set->slow_allowance, most);
+        const double reached = (l->below[c] > l->above[c]) ? l->below[c] : l->above[c];
+        calm += (reached < (CALM * limit)) ? 1 : 0;
+        if (reached > largest) {
+            worst = c;
+            largest = reached;
+        }
+    }
+    return ((2 * calm) > f->n) ? worst : NOBODY;
+}
+
+void slow_watch(struct frame *f, params *p, struct signal *s)
+{
+    const int slow = (f->decided_by == RIG_DECIDED_BY_COMMON) ? NOBODY : watch(f, p, s);
+    if (slow != NOBODY) {
+        s->latches.failed[slow] = true;
+        f->decided_by = RIG_DECIDED_BY_SLOW;
+    }
+}
+
+void slow_begin_sums(struct slow_faults *l)
+{
+    memset(l->above, 0, sizeof l->above);
+    memset(l->below, 0, sizeof l->below);
+}

@@ -1,0 +1,196 @@
+"""Settings of the baseline managers, ``[redundancy.baselines.<name>]``, and what they add to the records of a signal.
+
+Amounts are in thresholds of the signal (``SignalConfig.threshold``), so that one number stands for all signals; a
+table ``signals.<signal>`` has what is different for one.  The defaults hold the sensors of the bundled aircraft, whose
+channels differ from their middle by a constant of up to 0.2 thresholds, and by noise of up to 0.04.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any, ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
+
+from rig.core.frame import CHANNELS
+from rig.core.settings import Settings
+from rig.core.text import choices
+
+WINDOW: Final = 100  # frames, the longest of "glr"
+MEMBERS: Final = CHANNELS + 1  # of "bayes": the channels, then the reference
+SETS: Final = 1 << MEMBERS
+
+
+class Baseline(Settings):
+    """What each baseline manager has."""
+
+    levels: ClassVar[tuple[str, ...]] = ()  # the settings to calibrate: one, or of 4, 3, 2 channels
+
+    ties: Literal["guess", "hold"] = "hold"  # an even split without a usable reference: fails one, or holds the vote
+    bounded: bool = True  # what is shorter than the persistence fails nobody; False: as published
+    spread: float = Field(default=0.04, gt=0)  # of a healthy channel about its bias, standard deviation, thresholds
+    signals: dict[str, dict[str, Any]] = {}  # of single signals, in place of the above
+
+    @model_validator(mode="after")
+    def _single_signals(self) -> Baseline:
+        for name in self.signals:
+            self.of(name)
+        return self
+
+    def of(self, signal: str) -> Baseline:
+        """Return the settings of one signal.  ValueError: a key or value of its table."""
+        own = self.signals.get(signal)
+        if own is None:
+            return self
+        if "signals" in own:
+            raise ValueError(f"signals.{signal}.signals: unknown key")
+        try:
+            return type(self).model_validate({**self.model_dump(exclude={"signals"}), **own})
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            key = ".".join(("signals", signal, *map(str, first["loc"])))
+            raise ValueError(f"{key}: {first['msg'].removeprefix('Value error, ')}") from None
+
+
+class Cusum(Baseline):
+    """Sums of residuals beyond an allowance, each side."""
+
+    levels = ("allowance",)
+
+    allowance: float = Field(default=0.35, ge=0)  # what a residual may be for ever, thresholds
+    limit: float = Field(default=24.0, gt=0)  # spreads times frames
+
+
+class Glr(Baseline):
+    """Largest log likelihood ratio of a step or ramp that began within a window."""
+
+    levels = ("limit",)
+
+    rms: float = Field(default=0.2, gt=0)  # of a healthy residual, bias and noise, thresholds
+    limit: float = Field(default=200.0, gt=0)  # log likelihood ratio
+    window: int = Field(default=WINDOW, ge=2, le=WINDOW)  # frames
+
+
+class Parity(Baseline):
+    """Squared length of the parity vector."""
+
+    levels = ("limit", "limit_triplex", "limit_duplex")
+
+    limit: float = Field(default=0.5, gt=0)  # square thresholds, while four samples are compared
+    limit_triplex: float | None = Field(default=None, gt=0)  # while three are; limit when not given
+    limit_duplex: float | None = Field(default=None, gt=0)
+    vote: Literal["mean", "middle"] = "mean"  # of those in use
+
+
+class Bayes(Baseline):
+    """Log odds that a channel is faulty, over all sets of faulty members."""
+
+    levels = ("limit",)
+
+    limit: float = Field(default=10.0, ge=4.59)  # log odds, ln 99 and more
+    bias: float = Field(default=0.2, ge=0)  # largest of a healthy channel, three standard deviations, thresholds
+    noise: float = Field(default=2.0, gt=0)  # of a sample of a healthy member, spreads
+    fault_noise: float = Field(default=4.0, gt=0)  # of a faulty one, spreads
+    jump: float = Field(default=2.0, ge=0)  # of a fault at its onset, biases
+    walk: float = Field(default=0.05, ge=0)  # of a fault in a frame, spreads
+    reference_frames: int = Field(default=100, ge=1)  # correlation of a reference's error
+    onset_per_frame: float = Field(default=1e-7, gt=0, lt=1)  # chance of a member
+
+
+class Innovation(Baseline):
+    """Sums of distances to the reference beyond the least."""
+
+    levels = ("allowance",)
+
+    allowance: float = Field(default=0.5, ge=0)  # thresholds
+    limit: float = Field(default=24.0, gt=0)  # spreads times frames
+
+
+class Weighted(Baseline):
+    """A weighted average; nothing is monitored."""
+
+    scale: float = Field(default=1.0, gt=0)  # distance at which a sample loses half of its weight, thresholds
+
+
+class Baselines(Settings):
+    """The ``[redundancy.baselines]`` table: all that can be flown."""
+
+    cusum: Cusum = Cusum()
+    glr: Glr = Glr()
+    parity: Parity = Parity()
+    bayes: Bayes = Bayes()
+    innovation: Innovation = Innovation()
+    weighted: Weighted = Weighted()
+
+    def refuse_others(self, signals: Collection[str]) -> None:
+        """ValueError where a table is of another signal than these."""
+        for baseline in type(self).model_fields:
+            for name in getattr(self, baseline).signals:
+                if name not in signals:
+                    raise ValueError(f"baselines.{baseline}.signals: unknown signal, {choices(name, signals)}")
+
+
+# What a signal's record has besides config.PARAMS; amounts in the unit of the signal.
+BASELINE_PARAMS: Final = (
+    ("holds_ties", "u1"),
+    ("bounded", "u1"),
+    ("watches", "u1"),  # statistics alone: nobody is failed by them
+    ("spread", "f8"),
+    ("allowance", "f8"),  # in the unit of ``spread``, as ``limit`` is
+    ("limit", "f8", (3,)),  # while 4, 3, 2 samples are compared
+    ("rms", "f8"),
+    ("window", "i8"),
+    ("votes_middle", "u1"),
+    ("scale", "f8"),
+    # Of "bayes", in thresholds: (healthy, faulty).
+    ("bias", "f8"),
+    ("noise", "f8", (2,)),
+    ("jump", "f8"),
+    ("walk", "f8"),
+    ("onset_per_frame", "f8"),
+    ("reference_frames", "f8"),
+)
+
+
+def extended(records: NDArray[np.void], more: Sequence[tuple[Any, ...]]) -> NDArray[np.void]:
+    """Return ``records`` with the fields ``more``, which are zero; the same records where they have them.
+
+    These stand first: numba takes records that only end with more for a subtype of the others, and says so.
+    """
+    names = records.dtype.names or ()
+    if all(field[0] in names for field in more):
+        return records
+    dtype = np.dtype([*more, *((name, records.dtype[name]) for name in names)], align=True)
+    made = np.zeros(len(records), dtype)
+    for name in names:
+        made[name] = records[name]
+    return made
+
+
+def with_baseline(
+    params: NDArray[np.void], baseline: str, baselines: Baselines, signals: Sequence[str]
+) -> NDArray[np.void]:
+    """Return (S,) config.PARAMS of ``signals`` with what a baseline manager is told of each."""
+    made = extended(params, BASELINE_PARAMS)
+    for row, signal in zip(made, signals, strict=True):
+        _tell(row, getattr(baselines, baseline).of(signal))
+    return made
+
+
+def _tell(row: Any, chosen: Baseline) -> None:
+    """Write the settings of one signal into its record; what a baseline manager does not have stays as it is."""
+    threshold, told = float(row["threshold"]), chosen.model_dump()
+    row["holds_ties"], row["bounded"] = chosen.ties == "hold", chosen.bounded
+    row["spread"] = chosen.spread * threshold
+    row["allowance"] = told.get("allowance", 0.0) / chosen.spread
+    four = told.get("limit", 0.0)
+    row["limit"] = [told.get(name) or four for name in ("limit", "limit_triplex", "limit_duplex")]
+    row["rms"], row["scale"] = told.get("rms", 0.0) * threshold, told.get("scale", 0.0) * threshold
+    row["window"], row["votes_middle"] = told.get("window", 0), told.get("vote") == "middle"
+    if isinstance(chosen, Bayes):
+        noise = (chosen.noise * chosen.spread, chosen.fault_noise * chosen.spread)
+        row["bias"], row["noise"], row["jump"] = chosen.bias / 3.0, noise, chosen.jump * chosen.bias
+        row["reference_frames"] = chosen.reference_frames
+        row["walk"], row["onset_per_frame"] = chosen.walk * chosen.spread, chosen.onset_per_frame

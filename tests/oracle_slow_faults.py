@@ -1,0 +1,103 @@
+"""The oracle's slow-fault rules: channel equalisation, sums of small deviations, samples that repeat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from oracle_answers import Settings, View
+from oracle_references import FAR
+
+
+@dataclass
+class SlowFaults:
+    """Memory of one signal beside the oracle's; channels are keys."""
+
+    s: Settings
+    bias: dict[int, float] = field(default_factory=lambda: dict.fromkeys(range(4), 0.0))
+    learned: dict[int, int] = field(default_factory=lambda: dict.fromkeys(range(4), 0))  # frames
+    sums: dict[tuple[int, int], float] = field(default_factory=dict)  # by channel and sign
+    last: dict[int, float] = field(default_factory=dict)  # comparable samples
+    last_reference: float | None = None  # of the last frame, as given
+    repeats: dict[int, int] = field(default_factory=dict)
+    standing: bool = False  # the samples of all channels in use repeat
+    rules: set[str] = field(default_factory=set)  # that the frame reached
+    out: int = 0  # channels that were failed when the sums last began, or since
+
+    def level_changed(self, failed: set[int]) -> bool:
+        """Whether as many channels are failed as before; if not, the sums begin again."""
+        changed = len(failed) != self.out
+        if changed:
+            self.out = len(failed)
+            self.sums.clear()
+        return changed
+
+    def forget(self, c: int) -> None:
+        """A channel is readmitted."""
+        self.bias[c], self.learned[c] = 0.0, 0
+
+    def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
+        """Channels whose sample has been the same for too long, while half of the others have moved.
+
+        A reference that is ``trusted`` and far off it tells the same, at the stop and of those that all stand still.
+        """
+        if not self.s.stale_frames:
+            return set()
+        there = {c: x for c, x in enumerate(samples) if x is not None}
+        moved = {c for c in there if c in in_use and self.last.get(c) != there[c]}
+        self.standing, against = not moved, self.s.limited(reference) if trusted else None
+        reference_moved = reference is not None and reference != self.last_reference
+        for c, x in there.items():
+            others = set(there) & in_use - {c}
+            witnessed = 2 * len(moved) >= len(others) if others else reference_moved
+            at_the_stop = not self.s.turn and not self.s.low < x < self.s.high
+            far = against is not None and self.s.apart(x, against) > FAR * self.s.reference_threshold
+            if self.last.get(c) == x and far:
+                self.repeats[c] += 1
+                self.rules.add("a repeat that the reference tells")
+            elif self.last.get(c) != x or at_the_stop:
+                self.repeats[c] = 0
+            elif witnessed:
+                self.repeats[c] += 1
+            elif moved:
+                self.rules.add("a repeat of which too few tell")
+            self.last[c] = x
+        self.last_reference = reference
+        return {c for c in there if self.repeats[c] >= self.s.stale_frames}
+
+    def residuals(self, view: View) -> dict[int, float]:
+        """How far each sample is from the middle, in which a usable reference may stand between two halves."""
+        above, below = view.ranks
+        middle = (above + below) / 2
+        if len(view.x) % 2 == 0 and view.usable_reference is not None:
+            middle = sorted([above, below, view.usable_reference])[1]
+        return {c: x - middle for c, x in view.use.items()}
+
+    def summed(self, view: View) -> set[int]:
+        """The channel with the largest sum above the limit, while most are below half of it."""
+        if not self.s.slow_limit or len(view.use) < 3 or ":" in view.pattern:
+            return set()
+        reached: dict[int, float] = {}
+        for c, r in self.residuals(view).items():
+            for sign in (1, -1):
+                step = sign * (r - self.bias[c]) - self.s.slow_allowance
+                step = min(step, self.s.slow_limit / (self.s.persistence - 0.5))
+                self.sums[c, sign] = max(0.0, self.sums.get((c, sign), 0.0) + step)
+            reached[c] = max(self.sums[c, 1], self.sums[c, -1])
+        worst = max(view.ascending, key=lambda c: reached[c])  # of equals the least sample
+        calm = sum(x < self.s.slow_limit / 2 for x in reached.values())
+        return {worst} if reached[worst] > self.s.slow_limit and calm > len(reached) / 2 else set()
+
+    def learn(self, view: View, suspected: set[int]) -> None:
+        """Move the biases of who is not suspected by a share of what is left, within the bound."""
+        if not self.s.equalise_bound or len(view.use) < 2 or view.pattern != "normal":
+            return
+        for c, r in self.residuals(view).items():
+            if c not in suspected:
+                self.learned[c] += 1
+                share = max(self.s.bias_share, 1.0 / self.learned[c])
+                moved = self.bias[c] + share * (r - self.bias[c])
+                self.bias[c] = max(-self.s.equalise_bound, min(self.s.equalise_bound, moved))
+
+    def settled(self, use: dict[int, float]) -> bool:
+        """Whether the bias of each is a mean over the whole time constant."""
+        return not self.s.equalise_bound or all(self.learned[c] >= round(1.0 / self.s.bias_share) for c in use)
