@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pictures
 import pytest
 from PIL import Image
 
@@ -31,3 +32,16 @@ def test_a_pattern_has_a_title_and_names_its_states(path: Path):
     text = path.read_text()
     assert "<dc:title>Pattern" in text
     assert {"ok", "suspect", "failed", "reference"} <= set(re.findall(r">([a-z ]+)</text>", text))
+
+
+def test_the_pictures_are_what_the_tool_writes():
+    drawn = pictures.pictures()
+    assert {path.name: path.read_text() for path in (DOCS / "pictures").glob("*.svg")} == drawn
+
+
+@pytest.mark.parametrize("path", sorted(DOCS.glob("pictures/*.svg")), ids=lambda path: path.stem)
+def test_a_picture_is_read_aloud_and_in_the_dark(path: Path):
+    text = path.read_text()
+    assert re.search(r"<title [^>]*>\w", text) and re.search(r"<desc [^>]*>\w", text)
+    assert "prefers-color-scheme: dark" in text and 'font-family="system-ui, sans-serif"' in text
+    assert min(map(int, re.findall(r'font-size="(\d+)"', text))) >= 12 and 'viewBox="0 0 700 ' in text
