@@ -47,9 +47,10 @@ ONE_MEANING: Final = {
     r"margins?": (r"gain|phase|delay|stability|dB|deg|loop|control|crossover", "robustness, false-isolation rate"),
 }
 _WORD: Final = re.compile(r"(?<![\w`])(?:" + "|".join(f"({pattern})" for pattern, _ in FORBIDDEN) + r")(?![\w`])", re.I)
-_MEANT: Final = {
-    re.compile(rf"\b(?:{word})\b", re.I): (re.compile(near, re.I), use) for word, (near, use) in ONE_MEANING.items()
-}
+_MEANT: Final = [
+    (re.compile(rf"\b(?:{word})\b", re.I), re.compile(near, re.I), use) for word, (near, use) in ONE_MEANING.items()
+]
+_TAGS: Final = re.compile(r"<style.*?</style>|<script.*?</script>|\{#.*?#\}|\{%.*?%\}|\{\{.*?\}\}|<[^>]*>", re.S)
 
 
 class Text(NamedTuple):
@@ -154,9 +155,9 @@ def wrong(text: str) -> Iterator[tuple[str, str]]:
     for sentence in re.split(r"(?<=[.!?:|]) +", text):
         bare = sentence.strip("|#*-> 0123456789.")
         opening = bare.split(" ")[0]
-        if opening in OPENINGS and "?" not in sentence:
+        if opening in OPENINGS and "?" not in sentence and not text.startswith("#"):
             yield f"begins with '{opening}'", "subject, verb, object"
-        for word, (near, use) in _MEANT.items():
+        for word, near, use in _MEANT:
             if (match := word.search(sentence)) and not near.search(text):
                 yield match[0], use
 
