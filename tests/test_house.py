@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import grimp
+import pytest
 import rooms
+import words
 
 import rig
 
@@ -55,6 +57,71 @@ def test_the_words_are_those_of_the_field():
         if "| say |" not in line and not line.startswith("| not ")
     }
     assert found == set()
+
+
+def test_no_text_uses_a_word_for_which_the_field_has_another():
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {word} -> {use}"
+        for path, line, text in words.texts(words.everything())
+        for word, use in words.wrong(text)
+    ]
+    assert found == []
+
+
+# Sentences of each forbidden kind, as words.FORBIDDEN has them; then openings, and a term outside its one meaning.
+DIALECT = (
+    *(
+        "The monitor blames nobody.",
+        "It fails everybody.",
+        "The sensor says 3.",
+        "It accuses channel 2.",
+        "The link lied.",
+    ),
+    *("an honest sensor", "found rightly", "off for so long", "rules for what lasts", "managers at one price"),
+    *("Ours isolates more.", "a voter of your own", "a league of rivals", "the resolver decided", "a singular pattern"),
+    *(
+        "a known loss",
+        "the flight's twin",
+        "the least margin",
+        "the carrier of a unit",
+        "the demand",
+        "a box that dies",
+    ),
+    *("The flight goes on.", "Channel 3 was failed.", "the value, else 3"),
+    *("Of four channels two are good.", "What is told of it.", "Whether it flies.", "Who needs more adds it."),
+    *("the margin of a requirement",),
+)
+
+
+def test_each_forbidden_word_has_a_sentence_that_shows_it():
+    uses = {use for sentence in DIALECT for _, use in words.wrong(sentence)}
+    assert [use for _, use in words.FORBIDDEN if use not in uses] == []
+
+
+@pytest.mark.parametrize("sentence", DIALECT)
+def test_a_page_with_a_forbidden_word_is_found(sentence: str, tmp_path: Path):
+    page, source = tmp_path / "page.md", tmp_path / "source.py"
+    page.write_text(f"# Title\n\n{sentence}\n")
+    source.write_text(f'def public():\n    """{sentence}"""\n    print("{sentence} ")\n')
+    for path in (page, source):
+        assert any(list(words.wrong(text)) for _, _, text in words.texts([path])), path.name
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "The manager isolates channel 3 after eight frames.",
+        "What is a frame?",
+        "The gain margin is 6 dB.",
+        "a singular fault, as Zhang calls it",
+        "`league` is now `benchmark`",
+        "It counts failed channels.",
+    ],
+)
+def test_a_plain_sentence_is_left_alone(sentence: str, tmp_path: Path):
+    page = tmp_path / "page.md"
+    page.write_text(f"{sentence}\n\n```sh\nrig league  # code is not prose: ours\n```\n")
+    assert [list(words.wrong(text)) for _, _, text in words.texts([page]) if list(words.wrong(text))] == []
 
 
 def test_contributing_describes_every_room():

@@ -38,7 +38,7 @@ FORBIDDEN: Final = (
     (r"dies|died", "fails, stops"),
     (r"heed|goes on|go on with|gone on with|begun", "continues, resumes, unfinished"),
     (r"(?:is|was|are|were|be|been|being) failed", "isolated"),
-    (r"[,;] else(?! \w+ is| if)", "otherwise, if not given"),
+    (r"(?<=[,;] )else(?! if)", "otherwise, if not given"),
 )
 # A sentence does not begin so, unless it is a question.
 OPENINGS: Final = ("Of", "What", "Whether", "Who", "Whose", "Whatever")
