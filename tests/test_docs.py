@@ -92,8 +92,10 @@ def test_the_manager_in_the_docs_turns_through_north_without_failing_anybody():
 
 
 def test_the_manager_on_the_page_is_the_one_of_the_example():
-    (on_the_page,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "redundancy.md").read_text(), re.DOTALL)
-    assert on_the_page in EXAMPLE.read_text()
+    page = (ROOT / "docs" / "reference" / "sensors-and-redundancy.md").read_text()
+    (on_the_page,) = re.findall(r"```python title=\"first.py\"\n(.*?)```", page, re.DOTALL)
+    imports, _, manager = on_the_page.partition("\n\n")
+    assert manager in EXAMPLE.read_text() and imports in EXAMPLE.read_text()
 
 
 @pytest.mark.usefixtures("documented")
