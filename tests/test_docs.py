@@ -15,7 +15,7 @@ from rig.scenario import aircraft, scenario
 
 ROOT = Path(__file__).parent.parent
 EXAMPLE = ROOT / "docs" / "examples" / "manager" / "mine.py"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def test_the_table_of_signals_is_that_of_the_frame():
@@ -24,7 +24,7 @@ def test_the_table_of_signals_is_that_of_the_frame():
         assert f"| {' | '.join(row)} |" in page
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_every_named_file_exists(page: Path):
     named = set(re.findall(r"`((?:rig|aircraft|faults|tests|docs)/[\w/.]+\.(?:py|toml|md))`", page.read_text()))
     assert [name for name in named if not (ROOT / name).exists()] == []

@@ -25,7 +25,7 @@ ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "docs" / "reference"
 BUNDLED = tomllib.loads((ROOT / "aircraft" / "defaults.toml").read_text())
 SENSORS, COMPUTERS, CONTROL = "sensors-and-redundancy.md", "computers-and-actuators.md", "control.md"
-BASELINES = {name: field.annotation for name, field in Baselines.model_fields.items()}
+BASELINES = {name: type(getattr(Baselines(), name)) for name in Baselines.model_fields}
 # The page and heading of each table of keys, with the settings that it lists.
 TABLES: dict[tuple[str, str], type[BaseModel]] = {
     (SENSORS, "[sensors.<signal>]"): Sensor,
@@ -36,7 +36,7 @@ TABLES: dict[tuple[str, str], type[BaseModel]] = {
     (SENSORS, "[redundancy.discretes.<name>]"): DiscreteConfig,
     (SENSORS, "[redundancy.references]"): References,
     (SENSORS, "Every [redundancy.baselines.<name>]"): Baseline,
-    **{(SENSORS, name): kind for name, kind in BASELINES.items() if kind is not None},
+    **{(SENSORS, name): kind for name, kind in BASELINES.items()},
     (COMPUTERS, "[computers]"): Computers,
     (COMPUTERS, "Tests of a lane"): Computers,
     (COMPUTERS, "[actuators]"): Actuators,
