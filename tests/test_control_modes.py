@@ -150,7 +150,7 @@ def test_the_backup_laws_integrator_stands_still_too():
     ("key", "modes"), [("vertical", VERTICAL), ("lateral", LATERAL), ("speed", SPEED), ("law", LAWS)]
 )
 def test_every_mode_can_be_chosen_is_bounded_by_settings_and_stands_in_the_docs(key: str, modes: tuple[Mode, ...]):
-    page = (ROOT / "docs" / "control.md").read_text()
+    page = (ROOT / "docs" / "reference" / "control.md").read_text()
     for mode in modes:
         assert getattr(Config.model_validate({key: mode.name}), key) == mode.name
         assert set(mode.limits) <= Config.model_fields.keys()

@@ -15,7 +15,7 @@ from rig.scenario import aircraft, scenario
 
 ROOT = Path(__file__).parent.parent
 EXAMPLE = ROOT / "docs" / "examples" / "manager" / "mine.py"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def test_the_table_of_signals_is_that_of_the_frame():
@@ -24,7 +24,7 @@ def test_the_table_of_signals_is_that_of_the_frame():
         assert f"| {' | '.join(row)} |" in page
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_every_named_file_exists(page: Path):
     named = set(re.findall(r"`((?:rig|aircraft|faults|tests|docs)/[\w/.]+\.(?:py|toml|md))`", page.read_text()))
     assert [name for name in named if not (ROOT / name).exists()] == []
@@ -92,8 +92,10 @@ def test_the_manager_in_the_docs_turns_through_north_without_failing_anybody():
 
 
 def test_the_manager_on_the_page_is_the_one_of_the_example():
-    (on_the_page,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "redundancy.md").read_text(), re.DOTALL)
-    assert on_the_page in EXAMPLE.read_text()
+    page = (ROOT / "docs" / "reference" / "sensors-and-redundancy.md").read_text()
+    (on_the_page,) = re.findall(r"```python title=\"first.py\"\n(.*?)```", page, re.DOTALL)
+    imports, _, manager = on_the_page.partition("\n\n")
+    assert manager in EXAMPLE.read_text() and imports in EXAMPLE.read_text()
 
 
 @pytest.mark.usefixtures("documented")

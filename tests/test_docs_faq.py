@@ -1,4 +1,4 @@
-"""The errors of docs/faq.md are those of the program."""
+"""The errors of docs/explanation/faq.md are those of the program."""
 
 import re
 from collections.abc import Callable
@@ -8,8 +8,9 @@ import pytest
 
 import rig
 
-PAGE = Path(__file__).parent.parent / "docs" / "faq.md"
-EXAMPLES = PAGE.parent / "examples"
+DOCS = Path(__file__).parent.parent / "docs"
+PAGE = DOCS / "explanation" / "faq.md"
+EXAMPLES = DOCS / "examples"
 Run = Callable[..., tuple[int, str, str]]
 COMMANDS = {  # a word of the error: the command that prints it
     "hardove:": "fly f16_pitch_rate_hardove",
@@ -35,11 +36,16 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = (EXAMPLES / "channels.csv").read_text().splitlines()[:20]
     (tmp_path / "one.csv").write_text("\n".join(",".join(row.split(",")[:2]) for row in rows))
     (tmp_path / "first_valid.toml").write_text((EXAMPLES / "unit" / "first_valid.toml").read_text())
-    rates = PAGE.parents[1] / "faults" / "rates" / "zhang2023.toml"
+    rates = DOCS.parent / "faults" / "rates" / "zhang2023.toml"
     (tmp_path / "rates").mkdir()
     (tmp_path / "rates" / rates.name).write_text(rates.read_text())
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
+
+
+def test_twelve_questions_are_answered():
+    questions = re.findall(r"^\*\*[^*]+\?\*\*", PAGE.read_text().partition("## Ten errors")[0], re.MULTILINE)
+    assert len(questions) == len(set(questions)) == 12
 
 
 def test_ten_errors_are_explained():

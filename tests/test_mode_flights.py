@@ -25,7 +25,7 @@ def test_two_of_four_squat_switches_that_jam_change_no_bit_of_the_flight():
 
 
 def test_three_of_four_are_believed_and_the_attitude_is_held_until_they_are_back():
-    """Figures of docs/control.md: ten seconds in a climbing turn cost 42 m and 0.02 rad of attitude."""
+    """Limits of the discretes: ten seconds in a climbing turn cost 42 m and 0.02 rad of attitude."""
     rows, clean = flown("f16_weight_on_wheels_wrong"), flown("f16_weight_on_wheels_wrong", "faults=[]")
     ground = rows["discrete_voted"][:, WHEELS] == 1
     assert np.flatnonzero(ground).tolist() == list(range(800, 1800))

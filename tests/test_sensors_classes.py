@@ -105,7 +105,7 @@ def test_figures_are_those_of_the_sheets_in_si():
 
 
 def test_the_page_names_every_class_and_its_source():
-    page = (Path(__file__).parent.parent / "docs" / "sensors.md").read_text()
+    page = (Path(__file__).parent.parent / "docs" / "reference" / "sensors-and-redundancy.md").read_text()
     for name, known in CLASSES.items():
         (row,) = re.findall(rf"^\| `{re.escape(name)}` \|.*$", page, re.MULTILINE)
         assert " ".join(known.source.split()[:3]) in row

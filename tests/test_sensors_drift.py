@@ -113,7 +113,7 @@ def test_the_table_in_the_docs_is_what_a_class_gives():
     n, std, t = rates.noise_density, rates.bias_instability_std, rates.bias_correlation_s
     keys = {"noise_density": n, "bias_instability_std": std, "bias_correlation_s": t, **WIDE}
     x = sense(truths(200_000), suite(pitch_rate=keys), seed=1)[:, Q]
-    page = (Path(__file__).parent.parent / "docs" / "sensors.md").read_text()
+    page = (Path(__file__).parent.parent / "docs" / "reference" / "sensors-and-redundancy.md").read_text()
     rows = re.findall(r"^\| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", page, re.MULTILINE)
     assert len(rows) == 4
     for tau, measured, theory in (map(float, row) for row in rows):

@@ -46,7 +46,7 @@ STATE = np.dtype([("vote", "f8")])
 
 @numba.njit(cache=True)
 def first_valid(bus, fcc, k, params, state):
-    """The first channel that says it is valid; the last vote where none does."""
+    """Vote the first valid channel; hold the last vote if no channel is valid."""
     for s in range(len(params)):
         for c in range(params[s]["fitted"]):
             if bus[k]["valid"][s, c] != 0 and np.isfinite(bus[k]["channels"][s, c]):
