@@ -66,7 +66,7 @@ def test_json_is_one_object_that_holds_the_same():
 
 
 def test_an_unknown_kind_is_refused_with_what_there_is():
-    with pytest.raises(BadInput, match=r"no such kind of fault, nearest: rate_loss, .*43 allowed, see rig faults list"):
+    with pytest.raises(BadInput, match=r"unknown kind of fault, nearest: rate_loss, .*43 allowed, see rig faults list"):
         catalogue.entry("explode")
 
 

@@ -178,8 +178,8 @@ def test_a_channel_that_is_often_no_sample_is_told_by_name_and_share(vote: Any):
     found = vote("in.csv", **PITCH)[2]
     assert [line.split(": ", 1)[1] for line in found["warnings"]] == [
         "pitch_rate.4: 30 % of the samples are out of range [-1.5, 1.5] rad/s: if the file is in deg/s, "
-        'unit = "deg/s"; else give the range that it has, in CONFIG',
-        "pitch_rate.2: 25 % of the samples are not numbers: look at the recorder, or leave the channel out",
+        'unit = "deg/s"; otherwise give its range in CONFIG',
+        "pitch_rate.2: 25 % of the samples are not numbers: check the recorder, or leave the channel out",
     ]
     columns["pitch_rate.2"][:100] = RATES["pitch_rate.2"][:100]
     columns["pitch_rate.4"][60:] = RATES["pitch_rate.4"][60:]  # 15 %: as a fault may leave it
@@ -385,7 +385,7 @@ def test_a_heading_counted_from_north_is_told_its_range(vote: Any):
     frame(HEADINGS).write_csv("in.csv")
     wrong = {"signal": {"hdg": {"threshold": 2.0, "wraps": True, "unit": "deg"}}}
     code, error, _ = vote("in.csv", **wrong)
-    assert code == 2 and error.endswith("give the range that it has, in CONFIG: range = [0, 360]\n")
+    assert code == 2 and error.endswith("give its range in CONFIG: range = [0, 360]\n")
     wrong["signal"]["hdg"]["range"] = [0.0, 360.0]
     code, _, found = vote("in.csv", **wrong)
     assert code == 0 and [c["state"] for c in found["signals"]["hdg"]["channels"]] == ["ok"] * 4

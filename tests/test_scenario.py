@@ -209,7 +209,7 @@ def test_a_fault_on_a_channel_that_is_not_fitted_is_refused():
 
 def test_two_faults_with_one_id_are_refused(tmp_path: Path):
     fault = '[[faults]]\nid = "a"\nkind = "hardover"\nsignal = "heading"\nchannels = [1]\nstart_s = 1.0\n'
-    with pytest.raises(BadInput, match="'a' is used twice"):
+    with pytest.raises(BadInput, match="'a' is given twice"):
         load(write(tmp_path, fault + fault))
 
 

@@ -1,8 +1,8 @@
-"""Where every byte of a chunk lies, and the way from there to frames; packing.py goes the other way.
+"""Map every byte of a chunk to frames; packing.py maps frames to bytes.
 
 All fields of our messages are written, doubles and small integers have a fixed width, and the varints of time stamps
 are padded to one: so the records of a topic always have the same length and the same constant bytes (opcode, length,
-channel id, protobuf tags), its template.  What changes is moved between the frame and the template by tables of byte
+channel id, protobuf tags), its template.  Variable bytes are moved between the frame and the template by tables of byte
 offsets.  A chunk has the records of one topic after those of another: where neighbours are alike, it compresses better.
 
     FRAMES, n records of each topic | POSES, every POSE_EVERY-th of them | LANES, n, where there are any | events
@@ -117,7 +117,7 @@ class Table:
         return whole if ours.all() else int(ours.argmin())
 
     def rows(self, data: NDArray[np.uint8], rows: int) -> NDArray[np.uint8]:
-        """Return the ``rows`` rows that ``data`` begins with as (rows, row); ValueError unless they are ours."""
+        """Return the first ``rows`` rows of ``data`` as (rows, row); raise ValueError if they are not the rig's."""
         packed = np.empty((rows, len(self.template)), np.uint8)
         for start, size in self._blocks:
             packed[:, start : start + size] = data[start * rows : (start + size) * rows].reshape(rows, size)
@@ -127,7 +127,7 @@ class Table:
 
 
 class Decoded(NamedTuple):
-    """What a chunk holds but its events."""
+    """The contents of a chunk except its events."""
 
     rows: Block  # FLAT
     timing: NDArray[np.void]
@@ -157,7 +157,7 @@ class Layout:
         self._known = _Known.of(self.table, "frame", FLAT)
 
     def read(self, data: NDArray[np.uint8]) -> Decoded:
-        """Return what a chunk holds, bit for bit what ``packing.pack`` was given.  ValueError: not a chunk of ours."""
+        """Return the contents of a chunk, bit for bit as ``packing.pack`` got them; ValueError: not the rig's chunk."""
         packed = self.table.rows(data, self.table.count(data))
         self._known.require(packed)
         rows, timing = _gathered(packed, self._of_frame, FLAT), _gathered(packed, self._of_timing, TIMING)
@@ -220,7 +220,7 @@ class _Known(NamedTuple):
         if beyond.any():
             row, place = (int(i) for i in np.argwhere(beyond)[0])
             value = packed[row, self.at[place]]
-            raise ValueError(f"{self.names[place]} is {value} in a frame, and at most {self.most[place]} is known")
+            raise ValueError(f"{self.names[place]} is {value} in a frame, allowed: at most {self.most[place]}")
 
 
 def _greatest(field: FrameField) -> int | None:

@@ -70,7 +70,7 @@ class Lanes(np.ndarray[Any, np.dtype[Any]]):
 
 @dataclass(slots=True, repr=False)
 class Log:
-    """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, and what its file says beside them."""
+    """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, and the other contents of its file."""
 
     rate_hz: float
     rows: Block

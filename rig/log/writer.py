@@ -35,7 +35,7 @@ class LogWriter:
     """One log file, open from before the first frame to after the last.
 
     ``metadata`` (resolved scenario, seed, versions) and ``attachments`` (file name, bytes; the scenario
-    file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's unless said;
+    file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's if not given;
     with few events never more than CHUNK_BYTES.  ``new``: FileExistsError when there is a file at ``path``, else it is
     replaced.
     ``lanes``: the parts of the flight's rows of lanes, which are given too.

@@ -5,7 +5,7 @@ Delay of a pair of channels a, b: the lag d (frames, not whole) at which
     cost(d) = mean square of (h * a)(k + d) - (h * b)(k), its mean removed
 
 is least.  The filter h weighs each frequency by how coherent the two channels are in it (the generalised
-cross-correlation of Knapp and Carter, 1976), so noise and vibration that they do not share say nothing.
+cross-correlation of Knapp and Carter, 1976), so noise and vibration that they do not share have no weight.
 The pairs that correlate best then tie the channels to each other; a bad channel correlates with none.
 """
 

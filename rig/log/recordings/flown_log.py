@@ -29,7 +29,7 @@ class Recorded:
 
     @property
     def unit(self) -> dict[str, Any]:
-        """The unit under test that flew it, as ``settings.Unit.about`` said; empty when our own manager did."""
+        """The unit under test that flew it, as ``settings.Unit.about``; empty if the built-in manager did."""
         return unit_of(self.log.metadata)
 
 

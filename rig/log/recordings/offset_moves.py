@@ -1,6 +1,6 @@
-"""Whether the offset of a channel stays what it was: its medians in the quarters of a recording.
+"""Change of a channel's offset: its medians in the quarters of a recording.
 
-A fault that lasts, or a bias that drifts, is no constant offset: alignment cannot take it off, and may have taken a
+A slow fault or a drifting bias is no constant offset: alignment cannot remove it, and may have taken a
 part of the fault for it.  Quarters and not halves: a fault that fills more than half of each half would not show.
 """
 
@@ -24,7 +24,7 @@ _SIGMA: Final = 1.4826  # standard deviations in a median absolute deviation, of
 
 @dataclass(frozen=True, slots=True)
 class OffsetMove:
-    """Of one channel against the median of the channels, unit of the signal."""
+    """Offset of one channel against the median of the channels, unit of the signal."""
 
     offset_move: float  # largest less smallest median of the quarters; 0 where too few samples are there
     spread: float  # within the quarters, as a standard deviation
@@ -36,7 +36,7 @@ class OffsetMove:
 
 
 def offset_moves(recording: Recording, settings: dict[str, RecordedSignal]) -> dict[str, list[OffsetMove]]:
-    """Of every channel of the signals in ``settings``."""
+    """Return the change of the offset of every channel of the signals in ``settings``."""
     step = -(-len(recording.time_s) // _ROWS)
     return {name: _of_signal(recording.signals[name], settings[name], step) for name in settings}
 
@@ -54,7 +54,7 @@ def _of_signal(samples: Samples, settings: RecordedSignal, step: int) -> list[Of
 
 
 def median_of(x: Floats) -> Floats:
-    """Over the first axis, NaN where nobody has a number."""
+    """Return the median over the first axis, NaN if no value is a number."""
     whole = np.isfinite(x)
     if whole.all():
         return np.median(x, axis=0)

@@ -94,11 +94,11 @@ def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats],
             counts[signal] = max(counts.get(signal, 0), channel)
     for name, (signal, kind, channel) in parsed.items():
         if signal not in counts or (kind == "ilm" and channel > counts[signal]):
-            raise BadInput(f"{source}: unknown column {name!r}: there is no channel that it belongs to")
+            raise BadInput(f"{source}: unknown column {name!r}: no channel of that name")
     for signal, count in counts.items():
         _check_channels(source, signal, count, names)
     if not counts:
-        raise BadInput(f"{source}: no signal: columns are {TIME}, <signal>.1 to <signal>.{CHANNELS}")
+        raise BadInput(f"{source}: no signal; columns must be {TIME}, <signal>.1 to <signal>.{CHANNELS}")
     accepted = clock(source, column(TIME), repair)
     samples = {signal: _samples(source, signal, counts[signal], names, column) for signal in counts}
     return on_clock(accepted, samples)

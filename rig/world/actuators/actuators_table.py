@@ -20,7 +20,7 @@ LEAST_LAG: Final = 4.0  # times the spool's frequency: below, the loop over spoo
 
 
 class Limit(Settings):
-    """What a monitor of one channel tolerates."""
+    """Threshold and persistence of a monitor of one channel."""
 
     threshold: float = Field(gt=0)
     persistence_s: float = Field(gt=0)  # at least one frame

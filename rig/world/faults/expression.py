@@ -68,10 +68,10 @@ _TRIGGER: Final = Grammar(
 
 
 def parse(text: str) -> NDArray[np.void]:
-    """Return the (n,) STEP records of a condition; ValueError, one line, says what in it is not allowed."""
+    """Return the (n,) STEP records of a condition; raise ValueError with one line if it is not allowed."""
     steps = read(text, _TRIGGER).steps
     if _depth(steps) > DEEPEST:
-        raise ValueError(f"is nested too deeply: more than {DEEPEST} values wait for each other")
+        raise ValueError(f"is nested too deeply: more than {DEEPEST} values on the stack")
     return np.array([(int(op), place, value) for op, place, value in steps], STEP)
 
 

@@ -36,10 +36,11 @@ class Point(NamedTuple):
 
 
 class Places:
-    """All places of a flight, or of a recording, which has channels of signals and discretes of its own names.
+    """All places of a flight, or of a recording, whose signals and discretes may have other names.
 
-    names : of each sort; index : each name's row in the table of ranges that the stage is made with, behind which
-    the discretes come; wraps : (signals,) whether they are angles on the circle
+    names : names of each sort of place
+    index : row of each name in the table of ranges of the stage; the discretes follow the ranges
+    wraps : (signals,) True for an angle on the circle
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class Places:
         self.wraps = [*signals.values()]
 
     def site(self, place: str) -> Site:
-        """Return what kind of place it is."""
+        """Return the sort of a place."""
         if place in self.names["discrete"]:
             return "discrete"
         if place in self.names["channel"]:
@@ -83,14 +84,14 @@ class Places:
         return self.index[place] - self.index[self.names[self.site(place)][0]]
 
     def require(self, name: str) -> str:
-        """Return ``name`` if it is a place; ValueError says what is allowed there."""
+        """Return ``name`` if it is a place; raise ValueError with the allowed places otherwise."""
         if name in self.index:
             return name
         of = self.site(name)
         if of == "ccdl" and self.names[of]:
             raise ValueError(f"no such link between two lanes, {choices(name, self.names[of], 'docs/faults.md')}")
         if of in ("computer", "bus") and self.names[of]:
-            what = "bus of electrical power" if of == "bus" else "computer"
+            what = "electrical bus" if of == "bus" else "computer"
             raise ValueError(f"no such {what}, {choices(name, self.names[of], 'docs/faults.md')}")
         if of in ("surface", *OF_SERVOS) and self.names[of]:
             what = "hydraulic system" if of == "hydraulics" else of
@@ -144,5 +145,5 @@ def places_of(info: ValidationInfo) -> Places:
 
 
 def refuse_unknown(name: str, info: ValidationInfo) -> str:
-    """Return ``name`` if it is a place; ValueError says what is allowed there."""
+    """Return ``name`` if it is a place; raise ValueError with the allowed places otherwise."""
     return places_of(info).require(name)

@@ -3,7 +3,7 @@
 Wind is where the air goes to: north, east and down, in m/s.  Turbulence is JSBSim's Dryden model
 after MIL-F-8785C (its Tustin form), seeded, so that a flight can be repeated bit for bit.
 
-What its levels measure is in dryden.py.
+The standard deviations of its levels are in dryden.py.
 """
 
 from __future__ import annotations
