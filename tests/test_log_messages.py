@@ -65,7 +65,7 @@ BOMBS: dict[str, tuple[list[Chunk], str]] = {
     ),
     "claims less, frame without size": ([by_hand.chunk(by_hand.zeros(GIGABYTES), 1000, "zstd")], "damaged"),
     "claims nothing": ([by_hand.chunk(by_hand.zeros(GIGABYTES), 0, "zstd")], "no rows"),
-    "claims the most there is": ([by_hand.chunk(b"", 2**64 - 1, "zstd")], f"claims {2**64 - 1} bytes"),
+    "claims the most there is": ([by_hand.chunk(b"", 2**64 - 1, "zstd")], f"declares {2**64 - 1} bytes"),
     "in many chunks": (
         [by_hand.chunk(by_hand.zeros(LARGE, LARGE + 9, by_hand.skipped(LARGE)), LARGE + 9, "zstd")] * 3,
         "expands to more than",

@@ -138,12 +138,12 @@ def test_a_range_of_an_angle_that_is_not_one_turn_asks_for_the_unit(limits: list
         (
             RATES,
             {"pitch_rate": {"threshold": 1.7}},
-            'out of range [-1.5, 1.5] rad/s: if the file is in deg/s, unit = "deg',
+            'out of range [-1.5, 1.5] rad/s: if the file is in deg/s, set unit = "deg',
         ),
         (
             HEADINGS,
             {"hdg": {"threshold": 2.0, "wraps": True}},
-            'range [-3.142, 3.142] rad: if the file is in deg, unit = "deg"',
+            'range [-3.142, 3.142] rad: if the file is in deg, set unit = "deg"',
         ),
     ],
 )
@@ -178,7 +178,7 @@ def test_a_channel_that_is_often_no_sample_is_told_by_name_and_share(vote: Any):
     found = vote("in.csv", **PITCH)[2]
     assert [line.split(": ", 1)[1] for line in found["warnings"]] == [
         "pitch_rate.4: 30 % of the samples are out of range [-1.5, 1.5] rad/s: if the file is in deg/s, "
-        'unit = "deg/s"; otherwise give its range in CONFIG',
+        'set unit = "deg/s"; otherwise give its range in CONFIG',
         "pitch_rate.2: 25 % of the samples are not numbers: check the recorder, or leave the channel out",
     ]
     columns["pitch_rate.2"][:100] = RATES["pitch_rate.2"][:100]
@@ -371,7 +371,7 @@ def test_a_missing_channel_is_named(vote: Any):
 def test_a_header_that_is_no_utf_8_is_refused(vote: Any):
     Path("in.csv").write_bytes("time_s,x.1,x.2,°\n0,1,1,1\n".encode("latin-1"))
     code, error, _ = vote("in.csv", default={"threshold": 1.0})
-    assert code == 2 and "in.csv: is not written in UTF-8" in error
+    assert code == 2 and "in.csv: must be encoded in UTF-8" in error
 
 
 def test_settings_of_tables_are_refused_for_messages(vote: Any):

@@ -19,11 +19,11 @@ from rig.log.recordings.vote_config import RecordedSignal
 
 @dataclass(frozen=True, slots=True)
 class AlignOptions:
-    """From which stretch [s], and whether matrices of triads are found too."""
+    """Segment of the recording in which delays and offsets are found."""
 
-    from_s: float | None = None  # the first row
-    to_s: float | None = None  # DEFAULT_S after the begin
-    matrix: bool = False
+    from_s: float | None = None  # start, s; None: the first row
+    to_s: float | None = None  # end, s; None: 6 s after the start
+    matrix: bool = False  # True: also find matrices of triads
 
 
 @dataclass(frozen=True, slots=True)
