@@ -71,6 +71,6 @@ def test_an_unknown_kind_is_refused_with_what_there_is():
 
 
 def test_the_page_of_the_docs_has_every_kind_and_key():
-    page = (Path(__file__).parent.parent / "docs" / "faults.md").read_text()
+    page = (Path(__file__).parent.parent / "docs" / "reference" / "faults-and-signals.md").read_text()
     keys = {p.name for entry in ENTRIES for p in entry.parameters} | {p.name for p in catalogue.common()}
     assert [name for name in (*KINDS, *keys) if f"`{name}" not in page and f"`{name}`" not in page] == []

@@ -174,7 +174,10 @@ BAD = [
     ({"on": {"signal": "pitch_rate"}}, "must be"),
     ({"on": {"signal": "canard", "level": 3}}, "unknown signal 'canard'"),
     ({"when": "canard > 1"}, "unknown name 'canard', nearest: gear_down, "),
-    ({"when": "true.canard > 1"}, r"unknown name 'true.canard', nearest: true\..* allowed, see docs/faults.md"),
+    (
+        {"when": "true.canard > 1"},
+        r"unknown name 'true.canard', nearest: true\..* allowed, see docs/reference/faults-and-signals.md",
+    ),
     ({"when": "sqrt(roll_rate) > 1"}, r"sqrt\(\) cannot be called, allowed: abs"),
     ({"when": "max(roll_rate) > 1"}, r"max\(\) cannot be called, allowed: abs"),
     ({"when": "always[0, 1] roll_rate > 1"}, "not a condition"),

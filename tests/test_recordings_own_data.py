@@ -276,7 +276,7 @@ def test_other_separators_are_found(separator: str, name: str, vote: Any, plain:
 def test_a_separator_of_ones_own_is_set(vote: Any, plain: dict[str, Any]):
     frame(RATES).write_csv("in.csv", separator="|")
     code, error, _ = vote("in.csv", **PITCH)
-    assert code == 2 and "docs/vote.md" in error
+    assert code == 2 and "docs/reference/recordings.md" in error
     assert unwritten(vote("in.csv", separator="|", **PITCH)[2]) == unwritten(plain)
 
 
@@ -350,12 +350,16 @@ def test_recorders_of_one_calendar_share_its_zero(vote: Any):
 def test_a_column_of_another_name_points_to_the_mapping(vote: Any, plain: dict[str, Any]):
     frame({**RATES, "altitude": T}).write_csv("in.csv")
     code, error, _ = vote("in.csv", **PITCH)
-    assert code == 2 and "unknown column 'altitude'" in error and "[mapping] in CONFIG: docs/vote.md" in error
+    assert (
+        code == 2
+        and "unknown column 'altitude'" in error
+        and "[mapping] in CONFIG: docs/reference/recordings.md" in error
+    )
     own = {f"Q_{c}": RATES[f"pitch_rate.{c}"] for c in range(1, 5)}
     frame(own, name="Time").write_csv("in.csv")
     code, error, _ = vote("in.csv", **PITCH)
     assert code == 2 and "no column 'time_s'; there are: Time, Q_1, Q_2, Q_3, Q_4; name" in error
-    assert "time_column and [mapping] in CONFIG: docs/vote.md" in error
+    assert "time_column and [mapping] in CONFIG: docs/reference/recordings.md" in error
     mapping = {f"pitch_rate.{c}": f"Q_{c}" for c in range(1, 5)}
     assert unwritten(vote("in.csv", time_column="Time", mapping=mapping, **PITCH)[2]) == unwritten(plain)
     frame(RATES, name="Time").write_csv("in.csv")  # time alone has another name

@@ -120,7 +120,7 @@ def fly(
     watch : called with every block of rows while it is recorded, on a second thread if a core is free; it must be
             quick and must copy the rows that it keeps
     allow_code : True permits a manager class that the scenario names; one that an override names is always permitted
-    unit : unit under test that replaces the redundancy manager: its unit file, or the unit that was read from it
+    unit : unit under test in place of the built-in software: its unit file, or the unit that was read from it
     lane : lane of several computers that the unit replaces, A to D; the other lanes are built in
     realtime : True asks the system for real-time scheduling; sets ``realtime_factor`` to 1.0 if it is not given
     live : called with the keys of the flight; returns a context manager in which they may be pressed for ``[[live]]``

@@ -28,7 +28,7 @@ from rig.log.recordings.stamps import TIME
 
 SEPARATORS: Final = (",", ";", "\t")
 DECIMALS: Final = (".", ",")
-CONFIG: Final = "docs/vote.md"
+CONFIG: Final = "docs/reference/recordings.md"
 LARGEST_TABLE: Final = 4 << 30  # bytes of a file
 _MOST_HEAD: Final = 1 << 20  # bytes in which the header must end
 _NO_VALUE: Final = ["", "nan", "NaN", "NAN"]

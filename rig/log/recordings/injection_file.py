@@ -44,7 +44,9 @@ def read_injection(name: str) -> tuple[InjectionFile, str]:
     for key in data:
         if key not in Scenario.model_fields:
             near = ", ".join(nearest(key, InjectionFile.model_fields)[:1])
-            raise BadInput(f"{path}: {shorten(key)}: unknown key; nearest: {near}; all keys: docs/vote.md")
+            raise BadInput(
+                f"{path}: {shorten(key)}: unknown key; nearest: {near}; all keys: docs/reference/recordings.md"
+            )
     mine = {key: value for key, value in data.items() if key in InjectionFile.model_fields}
     if not mine.get("faults"):
         raise BadInput(f"{path}: no [[faults]] to inject")

@@ -17,7 +17,7 @@ from rig.log.recordings.stamps import Floats
 from rig.log.recordings.vote_config import RecordedSignal
 
 PARTS: Final = 4
-MOST_SPREADS: Final = 1.0  # docs/vote.md says what healthy recordings have
+MOST_SPREADS: Final = 1.0  # docs/reference/recordings.md says what healthy recordings have
 _ROWS: Final = 100_000  # that are looked at; of longer recordings every second, third, ...
 _SIGMA: Final = 1.4826  # standard deviations in a median absolute deviation, of a normal distribution
 

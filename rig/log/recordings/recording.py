@@ -16,7 +16,7 @@ from rig.core.text import shorten
 from rig.log.recordings.stamps import TIME, Clock, Floats, Repair, clock, gaps, rows_a_second
 
 Bytes = NDArray[np.uint8]
-WAY_OUT: Final = "name other columns by time_column and [mapping] in CONFIG: docs/vote.md"
+WAY_OUT: Final = "name other columns by time_column and [mapping] in CONFIG: docs/reference/recordings.md"
 _COLUMN: Final = re.compile(r"(?P<signal>.+?)(?P<ilm>\.ilm)?\.(?P<channel>0|[1-9][0-9]{0,3})|(?P<referred>.+)\.ref")
 
 

@@ -145,7 +145,7 @@ class VoteRules(NamedTuple):
 class VoteConfig(Settings):
     """The whole file; tables of signals are checked by ``signals`` when their names are known."""
 
-    keys_are_in: ClassVar[str] = "docs/vote.md"
+    keys_are_in: ClassVar[str] = "docs/reference/recordings.md"
 
     default: dict[str, Any] | None = None
     signal: dict[str, dict[str, Any]] = {}

@@ -59,7 +59,7 @@ def _condition(name: str) -> Step | None:
 def _unknown(name: str) -> str:
     true = name.startswith("true.")
     names = [known for known in QUANTITIES if known.startswith("true.") == true] + ["true.<name>"] * (not true)
-    return f"unknown name {quoted(name)}, {choices(name, names, 'docs/faults.md')}"
+    return f"unknown name {quoted(name)}, {choices(name, names, 'docs/reference/faults-and-signals.md')}"
 
 
 _TRIGGER: Final = Grammar(

@@ -14,6 +14,7 @@ from rig.core.text import choices
 Site = Literal[
     "channel", "inertial", "reference", "surface", "discrete", "actuator", "hydraulics", "ccdl", "computer", "bus"
 ]
+_PAGE: Final = "docs/reference/faults-and-signals.md"
 OF_SERVOS: Final[tuple[Site, ...]] = ("actuator", "hydraulics")  # there with servo actuators alone
 OF_LANES: Final[tuple[Site, ...]] = ("ccdl", "computer", "bus")  # with several computers alone
 _BEFORE_DOT: Final[tuple[Site, ...]] = ("inertial", "reference", "surface", *OF_SERVOS, *OF_LANES)
@@ -89,15 +90,15 @@ class Places:
             return name
         of = self.site(name)
         if of == "ccdl" and self.names[of]:
-            raise ValueError(f"no such link between two lanes, {choices(name, self.names[of], 'docs/faults.md')}")
+            raise ValueError(f"no such link between two lanes, {choices(name, self.names[of], _PAGE)}")
         if of in ("computer", "bus") and self.names[of]:
             what = "electrical bus" if of == "bus" else "computer"
-            raise ValueError(f"no such {what}, {choices(name, self.names[of], 'docs/faults.md')}")
+            raise ValueError(f"no such {what}, {choices(name, self.names[of], _PAGE)}")
         if of in ("surface", *OF_SERVOS) and self.names[of]:
             what = "hydraulic system" if of == "hydraulics" else of
             raise ValueError(f"the aircraft has no such {what}, {choices(name, self.names[of])}")
         known = self.index if of == "channel" else self.names[of]
-        raise ValueError(f"unknown signal, {choices(name, known, 'docs/faults.md')}")
+        raise ValueError(f"unknown signal, {choices(name, known, _PAGE)}")
 
 
 FLIGHT: Final = Places(
