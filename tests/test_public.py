@@ -124,7 +124,7 @@ def test_votes_are_those_of_the_command(tmp_path: Path, rig_command):
 
 def test_the_report_is_a_function_with_its_signature():
     assert list(inspect.signature(rig.report).parameters) == ["flight", "out", "requirements"]
-    assert inspect.isfunction(rig.report) and "Write one HTML file" in (inspect.getdoc(rig.report) or "")
+    assert inspect.isfunction(rig.report) and "Write the report of a flight" in (inspect.getdoc(rig.report) or "")
 
 
 @pytest.mark.parametrize("called", [rig.fly, rig.load])

@@ -116,18 +116,13 @@ def fly(
     rerun : live stream: "off", "save", "serve", "spawn" or an address "rerun+http://127.0.0.1:PORT/proxy"
     realtime_factor : 1.0 paces the frames by the wall clock; None flies as fast as possible
     progress : called with the frames flown and the frames in all
-    viewer : notified when the stream is open, and when the flight is over
-    watch : called with every block of rows while it is recorded, on a second thread if a core is free; it must be
-            quick and must copy the rows that it keeps
+    viewer, outcome, streams : parts that ``rig fly`` supplies: they show the stream, assess the flight, open the stream
+    watch : called with each recorded block of rows; must be quick, and must copy the rows that it keeps
     allow_code : True permits a manager class that the scenario names; one that an override names is always permitted
-    unit : unit under test in place of the built-in software: its unit file, or the unit that was read from it
-    lane : lane of several computers that the unit replaces, A to D; the other lanes are built in
+    unit, lane : unit under test in place of the built-in software, or its unit file; of several computers its lane
     realtime : True asks the system for real-time scheduling; sets ``realtime_factor`` to 1.0 if it is not given
     live : called with the keys of the flight; returns a context manager in which they may be pressed for ``[[live]]``
-    outcome : assesses the flight; gets every block with the clean channels
-    streams : opens the live stream
-    BadInput: before anything is written. RigError: the log cannot be written, or a manager class raises; the log is
-    then complete up to there.
+    BadInput: before anything is written. RigError: the log cannot be written, or a manager class raises.
     """
     text, name, sets = *_file(scenario), override_texts(overrides)
     scenario = load(scenario, overrides, seed, allow_code=allow_code)

@@ -26,6 +26,8 @@ from rig.core.settings import read_toml
 from rig.unit import header
 from rig.world.faults import KINDS
 from rig.world.faults.fault_catalogue import Entry, Parameter, common, entries
+from rig.world.faults.fault_settings import Placed
+from rig.world.faults.places import CHANNELLED
 
 ROOT: Final = Path(__file__).parents[2]
 TEMPLATES: Final = ROOT / "tests" / "tools" / "reference"
@@ -94,6 +96,7 @@ SITES: Final = {
     "computer": "computers",
     "bus": "electrical buses",
 }
+SHARED: Final = ("signal", "channels", "seen_by_ilm", "ramp_s")  # keys that several kinds have
 FUNCTIONS: Final = (
     ("rig.fly", "rig/flight/fly.py", "fly"),
     ("rig.load", "rig/scenario/scenario.py", "load"),
@@ -213,8 +216,10 @@ def each_kind() -> str:
 def _section(entry: Entry) -> str:
     docs = inspect.cleandoc(entry.what).split("\n\n")
     text = "\n\n".join(" ".join(part.split()) for part in docs)
-    own = [one for one in entry.parameters if one.name not in ("signal", "channels", "seen_by_ilm", "ramp_s")]
-    shared = [one.name for one in entry.parameters if one.name in ("signal", "channels", "seen_by_ilm", "ramp_s")]
+    own = [one for one in entry.parameters if one.name not in SHARED]
+    shared = [
+        one.name for one in entry.parameters if one.name in SHARED and (one.name != "channels" or channelled(entry))
+    ]
     parts = [f"### {entry.kind}", text, f"Places: {_sites(entry)}. Example: `rig fly {entry.scenario}`."]
     if own:
         parts.append(_keys(own))
@@ -223,27 +228,35 @@ def _section(entry: Entry) -> str:
     return "\n\n".join(parts)
 
 
+def channelled(entry: Entry) -> bool:
+    """Return True if a fault of this kind may have channels."""
+    model = KINDS[entry.kind]
+    if not issubclass(model, Placed):
+        return True
+    return any(site in CHANNELLED for site in model.sites) if model.on_channels is None else model.on_channels
+
+
 def placed_keys() -> str:
     """Return the table of the keys that several kinds share."""
     seen: dict[str, Parameter] = {}
     for kind in ("offset", "coil_open"):
         entry = next(one for one in entries() if one.kind == kind)
         for one in entry.parameters:
-            if one.name in ("signal", "channels", "seen_by_ilm", "ramp_s"):
+            if one.name in SHARED:
                 seen.setdefault(one.name, one)
     return _keys(seen.values())
 
 
 def _keys(parameters: Iterable[Parameter]) -> str:
     rows = [
-        (f"`{one.name}`", one.unit, _default(one), one.allowed.replace(">", "&gt;").replace("<", "&lt;"), _code(one))
+        (f"`{one.name}`", one.unit, _default(one), one.allowed.replace(">=", "≥").replace("<=", "≤"), _code(one))
         for one in parameters
     ]
     return table(("key", "unit", "default", "allowed", "meaning"), rows)
 
 
 def _code(parameter: Parameter) -> str:
-    return re.sub(r"<(\w+)>", r"`<\1>`", re.sub(r"(\w+)\.<(\w+)>", r"`\1.<\2>`", parameter.meaning))
+    return re.sub(r"((?:\w+\.)?<\w+>)", r"`\1`", parameter.meaning)
 
 
 def _default(parameter: Parameter) -> str:
@@ -276,7 +289,7 @@ def results() -> str:
 
 def _class(one: Documented) -> str:
     parts = [f"### {one.name}", _prose(" ".join([one.first, *one.more]))]
-    rows = [(f"`{r.name}`", _typed(r.type), _prose(r.meaning)) for r in one.rows]
+    rows = [(f"`{r.name}`", _typed(r.type), _phrase(r.meaning)) for r in one.rows]
     parts.append(table(("field", "type", "meaning"), rows))
     if one.methods:
         parts.append(table(("method", "meaning"), [(f"`{r.name}`", _prose(r.meaning)) for r in one.methods]))
@@ -289,6 +302,12 @@ def _typed(text: str) -> str:
 
 def _prose(text: str) -> str:
     return text.replace("``", "`")
+
+
+def _phrase(text: str) -> str:
+    """Return a meaning that begins with a small letter, unless its first word is a name."""
+    named = text.partition(" ")[0].rstrip(":") in ("True", "False", "None") or not text[1:2].islower()
+    return _prose(text if named else text[:1].lower() + text[1:])
 
 
 def _wrapped(signature: str) -> str:

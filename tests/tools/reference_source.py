@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).parents[2]
-_PARAMETER: Final = re.compile(r"^(\w+) : (.*)")
+_PARAMETER: Final = re.compile(r"^(\w+(?:, \w+)*) : (.*)")
 _ERRORS: Final = re.compile(r"^(?:BadInput|BadLog|RigError)\b")
 _MEMBERS: Final = (ast.FunctionDef, ast.AsyncFunctionDef)
 
@@ -108,19 +108,19 @@ def _docstring(node: ast.FunctionDef | ast.ClassDef) -> tuple[str, list[str], di
     """Return first line, further sentences, meanings by parameter, errors."""
     lines = (ast.get_docstring(node) or "").splitlines()
     first = lines[0] if lines else ""
-    more, meanings, errors, current = list[str](), dict[str, str](), "", ""
+    more, meanings, errors, current = list[str](), dict[str, str](), "", list[str]()
     for line in lines[1:]:
         parameter = _PARAMETER.match(line)
         if parameter:
-            current = parameter[1]
-            meanings[current] = parameter[2]
+            current = parameter[1].split(", ")
+            meanings |= dict.fromkeys(current, parameter[2])
         elif line.startswith("    ") and current:
-            meanings[current] += f" {line.strip()}"
+            meanings |= {name: f"{meanings[name]} {line.strip()}" for name in current}
         elif _ERRORS.match(line) or (errors and line):
-            errors, current = f"{errors} {line}".strip(), ""
+            errors, current = f"{errors} {line}".strip(), []
         elif line:
             more.append(line.strip())
-            current = ""
+            current = []
     return first, more, meanings, errors
 
 
