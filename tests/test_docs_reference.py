@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import re
+import tomllib
 
 import pytest
 import reference_pages
@@ -11,6 +12,7 @@ import reference_source
 import rig
 from rig.core.files import bundled
 from rig.core.frame import DISCRETES, SIGNALS
+from rig.log.recordings.vote_config import read_config
 from rig.world.faults import KINDS
 from rig.world.faults.fault_catalogue import entries
 from rig.world.faults.fault_settings import Triggered
@@ -81,3 +83,19 @@ def test_a_field_without_a_comment_and_a_parameter_without_a_meaning_are_refused
         reference_source.class_of([("bare_field.py", "Bare")], "Bare")
     with pytest.raises(KeyError, match="size has no meaning"):
         reference_source.function("bare_call.py", "call", "call")
+
+
+@pytest.mark.parametrize("name", ["faults-and-signals", "scenario"])
+def test_every_example_of_a_scenario_can_be_loaded(name: str):
+    blocks = re.findall(r"^```toml\n(.*?)^```", page(name), re.DOTALL | re.MULTILINE)
+    assert blocks
+    for text in blocks:
+        table = tomllib.loads(text)
+        assert rig.load({"duration_s": 20.0, **table}).frames == 2000 and table.keys() <= {"faults", "live"}
+
+
+def test_the_example_of_a_configuration_is_accepted(tmp_path):
+    (text,) = re.findall(r"^```toml\n(.*?)^```", page("recordings"), re.DOTALL | re.MULTILINE)
+    (tmp_path / "config.toml").write_text(text)
+    config = read_config(tmp_path / "config.toml")
+    assert config.signal["heading"]["wraps"] and list(config.mapping) == [f"pitch_rate.{c}" for c in (1, 2, 3)]

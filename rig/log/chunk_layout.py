@@ -1,6 +1,6 @@
 """Map every byte of a chunk to frames; packing.py maps frames to bytes.
 
-All fields of our messages are written, doubles and small integers have a fixed width, and the varints of time stamps
+All fields of the messages are written, doubles and small integers have a fixed width, and the varints of time stamps
 are padded to one: so the records of a topic always have the same length and the same constant bytes (opcode, length,
 channel id, protobuf tags), its template.  Variable bytes are moved between the frame and the template by tables of byte
 offsets.  A chunk has the records of one topic after those of another: where neighbours are alike, it compresses better.
@@ -137,7 +137,7 @@ class Decoded(NamedTuple):
 
 
 class Layout:
-    """How a log has its frames, for the fields that each of our messages has, in the order of their numbers.
+    """Layout of the frames of a log, for the fields of each message, in the order of their numbers.
 
     rowwise : as up to schema 4, poses at every frame
     lanes : which parts of them it has
@@ -203,7 +203,7 @@ class _Known(NamedTuple):
 
     @classmethod
     def of(cls, table: Table, source: str, dtype: np.dtype[Any]) -> _Known:
-        """Find them among the values of ``source``, records of ``dtype``."""
+        """Find the values among those of ``source``, records of ``dtype``."""
         greatest = {field.name: _greatest(field) for field in _FIELDS[source]}
         named: dict[int, str] = {}  # by byte of a record
         for name, (kind, offset, *_) in (dtype.base.fields or {}).items():
@@ -215,7 +215,7 @@ class _Known(NamedTuple):
         return cls(np.array([at for at, _ in kept], np.intp), np.array(most, np.uint8), [name for _, name in kept])
 
     def require(self, packed: NDArray[np.uint8]) -> None:
-        """Raise ValueError where a row of ``packed`` has a greater value: what reads it has no name for it."""
+        """Raise ValueError if a row of ``packed`` has a greater value, for which a reader has no name."""
         beyond = packed[:, self.at] > self.most
         if beyond.any():
             row, place = (int(i) for i in np.argwhere(beyond)[0])
@@ -267,7 +267,7 @@ LANES: Final[dict[LanePart, Table]] = {part: Table(topics, LANE_MESSAGES) for pa
 
 @cache
 def layout_of(lanes: LaneParts) -> Layout:
-    """Return the layout of what we write, with these parts of lanes."""
+    """Return the layout that the rig writes, with these parts of lanes."""
     return Layout(MESSAGES, lanes=lanes) if lanes else LAYOUT
 
 

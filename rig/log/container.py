@@ -157,7 +157,7 @@ class Opening(NamedTuple):
 
 
 class Container:
-    """Writes one MCAP file; every method raises OSError when the disk does not take it."""
+    """Write one MCAP file; every method raises OSError if the disk fails."""
 
     def __init__(self, path: Path, opening: Opening, *, new: bool = False) -> None:
         """Open ``path``; ``new``: FileExistsError when there is a file already, also one that came this moment."""

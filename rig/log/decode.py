@@ -67,7 +67,7 @@ class Part(NamedTuple):
 
 
 class Decoder:
-    """Decodes chunks on threads, a few ahead of the one that is asked for; the parts come in the file's order."""
+    """Decode chunks on threads, a few ahead of the reader; the parts come in the order of the file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

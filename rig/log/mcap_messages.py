@@ -1,6 +1,6 @@
 """Messages of an MCAP file from any writer, within limits of memory.
 
-A file of a few hundred kilobytes can hold a chunk that expands to gigabytes.  The size that a record claims is checked
+A file of a few hundred kilobytes can hold a chunk that expands to gigabytes.  The size that a record declares is checked
 before memory is allocated, chunks are expanded one at a time, and the sum of all expanded sizes is limited.
 """
 
@@ -39,7 +39,7 @@ def most_bytes(size: int) -> int:
 
 
 class LimitedFile(io.BufferedReader):
-    """A file to read; makes no room for bytes that a record claims and the file does not have."""
+    """A file to read; it allocates no memory for bytes that a record declares and the file does not have."""
 
     def __init__(self, path: Path) -> None:
         """Open ``path``; BadLog."""
@@ -159,7 +159,7 @@ def _content(path: Path, chunk: Chunk, budget: Budget) -> bytes:
 
 
 def _expanded(chunk: Chunk) -> bytes:
-    """Return at most one byte more than the chunk claims."""
+    """Return at most one byte more than the chunk declares."""
     size = chunk.uncompressed_size
     if chunk.compression == "":
         return chunk.data

@@ -1,4 +1,4 @@
-"""Reads a log back into the very rows that were flown; of a whole one, the columns by signal as arrays."""
+"""Read a log back into the rows that were flown, and its columns by signal as arrays."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class DiscreteArrays:
 
 
 class Lanes(np.ndarray[Any, np.dtype[Any]]):
-    """Rows of lanes that have ``link`` too, (n, 4, 4) of LINK: what each computer has of each other's messages."""
+    """Rows of lanes with ``link``, (n, 4, 4) of LINK: the messages of each computer at each other computer."""
 
     def __getitem__(self, key: Any) -> Any:
         """Return what any array has; ``link`` is made of the computers' records."""

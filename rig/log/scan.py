@@ -1,4 +1,4 @@
-"""Goes through a log from end to end and checks every byte of it; mends one that was cut.
+"""Check every byte of a log, and repair one that was cut.
 
 Each byte of the file is under one of three checksums (chunk, data section, footer): what comes out of a
 log without BadLog is what was written.
@@ -74,7 +74,7 @@ class About:
 
 @dataclass(slots=True)
 class Contents(About):
-    """A log that was gone through: its frames, messages and events counted, and where it is damaged."""
+    """A log that was checked: numbers of its frames, messages and events, and the place of its damage."""
 
     frames: int = 0
     messages: Counter[str] = field(default_factory=Counter)  # by their topics

@@ -1,4 +1,4 @@
-"""Writes a flight as it is flown: every frame of every signal, a second at a time."""
+"""Write a flight while it is flown: every frame of every signal, one second at a time."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class LogWriter:
             raise RigError(f"{self._named}: the log is no longer there: deleted or moved while it was written")
 
     def abort(self) -> None:
-        """Close the file without its summary; ``recover`` can mend it."""
+        """Close the file without its summary; ``recover`` can repair it."""
         if self._file is not None:
             self._file.close()
             self._file = None

@@ -1,4 +1,4 @@
-"""Constant delay and constant offset of each channel against the others, and the samples without them; delays.py."""
+"""Remove the constant delay and the constant offset of each channel against the others; see delays.py."""
 
 from __future__ import annotations
 

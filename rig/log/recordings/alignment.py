@@ -1,4 +1,4 @@
-"""``rig vote --align``: from which stretch, what was taken off, and what the user should know of it."""
+"""``rig vote --align``: the segment, the delays and offsets that were removed, and warnings."""
 
 from __future__ import annotations
 

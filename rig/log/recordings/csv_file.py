@@ -77,7 +77,7 @@ def read_csv(path: Path, wanted: Callable[[str], bool], written: TableFormat) ->
 
 
 def once_each(path: Path, names: list[str]) -> None:
-    """BadInput: a column that is there twice."""
+    """Raise BadInput if a column is given twice."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise BadInput(f"{path}: column {twice[0]!r} is given twice")

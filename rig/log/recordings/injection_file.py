@@ -74,7 +74,7 @@ class Fitted:
     discretes: dict[str, int]
 
     def check(self, i: int, fault: Table, recording: Recording) -> None:
-        """ValueError, one line, where fault ``i`` needs what the recording has not."""
+        """Raise ValueError, one line, if fault ``i`` needs something that the recording does not have."""
         for key in (key for key in _NEEDS if key in fault):
             allowed = "start_s, after, rate_per_hour"
             raise ValueError(

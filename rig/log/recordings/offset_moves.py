@@ -31,7 +31,7 @@ class OffsetMove:
 
     @property
     def moved(self) -> bool:
-        """Return whether it is more than the spread explains."""
+        """Return True if the change is more than the spread explains."""
         return self.offset_move > MOST_SPREADS * self.spread
 
 

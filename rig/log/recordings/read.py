@@ -166,7 +166,7 @@ def _joined(
 
 
 def nearest_rows(time_s: Floats, own_s: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """For each of ``time_s`` the row of ``own_s`` (rising) nearest to it, and whether it is near enough."""
+    """Return for each of ``time_s`` the nearest row of ``own_s`` (rising), and True if it is near enough."""
     after = np.clip(np.searchsorted(own_s, time_s), 1, max(len(own_s) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(own_s) - 1)

@@ -93,7 +93,7 @@ class RecordedSignal(SignalConfig):
 
     @property
     def range_is_assumed(self) -> bool:
-        """Return whether the limits are those of flight, or of one turn, and not CONFIG's."""
+        """Return True if the limits are those of flight, or of one turn, and not those of CONFIG."""
         return self._range_is_assumed
 
     def shown(self, value: V) -> V:
@@ -109,7 +109,7 @@ class RecordedSignal(SignalConfig):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The range with its default: one turn for an angle, else every number."""
+        """The range with its default: one turn for an angle, otherwise all numbers."""
         if self.range is not None:
             return self.range[0], self.range[1]
         return (-pi, pi) if self.wraps else ANY_NUMBER
@@ -181,12 +181,12 @@ class VoteConfig(Settings):
         return VoteRules(needed, self.box_persistence, self.boxes, self.unresolved_s)
 
     def refuse_short_wait(self, signals: Mapping[str, SignalConfig], rate_hz: float, source: str) -> None:
-        """BadInput where ``unresolved_s`` is given and shorter than an answer must stand; the default gives way."""
+        """Raise BadInput if a given ``unresolved_s`` is shorter than a decision takes; the default is raised."""
         if "unresolved_s" in self.model_fields_set and (short := short_wait(self.unresolved_s, signals, rate_hz)):
             raise BadInput(f"{source}: {short}")
 
     def refuse_late_resets(self, time_s: NDArray[np.float64], source: str) -> None:
-        """BadInput for a reset before the first row of a recording or after its last."""
+        """Raise BadInput for a reset before the first row of a recording or after its last."""
         first, last = float(time_s[0]), float(time_s[-1])
         for i, reset in enumerate(self.resets):
             if not first <= reset.at_s <= last:

@@ -72,7 +72,7 @@ class ClockDrift(_OnComputer):
 
     @property
     def effect(self) -> Effect:
-        """Frames a frame."""
+        """The drift in frames per frame."""
         return Effect(Act.SET, 1e-6 * self.drift_ppm, part=ComputerPart.DRIFT)
 
 
@@ -135,7 +135,7 @@ class WrongCommand(_OfOneSurface):
 class Software(_OfOneSurface):
     """All lanes compute the same wrong command. Cause: a defect of their common program.
 
-    A comparison of the lanes cannot detect it. The standby, another program, flies if the pilot commands it.
+    A comparison of the lanes cannot detect it. The back-up, another program, flies if the pilot selects it.
     """
 
     of_all = True
@@ -206,7 +206,7 @@ class _OfItsChannels(_OnComputer):
         return [*self.points, *super().targets]
 
     def check_fitted(self, fitted: Mapping[str, int], places: Places = FLIGHT) -> None:
-        """Raise nothing for channels that are not fitted: what is not there is not sampled."""
+        """Raise nothing for channels that are not fitted, because they are not sampled."""
         unlimited = {name: CHANNELS if self.on is None or self.on.signal != name else n for name, n in fitted.items()}
         super().check_fitted(unlimited, places)
 
@@ -242,7 +242,7 @@ class Adc(_OfItsChannels):
         return super().magnitude if self.factor is None else Size(abs(1.0 - self.factor), False)
 
     def effect_on(self, point: Point) -> Effect:
-        """Return what it does to a channel; of the lane, which test sees it."""
+        """Return the effect on a channel, or on the lane with the self-test that may detect it."""
         if FLIGHT.site(point.place) != "computer":
             return self.effect
         if self.says in ("zero", "last"):
@@ -253,7 +253,7 @@ class Adc(_OfItsChannels):
 
     @property
     def effect(self) -> Effect:
-        """Return what it does to a channel."""
+        """Return the effect on a channel."""
         if self.says == "zero":
             return Effect(Act.SET, 0.0)
         if self.says == "last":
@@ -282,7 +282,7 @@ class PowerLoss(_OfItsChannels):
         return [Point(one.name, lane + 1) for lane in lanes_of(self.signal) for one in (*SIGNALS, *DISCRETES)]
 
     def effect_on(self, point: Point) -> Effect:
-        """Return what it does to a channel, or to a lane."""
+        """Return the effect on a channel or on a lane."""
         where = FLIGHT.site(point.place)
         if where == "computer":
             return _STOPPED

@@ -34,7 +34,7 @@ class Intermittent(Corrupted):
 
     @property
     def effect(self) -> Effect:
-        """The value in a gap."""
+        """The effect in a gap."""
         if self.in_gaps in ("high", "low"):
             return Effect(Act.RANGE_END, 1.0 if self.in_gaps == "high" else -1.0)
         if self.in_gaps == "last":
@@ -83,7 +83,7 @@ class Delay(Corrupted):
 
     @property
     def effect(self) -> Effect:
-        """The schedule makes frames of the time, rounded up."""
+        """A delay in whole frames, rounded up."""
         return self.sized(Act.DELAY, whole_frames=True)
 
 
@@ -126,7 +126,7 @@ class CrossTalk(Ramped):
         return self.sized(Act.CROSS_TALK, source_place=self.source)
 
     def check_fitted(self, fitted: Mapping[str, int], places: Places = FLIGHT) -> None:
-        """Raise ValueError, too, unless it comes from another place of the same sort, on channels a fitted one."""
+        """Also raise ValueError unless the source is another place of the same sort with the same channels fitted."""
         super().check_fitted(fitted, places)
         alike = self.source in places.index and places.site(self.source) == places.site(self.signal)
         if not alike or self.source == self.signal:

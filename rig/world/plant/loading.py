@@ -59,7 +59,7 @@ _ANY_STEP_S: Final = 0.01  # JSBSim's step where nothing flies
 
 
 class NoTrim(BadInput):
-    """No level flight at a flight point; ``limit`` is what stands in the way, without figures."""
+    """No level flight at a flight point; ``limit`` is the reason without figures."""
 
     def __init__(self, message: str, limit: str) -> None:
         super().__init__(message)
@@ -78,7 +78,7 @@ def _executive() -> jsbsim.FGFDMExec:
 
 
 def jsbsim_airframe(airframe: Airframe) -> Config:
-    """Return the aircraft itself when JSBSim flies it; BadInput for a linear one."""
+    """Return the aircraft if JSBSim flies it; raise BadInput for a linear one."""
     if not isinstance(airframe, Config):
         raise BadInput(f'airframe.plant: {airframe.base_model} is "linear", JSBSim does not fly it')
     return airframe

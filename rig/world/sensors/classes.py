@@ -45,7 +45,7 @@ class Figures(Settings):
 
 
 class SensorClass(Settings):
-    """One class: where its figures are from, and the figures for each kind of signal that it measures."""
+    """One class: the source of its figures, and the figures for each kind of signal that it measures."""
 
     source: str = Field(min_length=1)
     rates: Figures | None = None

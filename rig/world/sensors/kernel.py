@@ -1,4 +1,4 @@
-"""The stage: the truth of a frame and what the channels remember become samples."""
+"""The stage of the sensors: samples from the truth of a frame and the memory of the channels."""
 
 from __future__ import annotations
 
