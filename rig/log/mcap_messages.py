@@ -1,6 +1,6 @@
 """Messages of an MCAP file from any writer, within limits of memory.
 
-A file of a few hundred kilobytes can hold a chunk that expands to gigabytes.  The size that a record declares is checked
+A file of a few hundred kilobytes can hold a chunk that expands to gigabytes.  The declared size of a record is checked
 before memory is allocated, chunks are expanded one at a time, and the sum of all expanded sizes is limited.
 """
 
