@@ -32,7 +32,7 @@ _COMMENTS: Final = {
     "output": "one frame from the unit",
 }
 _MEANINGS: Final = {
-    "magic": "RIGI to the unit, RIGO from it",
+    "magic": "`RIGI` in messages to the unit, `RIGO` in messages from it",
     "version": "version of the records",
     "kind": "kind of message, enum `Kind`",
     "layout": "hash of all names, types, offsets and enums",
@@ -46,7 +46,7 @@ _MEANINGS: Final = {
     "output_discretes": "meaning defined by the unit; logged",
     "age_us": "microseconds between the sample and the frame; 0 here",
     "length": "bytes before this field",
-    "crc": "CRC-32 of them (of IEEE 802.3, as zlib's), or 0",
+    "crc": "CRC-32 of these bytes (IEEE 802.3, as in zlib), or 0",
     "reference": "unit of the signal: computed from the last votes; NaN: there is none",
     "second_reference": "unit of the signal: computed by other physics; NaN: there is none",
     "law": "control law of the frame, enum `Law`; EXTERNAL",
@@ -264,7 +264,7 @@ def markdown() -> str:
     """Return tables of all records and enums."""
     lines = [f"Version {VERSION}, layout `{LAYOUT:016x}`.", ""]
     for name, dtype in RECORDS.items():
-        lines += [f"`struct rig_{name}`, {dtype.itemsize} bytes: {_COMMENTS[name]}.", ""]
+        lines += [f"### rig_{name}", "", f"`struct rig_{name}`, {dtype.itemsize} bytes: {_COMMENTS[name]}.", ""]
         lines += ["| offset | field | type | meaning |", "|---|---|---|---|", *map(_table_row, walk(dtype)), ""]
     # The names behind the indices of the records, with the unit where the name has none.
     indices = {"signal": [f"`{one.name}` | {i}, {one.unit}" for i, one in enumerate(SIGNALS)]}
@@ -275,9 +275,10 @@ def markdown() -> str:
         "inertial": INERTIAL,
     }
     indices |= {key: [f"`{text}` | {i}" for i, text in enumerate(names)] for key, names in named.items()}
+    lines += ["### Indices", ""]
     for name, texts in indices.items():
         lines += [f"| {name} | index, unit |", "|---|---|", *(f"| {text} |" for text in texts), ""]
-    lines += ["| enum | values |", "|---|---|"]
+    lines += ["### Enums", "", "| enum | values |", "|---|---|"]
     lines += [f"| `{enum.__name__}` | {', '.join(f'{m.name} {m.value}' for m in members(enum))} |" for enum in ENUMS]
     return "\n".join(lines) + "\n"
 
