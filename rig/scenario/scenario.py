@@ -73,18 +73,18 @@ class Scenario(Settings):
     rate_hz: float = Field(default=100.0, ge=1, le=1000)  # frames per second
     simulation_rate_hz: float | None = Field(default=None, ge=1, le=10_000)  # plant steps per second; None: rate_hz
     turbulence: Turbulence = "none"  # none, light, moderate, severe
-    wind: Wind = Wind()  # table [wind]
-    pilot: Pilot = Pilot()  # table [pilot]
-    faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)  # entries of [[faults]]
-    live: list[LiveFault] = []  # entries of [[live]]: faults that a key begins and ends
+    wind: Wind = Wind()  # table ``[wind]``
+    pilot: Pilot = Pilot()  # table ``[pilot]``
+    faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)  # entries of ``[[faults]]``
+    live: list[LiveFault] = []  # entries of ``[[live]]``: faults that a key begins and ends
     requirements: list[str] | None = None  # bundled sets, or paths from the present folder or the scenario's
-    control: Control = Control()  # table [control]
-    actuators: Actuators = Actuators()  # table [actuators]
-    computers: Computers = Computers()  # table [computers]
+    control: Control = Control()  # table ``[control]``
+    actuators: Actuators = Actuators()  # table ``[actuators]``
+    computers: Computers = Computers()  # table ``[computers]``
     airframe: AirframeField  # airframe of the aircraft
-    sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # tables [sensors.<signal>]
-    inertial: Inertial  # table [inertial]
-    redundancy: Redundancy  # table [redundancy]
+    sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # tables ``[sensors.<signal>]``
+    inertial: Inertial  # table ``[inertial]``
+    redundancy: Redundancy  # table ``[redundancy]``
     gains: Gains  # designed gains of the aircraft
     references: Designed  # designed references of the aircraft
     _trust: Trust = PrivateAttr(default=Trust())  # no setting: no file can grant it
