@@ -294,7 +294,7 @@ def _check_triad(where: str, axes: list[str], settings: dict[str, RecordedSignal
     of_units = next((name for name in managers if manager_kind(name).chooses_units), None)
     if len(managers) > 1 and of_units is not None:
         raise BadInput(
-            f"{where}: manager: {of_units} selects one channel for all axes; set it for all of them or for none"
+            f"{where}: manager: {of_units} chooses one channel for all axes; set it for all of them or for none"
         )
 
 
