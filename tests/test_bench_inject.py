@@ -127,7 +127,7 @@ def test_a_fault_of_a_discrete_turns_its_samples_over():
     found = inject(into, [fault], {}, config.discretes(["door"], "c")).recording.discretes["door"]
     assert (found.channels[0][:200] == 1).all() and (np.delete(found.channels[0][200:], 50) == 0).all()
     assert np.isnan(found.channels[0][250]) and found.valid is None
-    with pytest.raises(BadInput, match="inverted cannot sit on gyro, allowed: discrete"):
+    with pytest.raises(BadInput, match="inverted cannot act on gyro, allowed: discrete"):
         put({**fault, "signal": "gyro", "start_s": 7.0})
 
 
@@ -182,19 +182,22 @@ def test_a_fault_comes_after_another_by_its_name_in_the_recording():
     ("changes", "says"),
     [
         ({"signal": "giro"}, "faults.0.signal: 'giro' is not voted in the recording, allowed: gyro, acc"),
-        ({"signal": "surface.elevator"}, "'surface.elevator': a recording has channels only, allowed: gyro, acc"),
+        ({"signal": "surface.elevator"}, "'surface.elevator': a recording has only channels, allowed: gyro, acc"),
         ({"channels": [5]}, "faults.0.channels: gyro has 4 channels, got [5]"),
-        ({"start_s": 99.0}, "faults.0.start_s: the recording goes from 5 to 10.99 s, got 99"),
+        ({"start_s": 99.0}, "faults.0.start_s: the recording is from 5 to 10.99 s, got 99"),
         ({"end_s": 6.0}, "faults.0.end_s: 6 is not after start_s or the first row, 7"),
         ({"start_s": None}, "faults.0.offset.start_s"),
-        ({"when": "gyro > 1"}, "faults.0.when: needs the truth or votes, which a recording has not; allowed"),
-        ({"on": {"signal": "gyro"}}, "faults.0.on: needs votes, which a recording has not; allowed triggers: start_s"),
+        ({"when": "gyro > 1"}, "faults.0.when: needs the truth or votes, which a recording does not have; allowed"),
+        (
+            {"on": {"signal": "gyro"}},
+            "faults.0.on: needs votes, which a recording does not have; allowed triggers: start_s",
+        ),
         ({"after": "roll"}, "faults.0.after: no fault 'roll', allowed: none, there is no other"),
         ({"seen_by_ilm": True}, "faults.0.seen_by_ilm: gyro has no in-line monitor in the recording"),
         ({"kind": "offset_"}, "faults.0.kind: unknown kind 'offset_', nearest: offset"),
         (
             {"kind": "pitot_icing"},
-            "pitot_icing needs static_pressure and dynamic_pressure, which the recording has not",
+            "pitot_icing needs static_pressure and dynamic_pressure, which the recording does not have",
         ),
         ({"amplitude": 1.0}, "amplitude: unknown key"),
     ],
@@ -240,7 +243,10 @@ def test_a_file_of_faults_is_injected_scored_and_the_same_twice(run: Any):
     ("text", "says"),
     [
         ("seed = 1", "error: f.toml: no [[faults]] to inject"),
-        (FILE.replace("seed", "sede"), "error: f.toml: sede: unknown key; nearest: seed; all keys: docs/vote.md"),
+        (
+            FILE.replace("seed", "sede"),
+            "error: f.toml: sede: unknown key; nearest: seed; all keys: docs/reference/recordings.md",
+        ),
         (FILE.replace("4", "-4"), "error: f.toml: seed: input should be greater than or equal to 0, got -4"),
         (FILE.replace("'x'", "'y'"), "error: f.toml: faults.0.signal: 'y' is not voted in the recording, allowed: x"),
     ],

@@ -42,11 +42,11 @@ def rig(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         ),
         (
             [*SERVO, 'faults=[{kind="spool_jam",signal="actuator.elevator",channels=[1],start_s=1}]'],
-            "spool_jam sits on what the channels of actuator.elevator share, give none, got [1]",
+            "spool_jam acts on a part that all channels of actuator.elevator share, give none, got [1]",
         ),
         (
             [*SERVO, 'faults=[{kind="coil_open",signal="actuator.elevator",channels=[5],start_s=1}]'],
-            "channels are different numbers from 1 to 4, got [5]",
+            "channels must be different numbers from 1 to 4, got [5]",
         ),
         (
             [*SERVO, 'faults=[{kind="coil_open",signal="actuator.elevatr",channels=[1],start_s=1}]'],

@@ -19,9 +19,10 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 
 
 def test_the_table_of_signals_is_that_of_the_frame():
-    page = (ROOT / "docs" / "signals.md").read_text()
-    for row in signal_rows():
-        assert f"| {' | '.join(row)} |" in page
+    page = (ROOT / "docs" / "reference" / "faults-and-signals.md").read_text()
+    for name, _, unit, span, _, _, topic in signal_rows():
+        assert re.search(rf"^\| `{name}` \|.* \| `{topic}` \|$", page, re.MULTILINE)
+        assert unit == "0 or 1" or (f" | {unit} | " in page and f" | {span} | " in page)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
@@ -36,9 +37,9 @@ def test_the_readme_names_every_bundled_aircraft():
 
 
 def test_every_bundled_scenario_is_described():
-    page = (ROOT / "docs" / "scenario.md").read_text()
+    page = (ROOT / "docs" / "reference" / "gallery.md").read_text()
     for path in bundled("faults").glob("*.toml"):
-        assert f"`{path.stem}`" in page
+        assert f"| `rig fly {path.stem}` |" in page
 
 
 def test_every_test_named_as_evidence_exists():

@@ -140,7 +140,7 @@ def test_two_coils_that_run_away_lose_the_aircraft_without_monitors_alone():
     [
         (
             ['faults=[{kind="spool_jam", signal="actuator.elevator", channels=[1], start_s=1.0}]', SERVO],
-            "channels: spool_jam sits on what the channels of actuator.elevator share, give none, got",
+            "channels: spool_jam acts on a part that all channels of actuator.elevator share, give none, got",
         ),
         (['faults=[{kind="coil_open", signal="actuator.elevator", channels=[5], start_s=1.0}]', SERVO], "1 to 4"),
         (
@@ -150,7 +150,7 @@ def test_two_coils_that_run_away_lose_the_aircraft_without_monitors_alone():
         (['faults=[{kind="hydraulic_loss", signal="hydraulics.3", start_s=1.0}]', SERVO], "no such hydraulic system"),
         (
             ['faults=[{kind="leak", signal="pitch_rate", share=0.5, start_s=1.0}]', SERVO],
-            "leak cannot sit on pitch_rate",
+            "leak cannot act on pitch_rate",
         ),
         (['faults=[{kind="coil_open", signal="actuator.elevator", channels=[1], start_s=1.0}]'], "needs servos"),
         ([SERVO, "actuators.spool_rad_s=50"], "at least 4"),

@@ -66,11 +66,11 @@ def test_json_is_one_object_that_holds_the_same():
 
 
 def test_an_unknown_kind_is_refused_with_what_there_is():
-    with pytest.raises(BadInput, match=r"no such kind of fault, nearest: rate_loss, .*43 allowed, see rig faults list"):
+    with pytest.raises(BadInput, match=r"unknown kind of fault, nearest: rate_loss, .*43 allowed, see rig faults list"):
         catalogue.entry("explode")
 
 
 def test_the_page_of_the_docs_has_every_kind_and_key():
-    page = (Path(__file__).parent.parent / "docs" / "faults.md").read_text()
+    page = (Path(__file__).parent.parent / "docs" / "reference" / "faults-and-signals.md").read_text()
     keys = {p.name for entry in ENTRIES for p in entry.parameters} | {p.name for p in catalogue.common()}
     assert [name for name in (*KINDS, *keys) if f"`{name}" not in page and f"`{name}`" not in page] == []

@@ -104,11 +104,11 @@ def test_a_fault_on_a_channel_that_is_out_is_not_executed():
 @pytest.mark.parametrize(
     ("bad", "says"),
     [
-        ({"kind": "offset", "offset": 1.0}, "offset cannot sit on gear_down, a discrete, allowed: channel, inertial"),
-        ({"kind": "hardover"}, "hardover cannot sit on gear_down, a discrete"),
-        ({"kind": "delay", "latency_s": 0.1}, "delay cannot sit on gear_down, a discrete"),
-        ({"kind": "inverted", "signal": "pitch_rate"}, "inverted cannot sit on pitch_rate, allowed: discrete"),
-        ({"kind": "toggling", "period_s": 0.1, "signal": "pitch_rate"}, "toggling cannot sit on pitch_rate"),
+        ({"kind": "offset", "offset": 1.0}, "offset cannot act on gear_down, a discrete, allowed: channel, inertial"),
+        ({"kind": "hardover"}, "hardover cannot act on gear_down, a discrete"),
+        ({"kind": "delay", "latency_s": 0.1}, "delay cannot act on gear_down, a discrete"),
+        ({"kind": "inverted", "signal": "pitch_rate"}, "inverted cannot act on pitch_rate, allowed: discrete"),
+        ({"kind": "toggling", "period_s": 0.1, "signal": "pitch_rate"}, "toggling cannot act on pitch_rate"),
         ({"kind": "toggling"}, "Field required"),
         ({"kind": "stuck", "value": 0.5}, "value: gear_down is a discrete, allowed: 0, 1; got 0.5"),
         ({"kind": "stuck", "ramp_s": 1.0}, "ramp_s: gear_down is a discrete"),

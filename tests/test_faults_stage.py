@@ -229,7 +229,7 @@ def test_the_flight_says_what_was_not_executed_and_so_does_its_log(tmp_path):
     log = rig.read_log(flight.log)
     last = [(event.frame, event.name, event.text) for event in log.events if "executed" in event.name]
     assert last == [
-        (199, "fault not executed", "late: its channels were out before it"),
+        (199, "fault not executed", "late: its channels were already isolated or absent"),
         (199, "fault not executed", "never: never triggered"),
     ]
     assert executed(which.faults, log.rows) == [True, False, False]

@@ -160,11 +160,11 @@ def test_ctrl_c_ends_a_flight_that_is_paused(scenario: Path):
 
 
 WRONG = {
-    'key = "q"\nfault = { kind = "hardover", signal = "pitch_rate", channels = [3] }': "a letter or digit, but not r",
-    'key = "hh"\nfault = { kind = "hardover", signal = "pitch_rate", channels = [3] }': "a letter or digit, but not",
+    'key = "q"\nfault = { kind = "hardover", signal = "pitch_rate", channels = [3] }': "a letter or digit except r",
+    'key = "hh"\nfault = { kind = "hardover", signal = "pitch_rate", channels = [3] }': "a letter or digit except",
     'key = "x"\nfault = { kind = "hardover", signal = "pitch_rate", channels = [3], start_s = 3 }': "fault.start_s: ",
     'key = "x"\nfault = { kind = "hardover", signal = "pitch", channels = [3] }': "unknown signal",
-    'key = "h"\nfault = { kind = "offset", signal = "roll_rate", channels = [3], offset = 1 }': "the key 'h' stands",
+    'key = "h"\nfault = { kind = "offset", signal = "roll_rate", channels = [3], offset = 1 }': "the key 'h' is given",
 }
 
 

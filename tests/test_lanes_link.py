@@ -212,7 +212,7 @@ LOSS = 'faults=[{{kind="link_loss", signal="{}", start_s=1.0}}]'
         ([LOSS.format("ccdl.A-A"), FOUR], "faults.0.signal: no such link between two lanes, nearest.*'ccdl.A-A'"),
         ([LOSS.format("ccdl.A-C"), "computers.count=2"], "ccdl.A-C has a lane that is not there:.*lanes A to B"),
         ([LOSS.format("ccdl.B")], "ccdl.B has a lane that is not there:.*count = 1, no lanes"),
-        ([LOSS.format("pitch_rate"), FOUR], "link_loss cannot sit on pitch_rate, allowed: ccdl"),
+        ([LOSS.format("pitch_rate"), FOUR], "link_loss cannot act on pitch_rate, allowed: ccdl"),
         ([FOUR, "computers.synchronised=false"], "exchange_rounds: 2 needs synchronised = true; with false allowed: 1"),
         ([FOUR, "computers.clock_offsets_s=[0,0.01,0,0]"], "lane B is a frame or more ahead, 0.01 s at 100 Hz"),
         ([FOUR, "computers.clock_offsets_s=[0,0.001]"], "clock_offsets_s: 4 times of 0 or more, one a lane"),

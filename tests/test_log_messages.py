@@ -57,20 +57,20 @@ def lz4_zeros(count: int) -> bytes:
 BOMBS: dict[str, tuple[list[Chunk], str]] = {
     "as stated": (
         [by_hand.chunk(by_hand.zeros(GIGABYTES, GIGABYTES), GIGABYTES, "zstd")],
-        "a chunk claims 6000000000 b",
+        "a chunk declares 6000000000 b",
     ),
     "claims less than its frame": (
         [by_hand.chunk(by_hand.zeros(GIGABYTES, GIGABYTES), 1000, "zstd")],
-        "a chunk claims 1000 bytes and its contents 6000000000",
+        "a chunk declares 1000 bytes and its contents 6000000000",
     ),
     "claims less, frame without size": ([by_hand.chunk(by_hand.zeros(GIGABYTES), 1000, "zstd")], "damaged"),
     "claims nothing": ([by_hand.chunk(by_hand.zeros(GIGABYTES), 0, "zstd")], "no rows"),
-    "claims the most there is": ([by_hand.chunk(b"", 2**64 - 1, "zstd")], f"claims {2**64 - 1} bytes"),
+    "claims the most there is": ([by_hand.chunk(b"", 2**64 - 1, "zstd")], f"declares {2**64 - 1} bytes"),
     "in many chunks": (
         [by_hand.chunk(by_hand.zeros(LARGE, LARGE + 9, by_hand.skipped(LARGE)), LARGE + 9, "zstd")] * 3,
         "expands to more than",
     ),
-    "lz4": ([by_hand.chunk(lz4_zeros(1 << 30), 1000, "lz4")], "a chunk claims 1000 bytes and has 1001"),
+    "lz4": ([by_hand.chunk(lz4_zeros(1 << 30), 1000, "lz4")], "a chunk declares 1000 bytes and has 1001"),
     "unknown compression": ([by_hand.chunk(compressed(WHOLE), len(WHOLE), "zsty")], "unknown compression 'zsty'"),
     "a record beyond its chunk": (
         [by_hand.chunk(b"\5" + b"\xff" * 8 + WHOLE, len(WHOLE) + 9)],

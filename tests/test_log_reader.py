@@ -130,14 +130,14 @@ def test_another_schema_is_refused_with_both_versions(tmp_path, monkeypatch, ver
 
 
 def test_the_present_schema_is_the_one_of_the_history():
-    """Who changes a message gives the schema a new version, and the history in docs/log.md a line."""
+    """Who changes a message gives the schema a new version, and the history in docs/reference/log.md a line."""
     text = "".join(
         f"{topic.name} {topic.message} {schema.descriptors(topic.message).SerializeToString(deterministic=True).hex()}"
         for topic in schema.TOPICS
         if topic.message in schema.MESSAGES
     )
     fingerprint = hashlib.sha256(text.encode()).hexdigest()[:12]
-    history = (Path(__file__).parent.parent / "docs" / "log.md").read_text()
+    history = (Path(__file__).parent.parent / "docs" / "reference" / "log.md").read_text()
     assert f"| {schema.SCHEMA_VERSION} | `{fingerprint}` |" in history
 
 

@@ -115,7 +115,7 @@ def test_the_commands_work_on_it(run: Any, tmp_path: Path):
 def test_a_cut_one_is_said_to_be_mended_by_its_own_version(tmp_path: Path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(FLOWN.read_bytes()[:-100])
-    with pytest.raises(BadLog, match="schema version 2; logs are mended from version 4 on"):
+    with pytest.raises(BadLog, match="schema version 2; rig recover repairs logs from version 4 on"):
         recover(cut, tmp_path / "mended.mcap")
     assert not (tmp_path / "mended.mcap").exists()
 

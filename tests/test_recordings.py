@@ -67,7 +67,7 @@ BAD_TABLES = {
     "a column of no signal": ("time_s,x.1,x.2,y.ref\n0,1,1,1\n", "unknown column 'y.ref'"),
     "a monitor of no channel": ("time_s,x.1,x.2,x.ilm.3\n0,1,1,1\n", "unknown column 'x.ilm.3'"),
     "a monitor that says two": ("time_s,x.1,x.2,x.ilm.1\n0,1,1,2\n", "row 1: x.ilm.1 must be 0, 1 or empty, got 2"),
-    "a column twice": ("time_s,x.1,x.1\n0,1,1\n", "column 'x.1' is there twice"),
+    "a column twice": ("time_s,x.1,x.1\n0,1,1\n", "column 'x.1' is given twice"),
     "no signal": ("time_s\n0\n", "no signal"),
     "no rows": (HEAD, "no rows"),
     "nothing": ("", "no column 'time_s'"),
@@ -166,7 +166,7 @@ def test_a_file_that_was_cut_is_refused(ending: str, kept: float, rig: Any):
 def test_a_parquet_column_that_is_not_of_numbers_is_refused(rig: Any):
     config(**ONE)
     pl.DataFrame({"time_s": [0.0], "x.1": ["a"], "x.2": [1.0]}).write_parquet("in.parquet")
-    refused(rig("in.parquet", "--config", "c.toml", "--out", "o.csv"), "in.parquet", "'x.1' is not of numbers")
+    refused(rig("in.parquet", "--config", "c.toml", "--out", "o.csv"), "in.parquet", "'x.1' must contain numbers")
 
 
 def test_a_failure_leaves_the_output_of_before(rig: Any):
@@ -382,14 +382,14 @@ def test_parquet_types_that_are_numbers_are_read(kind: str, tmp_path: Path):
 def test_parquet_types_that_are_no_numbers_are_refused(kind: str, rig: Any):
     config(**ONE)
     of_three("in.parquet", NO_NUMBERS[kind])
-    refused(rig("in.parquet", "--config", "c.toml", "--out", "o.csv"), "in.parquet", "'x.1' is not of numbers but of")
+    refused(rig("in.parquet", "--config", "c.toml", "--out", "o.csv"), "in.parquet", "'x.1' must contain numbers, got")
 
 
 def test_a_parquet_column_that_is_there_twice_is_refused(rig: Any):
     config(**ONE)
     one = pa.array([0.0, 0.1])
     pq.write_table(pa.Table.from_arrays([one] * 4, names=["time_s", "x.1", "x.1", "x.2"]), "in.parquet")
-    refused(rig("in.parquet", "--config", "c.toml", "--out", "o.csv"), "in.parquet", "column 'x.1' is there twice")
+    refused(rig("in.parquet", "--config", "c.toml", "--out", "o.csv"), "in.parquet", "column 'x.1' is given twice")
 
 
 def test_a_parquet_file_that_expands_beyond_its_limits_is_refused(rig: Any, monkeypatch: pytest.MonkeyPatch):

@@ -68,7 +68,7 @@ def test_a_healthy_recording_has_no_warning_and_a_fault_in_the_stretch_one():
     early = Injected(1, "noise y.1", "noise", "y", 1, 500, 650)
     _, found = run_alignment(recording(channels()), SETTINGS, AlignOptions(), {}, [late, early])
     [warning] = found.warnings
-    assert warning.startswith("noise y.1: y.1 is faulty from 5 s, within the stretch")
+    assert warning.startswith("noise y.1: y.1 is faulty from 5 s, within the alignment segment")
 
 
 def test_an_offset_on_the_circle_is_no_move_where_the_angle_jumps():

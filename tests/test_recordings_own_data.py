@@ -138,12 +138,12 @@ def test_a_range_of_an_angle_that_is_not_one_turn_asks_for_the_unit(limits: list
         (
             RATES,
             {"pitch_rate": {"threshold": 1.7}},
-            'out of range [-1.5, 1.5] rad/s: if the file is in deg/s, unit = "deg',
+            'out of range [-1.5, 1.5] rad/s: if the file is in deg/s, set unit = "deg',
         ),
         (
             HEADINGS,
             {"hdg": {"threshold": 2.0, "wraps": True}},
-            'range [-3.142, 3.142] rad: if the file is in deg, unit = "deg"',
+            'range [-3.142, 3.142] rad: if the file is in deg, set unit = "deg"',
         ),
     ],
 )
@@ -178,8 +178,8 @@ def test_a_channel_that_is_often_no_sample_is_told_by_name_and_share(vote: Any):
     found = vote("in.csv", **PITCH)[2]
     assert [line.split(": ", 1)[1] for line in found["warnings"]] == [
         "pitch_rate.4: 30 % of the samples are out of range [-1.5, 1.5] rad/s: if the file is in deg/s, "
-        'unit = "deg/s"; else give the range that it has, in CONFIG',
-        "pitch_rate.2: 25 % of the samples are not numbers: look at the recorder, or leave the channel out",
+        'set unit = "deg/s"; otherwise give its range in CONFIG',
+        "pitch_rate.2: 25 % of the samples are not numbers: check the recorder, or leave the channel out",
     ]
     columns["pitch_rate.2"][:100] = RATES["pitch_rate.2"][:100]
     columns["pitch_rate.4"][60:] = RATES["pitch_rate.4"][60:]  # 15 %: as a fault may leave it
@@ -276,7 +276,7 @@ def test_other_separators_are_found(separator: str, name: str, vote: Any, plain:
 def test_a_separator_of_ones_own_is_set(vote: Any, plain: dict[str, Any]):
     frame(RATES).write_csv("in.csv", separator="|")
     code, error, _ = vote("in.csv", **PITCH)
-    assert code == 2 and "docs/vote.md" in error
+    assert code == 2 and "docs/reference/recordings.md" in error
     assert unwritten(vote("in.csv", separator="|", **PITCH)[2]) == unwritten(plain)
 
 
@@ -350,12 +350,16 @@ def test_recorders_of_one_calendar_share_its_zero(vote: Any):
 def test_a_column_of_another_name_points_to_the_mapping(vote: Any, plain: dict[str, Any]):
     frame({**RATES, "altitude": T}).write_csv("in.csv")
     code, error, _ = vote("in.csv", **PITCH)
-    assert code == 2 and "unknown column 'altitude'" in error and "[mapping] in CONFIG: docs/vote.md" in error
+    assert (
+        code == 2
+        and "unknown column 'altitude'" in error
+        and "[mapping] in CONFIG: docs/reference/recordings.md" in error
+    )
     own = {f"Q_{c}": RATES[f"pitch_rate.{c}"] for c in range(1, 5)}
     frame(own, name="Time").write_csv("in.csv")
     code, error, _ = vote("in.csv", **PITCH)
     assert code == 2 and "no column 'time_s'; there are: Time, Q_1, Q_2, Q_3, Q_4; name" in error
-    assert "time_column and [mapping] in CONFIG: docs/vote.md" in error
+    assert "time_column and [mapping] in CONFIG: docs/reference/recordings.md" in error
     mapping = {f"pitch_rate.{c}": f"Q_{c}" for c in range(1, 5)}
     assert unwritten(vote("in.csv", time_column="Time", mapping=mapping, **PITCH)[2]) == unwritten(plain)
     frame(RATES, name="Time").write_csv("in.csv")  # time alone has another name
@@ -371,7 +375,7 @@ def test_a_missing_channel_is_named(vote: Any):
 def test_a_header_that_is_no_utf_8_is_refused(vote: Any):
     Path("in.csv").write_bytes("time_s,x.1,x.2,°\n0,1,1,1\n".encode("latin-1"))
     code, error, _ = vote("in.csv", default={"threshold": 1.0})
-    assert code == 2 and "in.csv: is not written in UTF-8" in error
+    assert code == 2 and "in.csv: must be encoded in UTF-8" in error
 
 
 def test_settings_of_tables_are_refused_for_messages(vote: Any):
@@ -385,7 +389,7 @@ def test_a_heading_counted_from_north_is_told_its_range(vote: Any):
     frame(HEADINGS).write_csv("in.csv")
     wrong = {"signal": {"hdg": {"threshold": 2.0, "wraps": True, "unit": "deg"}}}
     code, error, _ = vote("in.csv", **wrong)
-    assert code == 2 and error.endswith("give the range that it has, in CONFIG: range = [0, 360]\n")
+    assert code == 2 and error.endswith("give its range in CONFIG: range = [0, 360]\n")
     wrong["signal"]["hdg"]["range"] = [0.0, 360.0]
     code, _, found = vote("in.csv", **wrong)
     assert code == 0 and [c["state"] for c in found["signals"]["hdg"]["channels"]] == ["ok"] * 4

@@ -79,7 +79,7 @@ def test_a_fault_that_begins_outside_the_recording_is_refused(vote: Any, start_s
     fault = f"[[faults]]\nkind = 'offset'\nsignal = 'x'\nchannels = [1]\noffset = 1.0\nstart_s = {start_s!r}\n"
     Path("f.toml").write_text(fault)
     code, _, err = vote(EPOCH, "", "--inject", "f.toml")
-    assert code == 2 and f"the recording goes from 1764166800 to 1764166804.49 s, got {digits(start_s)}" in err
+    assert code == 2 and f"the recording is from 1764166800 to 1764166804.49 s, got {digits(start_s)}" in err
 
 
 def test_a_stretch_that_has_no_rows_is_refused_with_the_times_that_there_are(vote: Any):

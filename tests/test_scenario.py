@@ -153,7 +153,7 @@ BAD_SETS = [
     ("a\nb=1", "a b: unknown key"),
     (
         "duratoin_s=5",
-        "unknown key; nearest: duration_s, gains, actuators; all keys: docs/scenario.md",
+        "unknown key; nearest: duration_s, gains, actuators; all keys: docs/reference/scenario.md",
     ),
     ("faults.0.strat_s=5.0", "faults.0.strat_s: unknown key; nearest: start_s"),
     ("sensors.pitch_rate.noise_sdt=5.0", "unknown key; nearest: noise_std"),
@@ -209,7 +209,7 @@ def test_a_fault_on_a_channel_that_is_not_fitted_is_refused():
 
 def test_two_faults_with_one_id_are_refused(tmp_path: Path):
     fault = '[[faults]]\nid = "a"\nkind = "hardover"\nsignal = "heading"\nchannels = [1]\nstart_s = 1.0\n'
-    with pytest.raises(BadInput, match="'a' is used twice"):
+    with pytest.raises(BadInput, match="'a' is given twice"):
         load(write(tmp_path, fault + fault))
 
 

@@ -111,7 +111,9 @@ def test_a_condition_that_may_hold_is_no_note(condition: str):
 def test_a_note_names_fault_range_and_unit():
     fault = {"kind": "dropout", "signal": "pitch_rate", "channels": [1], "when": "angle_of_attack > 10"}
     [note] = notes(load({"aircraft": "f16", "faults": [fault]}))
-    assert note.startswith("faults.0.when: angle_of_attack > 10 never holds: angle_of_attack is from -0.7 to 1.2 rad")
+    assert note.startswith(
+        "faults.0.when: angle_of_attack > 10 is never true: the range of angle_of_attack is -0.7 to 1.2 rad"
+    )
 
 
 @pytest.mark.parametrize(
@@ -139,7 +141,7 @@ def test_a_requirement_that_is_decided_before_the_flight_is_told(formula: str, h
 )
 def test_a_number_with_a_unit_is_refused_with_what_it_is(number: str, message: str):
     fault = {"kind": "dropout", "signal": "pitch_rate", "channels": [1], "when": f"angle_of_attack > {number}"}
-    with pytest.raises(BadInput, match=r"a number has no unit, SI units are meant") as refused:
+    with pytest.raises(BadInput, match=r"give the number without a unit, in SI units") as refused:
         load({"aircraft": "f16", "faults": [fault]})
     assert message in str(refused.value)
 

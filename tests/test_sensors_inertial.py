@@ -173,8 +173,8 @@ def test_a_quantity_drifts_and_goes_hard_over_like_a_sensor():
         ({"signal": "inertial.alpha"}, "unknown signal"),
         ({"channels": [1]}, "inertial.pitch_rate_rad_s has none"),
         ({"seen_by_ilm": True}, "no in-line monitor"),
-        ({"kind": "ilm", "says": "bad"}, "ilm cannot sit on inertial.pitch_rate_rad_s"),
-        ({"kind": "rate_loss", "max_rate_per_s": 1.0}, "rate_loss cannot sit on"),
+        ({"kind": "ilm", "says": "bad"}, "ilm cannot act on inertial.pitch_rate_rad_s"),
+        ({"kind": "rate_loss", "max_rate_per_s": 1.0}, "rate_loss cannot act on"),
     ],
 )
 def test_what_it_cannot_have_is_refused(bad, says):

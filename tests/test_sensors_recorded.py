@@ -84,7 +84,7 @@ def test_flown_again_from_its_resolved_form_it_is_the_same_and_needs_the_same_fi
     assert again == first
     Rig(again)
     noise.write_text(noise.read_text().replace("0.0", "0.1", 1))
-    with pytest.raises(BadInput, match=r"sensors.pitch_rate.noise_file: .* is not the file it was: SHA-256"):
+    with pytest.raises(BadInput, match=r"sensors.pitch_rate.noise_file: .* has changed: SHA-256"):
         Rig(again)
     noise.unlink()
     with pytest.raises(BadInput, match="no such file"):

@@ -333,7 +333,7 @@ def test_logs_of_ours_need_no_configuration(rig_command: Command):
 @pytest.mark.long
 @pytest.mark.skipif(not QUAD.is_dir(), reason="the recordings are not here")
 def test_a_design_on_real_flights_is_met_by_others(rig_command: Command):
-    """Nine flights design, five others fly; a setting that docs/vote.md warns of fails channels in the same five."""
+    """Nine flights design, five others fly; a setting for another mission fails channels in the same five."""
     from rig.bench.vote_rows import vote
     from rig.log.recordings.align import align
     from rig.log.recordings.read import read

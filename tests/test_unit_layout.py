@@ -48,15 +48,17 @@ def test_a_c_compiler_lays_the_records_out_as_numpy_does(tmp_path: Path):
 
 
 def test_the_committed_header_and_tables_are_those_of_the_frame():
-    """To renew them: ``rig unit header > docs/examples/unit/rig_unit.h``, and --markdown for the tables."""
+    """To renew them: ``rig unit header > docs/examples/unit/rig_unit.h``, and ``make reference`` for the tables."""
     assert (EXAMPLES / "rig_unit.h").read_text() == header.header()
-    page = (ROOT / "docs/unit-records.md").read_text()
+    page = (ROOT / "docs/reference/icd.md").read_text()
     assert header.markdown() in page
 
 
 def test_every_field_is_explained_and_every_index_named():
-    page = (ROOT / "docs/unit-records.md").read_text()
-    rows = [[cell.strip() for cell in line.strip("| \n").split(" | ")] for line in page.splitlines() if line[:1] == "|"]
+    page = (ROOT / "docs/reference/icd.md").read_text()
+    rows = [
+        [cell.strip(" `") for cell in line.strip("| \n").split(" | ")] for line in page.splitlines() if line[:1] == "|"
+    ]
     fields = [row for row in rows if row[0].isdecimal()]
     assert len(fields) == sum(len(dtype.names or ()) for dtype in RECORDS.values())
     assert [row for row in fields if len(row) < 4 or not row[3]] == []

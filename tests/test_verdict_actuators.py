@@ -97,7 +97,7 @@ def test_a_jam_fails_all_channels_and_costs_the_surface_when_the_last_one_is_shu
 def test_a_stuck_valve_is_found_when_the_channel_is_to_be_shut_off():
     stuck = 'kind="sov_stuck", signal="actuator.elevator", channels=[2]'
     alone, said = scored_flight(stuck)
-    assert alone.faults[0].outcome == "undetectable" and "nobody shut the channel off" in said[0]
+    assert alone.faults[0].outcome == "undetectable" and "no monitor shut the channel off" in said[0]
     scored, told = scored_flight(stuck, HARDOVER)
     valve, coil = scored.faults
     assert (coil.decided_by, coil.failed_frame) == ("current", ONSET + 4)

@@ -56,7 +56,7 @@ def test_json_is_one_object_with_the_keys_of_the_page(flight: Flight):
 
 
 def test_every_key_of_the_json_is_on_the_page(flight: Flight):
-    page = (Path(__file__).parent.parent / "docs" / "score.md").read_text()
+    page = (Path(__file__).parent.parent / "docs" / "reference" / "scores-and-tables.md").read_text()
     found = json.loads(run(str(flight.log), "--json").stdout)
 
     def keys(node: Any) -> set[str]:

@@ -1,4 +1,4 @@
-"""``rig.score``, ``rig.vote``: what a flight or a recording came to."""
+"""``rig.score`` and ``rig.vote``: score a flight, vote on recorded channels."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ def score(
     allow_code: bool = False,
     **limits: float,
 ) -> Scored:
-    """Score a flight, or its log, against the truth: what was detected, missed and wrong, and how it flew.
+    """Compare the decisions of a flight with the truth in its log.
 
-    baseline       : fly the fault-free baseline too, for the transients
-    unit       : the unit file of the flight software under test that flew a log; a flight knows its own
-    allow_code : a manager class that a log names may be run; one that a flight was flown with may be in any case
-    limits     : of a failure transient: ``load_factor`` [g], ``pitch_rate_rad_s``, ``window_s`` after an onset
-    BadInput, one line: no log of a flight, no verdict, a key of ``limits`` that there is not.
+    flight : flight, or file of its log
+    baseline : True also flies the fault-free baseline, for the transients
+    unit : unit file of the unit under test that flew the log; not needed for a flight
+    allow_code : True permits a manager class that a log names; that of a flight is always permitted
+    limits : limits of a failure transient: ``load_factor`` [g], ``pitch_rate_rad_s``, ``window_s`` after an onset
+    BadInput, one line: no log of a flight, no flight summary in it, an unknown key of ``limits``.
     """
     yardstick = build(Yardstick, limits, "score")
     if isinstance(flight, Flight):
@@ -50,13 +51,16 @@ def vote(
     repair_time: bool = False,
     allow_code: bool = False,
 ) -> Votes:
-    """Vote on recorded channels with the redundancy manager of the flight.
+    """Vote on recorded channels with the redundancy manager.
 
-    recorded : CSV, Parquet or MCAP, or a folder of tables; config : settings of the signals, a file or its tables
-    (docs/vote.md), not needed for the log of a flight; out : .csv, .parquet or .mcap to write too
-    align : take constant delays and offsets off the channels, True for the first six seconds
-    faults : a file or bundled scenario whose faults are put in; repair_time : drop rows whose time steps back
-    BadInput, one line, names the file and the key.
+    recorded : CSV, Parquet or MCAP file, or a folder of tables
+    config : settings of the signals, a file or its tables; not needed for the log of a flight
+    out : file to write the votes to: .csv, .parquet or .mcap
+    align : True removes constant delays and offsets, found in the first six seconds; AlignOptions: in another segment
+    faults : file or bundled scenario whose faults are injected
+    repair_time : True drops rows whose time does not exceed that of all earlier rows
+    allow_code : True permits a manager class that ``config`` names
+    BadInput, one line: names the file and the key.
     """
     asked = AlignOptions() if align is True else align or None
     options = Options(asked, None if faults is None else str(faults), repair_time, allow_code)

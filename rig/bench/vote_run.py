@@ -96,14 +96,14 @@ def run(recorded: Path, config: Path | None, out: Path, options: Options) -> dic
 
 
 class Votes(NamedTuple):
-    """What a recording was voted to: the recording as it was voted, votes by signal, and the summary."""
+    """The votes on a recording."""
 
-    recording: Recording
-    voted: Result
-    summary: dict[str, Any]
+    recording: Recording  # the recording as it was voted
+    voted: Result  # votes by signal and discrete
+    summary: dict[str, Any]  # summary, as ``rig vote --json`` prints it
 
     def to_polars(self) -> pl.DataFrame:
-        """Return one row a frame, the columns those of ``rig vote``'s OUTPUT."""
+        """Return a table with a row for each recorded row and the columns of the output of ``rig vote``."""
         return table(self.recording, self.voted)
 
     def __repr__(self) -> str:

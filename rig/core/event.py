@@ -13,20 +13,20 @@ Severity = Literal["info", "warning", "error"]
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One thing that happened in one frame."""
+    """One event in one frame."""
 
-    frame: int
-    level: Severity
-    name: str  # what kind of event, e.g. "channel failed"
-    text: str
+    frame: int  # from 0
+    level: Severity  # "info", "warning" or "error"
+    name: str  # kind of event, such as "channel failed"
+    text: str  # description
 
 
 @dataclass(frozen=True, slots=True)
 class StreamReport:
-    """What became of a stream."""
+    """The result of a live stream."""
 
     where: str  # the .rrd file, or the address of the server
-    browser: str  # what to open in a browser; empty unless served
-    sent_frames: int
-    dropped_frames: int
-    error: str  # empty when all went well
+    browser: str  # address for a browser; empty: not served
+    sent_frames: int  # frames sent
+    dropped_frames: int  # frames not sent, because the viewer was too slow
+    error: str  # empty: no error

@@ -24,65 +24,65 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Flight:
-    """The result of a flight; its frames are read from the log when asked for."""
+    """The result of a flight; its frames are read from the log when they are first used."""
 
-    log: Path
-    scenario: Scenario
-    frames: int
-    digest: str
-    survived: bool
-    end_reason: str
-    failed: dict[str, list[int]]
-    not_executed: list[str]  # faults that did nothing: never triggered, or their channels were out already
-    peaks: Peaks
-    events: list[Event]
-    wall_s: float
-    us_per_frame: float
-    jitter: Jitter | None  # paced flights only
-    stream: StreamReport | None
-    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
-    printed: str  # by the unit's process, its end
-    realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
+    log: Path  # file of the log
+    scenario: Scenario  # scenario as flown
+    frames: int  # frames flown
+    digest: str  # SHA-256 of all rows: equal digests are equal flights
+    survived: bool  # False: the aircraft was lost
+    end_reason: str  # reason of the end
+    failed: dict[str, list[int]]  # isolated channels at the end, from 1, by signal and discrete
+    not_executed: list[str]  # faults that did not act: never triggered, or their channels were already isolated
+    peaks: Peaks  # largest true excursions
+    events: list[Event]  # events in order of time
+    wall_s: float  # time taken, s
+    us_per_frame: float  # time taken for a frame, us
+    jitter: Jitter | None  # lateness of the frames; None: not paced
+    stream: StreamReport | None  # live stream; None: there was none
+    unit: dict[str, Any] | None  # counts of the exchanges with a unit under test; None: without one
+    printed: str  # end of the output of the unit's process
+    realtime: dict[str, str]  # real-time requests to the system and their results; empty: none
     conclusion: tuple[str, ...]  # sentences, of a flight that was assessed
-    suspects: tuple[Suspect, ...] = ()  # channels that were ever suspect
-    overrides: tuple[str, ...] = ()  # ``key=value``, laid over the scenario's file
-    unit_file: str = ""  # of the unit under test
-    # Channels of servo actuators: by surface and channel from 1, time [s] and monitor.
+    suspects: tuple[Suspect, ...] = ()  # channels that were suspect in at least one frame
+    overrides: tuple[str, ...] = ()  # overrides of the scenario, ``key=value``
+    unit_file: str = ""  # unit file of the unit under test
+    # Servo channels that were shut off, by surface and channel from 1: time [s] and monitor.
     coils_failed: dict[str, dict[int, tuple[float, str]]] = field(default_factory=dict)
-    lanes_failed: dict[str, float] = field(default_factory=dict)  # of several computers: when first, s
+    lanes_failed: dict[str, float] = field(default_factory=dict)  # isolated lanes: time of the first isolation, s
 
     @property
     def duration_s(self) -> float:
-        """Simulated time flown."""
+        """Simulated time flown, s."""
         return self.frames / self.scenario.rate_hz
 
     @property
     def voter(self) -> str:
-        """Return who voted: ``manager cross-channel``, or ``unit NAME`` under test."""
+        """The manager or unit that voted: ``manager cross-channel``, or ``unit NAME``."""
         unit = self.unit or {}
         return voter(self.scenario.redundancy.manager, unit.get("name"), unit.get("lane"))
 
     @property
     def notes(self) -> list[str]:
-        """Return what in the scenario is hardly meant: a point that was not designed, a trigger that never holds."""
+        """Notes on unlikely settings: a flight point without designed gains, a trigger condition that is never true."""
         return notes(self.scenario)
 
     @cached_property
     def recorded(self) -> Log:
-        """The log, read when it is first asked for."""
+        """The log, read at the first use."""
         return read_log(self.log)
 
     @property
     def rows(self) -> Block:
-        """All frames as one block, read from the log."""
+        """(frames,) rows of all frames, read from the log."""
         return self.recorded.rows
 
     def signal(self, name: str) -> SignalArrays:
-        """Return the arrays of one signal; BadInput when there is no such signal."""
+        """Return the arrays of one signal; BadInput: unknown signal."""
         return self.recorded.signal(name)
 
     def to_polars(self, *owners: str) -> pl.DataFrame:
-        """One row a frame, the columns named as in ``rig export``; of ``owners`` alone if there are any (Log)."""
+        """Return a table with a row for each frame and the columns of ``rig export``; ``owners`` as for Log."""
         return self.recorded.to_polars(*owners)
 
     def __repr__(self) -> str:

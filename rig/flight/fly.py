@@ -109,20 +109,20 @@ def fly(
 ) -> Flight:
     """Fly a scenario and log every frame.
 
-    scenario : a file or a bundled name; a table with the keys of such a file; or what ``rig.load`` returned
-    overrides, seed : laid over it, as ``--set`` and ``--seed``: texts ``key=value``, or a table of dotted keys
-    out             : folder of the log; rerun : see show.viewer.stream.open_stream; streams : who opens it
-    realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
-    watch : given every block while it is recorded, on a thread of its own where a second core is free; it must be
-            quick, and copy the rows that it keeps
-    allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
-    realtime : ask the system for frames on time (flight/pace.py); at the pace of the clock when no factor is given
-    live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs
-    outcome : given every block with the clean channels, by which the flight is assessed
-    unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
-    lane : of several computers, the one that the unit is, A to D; the others are the rig's own
-    Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
-    raises: the log is then finished.
+    scenario : file, bundled name, table with the keys of a scenario file, or result of ``rig.load``; None: the default
+    overrides : settings over the scenario: texts ``key=value`` as for ``--set``, or a table of dotted keys
+    seed : seed of all random draws, over that of the scenario
+    out : folder of the log
+    rerun : live stream: "off", "save", "serve", "spawn" or an address "rerun+http://127.0.0.1:PORT/proxy"
+    realtime_factor : 1.0 paces the frames by the wall clock; None flies as fast as possible
+    progress : called with the frames flown and the frames in all
+    viewer, outcome, streams : parts that ``rig fly`` supplies: they show the stream, assess the flight, open the stream
+    watch : called with each recorded block of rows; must be quick, and must copy the rows that it keeps
+    allow_code : True permits a manager class that the scenario names; one that an override names is always permitted
+    unit, lane : unit under test in place of the built-in software, or its unit file; of several computers its lane
+    realtime : True asks the system for real-time scheduling; sets ``realtime_factor`` to 1.0 if it is not given
+    live : called with the keys of the flight; returns a context manager in which they may be pressed for ``[[live]]``
+    BadInput: before anything is written. RigError: the log cannot be written, or a manager class raises.
     """
     text, name, sets = *_file(scenario), override_texts(overrides)
     scenario = load(scenario, overrides, seed, allow_code=allow_code)

@@ -57,12 +57,12 @@ class Pace:
 
 @dataclass(frozen=True, slots=True)
 class Jitter:
-    """Lateness of the frames' begins, microseconds; an overrun is a frame that ended after the next was due."""
+    """Lateness of the starts of the frames."""
 
-    median_us: float
-    p99_us: float
-    worst_us: float
-    overruns: int
+    median_us: float  # median, us
+    p99_us: float  # 99 %, us
+    worst_us: float  # largest, us
+    overruns: int  # frames that ended after the next was due
 
 
 class JitterCounter:

@@ -22,15 +22,15 @@ _HEADING, _ALTITUDE = INDEX["heading"], FLIGHT_INDEX["altitude_m"]
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Largest true excursions of a flight; deviations are from the first frame."""
+    """Largest true excursions of a flight."""
 
-    angle_of_attack_min_rad: float
-    angle_of_attack_max_rad: float
-    load_factor_min: float
-    load_factor_max: float
-    pitch_rate_max_rad_s: float
-    altitude_deviation_m: float
-    heading_deviation_rad: float
+    angle_of_attack_min_rad: float  # rad
+    angle_of_attack_max_rad: float  # rad
+    load_factor_min: float  # normal load factor, g
+    load_factor_max: float  # normal load factor, g
+    pitch_rate_max_rad_s: float  # absolute value, rad/s
+    altitude_deviation_m: float  # from the first frame, m
+    heading_deviation_rad: float  # from the first frame, rad
 
 
 @kernel

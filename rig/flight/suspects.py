@@ -21,22 +21,22 @@ COUNT: Final = np.dtype([("rows", "i8"), ("failed", "u1"), ("fitted", "u1")], al
 
 
 class Suspect(NamedTuple):
-    """In how many rows a channel was suspect."""
+    """The frames in which a channel was suspect."""
 
-    signal: str  # or discrete
+    signal: str  # signal or discrete
     channel: int  # from 1
-    rows: int
-    of: int  # rows in all
-    failed: bool  # in any of them
+    rows: int  # frames in which it was suspect
+    of: int  # frames in all
+    failed: bool  # True: it was isolated in one of them
 
     @property
     def share(self) -> float:
-        """Of all rows, 0 to 1."""
+        """Share of all frames, 0 to 1."""
         return self.rows / max(self.of, 1)
 
     @property
     def slow_faults(self) -> bool:
-        """Return whether it was suspect in many rows and never failed."""
+        """True: suspect in at least ten frames and 1 % of all, and never isolated."""
         return not self.failed and is_many(self.rows, self.of)
 
     def as_dict(self) -> dict[str, str | int | float | bool]:

@@ -1,8 +1,8 @@
-"""Where every byte of a chunk lies, and the way from there to frames; packing.py goes the other way.
+"""Map every byte of a chunk to frames; packing.py maps frames to bytes.
 
-All fields of our messages are written, doubles and small integers have a fixed width, and the varints of time stamps
+All fields of the messages are written, doubles and small integers have a fixed width, and the varints of time stamps
 are padded to one: so the records of a topic always have the same length and the same constant bytes (opcode, length,
-channel id, protobuf tags), its template.  What changes is moved between the frame and the template by tables of byte
+channel id, protobuf tags), its template.  Variable bytes are moved between the frame and the template by tables of byte
 offsets.  A chunk has the records of one topic after those of another: where neighbours are alike, it compresses better.
 
     FRAMES, n records of each topic | POSES, every POSE_EVERY-th of them | LANES, n, where there are any | events
@@ -117,7 +117,7 @@ class Table:
         return whole if ours.all() else int(ours.argmin())
 
     def rows(self, data: NDArray[np.uint8], rows: int) -> NDArray[np.uint8]:
-        """Return the ``rows`` rows that ``data`` begins with as (rows, row); ValueError unless they are ours."""
+        """Return the first ``rows`` rows of ``data`` as (rows, row); raise ValueError if they are not the rig's."""
         packed = np.empty((rows, len(self.template)), np.uint8)
         for start, size in self._blocks:
             packed[:, start : start + size] = data[start * rows : (start + size) * rows].reshape(rows, size)
@@ -127,7 +127,7 @@ class Table:
 
 
 class Decoded(NamedTuple):
-    """What a chunk holds but its events."""
+    """The contents of a chunk except its events."""
 
     rows: Block  # FLAT
     timing: NDArray[np.void]
@@ -137,7 +137,7 @@ class Decoded(NamedTuple):
 
 
 class Layout:
-    """How a log has its frames, for the fields that each of our messages has, in the order of their numbers.
+    """Layout of the frames of a log, for the fields of each message, in the order of their numbers.
 
     rowwise : as up to schema 4, poses at every frame
     lanes : which parts of them it has
@@ -157,7 +157,7 @@ class Layout:
         self._known = _Known.of(self.table, "frame", FLAT)
 
     def read(self, data: NDArray[np.uint8]) -> Decoded:
-        """Return what a chunk holds, bit for bit what ``packing.pack`` was given.  ValueError: not a chunk of ours."""
+        """Return the contents of a chunk, bit for bit as ``packing.pack`` got them; ValueError: not the rig's chunk."""
         packed = self.table.rows(data, self.table.count(data))
         self._known.require(packed)
         rows, timing = _gathered(packed, self._of_frame, FLAT), _gathered(packed, self._of_timing, TIMING)
@@ -203,7 +203,7 @@ class _Known(NamedTuple):
 
     @classmethod
     def of(cls, table: Table, source: str, dtype: np.dtype[Any]) -> _Known:
-        """Find them among the values of ``source``, records of ``dtype``."""
+        """Find the values among those of ``source``, records of ``dtype``."""
         greatest = {field.name: _greatest(field) for field in _FIELDS[source]}
         named: dict[int, str] = {}  # by byte of a record
         for name, (kind, offset, *_) in (dtype.base.fields or {}).items():
@@ -215,12 +215,12 @@ class _Known(NamedTuple):
         return cls(np.array([at for at, _ in kept], np.intp), np.array(most, np.uint8), [name for _, name in kept])
 
     def require(self, packed: NDArray[np.uint8]) -> None:
-        """Raise ValueError where a row of ``packed`` has a greater value: what reads it has no name for it."""
+        """Raise ValueError if a row of ``packed`` has a greater value, for which a reader has no name."""
         beyond = packed[:, self.at] > self.most
         if beyond.any():
             row, place = (int(i) for i in np.argwhere(beyond)[0])
             value = packed[row, self.at[place]]
-            raise ValueError(f"{self.names[place]} is {value} in a frame, and at most {self.most[place]} is known")
+            raise ValueError(f"{self.names[place]} is {value} in a frame, allowed: at most {self.most[place]}")
 
 
 def _greatest(field: FrameField) -> int | None:
@@ -267,7 +267,7 @@ LANES: Final[dict[LanePart, Table]] = {part: Table(topics, LANE_MESSAGES) for pa
 
 @cache
 def layout_of(lanes: LaneParts) -> Layout:
-    """Return the layout of what we write, with these parts of lanes."""
+    """Return the layout that the rig writes, with these parts of lanes."""
     return Layout(MESSAGES, lanes=lanes) if lanes else LAYOUT
 
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One number of a frame: whose it is, its name in the owner's message, and its place in FLAT."""
+    """One number of a frame: its owner, its name in the owner's message, and its place in FLAT."""
 
     owner: str  # a signal, a discrete, or the topic: control, inertial, flight, autopilot_command
     name: str
@@ -61,12 +61,12 @@ class Column:
 
     @property
     def path(self) -> str:
-        """As users write it."""
+        """The name that users write: ``pitch_rate.ch_1``."""
         return f"{self.owner}.{self.name}"
 
     @property
     def channel(self) -> int | None:
-        """The channel, counted from 1; None for what is not of one channel."""
+        """The channel, counted from 1; None: it belongs to no channel."""
         return self.index[1] + 1 if len(self.index) == 2 else None
 
     def of(self, rows: Block | Table) -> NDArray[Any]:
@@ -167,7 +167,7 @@ def chosen_lanes(table: Table, owners: Sequence[str] = ()) -> list[LaneColumn]:
 
 
 def lane_owners(table: Table) -> list[str]:
-    """Return whose columns of servos and computers the table has."""
+    """Return the owners of the columns of servos and computers of the table."""
     return list(dict.fromkeys(column.owner for column in chosen_lanes(table)))
 
 

@@ -4,8 +4,8 @@
     ( Chunk  MessageIndex... ) for each second of flight
     Metadata...  DataEnd  Summary  Footer  magic
 
-Every byte before DataEnd counts in its CRC, every byte after it in the footer's.  What the summary needs
-of a chunk is kept, some 400 bytes: 1.4 MB for an hour of flight at one chunk a second.
+Every byte before DataEnd counts in its CRC, every byte after it in the footer's.  The summary's data
+of a chunk are kept, some 400 bytes: 1.4 MB for an hour of flight at one chunk a second.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Run(NamedTuple):
 
 
 class Packed(NamedTuple):
-    """One chunk, compressed, and what its indexes say of it."""
+    """One compressed chunk and its indexes."""
 
     data: bytes
     crc: int  # of the bytes before compression
@@ -142,7 +142,7 @@ def _utf8(text: str) -> str:
 
 
 class Opening(NamedTuple):
-    """What stands at the begin of a file and in its summary: all schemas and channels, as records."""
+    """The start of a file and its summary: all schemas and channels, as records."""
 
     schemas: bytes
     channels: bytes
@@ -157,7 +157,7 @@ class Opening(NamedTuple):
 
 
 class Container:
-    """Writes one MCAP file; every method raises OSError when the disk does not take it."""
+    """Write one MCAP file; every method raises OSError if the disk fails."""
 
     def __init__(self, path: Path, opening: Opening, *, new: bool = False) -> None:
         """Open ``path``; ``new``: FileExistsError when there is a file already, also one that came this moment."""

@@ -38,10 +38,10 @@ MALFORMED: Final = (McapError, DecodeError, ValueError, LookupError, struct.erro
 
 
 class Damaged(BadLog):
-    """A log of ours, of which ``recover`` can save what lies before byte ``at``."""
+    """A damaged log of the rig, of which ``recover`` can save the bytes before ``at``."""
 
     def __init__(self, path: Path, what: str, at: int) -> None:
-        super().__init__(f"{path}: {what}; rig recover saves what is before")
+        super().__init__(f"{path}: {what}; rig recover saves the frames before it")
         self.what = what
         self.at = at
 
@@ -67,7 +67,7 @@ class Part(NamedTuple):
 
 
 class Decoder:
-    """Decodes chunks on threads, a few ahead of the one that is asked for; the parts come in the file's order."""
+    """Decode chunks on threads, a few ahead of the reader; the parts come in the order of the file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -134,7 +134,7 @@ def _events(data: bytes, offset: int) -> tuple[list[Event], list[tuple[int, int]
         if opcode != MESSAGE_OPCODE or channel != EVENT_CHANNEL:
             raise ValueError("not a chunk that the rig writes")
         if time > _LATEST_NS:
-            raise ValueError(f"the time of an event is {time} ns, at most {_LATEST_NS} is known")
+            raise ValueError(f"the time of an event is {time} ns, allowed: at most {_LATEST_NS}")
         message = FoxgloveLog.FromString(data[offset + HEAD.size : offset + 9 + length])
         events.append(Event(frame, _LEVELS[message.level], message.name, message.message))
         entries.append((time, offset))

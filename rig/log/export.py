@@ -47,7 +47,7 @@ Group = dict[str, NDArray[Any]]  # (n,) columns by name, time first
 
 
 class Exported(NamedTuple):
-    """What was written: the names of the columns, and how many rows."""
+    """An exported table: the names of the columns, and the number of rows."""
 
     columns: list[str]
     rows: int

@@ -1,4 +1,4 @@
-"""What a log says of itself, whether the file is whole, and what was laid over the scenario's file for the flight."""
+"""Metadata of a log, whether the file is whole, and the overrides of the flight."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
 
 
 def _notes(scenario: dict[str, Any]) -> list[str]:
-    """Return what of the scenario hardly anyone means; nothing of one that this version does not read."""
+    """Return notes on unlikely settings of the scenario; none of a scenario that this version does not read."""
     try:
         return notes(from_resolved(scenario, FILE))
     except BadInput:
@@ -79,12 +79,12 @@ def _notes(scenario: dict[str, Any]) -> list[str]:
 
 def _health(log: Contents) -> str:
     if log.damage:
-        return f"{log.damage}; rig recover saves what is before"
+        return f"{log.damage}; rig recover saves the frames before it"
     mended = log.others.get(RECOVERED)
     whole = "whole, every checksum matches"
     if mended is not None:
         return f"{whole}; recovered from a log that was {mended.get('damage', 'damaged')}"
-    return whole if log.result is not None else f"{whole}; not ended by the loop"
+    return whole if log.result is not None else f"{whole}; the flight has no regular end"
 
 
 def overrides(text: str, resolved: dict[str, Any]) -> list[str] | None:

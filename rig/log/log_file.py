@@ -1,4 +1,4 @@
-"""A log block by block: what there is to ask a flight of any length, in bounded memory."""
+"""A log block by block: a flight of any length, in bounded memory."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def iter_blocks(path: Path, about: About, events: list[Event] | None = None) -> 
 
 @dataclass(slots=True, repr=False)
 class LogFile:
-    """A whole log that was gone through once, and gives its frames as often as it is asked, from memory or the disk."""
+    """A whole log that was checked once; its frames can be read repeatedly, from memory or the disk."""
 
     path: Path
     rate_hz: float
@@ -50,7 +50,7 @@ class LogFile:
 
     @classmethod
     def open(cls, path: Path | str) -> Self:
-        """Go through the flight at ``path``; BadLog in one line when it is missing, foreign, cut or damaged."""
+        """Check the log at ``path``; BadLog, one line: it is missing, cut, damaged or no log of the rig."""
         about, events, frames, complete = About(), list[Event](), 0, True
         held: list[Table] | None = []
         for block in iter_blocks(Path(path), about, events):
@@ -80,7 +80,7 @@ class LogFile:
         return Table(new_block(0)) if whole is None else whole
 
     def blocks(self) -> Iterator[Table]:
-        """Yield all frames in blocks of core.blocks.ROWS; BadLog when the file has become another."""
+        """Yield all frames in blocks of core.blocks.ROWS; BadLog: the file has changed."""
         return iter_blocks(self.path, About()) if self._held is None else iter(self._held)
 
 

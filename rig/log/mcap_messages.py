@@ -1,7 +1,7 @@
-"""Messages of an MCAP file that anybody may have written, within limits of memory.
+"""Messages of an MCAP file from any writer, within limits of memory.
 
-A file of a few hundred kilobytes can hold a chunk that expands to gigabytes.  What a record claims is checked
-before room is made for it, a chunk is expanded alone, and the sum of all that is expanded is limited.
+A file of a few hundred kilobytes can hold a chunk that expands to gigabytes.  The declared size of a record is checked
+before memory is allocated, chunks are expanded one at a time, and the sum of all expanded sizes is limited.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def most_bytes(size: int) -> int:
 
 
 class LimitedFile(io.BufferedReader):
-    """A file to read; makes no room for bytes that a record claims and the file does not have."""
+    """A file to read; it allocates no memory for bytes that a record declares and the file does not have."""
 
     def __init__(self, path: Path) -> None:
         """Open ``path``; BadLog."""
@@ -65,12 +65,12 @@ class Budget:
         """Take ``count`` bytes; BadLog when they are not left."""
         self._left -= count
         if self._left < 0:
-            raise BadLog(f"{self._path}: expands to more than {self._most} bytes, more than a file of its size may")
+            raise BadLog(f"{self._path}: expands to more than {self._most} bytes, the limit for a file of its size")
 
 
 @dataclass(slots=True)
 class Summary:
-    """What the summary section names."""
+    """The entries of the summary section."""
 
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -140,7 +140,7 @@ def _indexed(file: LimitedFile, summary: Summary, wanted: Container[int]) -> Ite
         file.seek(index.chunk_start_offset)
         record = next(_records(file))
         if not isinstance(record, Chunk):
-            raise McapError(f"no chunk at byte {index.chunk_start_offset}, where the index has one")
+            raise McapError(f"no chunk at byte {index.chunk_start_offset}, where the index names one")
         yield record
 
 
@@ -148,18 +148,18 @@ def _content(path: Path, chunk: Chunk, budget: Budget) -> bytes:
     """Return the records of a chunk, expanded; never more bytes than it claims, which are checked first."""
     size = chunk.uncompressed_size
     if size > CHUNK_LIMIT:
-        raise BadLog(f"{path}: a chunk claims {size} bytes; at most {CHUNK_LIMIT} are read")
+        raise BadLog(f"{path}: a chunk declares {size} bytes; at most {CHUNK_LIMIT} are read")
     budget.spend(size)
     data = _expanded(chunk)
     if len(data) != size:
-        raise ValueError(f"a chunk claims {size} bytes and has {len(data)}")
+        raise ValueError(f"a chunk declares {size} bytes and has {len(data)}")
     if chunk.uncompressed_crc not in (0, crc32(data)):
         raise ValueError("the checksum of a chunk does not match")
     return data
 
 
 def _expanded(chunk: Chunk) -> bytes:
-    """Return at most one byte more than the chunk claims."""
+    """Return at most one byte more than the chunk declares."""
     size = chunk.uncompressed_size
     if chunk.compression == "":
         return chunk.data
@@ -168,7 +168,7 @@ def _expanded(chunk: Chunk) -> bytes:
     if chunk.compression == "zstd":
         content_size = zstandard.frame_content_size(chunk.data)  # -1 when it does not tell
         if content_size not in (-1, size):
-            raise ValueError(f"a chunk claims {size} bytes and its contents {content_size}")
+            raise ValueError(f"a chunk declares {size} bytes and its contents {content_size}")
         return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size) if size else b""
     raise ValueError(f"a chunk of unknown compression {chunk.compression[:20]!r}; known: zstd, lz4 and none")
 

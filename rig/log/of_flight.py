@@ -1,4 +1,4 @@
-"""The log of a flight: its name, and what it must say of the flight to be flown again."""
+"""The log of a flight: its name, and the metadata that are needed to fly it again."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def new_log(
 
 
 def named(name: str, aircraft: str) -> str:
-    """Return the name of a scenario, behind that of its aircraft where this is none of ours and not in it."""
+    """Return the scenario's name; the name of an aircraft that is not bundled stands before it, if it lacks it."""
     own = Path(aircraft).name
     return name if own in names() or own in name else f"{own}_{name}"
 
@@ -60,8 +60,8 @@ def word_of(name: str) -> str:
 def tag(overrides: Sequence[str]) -> str:
     """Return overrides for a file's name: ``manager-mean``, in LONGEST_TAG characters, and how many more: ``and-3``.
 
-    Where not all fit, faults come first.  The last part of a key names it, of a long key the last two; the seed has a
-    place of its own.
+    If not all fit, faults come first.  The last part of a key names it, of a long key the last two; the seed has a
+    separate place.
     """
     entries = [(key, _part(key, value)[:LONGEST_TAG]) for key, value in map(parse_set, overrides) if key != "seed"]
     if len("_".join(part for _, part in entries)) > LONGEST_TAG:

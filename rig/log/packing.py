@@ -1,4 +1,4 @@
-"""Frames to the message records of a chunk, without a call per message; chunk_layout.py says where each byte goes."""
+"""Pack frames into the message records of a chunk, without a call per message; chunk_layout.py has the byte offsets."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _1, _2, _3, _4, _5, _6, _7 = (np.uint64(i) for i in range(1, 8))
 
 
 class Plan(NamedTuple):
-    """What all chunks of one number of frames have in common."""
+    """Data common to all chunks of one number of frames."""
 
     blank: NDArray[np.uint8]  # their bytes but for what follows from the frames
     moves: dict[str, Moves]  # by source, into the records of frames

@@ -1,4 +1,4 @@
-"""Reads a log back into the very rows that were flown; of a whole one, the columns by signal as arrays."""
+"""Read a log back into the rows that were flown, and its columns by signal as arrays."""
 
 from __future__ import annotations
 
@@ -25,39 +25,39 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SignalArrays:
-    """One signal over a flight, unit as in frame.SIGNALS; views of the rows, not copies."""
+    """One signal over a flight, in its unit; views of the rows, not copies. Enums are in ``rig.core.frame``."""
 
-    time_s: NDArray[np.float64]  # (frames,)
-    channels: NDArray[np.float64]  # (frames, 4), NaN where a channel is not fitted
-    voted: NDArray[np.float64]  # (frames,)
-    truth: NDArray[np.float64]  # (frames,)
-    reference: NDArray[np.float64]  # (frames,), NaN where there is none
-    valid: NDArray[np.uint8]  # (frames, 4), 0: the sensor flags the sample
-    ilm: NDArray[np.uint8]  # (frames, 4), frame.Ilm
-    state: NDArray[np.uint8]  # (frames, 4), frame.State
+    time_s: NDArray[np.float64]  # (frames,) simulation time, s
+    channels: NDArray[np.float64]  # (frames, 4) samples, NaN: not fitted
+    voted: NDArray[np.float64]  # (frames,) voted value
+    truth: NDArray[np.float64]  # (frames,) true value
+    reference: NDArray[np.float64]  # (frames,) reference, NaN: there is none
+    valid: NDArray[np.uint8]  # (frames, 4) 0: the sensor flags the sample
+    ilm: NDArray[np.uint8]  # (frames, 4) in-line monitor, enum Ilm
+    state: NDArray[np.uint8]  # (frames, 4) enum State
     level: NDArray[np.uint8]  # (frames,) channels in use
-    pattern: NDArray[np.uint8]  # (frames,), frame.Pattern
-    decided_by: NDArray[np.uint8]  # (frames,), frame.DecidedBy
-    reference_usable: NDArray[np.uint8]  # (frames,)
-    source: NDArray[np.uint8]  # (frames,), frame.Source
+    pattern: NDArray[np.uint8]  # (frames,) enum Pattern
+    decided_by: NDArray[np.uint8]  # (frames,) tie-break rule, enum DecidedBy
+    reference_usable: NDArray[np.uint8]  # (frames,) 1: the reference may decide
+    source: NDArray[np.uint8]  # (frames,) source of the control law's value, enum Source
 
 
 @dataclass(frozen=True, slots=True)
 class DiscreteArrays:
     """One discrete over a flight; views of the rows, not copies."""
 
-    time_s: NDArray[np.float64]  # (frames,)
-    channels: NDArray[np.uint8]  # (frames, 4), 0 where a channel is not fitted
-    voted: NDArray[np.uint8]  # (frames,)
-    truth: NDArray[np.uint8]  # (frames,)
-    valid: NDArray[np.uint8]  # (frames, 4), 0: the sensor flags the sample
-    ilm: NDArray[np.uint8]  # (frames, 4), frame.Ilm
-    state: NDArray[np.uint8]  # (frames, 4), frame.State
-    level: NDArray[np.uint8]  # (frames,)
+    time_s: NDArray[np.float64]  # (frames,) simulation time, s
+    channels: NDArray[np.uint8]  # (frames, 4) samples, 0: not fitted
+    voted: NDArray[np.uint8]  # (frames,) voted value
+    truth: NDArray[np.uint8]  # (frames,) true value
+    valid: NDArray[np.uint8]  # (frames, 4) 0: the sensor flags the sample
+    ilm: NDArray[np.uint8]  # (frames, 4) in-line monitor, enum Ilm
+    state: NDArray[np.uint8]  # (frames, 4) enum State
+    level: NDArray[np.uint8]  # (frames,) channels in use
 
 
 class Lanes(np.ndarray[Any, np.dtype[Any]]):
-    """Rows of lanes that have ``link`` too, (n, 4, 4) of LINK: what each computer has of each other's messages."""
+    """Rows of lanes with ``link``, (n, 4, 4) of LINK: the messages of each computer at each other computer."""
 
     def __getitem__(self, key: Any) -> Any:
         """Return what any array has; ``link`` is made of the computers' records."""
@@ -70,21 +70,21 @@ class Lanes(np.ndarray[Any, np.dtype[Any]]):
 
 @dataclass(slots=True, repr=False)
 class Log:
-    """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, and what its file says beside them."""
+    """The log of a whole flight in memory."""
 
-    rate_hz: float
-    rows: Block
-    timing: NDArray[Any]
-    events: list[Event]
-    metadata: dict[str, str]
-    result: dict[str, str] | None  # None when the flight was not ended by the loop
-    attachments: dict[str, bytes]
-    # (n,): ``servo`` (3,) of servos; ``computer`` (4,) and ``link`` (4, 4), receiver by sender, of computers.
+    rate_hz: float  # frames per second
+    rows: Block  # (frames,) rows; ``rows["voted"]`` is (frames, 16). Fields: ``rig/core/frame/fields.py``
+    timing: NDArray[Any]  # (frames,) wall clock: ``frame_us``, ``late_us``, ``reply_us``
+    events: list[Event]  # events in order of time
+    metadata: dict[str, str]  # scenario, seed, versions, commit
+    result: dict[str, str] | None  # end of the flight; None: it has no regular end
+    attachments: dict[str, bytes]  # attached files by name; the first is the scenario
+    # (frames,) rows of servos, ``servo`` (3,), and of computers, ``computer`` (4,), ``link`` (4, 4) receiver by sender.
     lanes: NDArray[Any] | None = None
 
     @classmethod
     def read(cls, path: Path | str) -> Self:
-        """Read the flight at ``path``; see read_log."""
+        """Read the flight at ``path``, as ``rig.read_log``."""
         about = About()
         parts = [(part.rows, part.timing, part.events, part.lanes) for part in iter_parts(Path(path), about)]
         rows, timing = _joined([part[0] for part in parts], FLAT), _joined([part[1] for part in parts], TIMING)
@@ -95,36 +95,36 @@ class Log:
 
     @property
     def scenario_text(self) -> str | None:
-        """The first file attached, which is the scenario."""
+        """The attached scenario file; None: there is none."""
         first = next(iter(self.attachments.values()), None)
         return None if first is None else first.decode("utf-8")
 
     @property
     def table(self) -> Table:
-        """Return all frames with their parts."""
+        """All frames with the rows of servos and computers."""
         return Table(self.rows, self.lanes, self.timing)
 
     @property
     def frames(self) -> int:
-        """Return how many frames were flown."""
+        """Frames flown."""
         return len(self.rows)
 
     def blocks(self) -> Iterator[Table]:
-        """Yield all frames in blocks of core.blocks.ROWS: views, as LogFile gives them from the disk."""
+        """Yield all frames in blocks; views, not copies."""
         for part in cuts(self.frames):
             yield self.table[part]
 
     @property
     def time_s(self) -> NDArray[np.float64]:
-        """(n,) simulation time of the rows."""
+        """(frames,) simulation time, s."""
         return self.rows["frame"] / self.rate_hz
 
     def signal(self, name: str) -> SignalArrays:
-        """Return the arrays of one signal; BadInput when there is no such signal."""
+        """Return the arrays of one signal; BadInput: unknown signal."""
         return SignalArrays(self.time_s, *self._columns(SignalArrays, "", _place(INDEX, name, "signal")))
 
     def discrete(self, name: str) -> DiscreteArrays:
-        """Return the arrays of one discrete; BadInput when there is no such discrete."""
+        """Return the arrays of one discrete; BadInput: unknown discrete."""
         place = _place(DISCRETE_INDEX, name, "discrete")
         return DiscreteArrays(self.time_s, *self._columns(DiscreteArrays, "discrete_", place))
 
@@ -133,11 +133,11 @@ class Log:
         return [self.rows[prefix + field.name][:, place] for field in fields(arrays)[1:]]
 
     def to_polars(self, *owners: str) -> pl.DataFrame:
-        """Return one row a frame, the columns named as in ``rig export``; SI units, enums as words.
+        """Return a table with a row for each frame and the columns of ``rig export``; SI units, enums as words.
 
-        owners : signals, discretes, topics (control, flight, ...), what lanes have
-        (``actuator.elevator``, ``computer.A``, ``ccdl``); all if none.
-        BadInput: one that does not exist.
+        owners : signals, discretes, topics (``control``, ``flight``), ``actuator.elevator``, ``computer.A``, ``ccdl``;
+                 none given: all
+        BadInput: an unknown owner.
         """
         from rig.log.columns import dataframe
 
@@ -151,9 +151,9 @@ def _place(index: dict[str, int], name: str, kind: str) -> int:
 
 
 def read_log(path: Path | str) -> Log:
-    """Read the flight at ``path``; BadLog in one line when it is missing, foreign, cut or damaged.
+    """Read the flight at ``path``; BadLog, one line: the file is missing, cut, damaged or no log of the rig.
 
-    Two kilobytes of memory a frame, twice that while reading; ``LogFile`` and ``iter_chunks`` read long logs.
+    A frame needs 2 kB of memory, and 4 kB while it is read; ``LogFile`` and ``iter_chunks`` read long logs.
     """
     return Log.read(path)
 
@@ -170,7 +170,7 @@ def scenario_of(metadata: Mapping[str, str], where: object) -> dict[str, Any]:
 
 
 def unit_of(metadata: Mapping[str, str]) -> dict[str, Any]:
-    """Return what a log keeps of the unit under test that flew it (settings.Unit.about); empty without one."""
+    """Return the log's data of the unit under test that flew it (settings.Unit.about); empty without one."""
     try:
         unit = json.loads(metadata.get("unit", "{}"))
     except (ValueError, RecursionError):

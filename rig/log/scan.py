@@ -1,4 +1,4 @@
-"""Goes through a log from end to end and checks every byte of it; mends one that was cut.
+"""Check every byte of a log, and repair one that was cut.
 
 Each byte of the file is under one of three checksums (chunk, data section, footer): what comes out of a
 log without BadLog is what was written.
@@ -58,7 +58,7 @@ _VOTED: Final = ("rig.Signal", "rig.Discrete")  # messages of an output of rig v
 
 @dataclass(slots=True)
 class About:
-    """What a log says beside its frames; filled while the log is read."""
+    """The contents of a log beside its frames; filled while the log is read."""
 
     metadata: dict[str, str] = field(default_factory=dict)
     result: dict[str, str] | None = None
@@ -74,7 +74,7 @@ class About:
 
 @dataclass(slots=True)
 class Contents(About):
-    """A log that was gone through: its frames, messages and events counted, and where it is damaged."""
+    """A log that was checked: numbers of its frames, messages and events, and the place of its damage."""
 
     frames: int = 0
     messages: Counter[str] = field(default_factory=Counter)  # by their topics
@@ -89,7 +89,7 @@ class Contents(About):
 
 
 def contents(path: Path) -> Contents:
-    """Go through the log at ``path``, up to its damage where it has any; BadLog when it is no log of ours."""
+    """Scan the log at ``path``, up to its damage if it has any; raise BadLog if it is no log of the rig."""
     counted = Contents()
     try:
         for part in iter_parts(path, counted):
@@ -248,7 +248,7 @@ class _Descriptions:
             self._channels[channel.id] = channel
 
     def check(self, about: About) -> Layout:
-        """Return the layout of the chunks; BadLog when the messages are not ours."""
+        """Return the layout of the chunks; raise BadLog if the messages are not those of the rig."""
         if self._layout is None:
             if not about.metadata:
                 raise BadLog(f"{self._path}: {self._foreign()}")
@@ -301,7 +301,7 @@ class _Descriptions:
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """What was saved; ``complete`` when there was nothing to mend, and then nothing was written."""
+    """The result of a recovery; ``complete`` if the log was whole, and then nothing was written."""
 
     frames: int
     last_time_s: float  # of the last frame; 0 when there is none
@@ -313,7 +313,7 @@ class Recovered:
 def recover(path: Path | str, out: Path | str) -> Recovered:
     """Write every whole chunk before the cut or the damage in ``path`` to ``out``, with a new summary.
 
-    ``out`` appears only when it is whole, and may be ``path``.  BadLog when ``path`` is no log of ours or
+    ``out`` appears only when it is whole, and may be ``path``.  BadLog when ``path`` is no log of the rig or
     was cut before its metadata; RigError when ``out`` cannot be written.
     """
     path, out = Path(path), Path(out)
@@ -332,7 +332,7 @@ def _check_mendable(path: Path, log: Contents) -> None:
         raise BadLog(f"{path}: {log.damage}, before its metadata: nothing can be recovered")
     version = log.metadata["schema_version"]
     if int(version) < MESSAGES_SINCE:
-        raise BadLog(f"{path}: schema version {version}; logs are mended from version {MESSAGES_SINCE} on")
+        raise BadLog(f"{path}: schema version {version}; rig recover repairs logs from version {MESSAGES_SINCE} on")
 
 
 def _copy(path: Path, file: Container, log: Contents) -> None:

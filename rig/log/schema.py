@@ -1,8 +1,8 @@
-"""What the log says: every topic and message, made from the tables of rig/core/frame/.
+"""Contents of the log: every topic and message, made from the tables of rig/core/frame/.
 
 Each field of the frame has one place in one message, so a signal, a command or a field added there
 appears in the log by itself.  The descriptors of the messages are embedded in the log; a viewer needs
-nothing of ours to read it.
+no other file of the rig to read it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from rig.core.renamed import ENUMS, field_now
 from rig.log.container import Opening
 
 BY_TOPIC: Final = 5  # the first version whose chunks stand topic by topic
-SCHEMA_VERSION: Final = 7  # history in docs/log.md
+SCHEMA_VERSION: Final = 7  # history in docs/reference/log.md
 MESSAGES_SINCE: Final = 4  # whose messages are the present ones
 OLDEST: Final = 2  # that is still read
 
@@ -185,7 +185,7 @@ def descriptors(name: str) -> FileDescriptorSet:
 
 
 def older(described: FileDescriptorSet, known: Iterable[Field]) -> tuple[Field, ...] | None:
-    """Return the fields of a message of an earlier version, by their numbers; None unless all of them are still ours.
+    """Return the fields of a message of an earlier version, by their numbers; None if one of them no longer exists.
 
     Names of then are those of now by core/renamed.py.  An enum of then may have fewer members, but none of another
     number.  known : the fields of the message today

@@ -1,7 +1,7 @@
-"""Writes signals and discretes of any names as the log writes those of flight: rig.Signal and rig.Discrete messages.
+"""Write signals and discretes of any name as rig.Signal and rig.Discrete messages, as in the log of a flight.
 
 The messages of one kind and row have the same constant bytes in every row; what changes has fixed places.  So a row
-is a numpy record with the tags as fields of their own, and a chunk is a run of such rows of one kind.
+is a numpy record with the tags as separate fields, and a chunk is a run of such rows of one kind.
 """
 
 from __future__ import annotations

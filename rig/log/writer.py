@@ -1,4 +1,4 @@
-"""Writes a flight as it is flown: every frame of every signal, a second at a time."""
+"""Write a flight while it is flown: every frame of every signal, one second at a time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LogWriter:
     """One log file, open from before the first frame to after the last.
 
     ``metadata`` (resolved scenario, seed, versions) and ``attachments`` (file name, bytes; the scenario
-    file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's unless said;
+    file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's if not given;
     with few events never more than CHUNK_BYTES.  ``new``: FileExistsError when there is a file at ``path``, else it is
     replaced.
     ``lanes``: the parts of the flight's rows of lanes, which are given too.
@@ -117,7 +117,7 @@ class LogWriter:
             raise RigError(f"{self._named}: the log is no longer there: deleted or moved while it was written")
 
     def abort(self) -> None:
-        """Close the file without its summary; ``recover`` can mend it."""
+        """Close the file without its summary; ``recover`` can repair it."""
         if self._file is not None:
             self._file.close()
             self._file = None

@@ -12,10 +12,11 @@ from rig.world.faults import KINDS, Fault
 
 
 def fault(kind: str, **keys: Any) -> Fault:
-    """Make a fault of a scenario: ``rig.fault("offset", signal="pitch_rate", channels=[3], offset=0.1, start_s=2.0)``.
+    """Make one fault: ``rig.fault("offset", signal="pitch_rate", channels=[3], offset=0.1, start_s=2.0)``.
 
-    kind : one of ``rig faults list``; keys : its keys, as ``rig faults show KIND`` lists them with units and ranges
-    BadInput names the key: unknown, missing, out of its range.
+    kind : kind of fault, as in ``rig faults list``
+    keys : keys of the kind, as in ``rig faults show KIND``
+    BadInput: a key is unknown, missing or out of its range.
     """
     if kind not in KINDS:
         raise BadInput(f"fault: unknown kind {quoted(kind)}, {choices(str(kind), KINDS, 'rig faults list')}")

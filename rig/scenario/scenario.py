@@ -61,32 +61,32 @@ STREAMS: Final = ("plant", "sensors", "faults", "inertial", "actuators", "comput
 
 
 class Scenario(Settings):
-    """Everything that decides a flight."""
+    """All settings that decide a flight. Made by ``rig.load``."""
 
-    keys_are_in: ClassVar[str] = "docs/scenario.md, rig scenario show"
+    keys_are_in: ClassVar[str] = "docs/reference/scenario.md, rig scenario show"
 
-    title: str = ""
-    aircraft: str = "f16"  # a bundled one, or a folder's path from the present folder or from the scenario's
-    flight_point: str | None = None  # the aircraft's first when not given
-    duration_s: float = Field(default=60.0, gt=0, le=360_000)
-    seed: int = Field(default=0, ge=0, lt=2**63)
-    rate_hz: float = Field(default=100.0, ge=1, le=1000)  # frames a second
-    simulation_rate_hz: float | None = Field(default=None, ge=1, le=10_000)  # as rate_hz when not given
-    turbulence: Turbulence = "none"
-    wind: Wind = Wind()
-    pilot: Pilot = Pilot()
-    faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)
-    live: list[LiveFault] = []  # that a key begins and ends (rig fly --watch)
-    requirements: list[str] | None = None  # bundled sets, or files' paths from the present folder or the scenario's
-    control: Control = Control()
-    actuators: Actuators = Actuators()
-    computers: Computers = Computers()
-    airframe: AirframeField
-    sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
-    inertial: Inertial
-    redundancy: Redundancy
-    gains: Gains
-    references: Designed
+    title: str = ""  # title in lists and reports
+    aircraft: str = "f16"  # bundled name, or path of a folder from the present folder or the scenario's
+    flight_point: str | None = None  # name of a flight point; None: the first of the aircraft
+    duration_s: float = Field(default=60.0, gt=0, le=360_000)  # length, s
+    seed: int = Field(default=0, ge=0, lt=2**63)  # seed of all random draws
+    rate_hz: float = Field(default=100.0, ge=1, le=1000)  # frames per second
+    simulation_rate_hz: float | None = Field(default=None, ge=1, le=10_000)  # plant steps per second; None: rate_hz
+    turbulence: Turbulence = "none"  # none, light, moderate, severe
+    wind: Wind = Wind()  # table ``[wind]``
+    pilot: Pilot = Pilot()  # table ``[pilot]``
+    faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)  # entries of ``[[faults]]``
+    live: list[LiveFault] = []  # entries of ``[[live]]``: faults that a key begins and ends
+    requirements: list[str] | None = None  # bundled sets, or paths from the present folder or the scenario's
+    control: Control = Control()  # table ``[control]``
+    actuators: Actuators = Actuators()  # table ``[actuators]``
+    computers: Computers = Computers()  # table ``[computers]``
+    airframe: AirframeField  # airframe of the aircraft
+    sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # tables ``[sensors.<signal>]``
+    inertial: Inertial  # table ``[inertial]``
+    redundancy: Redundancy  # table ``[redundancy]``
+    gains: Gains  # designed gains of the aircraft
+    references: Designed  # designed references of the aircraft
     _trust: Trust = PrivateAttr(default=Trust())  # no setting: no file can grant it
 
     @model_validator(mode="before")
@@ -171,7 +171,7 @@ class Scenario(Settings):
 
     @property
     def frames(self) -> int:
-        """Number of frames of a flight that nothing ends early."""
+        """Frames of a flight that does not end early."""
         return round(self.duration_s * self.rate_hz)
 
     @property
@@ -200,11 +200,11 @@ class Scenario(Settings):
         return made
 
     def resolved(self) -> dict[str, Any]:
-        """Return all settings as plain data, defaults written out, without what is not set."""
+        """Return all settings as plain data with their defaults, without those that are None."""
         return self.model_dump(exclude_none=True)
 
     def to_toml(self) -> str:
-        """Return the resolved scenario as TOML; loading it gives the same flight."""
+        """Return the resolved scenario as TOML; the loaded text gives the same flight."""
         return tomli_w.dumps(self.resolved())
 
 
@@ -244,12 +244,13 @@ Given = str | Path | Mapping[str, Any] | Scenario | None  # a file, a bundled na
 def load(
     name: Given = None, overrides: Overrides = (), seed: int | None = None, *, allow_code: bool = False
 ) -> Scenario:
-    """Load a scenario with overrides laid over it; BadInput says which key is wrong.
+    """Load and check a scenario without flying it.
 
-    name       : a file or a bundled name, the default one if not given; a table with the keys of such a file, whose
-                 faults may be made by ``rig.fault``; or a scenario that is loaded already
-    overrides  : texts ``key=value`` as of ``--set``, or a table of dotted keys: ``{"faults.0.offset": 0.01}``
-    allow_code : a manager class that the file names may be run; one that an override names may be in any case
+    name : file, bundled name, table with the keys of a scenario file, or a loaded scenario; None: the default
+    overrides : texts ``key=value`` as for ``--set``, or a table of dotted keys: ``{"faults.0.offset": 0.01}``
+    seed : seed of all random draws, over that of the scenario
+    allow_code : True permits a manager class that the file names; one that an override names is always permitted
+    BadInput: names the file, the key and the allowed values.
     """
     sets, given = override_texts(overrides), TABLE if isinstance(overrides, Mapping) else OPTION
     if isinstance(name, Scenario):

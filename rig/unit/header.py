@@ -21,44 +21,44 @@ _TYPES: Final = {  # in C and in Ada
 }
 _COMMENTS: Final = {
     "hello": "HELLO and END",
-    "ready": "READY and REFUSED, with what the unit says of itself or the reason",
-    "signal_config": "how one signal is monitored and voted; counts in frames",
-    "discrete_config": "the same of a discrete; counts in frames",
-    "slow_faults_config": "slow faults: how long and how much of it a signal bears; each off at 0",
-    "rules_config": "rules of splits and counts, and what a signal has to do with others",
-    "config": "what a flight is flown with",
-    "config_part": "a part of config where one message must fit into an Ethernet frame",
+    "ready": "READY and REFUSED, with the name of the unit or the reason",
+    "signal_config": "settings of monitoring and voting of one signal; counts in frames",
+    "discrete_config": "settings of a discrete; counts in frames",
+    "slow_faults_config": "settings of the slow-fault rules; each is off at 0",
+    "rules_config": "settings of splits and counts, and relations of a signal to others",
+    "config": "settings of a flight",
+    "config_part": "a part of config, so that a message fits into an Ethernet frame",
     "input": "one frame to the unit: SI units, angles in rad, load factors in g, sticks -1 to 1",
     "output": "one frame from the unit",
 }
 _MEANINGS: Final = {
-    "magic": "RIGI to the unit, RIGO from it",
-    "version": "of the records' form",
-    "kind": "what the message is, of Kind",
-    "layout": "hash of all names, types, places and enums",
-    "session": "drawn by the rig for each flight, echoed",
-    "frame": "counts from 0, echoed: which frame is answered",
-    "time_s": "frame / rate: the unit has no other clock",
-    "stepped": "frames that the unit has stepped, from which lost requests are told; 0: it does not count",
-    "said": "groups that are filled, of Said",
-    "status": "of the unit itself, of Status; in POWER_UP and SELF_TEST nothing of the answer is flown",
-    "fault_word": "of the unit's own meaning; 0: no fault",
-    "output_discretes": "of the unit's own meaning; logged",
+    "magic": "`RIGI` in messages to the unit, `RIGO` in messages from it",
+    "version": "version of the records",
+    "kind": "kind of message, enum `Kind`",
+    "layout": "hash of all names, types, offsets and enums",
+    "session": "random number of the flight from the rig; the unit returns it",
+    "frame": "frame number from 0; the unit returns the number that it answers",
+    "time_s": "s: frame / rate, the only clock of the unit",
+    "stepped": "frames that the unit has stepped, to find lost requests; 0: it does not count",
+    "said": "filled groups, bits of enum `Said`",
+    "status": "state of the unit, enum `Status`; in POWER_UP and SELF_TEST nothing of the answer is flown",
+    "fault_word": "meaning defined by the unit; 0: no fault",
+    "output_discretes": "meaning defined by the unit; logged",
     "age_us": "microseconds between the sample and the frame; 0 here",
     "length": "bytes before this field",
-    "crc": "CRC-32 of them (of IEEE 802.3, as zlib's), or 0",
-    "reference": "of each signal, from the last votes; NaN where there is none",
-    "second_reference": "of other physics; NaN where there is none",
-    "law": "that flew the frame; EXTERNAL",
+    "crc": "CRC-32 of these bytes (IEEE 802.3, as in zlib), or 0",
+    "reference": "unit of the signal: computed from the last votes; NaN: there is none",
+    "second_reference": "unit of the signal: computed by other physics; NaN: there is none",
+    "law": "control law of the frame, enum `Law`; EXTERNAL",
     "text": "UTF-8, ends with NUL: name of the unit, or the reason",
     # CONFIG
-    "rate_hz": "frames a second",
-    "role": "of Role",
-    "box_signals": "signals of a box that accuse a channel until it is failed on all; -1: more than half; 0: never",
-    "box_persistence": "frames in a row of that",
-    "trim_surface": "rad, throttle 0 to 1: of the first frame; index of a surface",
-    "surface_low": "the same, least position",
-    "surface_high": "the same, largest position",
+    "rate_hz": "frames per second",
+    "role": "enum `Role`",
+    "box_signals": "signals of a box that miscompare before a channel is isolated on all; -1: more than half; 0: never",
+    "box_persistence": "frames in a row of such a miscompare",
+    "trim_surface": "rad, throttle 0 to 1: position in the first frame; index of a surface",
+    "surface_low": "the same: lowest position",
+    "surface_high": "the same: highest position",
     "signal": "index of a signal",
     "slow_faults": "index of a signal",
     "rules": "index of a signal",
@@ -71,22 +71,22 @@ _MEANINGS: Final = {
     **{each.name: each.meaning for each in PARAM_FIELDS},
     "fail_safe": "0 or 1: vote without a majority",
     # INPUT
-    "autopilot_command": "of the pilot; index of an autopilot command",
+    "autopilot_command": "SI: autopilot commands of the pilot; index of an autopilot command",
     "channels": "unit of the signal: samples by signal and channel",
     "inertial": "of the inertial unit; index of a quantity",
     "valid": "1: the sensor does not flag the sample",
-    "ilm": "in-line monitor, of Ilm",
+    "ilm": "in-line monitor, enum `Ilm`",
     "discrete_channels": "0 or 1, by discrete and channel; any other number is 1",
     "discrete_valid": "as valid",
     "discrete_ilm": "as ilm",
-    "reset": "by signal: channels commanded to be readmitted, bit 0 is channel 1",
+    "reset": "by signal: channels to be readmitted, bit 0 is channel 1",
     "discrete_reset": "by discrete: the same",
 }
 _OPENING: Final = """\
 /* The records between the rig and a unit under test.
  *
  * Written by `rig unit header`: do not edit, write it again when the rig's records change.
- * Little-endian, IEEE 754, naturally aligned.  docs/unit.md explains them.
+ * Little-endian, IEEE 754, naturally aligned.  docs/reference/icd.md explains them.
  *
  * A library exports three functions; 0 is success:
  *
@@ -95,7 +95,7 @@ _OPENING: Final = """\
  *     void rig_unit_close(void);
  *
  * open after close begins as if it were the first.  step is called once a frame with an output that is zero but
- * for its head; it fills what the unit has to say, and names that in output->said.
+ * for its head; it fills groups of fields and names them in output->said.
  */
 #ifndef RIG_UNIT_H
 #define RIG_UNIT_H
@@ -201,7 +201,7 @@ def ada() -> str:
     enums = [[*(value(_ada_name(_snake(e)), str(m.name).capitalize(), m.value) for m in members(e)), ""] for e in ENUMS]
     lines = [
         "--  The records between the rig and a unit under test, written by 'rig unit header --ada': do not edit.",
-        "--  Little-endian; docs/unit.md explains them.",
+        "--  Little-endian; docs/reference/icd.md explains them.",
         "with Interfaces; use Interfaces;",
         "with System;",
         "",
@@ -257,34 +257,35 @@ def _ada_name(name: str) -> str:
     return "_".join(part.capitalize() for part in name.split("_"))
 
 
-# Tables for docs/unit-records.md -----------------------------------------------------------------------------
+# Tables for docs/reference/icd.md ----------------------------------------------------------------------------
 
 
 def markdown() -> str:
     """Return tables of all records and enums."""
     lines = [f"Version {VERSION}, layout `{LAYOUT:016x}`.", ""]
     for name, dtype in RECORDS.items():
-        lines += [f"`struct rig_{name}`, {dtype.itemsize} bytes: {_COMMENTS[name]}.", ""]
-        lines += ["| at | field | type | what |", "|---|---|---|---|", *map(_table_row, walk(dtype)), ""]
+        lines += [f"### rig_{name}", "", f"`struct rig_{name}`, {dtype.itemsize} bytes: {_COMMENTS[name]}.", ""]
+        lines += ["| offset | field | type | meaning |", "|---|---|---|---|", *map(_table_row, walk(dtype)), ""]
     # The names behind the indices of the records, with the unit where the name has none.
-    indices = {"signal": [f"{one.name} | {i}, {one.unit}" for i, one in enumerate(SIGNALS)]}
+    indices = {"signal": [f"`{one.name}` | {i}, {one.unit}" for i, one in enumerate(SIGNALS)]}
     named = {
         "discrete": _names(DISCRETES),
         "autopilot_command": AUTOPILOT_COMMANDS,
         "surface": SURFACES,
         "inertial": INERTIAL,
     }
-    indices |= {key: [f"{text} | {i}" for i, text in enumerate(names)] for key, names in named.items()}
+    indices |= {key: [f"`{text}` | {i}" for i, text in enumerate(names)] for key, names in named.items()}
+    lines += ["### Indices", ""]
     for name, texts in indices.items():
         lines += [f"| {name} | index, unit |", "|---|---|", *(f"| {text} |" for text in texts), ""]
-    lines += ["| enum | values |", "|---|---|"]
-    lines += [f"| {enum.__name__} | {', '.join(f'{m.name} {m.value}' for m in members(enum))} |" for enum in ENUMS]
+    lines += ["### Enums", "", "| enum | values |", "|---|---|"]
+    lines += [f"| `{enum.__name__}` | {', '.join(f'{m.name} {m.value}' for m in members(enum))} |" for enum in ENUMS]
     return "\n".join(lines) + "\n"
 
 
 def _table_row(field: Entry) -> str:
     kind = f"rig_{field.record}" if field.record else field.base.str[1:]
-    return f"| {field.offset} | {field.name} | {kind}{_extent(field)} | {_meaning(field.name)} |"
+    return f"| {field.offset} | `{field.name}` | {kind}{_extent(field)} | {_meaning(field.name)} |"
 
 
 def _meaning(name: str) -> str:
@@ -294,5 +295,5 @@ def _meaning(name: str) -> str:
         return _MEANINGS[name]
     field = FIELD.get(name)
     group = f"group {ANSWERS[name].name}" if name in ANSWERS else ""
-    enum = f"of {field.enum.__name__}" if field is not None and field.enum is not None else ""
+    enum = f"enum `{field.enum.__name__}`" if field is not None and field.enum is not None else ""
     return ", ".join(filter(None, (group, enum)))

@@ -8,5 +8,5 @@ words.py           the vocabulary, and the public names of each word
 scoring.py         the score (score_records.py): tables over the records; patterns.py; transients.py (baseline)
 of_log.py          the score of a log, and the conclusion of a flight; its sentences: conclusion.py, fault_sentence.py
 
-docs/score.md defines every number.
+docs/reference/scores-and-tables.md defines every number.
 """

@@ -42,15 +42,15 @@ class Miss:
 
 
 class Scored(NamedTuple):
-    """A scored log; ``digest`` is that of the flight."""
+    """The score of a flight."""
 
-    log: Path
-    scenario: Scenario
-    digest: str
-    score: Score
-    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
+    log: Path  # file of the log
+    scenario: Scenario  # scenario as flown
+    digest: str  # digest of the flight
+    score: Score  # all numbers; ``as_dict()`` has their keys
+    unit: dict[str, Any] | None  # counts of the exchanges with a unit under test; None: without one
     times: dict[str, dict[str, int]]  # histograms of the wall clock
-    misses: list[Miss]  # of a unit whose file calls them faults
+    misses: list[Miss]  # missed answers of a unit with ``on_miss = "fault"``
     conclusion: list[str]  # sentences
     voter: str  # the manager or the unit that voted
 
@@ -59,7 +59,7 @@ class Scored(NamedTuple):
         return "\n".join(self.conclusion)
 
     def as_dict(self) -> dict[str, Any]:
-        """As ``rig score --json`` prints it."""
+        """Return plain data, as ``rig score --json`` prints it."""
         identity = {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest}
         return {**identity, **self.score.as_dict(), "unit": self.unit, "times": self.times} | {
             "unit_faults": [asdict(miss) for miss in self.misses],

@@ -1,6 +1,7 @@
 """The one kernel that decides what became of the faults in rows, of a flight or of a recording, in bounded memory.
 
-docs/score.md defines every number.  What is listed is taken out of its array by who adds the rows (flight_tally.py).
+docs/reference/scores-and-tables.md defines every number.  Lists are taken out of their arrays by flight_tally.py, which
+adds the rows.
 """
 
 from __future__ import annotations

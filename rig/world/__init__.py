@@ -1,4 +1,4 @@
-"""The aircraft, its servos and sensors, and what goes wrong with them.
+"""The aircraft, its servos and sensors, and their faults.
 
 plant/      JSBSim, or the linear aircraft: the truth of a frame
 sensors/    truth to four channels

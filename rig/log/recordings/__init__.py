@@ -1,4 +1,4 @@
-"""Recordings of redundant channels that the rig did not fly: CSV, Parquet, npz, MCAP, or a log of ours.
+"""Recordings of redundant channels that the rig did not fly: CSV, Parquet, npz, MCAP, or a log of the rig.
 
 vote_config.py     how each recorded signal is monitored: CONFIG of ``rig vote``
 read.py            a file to a Recording (recording.py); stamps.py checks its time, own_logs.py reads logs of the rig

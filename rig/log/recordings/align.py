@@ -1,4 +1,4 @@
-"""Constant delay and constant offset of each channel against the others, and the samples without them; delays.py."""
+"""Remove the constant delay and the constant offset of each channel against the others; see delays.py."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LARGEST: Final = 1e100  # a sample beyond it is invalid here: powers of larger 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """What was taken off a channel; ``aligned`` is False for one that is like no other, which is left alone."""
+    """Delay and offset removed from a channel; ``aligned`` is False if it correlates with no other and is unchanged."""
 
     aligned: bool
     delay_frames: float

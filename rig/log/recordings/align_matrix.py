@@ -27,7 +27,7 @@ _MIN_ROWS: Final = 256
 
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """What was found for one recorder; ``applied`` is False where it was left alone."""
+    """Matrix of one recorder; ``applied`` is False if it was refused."""
 
     triad: str
     channel: int

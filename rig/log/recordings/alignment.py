@@ -1,4 +1,4 @@
-"""``rig vote --align``: from which stretch, what was taken off, and what the user should know of it."""
+"""``rig vote --align``: the segment, the delays and offsets that were removed, and warnings."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from rig.log.recordings.vote_config import RecordedSignal
 
 @dataclass(frozen=True, slots=True)
 class AlignOptions:
-    """From which stretch [s], and whether matrices of triads are found too."""
+    """Segment of the recording in which delays and offsets are found."""
 
-    from_s: float | None = None  # the first row
-    to_s: float | None = None  # DEFAULT_S after the begin
-    matrix: bool = False
+    from_s: float | None = None  # start, s; None: the first row
+    to_s: float | None = None  # end, s; None: 6 s after the start
+    matrix: bool = False  # True: also find matrices of triads
 
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """What was found in the rows from ``from_s`` to ``to_s``."""
+    """The alignment found in the rows from ``from_s`` to ``to_s``."""
 
     from_s: float
     to_s: float
@@ -84,8 +84,8 @@ def _in_stretch(recording: Recording, injected: Sequence[Injected], start: float
         onset = of_rows(first, float(recording.time_s[0]))
         if first <= end and last >= start:
             lines.append(
-                f"{fault.label}: {fault.signal}.{fault.channel} is faulty from {onset}, within the stretch that "
-                "the alignment is found in: a part of the fault is taken for its offset"
+                f"{fault.label}: {fault.signal}.{fault.channel} is faulty from {onset}, within the alignment "
+                "segment: a part of the fault is removed as an offset"
             )
     return lines
 
@@ -96,8 +96,8 @@ def _moved(moves: dict[str, list[OffsetMove]], settings: Mapping[str, RecordedSi
         shown = settings[name].shown
         lines += [
             f"{name}.{c}: its offset differs by {shown(move.offset_move):.4g} between quarters of the recording, its "
-            f"spread is {shown(move.spread):.4g}: a fault, or a bias that is not constant; alignment needs a healthy "
-            "stretch (--align-to)"
+            f"spread is {shown(move.spread):.4g}: a fault, or a bias that is not constant; choose a healthy segment "
+            "with --align-to"
             for c, move in enumerate(channels, 1)
             if move.moved
         ]

@@ -45,7 +45,7 @@ class Table:
             try:
                 column = column.cast(pa.float64(), safe=False)
             except pa.ArrowException:
-                raise BadInput(f"{self.path}: column {name!r} is not of numbers but of {column.type}") from None
+                raise BadInput(f"{self.path}: column {name!r} must contain numbers, got {column.type}") from None
         return np.ascontiguousarray(column.to_numpy())
 
     def time_s(self, zero_ns: int | None = None) -> tuple[Floats, int | None]:
@@ -61,7 +61,7 @@ class Table:
             instants = instants.cast(_in_ns(instants.type))
             at_ns = np.asarray(instants.cast(pa.int64()).fill_null(0))
         except pa.ArrowException:
-            raise BadInput(f"{self.path}: column {name!r} of {instants.type} is not a time") from None
+            raise BadInput(f"{self.path}: column {name!r} must be a time, got {instants.type}") from None
         first = int(np.argmin(empty))
         if zero_ns is None:
             zero_ns = int(at_ns[first])

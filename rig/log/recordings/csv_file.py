@@ -28,7 +28,7 @@ from rig.log.recordings.stamps import TIME
 
 SEPARATORS: Final = (",", ";", "\t")
 DECIMALS: Final = (".", ",")
-CONFIG: Final = "docs/vote.md"
+CONFIG: Final = "docs/reference/recordings.md"
 LARGEST_TABLE: Final = 4 << 30  # bytes of a file
 _MOST_HEAD: Final = 1 << 20  # bytes in which the header must end
 _NO_VALUE: Final = ["", "nan", "NaN", "NAN"]
@@ -39,7 +39,7 @@ _COUNT: Final = re.compile(r"CSV parse error: (?:Row #(\d+): )?Expected (\d+) co
 
 
 class TableFormat(NamedTuple):
-    """How tables are written, as CONFIG says; None: found by looking at the file."""
+    """Format of tables, as CONFIG gives it; None: detected from the file."""
 
     time_column: str = TIME
     time_unit: str = "s"
@@ -77,10 +77,10 @@ def read_csv(path: Path, wanted: Callable[[str], bool], written: TableFormat) ->
 
 
 def once_each(path: Path, names: list[str]) -> None:
-    """BadInput: a column that is there twice."""
+    """Raise BadInput if a column is given twice."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise BadInput(f"{path}: column {twice[0]!r} is there twice")
+        raise BadInput(f"{path}: column {twice[0]!r} is given twice")
 
 
 def _head(path: Path, written: TableFormat) -> tuple[list[str], list[str], str]:
@@ -90,7 +90,7 @@ def _head(path: Path, written: TableFormat) -> tuple[list[str], list[str], str]:
     if len(data) == _MOST_HEAD:
         data = data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]
         if not data:
-            raise BadInput(f"{path}: its first line is longer than {_MOST_HEAD >> 20} MiB: not a table")
+            raise BadInput(f"{path}: not a table: its first line is longer than {_MOST_HEAD >> 20} MiB")
     try:
         with TextIOWrapper(BytesIO(data), encoding="utf-8-sig", newline="") as file:
             line = file.readline()
@@ -98,7 +98,7 @@ def _head(path: Path, written: TableFormat) -> tuple[list[str], list[str], str]:
             file.seek(0)
             rows = list(islice(csv.reader(file, delimiter=separator), 2))
     except UnicodeDecodeError:
-        raise BadInput(f"{path}: is not written in UTF-8: save it so") from None
+        raise BadInput(f"{path}: must be encoded in UTF-8") from None
     header, first = (*rows, [], [])[:2]
     return header, first, separator
 

@@ -5,7 +5,7 @@ Delay of a pair of channels a, b: the lag d (frames, not whole) at which
     cost(d) = mean square of (h * a)(k + d) - (h * b)(k), its mean removed
 
 is least.  The filter h weighs each frequency by how coherent the two channels are in it (the generalised
-cross-correlation of Knapp and Carter, 1976), so noise and vibration that they do not share say nothing.
+cross-correlation of Knapp and Carter, 1976), so noise and vibration that they do not share have no weight.
 The pairs that correlate best then tie the channels to each other; a bad channel correlates with none.
 """
 
@@ -69,7 +69,7 @@ def _pairs(columns: list[Floats]) -> tuple[Floats, Floats]:
 
 
 def pair(a: Floats, b: Floats) -> tuple[float, float]:
-    """By how many frames ``a`` is later than ``b``, up to MAX_DELAY, and how they correlate without that.
+    """Return the delay of ``a`` against ``b`` in frames, up to MAX_DELAY, and their correlation without it.
 
     No delay and no correlation when one of them is constant or has no samples.
     """
@@ -164,7 +164,7 @@ def _tied(delays: Floats, correlations: Floats) -> tuple[Floats, NDArray[np.bool
 
 
 def interpolated(column: Floats, at: NDArray[np.floating[Any]]) -> Floats:
-    """``column`` at rows that are not whole, linearly; NaN next to a NaN."""
+    """Return ``column`` at fractional rows, interpolated linearly; NaN next to a NaN."""
     row = np.floor(at).astype(np.int64)
     share = at - row
     after = np.minimum(row + 1, len(column) - 1)

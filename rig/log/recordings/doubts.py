@@ -1,6 +1,6 @@
-"""Samples out of range: told by signal, channel, share, range and unit, or refused where the range is a guess.
+"""Samples out of range: reported by signal, channel, share, range and unit, or refused if the range is a default.
 
-A range that CONFIG gives says what is a sample: others are what the user wants to be invalid.  A range that it does not
+A range in CONFIG defines valid samples: the user wants all others to be invalid.  A range that CONFIG does not
 give, that of flight or of one turn, is refuted when every channel is often outside: then the file is in another unit.
 """
 
@@ -56,12 +56,12 @@ def _line(name: str, of: str, shares: list[tuple[float, float]], kind: int, sett
     share = f"{least:.3g} %" if f"{least:.3g}" == f"{most:.3g}" else f"{least:.3g} to {most:.3g} %"
     samples = f"{name}: {share} of the samples{f' of {of}' if of else ''} are"
     if kind:
-        return f"{samples} not numbers: look at the recorder, or leave the channel out"
+        return f"{samples} not numbers: check the recorder, or leave the channel out"
     low, high = (f"{settings.shown(limit):.4g}" for limit in settings.limits)
     usual = next(iter(USUAL.get(settings.si, ())), "")  # the unit in which the file may be
-    likely = f'if the file is in {usual}, unit = "{usual}"; else ' if usual and settings.scale == 1.0 else ""
+    likely = f'if the file is in {usual}, set unit = "{usual}"; otherwise ' if usual and settings.scale == 1.0 else ""
     out = f"{samples} out of range [{low}, {high}] {settings.unit or ''}".rstrip()
-    return f"{out}: {likely}give the range that it has, in CONFIG"
+    return f"{out}: {likely}give its range in CONFIG"
 
 
 def _whole_turn(samples: Samples, settings: RecordedSignal) -> str:

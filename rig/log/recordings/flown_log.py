@@ -1,4 +1,4 @@
-"""A log of a flight with the scenario that flew it: what is needed to ask it again."""
+"""A log of a flight with the scenario that flew it, as needed for a replay."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class Recorded:
 
     @property
     def unit(self) -> dict[str, Any]:
-        """The unit under test that flew it, as ``settings.Unit.about`` said; empty when our own manager did."""
+        """The unit under test that flew it, as ``settings.Unit.about``; empty if the built-in manager did."""
         return unit_of(self.log.metadata)
 
 
 def refuse_link(scenario: Scenario) -> None:
-    """BadInput when a computer need not have voted what was sampled: one computer votes, there is no exchange."""
+    """Raise BadInput if the computers of the flight may have voted other samples than one computer does here."""
     computers = scenario.computers
     broken = next((fault.signal for fault in scenario.faults if site(fault.signal) in OF_LANES), None)
     if broken is not None or (computers.count > 1 and not computers.synchronised):

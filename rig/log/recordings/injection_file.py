@@ -1,6 +1,6 @@
 """FILE of ``rig vote --inject``: ``[[faults]]`` as in a scenario, ``seed``; a scenario itself, by path or bundled name.
 
-A recording has no truth, inertial unit, surfaces, references of its own making or votes before it is voted, and
+A recording has no truth, inertial unit, surfaces, computed references or votes before it is voted, and
 perhaps no in-line monitors: faults and triggers that need one of these are refused.
 """
 
@@ -44,7 +44,9 @@ def read_injection(name: str) -> tuple[InjectionFile, str]:
     for key in data:
         if key not in Scenario.model_fields:
             near = ", ".join(nearest(key, InjectionFile.model_fields)[:1])
-            raise BadInput(f"{path}: {shorten(key)}: unknown key; nearest: {near}; all keys: docs/vote.md")
+            raise BadInput(
+                f"{path}: {shorten(key)}: unknown key; nearest: {near}; all keys: docs/reference/recordings.md"
+            )
     mine = {key: value for key, value in data.items() if key in InjectionFile.model_fields}
     if not mine.get("faults"):
         raise BadInput(f"{path}: no [[faults]] to inject")
@@ -66,17 +68,17 @@ class Injected:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """What faults can sit on: the channels of each signal and discrete that is voted."""
+    """Places of faults in a recording: the channels of each voted signal and discrete."""
 
     signals: dict[str, int]
     discretes: dict[str, int]
 
     def check(self, i: int, fault: Table, recording: Recording) -> None:
-        """ValueError, one line, where fault ``i`` needs what the recording has not."""
+        """Raise ValueError, one line, if fault ``i`` needs something that the recording does not have."""
         for key in (key for key in _NEEDS if key in fault):
             allowed = "start_s, after, rate_per_hour"
             raise ValueError(
-                f"faults.{i}.{key}: needs {_NEEDS[key]}, which a recording has not; allowed triggers: {allowed}"
+                f"faults.{i}.{key}: needs {_NEEDS[key]}, which a recording does not have; allowed triggers: {allowed}"
             )
         names = [fault[key] for key in ("signal", "source") if isinstance(fault.get(key), str)]
         for name in names:
@@ -93,7 +95,7 @@ class Fitted:
             return
         accepted = choices(name, (*self.signals, *self.discretes))
         if site(name) not in ("channel", "discrete"):
-            raise ValueError(f"faults.{i}.signal: {quoted(name)}: a recording has channels only, {accepted}")
+            raise ValueError(f"faults.{i}.signal: {quoted(name)}: a recording has only channels, {accepted}")
         raise ValueError(f"faults.{i}.signal: {quoted(name)} is not voted in the recording, {accepted}")
 
     def _check_channels(self, i: int, names: list[str], channels: list[Any]) -> None:
@@ -105,7 +107,7 @@ class Fitted:
     def _check_ice(self, i: int, kind: str, needed: Any) -> None:
         missing = [str(name) for name in needed if name not in self.signals] if isinstance(needed, list) else []
         if missing:
-            raise ValueError(f"faults.{i}: {kind} needs {' and '.join(missing)}, which the recording has not")
+            raise ValueError(f"faults.{i}: {kind} needs {' and '.join(missing)}, which the recording does not have")
 
 
 def _check_monitor(i: int, fault: Table, recording: Recording) -> None:
@@ -124,7 +126,7 @@ def _check_times(i: int, fault: Table, recording: Recording) -> None:
     first, last = float(recording.time_s[0]), float(recording.time_s[-1])
     start, end = number(fault, "start_s"), number(fault, "end_s")
     if start is not None and not first <= start <= last:
-        within = f"the recording goes from {digits(first)} to {digits(last)} s"
+        within = f"the recording is from {digits(first)} to {digits(last)} s"
         raise ValueError(f"faults.{i}.start_s: {within}, got {digits(start)}")
     if end is not None and end <= max(first, start or 0.0):
         after = digits(max(first, start or 0.0))

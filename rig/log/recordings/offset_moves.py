@@ -1,6 +1,6 @@
-"""Whether the offset of a channel stays what it was: its medians in the quarters of a recording.
+"""Change of a channel's offset: its medians in the quarters of a recording.
 
-A fault that lasts, or a bias that drifts, is no constant offset: alignment cannot take it off, and may have taken a
+A slow fault or a drifting bias is no constant offset: alignment cannot remove it, and may have taken a
 part of the fault for it.  Quarters and not halves: a fault that fills more than half of each half would not show.
 """
 
@@ -17,26 +17,26 @@ from rig.log.recordings.stamps import Floats
 from rig.log.recordings.vote_config import RecordedSignal
 
 PARTS: Final = 4
-MOST_SPREADS: Final = 1.0  # docs/vote.md says what healthy recordings have
+MOST_SPREADS: Final = 1.0  # docs/reference/recordings.md says what healthy recordings have
 _ROWS: Final = 100_000  # that are looked at; of longer recordings every second, third, ...
 _SIGMA: Final = 1.4826  # standard deviations in a median absolute deviation, of a normal distribution
 
 
 @dataclass(frozen=True, slots=True)
 class OffsetMove:
-    """Of one channel against the median of the channels, unit of the signal."""
+    """Offset of one channel against the median of the channels, unit of the signal."""
 
     offset_move: float  # largest less smallest median of the quarters; 0 where too few samples are there
     spread: float  # within the quarters, as a standard deviation
 
     @property
     def moved(self) -> bool:
-        """Return whether it is more than the spread explains."""
+        """Return True if the change is more than the spread explains."""
         return self.offset_move > MOST_SPREADS * self.spread
 
 
 def offset_moves(recording: Recording, settings: dict[str, RecordedSignal]) -> dict[str, list[OffsetMove]]:
-    """Of every channel of the signals in ``settings``."""
+    """Return the change of the offset of every channel of the signals in ``settings``."""
     step = -(-len(recording.time_s) // _ROWS)
     return {name: _of_signal(recording.signals[name], settings[name], step) for name in settings}
 
@@ -54,7 +54,7 @@ def _of_signal(samples: Samples, settings: RecordedSignal, step: int) -> list[Of
 
 
 def median_of(x: Floats) -> Floats:
-    """Over the first axis, NaN where nobody has a number."""
+    """Return the median over the first axis, NaN if no value is a number."""
     whole = np.isfinite(x)
     if whole.all():
         return np.median(x, axis=0)

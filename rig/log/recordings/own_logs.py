@@ -84,7 +84,7 @@ def _voted(path: Path, topics: Mapping[str, str], repair: bool) -> Recording:
     first, time_s = next((topic, source.time_s) for topic, source in sources.items())
     for topic, source in sources.items():
         if not np.array_equal(source.time_s, time_s):
-            raise BadInput(f"{path}: {topic} has other times than {first}")
+            raise BadInput(f"{path}: the times of {topic} and {first} differ")
     accepted = clock(str(path), time_s, repair)
     of_kind: dict[str, dict[str, Samples]] = {schema: {} for schema in _FIELDS}
     for topic, source in sources.items():

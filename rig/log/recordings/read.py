@@ -1,12 +1,12 @@
 """INPUT of ``rig vote``: a CSV, Parquet or MCAP file, or a folder of tables with a mapping.
 
-    our columns or our log       read as they are
-    [mapping] in CONFIG          "<column of ours>" = "<source>:<field>"; the source is a topic of an MCAP file, or
+    the rig's columns or log     read as they are
+    [mapping] in CONFIG          "<column>" = "<source>:<field>"; the source is a topic of an MCAP file, or
                                  a file in the folder INPUT; a single table needs no source: "<field>"
 
 Signals are read in the unit that CONFIG gives them and converted to SI (``load``).
 
-Sources have times of their own, which are checked or repaired first (stamps.py).  The rows are those of the first
+Each source has its own times, which are checked or repaired first (stamps.py).  The rows are those of the first
 source that the mapping names; of another, each row takes the sample nearest in time, or none when the nearest is
 more than its sampling interval away.
 """
@@ -44,7 +44,7 @@ def load(
     """Return the recording at ``path`` and the settings of its signals, both in SI units, with what is doubtful told.
 
     source : of ``config``, named in errors.  BadInput in one line: as ``read``, settings that do not fit the
-    recording, every channel of a signal out of a range that nobody gave.
+    recording, every channel of a signal out of a default range.
     """
     recording = read(path, config, repair)
     settings = config.signals(recording.signals, source)
@@ -166,7 +166,7 @@ def _joined(
 
 
 def nearest_rows(time_s: Floats, own_s: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """For each of ``time_s`` the row of ``own_s`` (rising) nearest to it, and whether it is near enough."""
+    """Return for each of ``time_s`` the nearest row of ``own_s`` (rising), and True if it is near enough."""
     after = np.clip(np.searchsorted(own_s, time_s), 1, max(len(own_s) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(own_s) - 1)

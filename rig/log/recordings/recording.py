@@ -16,7 +16,7 @@ from rig.core.text import shorten
 from rig.log.recordings.stamps import TIME, Clock, Floats, Repair, clock, gaps, rows_a_second
 
 Bytes = NDArray[np.uint8]
-WAY_OUT: Final = "name other columns by time_column and [mapping] in CONFIG: docs/vote.md"
+WAY_OUT: Final = "name other columns by time_column and [mapping] in CONFIG: docs/reference/recordings.md"
 _COLUMN: Final = re.compile(r"(?P<signal>.+?)(?P<ilm>\.ilm)?\.(?P<channel>0|[1-9][0-9]{0,3})|(?P<referred>.+)\.ref")
 
 
@@ -94,11 +94,11 @@ def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats],
             counts[signal] = max(counts.get(signal, 0), channel)
     for name, (signal, kind, channel) in parsed.items():
         if signal not in counts or (kind == "ilm" and channel > counts[signal]):
-            raise BadInput(f"{source}: unknown column {name!r}: there is no channel that it belongs to")
+            raise BadInput(f"{source}: unknown column {name!r}: no channel of that name")
     for signal, count in counts.items():
         _check_channels(source, signal, count, names)
     if not counts:
-        raise BadInput(f"{source}: no signal: columns are {TIME}, <signal>.1 to <signal>.{CHANNELS}")
+        raise BadInput(f"{source}: no signal; columns must be {TIME}, <signal>.1 to <signal>.{CHANNELS}")
     accepted = clock(source, column(TIME), repair)
     samples = {signal: _samples(source, signal, counts[signal], names, column) for signal in counts}
     return on_clock(accepted, samples)

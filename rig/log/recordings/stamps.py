@@ -1,6 +1,6 @@
 """Time stamps of a recorder: accepted, refused in one line, or repaired on request; and the rate that they show.
 
-Of rows in the order of the input, a row is kept when its time exceeds that of every row before it.  So the first of
+A row is kept if its time exceeds that of every row before it, in the order of the input.  So the first of
 rows with equal stamps is kept, and after a step back rows are dropped until time exceeds the largest so far.
 """
 
@@ -69,7 +69,7 @@ def clock(source: str, time_s: Floats, repair: bool = False) -> Clock:
     if 2 * len(late) > len(time_s):
         raise BadInput(
             f"{source}: {OPTION} would drop {len(late)} of {len(time_s)} rows, from row {late[0] + 1} on: "
-            f"{TIME} is not a clock that can be repaired"
+            f"{TIME} cannot be repaired"
         )
     kept = np.delete(np.arange(len(time_s)), late)
     _check_interval(source, time_s[kept])

@@ -6,13 +6,13 @@
     [triads]           # three signals that are the axes of one vector: gyro = ["gyro_x", "gyro_y", "gyro_z"]
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
-    [baselines.<name>]    # of a manager that is a baseline manager of ours; as [redundancy.baselines.<name>] of a
+    [baselines.<name>]    # settings of a baseline manager; as [redundancy.baselines.<name>] of a
     flight
     [boxes]            # signals that one unit of each channel measures, each signal in one; all in one when not given
-    box_signals        # of a box that accuse a channel at once until it is failed on all of them; 0: never; when not
-                       # given never without [boxes], else more than half of the box
-    box_persistence    # frames for which they do
-    unresolved_s       # of a split that no rule answers until it is given up; 0: never
+    box_signals        # signals of a box that miscompare at once until a channel is isolated on all of them; 0: never;
+                       # if not given: never without [boxes], with them more than half of the box
+    box_persistence    # frames of such a miscompare
+    unresolved_s       # time of an undecided split until the signal is given up; 0: never
     time_column        # of tables, "time_s" when not given; time_unit: "s"; separator, decimal: found by looking
 
 Amounts in a signal's table have its ``unit``; in the settings that ``VoteConfig.signals`` gives they are SI.
@@ -88,12 +88,12 @@ class RecordedSignal(SignalConfig):
 
     @property
     def si(self) -> str:
-        """The SI unit of the quantity; "" where nobody said which it is."""
+        """The SI unit of the quantity; "" if CONFIG gives none."""
         return self._si
 
     @property
     def range_is_assumed(self) -> bool:
-        """Return whether the limits are those of flight, or of one turn, and not CONFIG's."""
+        """Return True if the limits are those of flight, or of one turn, and not those of CONFIG."""
         return self._range_is_assumed
 
     def shown(self, value: V) -> V:
@@ -109,7 +109,7 @@ class RecordedSignal(SignalConfig):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The range with its default: one turn for an angle, else every number."""
+        """The range with its default: one turn for an angle, otherwise all numbers."""
         if self.range is not None:
             return self.range[0], self.range[1]
         return (-pi, pi) if self.wraps else ANY_NUMBER
@@ -145,7 +145,7 @@ class VoteRules(NamedTuple):
 class VoteConfig(Settings):
     """The whole file; tables of signals are checked by ``signals`` when their names are known."""
 
-    keys_are_in: ClassVar[str] = "docs/vote.md"
+    keys_are_in: ClassVar[str] = "docs/reference/recordings.md"
 
     default: dict[str, Any] | None = None
     signal: dict[str, dict[str, Any]] = {}
@@ -181,12 +181,12 @@ class VoteConfig(Settings):
         return VoteRules(needed, self.box_persistence, self.boxes, self.unresolved_s)
 
     def refuse_short_wait(self, signals: Mapping[str, SignalConfig], rate_hz: float, source: str) -> None:
-        """BadInput where ``unresolved_s`` is given and shorter than an answer must stand; the default gives way."""
+        """Raise BadInput if a given ``unresolved_s`` is shorter than a decision takes; the default is raised."""
         if "unresolved_s" in self.model_fields_set and (short := short_wait(self.unresolved_s, signals, rate_hz)):
             raise BadInput(f"{source}: {short}")
 
     def refuse_late_resets(self, time_s: NDArray[np.float64], source: str) -> None:
-        """BadInput for a reset before the first row of a recording or after its last."""
+        """Raise BadInput for a reset before the first row of a recording or after its last."""
         first, last = float(time_s[0]), float(time_s[-1])
         for i, reset in enumerate(self.resets):
             if not first <= reset.at_s <= last:
@@ -287,14 +287,14 @@ def _check_triad(where: str, axes: list[str], settings: dict[str, RecordedSignal
         if axis not in settings:
             raise BadInput(f"{where}: {quoted(axis)} is not voted; {choices(axis, settings)}")
         if settings[axis].unit != settings[axes[0]].unit:
-            raise BadInput(f"{where}: unit: {axis} and {axes[0]} have different ones, the axes of a vector have one")
+            raise BadInput(f"{where}: unit: {axis} and {axes[0]} have different units, the axes of a vector need one")
         if settings[axis].wraps:
             raise BadInput(f"{where}: {axis} is an angle that wraps, no axis of a vector")
     managers = {settings[axis].manager for axis in axes}
     of_units = next((name for name in managers if manager_kind(name).chooses_units), None)
     if len(managers) > 1 and of_units is not None:
         raise BadInput(
-            f"{where}: manager: {of_units} chooses a channel for all axes; give it to all of them or to none"
+            f"{where}: manager: {of_units} chooses one channel for all axes; set it for all of them or for none"
         )
 
 

@@ -19,15 +19,15 @@ P = ParamSpec("P")
 
 
 class Flight(result.Flight):
-    """The result of a flight; its frames are read from the log when asked for."""
+    """The result of a flight; its frames are read from the log when they are first used."""
 
     @cached_property
     def recorded(self) -> Log:
-        """The log, read when it is first asked for."""
+        """The log, read at the first use."""
         return read_log(self.log)
 
     def plot(self, name: str) -> Figure:
-        """Return channels, vote and truth of one signal over the flight; BadInput when there is no such signal."""
+        """Return a figure of channels, voted value and truth of one signal; BadInput: unknown signal."""
         return self.recorded.plot(name)
 
     def _repr_html_(self) -> str:

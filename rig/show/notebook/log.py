@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 class Log(log.Log):
-    """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, events, metadata, result, attachments."""
+    """The log of a whole flight in memory."""
 
     def plot(self, name: str) -> Figure:
-        """Return channels, vote and truth of one signal over the flight; BadInput when there is no such signal."""
+        """Return a figure of channels, voted value and truth of one signal; BadInput: unknown signal."""
         from rig.show.notebook.log_shown import plot
 
         return plot(self, name)
@@ -41,8 +41,10 @@ class Log(log.Log):
 
 
 def read_log(path: Path | str) -> Log:
-    """Read the flight at ``path``; BadLog in one line when it is missing, foreign, cut or damaged.
+    """Read the log of a flight into memory.
 
-    Two kilobytes of memory a frame, twice that while reading; ``rig.log.iter_chunks`` reads long logs.
+    path : file of the log
+    A frame needs 2 kB of memory, and 4 kB while it is read; ``rig.log.iter_chunks`` reads a long log chunk by chunk.
+    BadLog, one line: the file is missing, cut, damaged or no log of the rig.
     """
     return Log.read(path)

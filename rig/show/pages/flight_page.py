@@ -70,10 +70,12 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
 
 
 def write_report(flight: Flight | Path | str, out: Path | str | None = None, requirements: Sequence[str] = ()) -> Path:
-    """Write one HTML file of a flight or its log, which opens offline, and return its path.
+    """Write the report of a flight as one HTML file that opens offline, and return its path.
 
-    out : beside the log, with its name, when not given; requirements : bundled sets and files, as of ``report``
-    BadInput, one line: no log of a flight, no verdict, an ``out`` that is the log or no page.
+    flight : flight, or file of its log
+    out : file to write; None: beside the log, with its name
+    requirements : bundled sets and files of requirements to measure
+    BadInput, one line: no log of a flight, no flight summary in it, an ``out`` that is the log or no HTML file.
     """
     log = flight.log if isinstance(flight, Flight) else Path(flight)
     target = log.with_suffix(".html") if out is None else Path(out)

@@ -2,7 +2,7 @@
 
     actuators_table.py  the ``[actuators]`` table
     servo.py      the physics of one surface: currents, spool, ram, bypass
-    computer/servo_monitors.py  who fails a channel of it, and why
+    computer/servo_monitors.py  the monitors that shut a channel off
     servo_stage.py  a flight's servos: drawn parts, state, one frame
 
 Equations, tolerances, thresholds: docs/actuators.md.

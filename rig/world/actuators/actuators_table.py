@@ -1,4 +1,4 @@
-"""The ``[actuators]`` table: who moves elevator, aileron and rudder, how exact its parts are, and who watches them.
+"""The ``[actuators]`` table: model of the servos of elevator, aileron and rudder, its tolerances and its monitors.
 
 With ``model = "lag"`` JSBSim's lag and rate limit move a surface and nothing in them can fail.  With "servo" four
 coils, one spool, one ram and two hydraulic systems do (servo.py), and computer/servo_monitors.py watches every channel
@@ -20,7 +20,7 @@ LEAST_LAG: Final = 4.0  # times the spool's frequency: below, the loop over spoo
 
 
 class Limit(Settings):
-    """What a monitor of one channel tolerates."""
+    """Threshold and persistence of a monitor of one channel."""
 
     threshold: float = Field(gt=0)
     persistence_s: float = Field(gt=0)  # at least one frame
@@ -40,7 +40,7 @@ class Agreement(Settings):
 
 
 class Config(Settings):
-    """How the three surfaces are moved; shares of the stroke, from stop to stop."""
+    """Settings of the servos of the three surfaces; fractions are of the stroke, from stop to stop."""
 
     model: Literal["lag", "servo"] = "lag"
     monitors: bool = True  # False: nobody opens a shut-off valve
@@ -70,7 +70,7 @@ class Config(Settings):
 
 
 def refuse_unfit(config: Config, airframe: Airframe) -> None:
-    """ValueError when the airframe cannot be moved by servos of ``config``."""
+    """Raise ValueError if the airframe cannot have the servos of ``config``."""
     if config.model == "lag":
         return
     if isinstance(airframe, LinearConfig):

@@ -47,7 +47,7 @@ STATE: Final = np.dtype(
 
 
 class ActuatorData(NamedTuple):
-    """What the servos need besides the row, one record a surface where nothing else is said."""
+    """Data of the servos besides the row, one record a surface unless stated otherwise."""
 
     built: NDArray[Any]  # (3,) SERVO, as they are
     designed: NDArray[Any]  # (3,) SERVO, as the monitors' models hold them to be

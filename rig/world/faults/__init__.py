@@ -1,4 +1,4 @@
-"""Faults: what goes wrong where, when and how, as entries of ``[[faults]]``; docs/faults.md is the catalogue.
+"""Faults as entries of ``[[faults]]``: kinds, places and triggers; see docs/reference/faults-and-signals.md.
 
 A fault sits on channels of a signal or a discrete, on the inertial unit, a reference or a surface, on several
 sensors at once (ice), on parts of servo actuators, on computers or on the link between them.  A trigger begins it.

@@ -1,8 +1,8 @@
-"""Kinds of faults of the computers, which ``[computers] count`` of 2 or more has, and of what feeds them.
+"""Kinds of faults of the computers and of their electrical power, with ``[computers] count`` of 2 or more.
 
-A fault sits on one lane, ``computer.B``, on the program of all, ``computer.all``, or on a bus of electrical power,
-``bus.1`` for lanes A and C with their sensors, ``bus.2`` for B and D.  What a test of the lane's own sees, it sees by
-the coverage of that test, which is drawn once a fault.
+A fault acts on one lane, ``computer.B``, on the program of all lanes, ``computer.all``, or on an electrical bus:
+``bus.1`` for lanes A and C with their sensors, ``bus.2`` for B and D.  A self-test of the lane detects its faults with
+the probability of its coverage, which is drawn once for each fault.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rig.world.faults.servo_parts import ComputerPart
 
 _TOLERANCE_OF_TESTS = 0.02  # of full scale: a converter that is off by less is within its tolerance
 _STOPPED = Effect(Act.SET, 1.0, part=ComputerPart.STOPPED, seen_by_test=LaneTest.WATCHDOG)
-_BY_ITS_TEST = "the test of its own did not see it, by its coverage, or it was within the tolerance"
+_BY_ITS_TEST = "the lane's self-test did not cover it, or it was within the tolerance"
 SurfaceName = Literal["elevator", "aileron", "rudder", "throttle"]
 
 
@@ -35,7 +35,7 @@ class _OnComputer(Placed):
     def _whose(self) -> _OnComputer:
         if (self.signal == "computer.all") != self.of_all:
             allowed = "computer.all" if self.of_all else ", ".join(f"computer.{name}" for name in COMPUTERS)
-            raise ValueError(f"signal: {dict(self)['kind']} cannot sit on {self.signal}, allowed: {allowed}")
+            raise ValueError(f"signal: {dict(self)['kind']} cannot act on {self.signal}, allowed: {allowed}")
         return self
 
     @property
@@ -45,9 +45,9 @@ class _OnComputer(Placed):
 
 
 class ComputerStop(_OnComputer):
-    """A lane computes nothing and says nothing. A processor that hangs, a failed supply of one box.
+    """A lane stops: it computes and transmits nothing. Causes: a hung processor, a failed power supply.
 
-    When it ends the lane starts again, with what the first engaged lane has, and waits to be readmitted.
+    When the fault ends, the lane restarts with the state of the first engaged lane and waits for readmission.
     """
 
     act, takes_channels = _STOPPED, True
@@ -58,7 +58,7 @@ class ComputerStop(_OnComputer):
 
 
 class ClockDrift(_OnComputer):
-    """A lane's clock runs at a wrong rate. A cracked or overheated crystal."""
+    """A lane's clock runs at a wrong rate. Cause: a cracked or overheated crystal."""
 
     sizes = ("drift_ppm",)
     sentence = "{where} had a wrong clock from {at} on"
@@ -66,11 +66,13 @@ class ClockDrift(_OnComputer):
     example = "f16_clock_drift"
 
     kind: Literal["clock_drift"]
-    drift_ppm: float = quantity("ppm", "added to the drift of its clock; above 0 it gains", ge=-500_000, le=500_000)
+    drift_ppm: float = quantity(
+        "ppm", "added to the drift of its clock; above 0 the clock is fast", ge=-500_000, le=500_000
+    )
 
     @property
     def effect(self) -> Effect:
-        """Frames a frame."""
+        """The drift in frames per frame."""
         return Effect(Act.SET, 1e-6 * self.drift_ppm, part=ComputerPart.DRIFT)
 
 
@@ -80,13 +82,13 @@ class _OfOneSurface(_OnComputer):
     sizes = ("offset", "amplitude")
     part: ClassVar[ComputerPart] = ComputerPart.COMMAND
 
-    surface: SurfaceName = quantity("", "whose command is wrong")
-    does: Literal["offset", "hardover", "stuck", "oscillation"] = quantity("", "how", "hardover")
-    offset: float | None = quantity("rad", "offset: added; for the throttle a share", None)
-    direction: Literal["high", "low"] = quantity("", "hardover: to which stop", "high")
-    amplitude: float | None = quantity("rad", "oscillation: added as a sine", None, gt=0)
-    frequency_hz: float | None = quantity("Hz", "of the oscillation", None, gt=0, le=500)
-    ramp_s: float = quantity("s", "its effect grows linearly from nothing over this time", 0.0, ge=0)
+    surface: SurfaceName = quantity("", "surface whose command is wrong")
+    does: Literal["offset", "hardover", "stuck", "oscillation"] = quantity("", "error of the command", "hardover")
+    offset: float | None = quantity("rad", "`offset`: added to the command; for the throttle a fraction", None)
+    direction: Literal["high", "low"] = quantity("", "`hardover`: stop to which the command goes", "high")
+    amplitude: float | None = quantity("rad", "`oscillation`: amplitude of the added sine", None, gt=0)
+    frequency_hz: float | None = quantity("Hz", "`oscillation`: frequency", None, gt=0, le=500)
+    ramp_s: float = quantity("s", "the effect grows linearly from zero over this time", 0.0, ge=0)
 
     @model_validator(mode="after")
     def _what_it_does(self) -> _OfOneSurface:
@@ -94,7 +96,7 @@ class _OfOneSurface(_OnComputer):
         for name in ("offset", "amplitude", "frequency_hz"):
             if (getattr(self, name) is not None) != (name in needs):
                 raise ValueError(
-                    f"{name}: {'is needed for' if name in needs else 'does not go with'} does = {self.does!r}"
+                    f"{name}: {'is required with' if name in needs else 'is not allowed with'} does = {self.does!r}"
                 )
         return self
 
@@ -119,9 +121,9 @@ class _OfOneSurface(_OnComputer):
 
 
 class WrongCommand(_OfOneSurface):
-    """A lane computes a wrong command, and tells it to the others. A defect of its arithmetic, a flipped bit in memory.
+    """A lane computes a wrong command and transmits it to the others. Causes: an arithmetic defect, a flipped bit.
 
-    No test of its own sees it: the vote of all lanes' commands does.
+    Its self-tests do not detect it. The vote of the lanes' commands does.
     """
 
     sentence = "{where} computed a wrong command from {at} on"
@@ -131,23 +133,23 @@ class WrongCommand(_OfOneSurface):
 
 
 class Software(_OfOneSurface):
-    """All lanes compute the same wrong command. A defect of the program that all run.
+    """All lanes compute the same wrong command. Cause: a defect of their common program.
 
-    Nobody can find it who compares the lanes; the back-up, which is another program, flies when the pilot commands it.
+    A comparison of the lanes cannot detect it. The back-up, another program, flies if the pilot selects it.
     """
 
     of_all = True
     sentence = "{where} computed a wrong command from {at} on"
-    unseen = "all lanes computed the same, and nobody compares what all do alike"
+    unseen = "all lanes computed the same command, and their comparison shows no difference"
     example = "f16_software"
 
     kind: Literal["software"]
 
 
 class Dac(_OfOneSurface):
-    """A lane's output converter gives a wrong value for one surface. A stuck bit, a drifting reference.
+    """A lane's output converter gives a wrong value for one surface. Causes: a stuck bit, a drifting reference.
 
-    The wrap-around, which reads back what is put out, sees more than 2 % of the stroke by its coverage.
+    The wrap-around test reads the output back. It detects an error above 2 % of the stroke, by its coverage.
     """
 
     part = ComputerPart.OUTPUT
@@ -164,9 +166,9 @@ class Dac(_OfOneSurface):
 
 
 class Checksum(_OnComputer):
-    """A lane's program is damaged, and its commands are wrong in scale. A worn memory cell, radiation.
+    """A lane's program is damaged, and its commands have a scale error. Causes: a worn memory cell, radiation.
 
-    The test of the program's checksum sees it at the end of its period.
+    The checksum test of the program detects it at the end of its period.
     """
 
     sizes = ("factor",)
@@ -175,7 +177,7 @@ class Checksum(_OnComputer):
     example = "f16_checksum"
 
     kind: Literal["checksum"]
-    factor: float = quantity("1", "on all its commands", 1.0)
+    factor: float = quantity("1", "factor on all its commands", 1.0)
 
     @property
     def effect(self) -> Effect:
@@ -204,15 +206,15 @@ class _OfItsChannels(_OnComputer):
         return [*self.points, *super().targets]
 
     def check_fitted(self, fitted: Mapping[str, int], places: Places = FLIGHT) -> None:
-        """Raise nothing for channels that are not fitted: what is not there is not sampled."""
+        """Raise nothing for channels that are not fitted, because they are not sampled."""
         unlimited = {name: CHANNELS if self.on is None or self.on.signal != name else n for name, n in fitted.items()}
         super().check_fitted(unlimited, places)
 
 
 class Adc(_OfItsChannels):
-    """A lane's input converter is wrong for all that it samples. A failed multiplexer, a drifting reference.
+    """A lane's input converter gives wrong samples of all signals. Causes: a failed multiplexer, a drifting reference.
 
-    zero and last are seen by the wrap-around, scale and offset beyond 2 % by the test of the reference voltage.
+    The wrap-around test detects `zero` and `last`. The reference-voltage test detects `scale` and `offset` above 2 %.
     """
 
     sizes = ("factor", "offset")
@@ -220,9 +222,9 @@ class Adc(_OfItsChannels):
     example = "f16_adc"
 
     kind: Literal["adc"]
-    says: Literal["zero", "last", "scale", "offset"] = quantity("", "what it gives")
-    factor: float | None = quantity("1", "scale: what is left of each value", None)
-    offset: float | None = quantity("1", "offset: added, as a share of each sensor's range", None)
+    says: Literal["zero", "last", "scale", "offset"] = quantity("", "error of its samples")
+    factor: float | None = quantity("1", "`scale`: factor on each sample", None)
+    offset: float | None = quantity("1", "`offset`: added, as a fraction of each sensor's range", None)
 
     @model_validator(mode="after")
     def _what_it_says(self) -> Adc:
@@ -230,7 +232,7 @@ class Adc(_OfItsChannels):
         for name in ("factor", "offset"):
             if (getattr(self, name) is not None) != (name == needed):
                 raise ValueError(
-                    f"{name}: {'is needed for' if name == needed else 'does not go with'} says = {self.says!r}"
+                    f"{name}: {'is needed with' if name == needed else 'is not allowed with'} {'says'} = {self.says!r}"
                 )
         return self
 
@@ -240,7 +242,7 @@ class Adc(_OfItsChannels):
         return super().magnitude if self.factor is None else Size(abs(1.0 - self.factor), False)
 
     def effect_on(self, point: Point) -> Effect:
-        """Return what it does to a channel; of the lane, which test sees it."""
+        """Return the effect on a channel, or on the lane with the self-test that may detect it."""
         if FLIGHT.site(point.place) != "computer":
             return self.effect
         if self.says in ("zero", "last"):
@@ -251,7 +253,7 @@ class Adc(_OfItsChannels):
 
     @property
     def effect(self) -> Effect:
-        """Return what it does to a channel."""
+        """Return the effect on a channel."""
         if self.says == "zero":
             return Effect(Act.SET, 0.0)
         if self.says == "last":
@@ -262,9 +264,9 @@ class Adc(_OfItsChannels):
 
 
 class PowerLoss(_OfItsChannels):
-    """A bus of electrical power fails, with two lanes and all their sensors. A tripped breaker, a failed generator.
+    """An electrical bus fails, with two lanes and all their sensors. Causes: a tripped breaker, a failed generator.
 
-    Their samples are flagged and no numbers; the inertial unit has a supply of its own.
+    Their samples are flagged invalid and are not numbers. The inertial unit has a separate supply.
     """
 
     sites: ClassVar[tuple[Site, ...]] = ("bus",)
@@ -280,7 +282,7 @@ class PowerLoss(_OfItsChannels):
         return [Point(one.name, lane + 1) for lane in lanes_of(self.signal) for one in (*SIGNALS, *DISCRETES)]
 
     def effect_on(self, point: Point) -> Effect:
-        """Return what it does to a channel, or to a lane."""
+        """Return the effect on a channel or on a lane."""
         where = FLIGHT.site(point.place)
         if where == "computer":
             return _STOPPED

@@ -12,14 +12,15 @@ from rig.world.faults.places import CHANNELLED, number, site
 from rig.world.faults.scenario_faults import Fault
 
 NEVER: Final = "never triggered"
-OUT: Final = "its channels were out before it"
+OUT: Final = "its channels were already isolated or absent"
 
 
 class Execution:
-    """Follows the rows of a flight, block after block.
+    """Find the faults that acted, from the rows of a flight, block after block.
 
-    A fault is executed when it acts in a frame at whose beginning one of its channels is in use: neither FAILED
-    nor ABSENT in the frame before.  What is no channel is always in use; so are all when nobody says their states.
+    A fault is executed if it acts in a frame at whose beginning one of its channels is in use: neither FAILED nor
+    ABSENT in the frame before.  A place without channels is always in use; so are all channels of a unit under test
+    that transmits no states.
     """
 
     def __init__(self, faults: Sequence[Fault]) -> None:
@@ -30,7 +31,7 @@ class Execution:
         self._last: Block | None = None  # the last row seen
 
     def add(self, rows: Block) -> None:
-        """Take in the next rows: block by block, for a flight is not kept until its end tells what did nothing."""
+        """Add the next rows; a flight is not kept in memory until its end."""
         acted = np.unpackbits(np.bitwise_or.reduce(rows["acting"], axis=0), bitorder="little")
         self._acted |= acted
         for i in np.flatnonzero(acted & self._waiting):
@@ -50,20 +51,20 @@ class Execution:
             state = rows[field][:, *at]
             first = state[0] if self._last is None else self._last[field][0, *at]
             if self._last is None and first == State.FAILED:
-                first = State.OK  # before the first frame nobody has been failed
+                first = State.OK  # before the first frame no channel is isolated
             before = np.concatenate([[first], state[:-1]])
-            silent = (rows[field][:, at[0]] == State.ABSENT).all(axis=-1)  # a unit that says no states
+            silent = (rows[field][:, at[0]] == State.ABSENT).all(axis=-1)  # a unit that transmits no states
             if (acts & ((before < State.FAILED) | silent)).any():
                 return True
         return False
 
     @property
     def executed(self) -> list[bool]:
-        """For each fault of the scenario, whether it did something."""
+        """(faults,) True for each fault of the scenario that acted."""
         return (self._waiting[: len(self._faults)] == 0).tolist()
 
     @property
     def missing(self) -> list[tuple[str, str]]:
-        """The faults that did nothing: name and reason."""
+        """The faults that did not act: name and reason."""
         did = zip(self._faults, self.executed, self._acted.tolist(), strict=False)
         return [(fault.label, OUT if acted else NEVER) for fault, done, acted in did if not done]

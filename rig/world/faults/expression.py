@@ -59,7 +59,7 @@ def _condition(name: str) -> Step | None:
 def _unknown(name: str) -> str:
     true = name.startswith("true.")
     names = [known for known in QUANTITIES if known.startswith("true.") == true] + ["true.<name>"] * (not true)
-    return f"unknown name {quoted(name)}, {choices(name, names, 'docs/faults.md')}"
+    return f"unknown name {quoted(name)}, {choices(name, names, 'docs/reference/faults-and-signals.md')}"
 
 
 _TRIGGER: Final = Grammar(
@@ -68,10 +68,10 @@ _TRIGGER: Final = Grammar(
 
 
 def parse(text: str) -> NDArray[np.void]:
-    """Return the (n,) STEP records of a condition; ValueError, one line, says what in it is not allowed."""
+    """Return the (n,) STEP records of a condition; raise ValueError with one line if it is not allowed."""
     steps = read(text, _TRIGGER).steps
     if _depth(steps) > DEEPEST:
-        raise ValueError(f"is nested too deeply: more than {DEEPEST} values wait for each other")
+        raise ValueError(f"is nested too deeply: more than {DEEPEST} values on the stack")
     return np.array([(int(op), place, value) for op, place, value in steps], STEP)
 
 

@@ -40,17 +40,17 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One kind of fault; ``parameters`` are its own, ``common()`` are those of every kind."""
+    """One kind of fault; ``parameters`` are the keys of this kind, ``common()`` returns the keys of every kind."""
 
     kind: str
-    what: str  # it does, and the physical cause
+    what: str  # the effect and the physical cause
     sites: list[str]
     parameters: list[Parameter]
     scenario: str
     example: str  # TOML
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data, as ``rig faults list --json`` prints it."""
+        """Return plain data, as ``rig faults list --json`` prints it."""
         return asdict(self)
 
 
@@ -60,9 +60,9 @@ def entries() -> list[Entry]:
 
 
 def entry(kind: str) -> Entry:
-    """Return the entry of a kind; BadInput when there is none."""
+    """Return the entry of a kind; raise BadInput if there is none."""
     if kind not in KINDS:
-        raise BadInput(f"{shorten(kind)}: no such kind of fault, {choices(kind, KINDS, 'rig faults list')}")
+        raise BadInput(f"{shorten(kind)}: unknown kind of fault, {choices(kind, KINDS, 'rig faults list')}")
     model = KINDS[kind]
     own = {name: info for name, info in model.model_fields.items() if name not in (*Triggered.model_fields, "kind")}
     sites: list[str] = [*model.sites] if issubclass(model, Placed) else ["channel"]

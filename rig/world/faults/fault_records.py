@@ -153,7 +153,7 @@ SEEN: Final = np.dtype(
 
 # Samples of the sensors before any fault, as the fields of BUS; kept for who scores a flight in memory.
 def clean_of(signals: int) -> np.dtype[Any]:
-    """Return the record of the samples of so many signals, and of the inertial unit, before any fault."""
+    """Return the record of the samples of ``signals`` signals, and of the inertial unit, before any fault."""
     channels = ("channels", "f8", (signals, CHANNELS)), ("valid", "u1", (signals, CHANNELS))
     return np.dtype([*channels, ("inertial", "f8", (len(INERTIAL),))], align=True)
 

@@ -1,7 +1,7 @@
 """Settings of every entry of ``[[faults]]``, and the declarations of a kind.
 
-An entry has a name, a trigger, how long and how often it acts, where it sits.  A kind is a class with a ``kind`` in
-kinds.py, data_path.py or systems.py; all that anybody asks of a kind is declared there, see ``Triggered``.
+An entry has a name, a trigger, a duration, repetitions and a place.  A kind is a class with a ``kind`` in kinds.py,
+data_path.py or systems.py.  The class declares everything that other modules need of the kind: see ``Triggered``.
 A magnitude is given in the unit of the signal or in thresholds of its monitor, in one of the two forms.
 """
 
@@ -23,7 +23,7 @@ from rig.world.faults.trigger import Pulses, Transition
 
 
 def quantity(unit: str, meaning: str, default: Any = ..., **bounds: Any) -> Any:
-    """Return a setting with its unit, ``signal`` for that of the signal, and what it means, for the catalogue."""
+    """Return a setting with its unit (``signal``: the unit of the signal) and its meaning, for the catalogue."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit}, **bounds)
 
 
@@ -35,12 +35,12 @@ def in_thresholds(key: str) -> str:
 def threshold_quantity(key: str, **bounds: Any) -> Any:
     """Return the setting of the magnitude ``key`` in thresholds."""
     unit = "thresholds/s" if key.endswith("_per_s") else "thresholds"
-    return quantity(unit, f"or instead of `{key}`: in thresholds of the signal's monitor", None, **bounds)
+    return quantity(unit, f"instead of `{key}`: in thresholds of the signal's monitor", None, **bounds)
 
 
 def _distinct(channels: list[int]) -> list[int]:
     if any(not 1 <= channel <= CHANNELS for channel in channels) or len(set(channels)) < len(channels):
-        raise ValueError(f"channels are different numbers from 1 to {CHANNELS}, got {channels}")
+        raise ValueError(f"channels must be different numbers from 1 to {CHANNELS}, got {channels}")
     return channels
 
 
@@ -58,10 +58,10 @@ class Size(NamedTuple):
 
 
 class Triggered(Settings):
-    """A name, one trigger, and how long and how often the fault acts after it.
+    """A name, one trigger, the duration and the repetitions of a fault.
 
-    A kind declares: what it does (``act``, or ``effect`` where that depends on settings; ``pulses``; ``flag``), which
-    settings are its size, how a report says that it acted, and the bundled scenario that shows it.
+    A kind declares its effect (``act``, or ``effect`` if it depends on settings; ``pulses``; ``flag``), the settings
+    of its size, the sentence of a report, and the bundled scenario that shows it.
     """
 
     act: ClassVar[Act | Effect]  # done by its size, or an effect that no setting changes
@@ -71,29 +71,34 @@ class Triggered(Settings):
     hidden_at_rest: ClassVar[bool] = False  # whether there is no error until the value moves
     # {where}, {at}; {value}: the sample in the frame of the decision; {error}: the largest injected error
     sentence: ClassVar[str] = "{where} had a fault ({kind}) from {at} on, an error of up to {error}"
-    unseen: ClassVar[str] = ""  # why nobody found one that was not found, where no threshold was left is not why
+    unseen: ClassVar[str] = ""  # why a fault of this kind was not detected, if not for an error within the threshold
     changes_samples: ClassVar[bool] = True  # else there is nothing to fail a channel for
     takes_channels: ClassVar[bool] = False  # whether the other computers get no samples through the one it sits on
     example: ClassVar[str]
 
-    id: str | None = quantity("", "its name in events, tables and `after`", None, pattern=r"^[^\x00-\x1f]+$")
+    id: str | None = quantity("", "name in events, in tables and for `after`", None, pattern=r"^[^\x00-\x1f]+$")
     start_s: float | None = quantity(
-        "s", "trigger: this time; with `when`, `on`, `rate_per_hour`: armed from", None, ge=0
+        "s",
+        "trigger: onset at this time; with `when`, `on`, `rate_per_hour`: the trigger is armed from here",
+        None,
+        ge=0,
     )
-    when: str | None = quantity("", "trigger: a condition over voted and `true.` quantities", None)
-    for_s: float | None = quantity("s", "the condition must hold for so long", None, gt=0)
+    when: str | None = quantity("", "trigger: a condition on voted and `true.` quantities", None)
+    for_s: float | None = quantity("s", "hold time of the condition", None, gt=0)
     on: Transition | None = quantity(
         "",
-        "trigger: a change of the autopilot, or of a signal's level, pattern, decided_by, source or channel state",
+        "trigger: a change of the autopilot, or of the level, pattern, decided_by, source or channel state of a signal",
         None,
     )
-    after: str | None = quantity("", "trigger: the onset of the fault of this id", None)
-    delay_s: float | None = quantity("s", "from the trigger to the onset, with `when`, `on`, `after`", None, ge=0)
-    rate_per_hour: float | None = quantity("1/h", "trigger: at random, so often per flight hour", None, gt=0, le=3.6e5)
-    end_s: float | None = quantity("s", "time of the flight at which it ends for good", None, gt=0)
-    duration_s: float | None = quantity("s", "how long it acts from its onset", None, gt=0)
-    repeat_every_s: float | None = quantity("s", "it acts again so long after its onset", None, gt=0)
-    repeats: int | None = quantity("", "how often it acts again; not given: to the end", None, ge=1)
+    after: str | None = quantity("", "trigger: the onset of the fault with this id", None)
+    delay_s: float | None = quantity("s", "delay from the trigger to the onset; with `when`, `on`, `after`", None, ge=0)
+    rate_per_hour: float | None = quantity(
+        "1/h", "trigger: at random, with this mean rate per flight hour", None, gt=0, le=3.6e5
+    )
+    end_s: float | None = quantity("s", "flight time at which the fault ends finally", None, gt=0)
+    duration_s: float | None = quantity("s", "duration from the onset; if not given: until the end", None, gt=0)
+    repeat_every_s: float | None = quantity("s", "repeat interval, onset to onset", None, gt=0)
+    repeats: int | None = quantity("", "number of repeats; if not given: until the end", None, ge=1)
 
     @field_validator("when")
     @classmethod
@@ -111,11 +116,11 @@ class Triggered(Settings):
             raise ValueError("a trigger is missing: start_s, when, on, after or rate_per_hour")
         trigger = given[0] if given else "start_s"
         if self.for_s is not None and trigger != "when":
-            raise ValueError("for_s: goes with when")
+            raise ValueError("for_s: allowed only with when")
         if self.delay_s is not None and trigger not in ("when", "on", "after"):
-            raise ValueError("delay_s: goes with when, on or after")
+            raise ValueError("delay_s: allowed only with when, on or after")
         if self.start_s is not None and trigger == "after":
-            raise ValueError("start_s: does not go with after; use delay_s")
+            raise ValueError("start_s: not allowed with after; use delay_s")
         return self
 
     @model_validator(mode="after")
@@ -123,12 +128,12 @@ class Triggered(Settings):
         if self.end_s is not None and self.end_s <= (self.start_s or 0.0):
             raise ValueError(f"end_s ({self.end_s:g}) must be after start_s ({self.start_s or 0.0:g})")
         if self.repeats is not None and self.repeat_every_s is None:
-            raise ValueError("repeats: goes with repeat_every_s")
+            raise ValueError("repeats: allowed only with repeat_every_s")
         if self.repeat_every_s is not None:
             if self.rate_per_hour is not None:
-                raise ValueError("repeat_every_s: does not go with rate_per_hour, which repeats by itself")
+                raise ValueError("repeat_every_s: not allowed with rate_per_hour, which already repeats the fault")
             if self.duration_s is None or self.duration_s >= self.repeat_every_s:
-                raise ValueError("repeat_every_s: needs a duration_s that is shorter")
+                raise ValueError("repeat_every_s: requires a duration_s shorter than repeat_every_s")
         return self
 
     @property
@@ -148,7 +153,7 @@ class Triggered(Settings):
 
     @property
     def targets(self) -> list[Point]:
-        """The values that get a record of their own for the kernel."""
+        """The values that get a separate record for the kernel."""
         return self.points
 
     @property
@@ -207,22 +212,22 @@ class Placed(Triggered):
     on_channels: ClassVar[bool | None] = None  # None: where the place has channels
 
     signal: Annotated[str, AfterValidator(refuse_unknown)] = quantity(
-        "", "where it sits: <signal>, <discrete>, inertial.<quantity>, reference.<signal>, surface.<name> and so on"
+        "", "place: <signal>, <discrete>, inertial.<quantity>, reference.<signal>, surface.<name> and so on"
     )
-    channels: Channels = quantity("", "of a signal, a discrete or an actuator, from 1", [])
+    channels: Channels = quantity("", "channels of a signal, a discrete or an actuator, from 1", [])
 
     @model_validator(mode="after")
     def _placed(self, info: ValidationInfo) -> Placed:
         where = places_of(info).site(self.signal)
         if where not in self.sites:
             on = f"{self.signal}, a discrete" if where == "discrete" else self.signal
-            raise ValueError(f"signal: {dict(self)['kind']} cannot sit on {on}, allowed: {', '.join(self.sites)}")
+            raise ValueError(f"signal: {dict(self)['kind']} cannot act on {on}, allowed: {', '.join(self.sites)}")
         channelled = where in CHANNELLED if self.on_channels is None else self.on_channels
         if channelled and not self.channels:
             raise ValueError("channels: at least 1 is needed")
         if not channelled and self.channels:
-            kind, shared = dict(self)["kind"], f"what the channels of {self.signal} share"
-            why = f"{kind} sits on {shared}, give none" if where == "actuator" else f"{self.signal} has none"
+            kind, shared = dict(self)["kind"], f"a part that all channels of {self.signal} share"
+            why = f"{kind} acts on {shared}, give none" if where == "actuator" else f"{self.signal} has none"
             raise ValueError(f"channels: {why}, got {self.channels}")
         if where not in CHANNELLED and getattr(self, "seen_by_ilm", False):
             raise ValueError(f"seen_by_ilm: {self.signal} has no in-line monitor")
@@ -249,8 +254,8 @@ class Corrupted(Placed):
 
     seen_by_ilm: bool | None = quantity(
         "",
-        "true: the in-line monitors of its channels say bad while it acts; false: they do not; not given: those of "
-        "sticks and pedal measure, no other sees anything",
+        "true: the in-line monitors of its channels report bad while it acts; false: they do not; if not given: only "
+        "those of sticks and pedal respond, by their measurement",
         None,
     )
 
@@ -258,13 +263,13 @@ class Corrupted(Placed):
 class Ramped(Corrupted):
     """A fault that may come on gradually."""
 
-    ramp_s: float = quantity("s", "its effect grows linearly from nothing over this time", 0.0, ge=0)
+    ramp_s: float = quantity("s", "the effect grows linearly from zero over this time", 0.0, ge=0)
 
 
 def require_one(fault: Placed, *keys: str) -> None:
     """Raise ValueError unless exactly one of ``keys`` is given."""
     if sum(getattr(fault, key) is not None for key in keys) != 1:
-        raise ValueError(f"either {' or '.join(keys)}")
+        raise ValueError(f"give either {' or '.join(keys)}")
 
 
 def one_form(key: str) -> Any:

@@ -55,13 +55,13 @@ class Faults:
     """Corrupts channels, inertial unit, references and what reaches the actuators, as scheduled.
 
     faults : of the scenario, checked; ranges : (n, 2) lowest and highest value of every place but the discretes
-    seeds  : of this stage; every fault draws from generators of its own, which its name gives
+    seeds  : of this stage; the name of a fault gives it independent generators
     thresholds : (signals,) of the signals' monitors, for magnitudes that are given in them
     coils  : the in-line monitors that measure, by signal
-    clean  : (keep_clean,) CLEAN, what the sensors gave before any fault in the last so many frames (``clean_of``)
+    clean  : (keep_clean,) CLEAN, the sensors' output before any fault in the last ``keep_clean`` frames (``clean_of``)
     wire_coverage : chance that the monitor of a coil's wire sees it open, drawn once a fault
     test_coverage : the same of a computer's own tests
-    places : those of a flight, or of a recording, whose rows have signals of its own
+    places : those of a flight, or of a recording, whose rows have other signals
     All state is plain arrays and can be copied.
     """
 

@@ -85,7 +85,7 @@ _CHANNEL: Final = re.compile(r"(?<![\w.])([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\.([0-
 
 
 class Refused(ValueError):
-    """A text that is not allowed; ``column``, from 1, is where."""
+    """A text that is not allowed; ``column``, from 1, is the place of the error."""
 
     def __init__(self, message: str, column: int = 1) -> None:
         super().__init__(message)
@@ -97,7 +97,7 @@ class Grammar:
     """Names of a grammar and bounds of its texts.
 
     number, condition : the step of a name as a number, or as a yes or no; None: it is none
-    unknown : what to say of a name that is neither
+    unknown : returns the message for an unknown name
     windows : always, eventually, once and until are allowed, and channels as in ``failed.pitch_rate.2``
     """
 
@@ -118,9 +118,9 @@ class Parsed:
 
 
 def parse(text: str, grammar: Grammar) -> Parsed:
-    """Return the steps of ``text``; Refused, one line, says what in it is not allowed."""
+    """Return the steps of ``text``; raise Refused with one line if it is not allowed."""
     if len(text) > grammar.longest:
-        raise Refused(f"a condition has at most {grammar.longest} characters, got {len(text)}")
+        raise Refused(f"a condition must have at most {grammar.longest} characters, got {len(text)}")
     parser = _Parser(text, grammar)
     try:
         with warnings.catch_warnings():
@@ -138,7 +138,7 @@ def parse(text: str, grammar: Grammar) -> Parsed:
 
 
 def _without_unit(found: re.Match[str]) -> str:
-    """Say that a number has no unit, and what it is in SI units where the unit is known."""
+    """Return the message for a number with a unit, with its value in SI units if the unit is known."""
     number, unit = found[1], found[2]
     known = {"°": "deg", "degs": "deg", "degree": "deg", "degrees": "deg"}
     try:
@@ -146,7 +146,7 @@ def _without_unit(found: re.Match[str]) -> str:
         meant = f"; {number} {unit} is {float(number) * factor:.6g} {si}".removesuffix(" 1")
     except ValueError:
         meant = ""
-    return f"{found[0].strip()!r}: a number has no unit, SI units are meant (rad, rad/s, Pa, m, g){meant}"
+    return f"{found[0].strip()!r}: give the number without a unit, in SI units (rad, rad/s, Pa, m, g){meant}"
 
 
 class _Parser:
@@ -158,7 +158,7 @@ class _Parser:
         self.python = self.text
         if grammar.windows:
             if not self.text.isascii():
-                raise Refused("has characters beyond ASCII")
+                raise Refused("only ASCII characters are allowed")
             self.text = " ".join(self.text.splitlines())
             self.python = _CHANNEL.sub(r"\1_\2", _WINDOW.sub(self._window, self.text))
 
@@ -168,9 +168,9 @@ class _Parser:
         try:
             begin, end = (float(number) for number in found[2].split(","))
         except ValueError:
-            raise Refused(f"{found[0]!r}: a window is [begin, end] in s, such as {word}[0, 2.5]", column) from None
+            raise Refused(f"{found[0]!r}: a window must be [begin, end] in s, such as {word}[0, 2.5]", column) from None
         if not (isfinite(begin) and isfinite(end) and begin >= 0.0):
-            raise Refused(f"{found[0]!r}: a window begins at 0 s or later", column)
+            raise Refused(f"{found[0]!r}: a window must begin at 0 s or later", column)
         if end < begin:
             raise Refused(f"{found[0]!r}: the window ends before it begins", column)
         self._words[found.start()] = word, len(self.windows)
@@ -192,7 +192,7 @@ class _Parser:
             case ast.Compare(left=left, ops=compares, comparators=others):
                 sides = [self.number(side) for side in (left, *others)]
                 if any(type(compare) not in _COMPARE for compare in compares):
-                    raise self._refused(node, "compare with <, <=, >, >=, == or !=")
+                    raise self._refused(node, "allowed comparisons: <, <=, >, >=, == and !=")
                 pairs = zip(sides, sides[1:], compares, strict=False)  # a < b < c is a < b and b < c
                 return _all([[*a, *b, (_COMPARE[type(compare)], 0, 0.0)] for a, b, compare in pairs], Op.AND)
         if _is_name(node):
@@ -211,7 +211,7 @@ class _Parser:
             column = next((c for c in self._words if (before.end_col_offset or 0) <= c < value.col_offset), None)
             until = column is not None and self._words[column][0] == "until"
             if until and last:
-                raise Refused("until after until: put one of them in brackets", (column or 0) + 1)
+                raise Refused("two until in a row: put one of them in brackets", (column or 0) + 1)
             if until and column is not None:
                 parts[-1] = [*parts[-1], *self.condition(value), (Op.UNTIL, self._words[column][1], 0.0)]
             else:

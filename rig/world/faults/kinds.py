@@ -1,7 +1,7 @@
-"""Kinds of faults that change a value: what they do, what causes them, in SI units.
+"""Kinds of faults that change a value: effect and physical cause, in SI units.
 
-x is the value as it stands when the fault's turn comes, y what becomes of it, t the time since the onset [s].
-What a fault makes of a value stays within the range of its sensor or the stops of its surface.
+x is the value before the fault, y the value after it, t the time since the onset [s].
+y stays within the range of the sensor or the stops of the surface.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _MOST_TIMES: Final = 64
 
 
 class Offset(Ramped):
-    """y = x + offset. A shifted zero: a bent vane, a bad calibration, a misrigged control rod."""
+    """y = x + offset. Causes: a bent vane, a bad calibration, a misrigged control rod."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.ADD, ("offset",), True
     sentence = "{where} had an offset of {error} from {at} on"
@@ -34,25 +34,29 @@ class Offset(Ramped):
 
 
 class Drift(Corrupted):
-    """y = x + rate t, or x + settles_at (1 - exp(-t / time_constant)). A gyro warming up, a leaking pressure line."""
+    """y = x + rate t, or x + settles_at (1 - exp(-t / time_constant)). Causes: a gyro warming up, a pressure leak."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.DRIFT, ("rate_per_s", "settles_at"), True
     sentence = "{where} drifted from {at} on, by up to {error}"
     example = "b747_static_pressure_drift"
 
     kind: Literal["drift"]
-    rate_per_s: float | None = quantity("signal/s", "steady: how fast the error grows", None)
+    rate_per_s: float | None = quantity("signal/s", "steady drift: rate of the error", None)
     rate_thresholds_per_s: float | None = threshold_quantity("rate_per_s")
-    settles_at: float | None = quantity("signal", "exponential: the error in the end", None)
+    settles_at: float | None = quantity("signal", "exponential drift: final error", None)
     settles_at_thresholds: float | None = threshold_quantity("settles_at")
-    time_constant_s: float | None = quantity("s", "exponential: 63 % of it are there after this time", None, gt=0)
+    time_constant_s: float | None = quantity(
+        "s", "exponential drift: the error reaches 63 % of `settles_at` after this time", None, gt=0
+    )
 
     @model_validator(mode="after")
     def _one_law(self) -> Drift:
         require_one(self, "rate_per_s", "rate_thresholds_per_s", "settles_at", "settles_at_thresholds")
         steady = self.rate_per_s is not None or self.rate_thresholds_per_s is not None
         if steady != (self.time_constant_s is None):
-            raise ValueError("time_constant_s: goes with settles_at or settles_at_thresholds, which need it")
+            raise ValueError(
+                "time_constant_s: required with settles_at or settles_at_thresholds, and allowed only there"
+            )
         return self
 
     @property
@@ -64,10 +68,9 @@ class Drift(Corrupted):
 
 
 class Hardover(Ramped):
-    """y = an end of the range. An open or shorted wire, a failed amplifier, a runaway actuator.
+    """y = an end of the range. Causes: an open or shorted wire, a failed amplifier, a runaway actuator.
 
-    An angle on the circle has no ends: y = x + half a turn, the furthest from where it should be; the direction is
-    that of the ramp.
+    An angle that wraps has no end of range: y = x + half a turn. `direction` is then the direction of the ramp.
     """
 
     sites, act, found_at_once = WITH_SURFACE, Act.RANGE_END, True
@@ -75,7 +78,9 @@ class Hardover(Ramped):
     example = "f16_pitch_rate_hardover"
 
     kind: Literal["hardover"]
-    direction: Literal["high", "low", "either"] = quantity("", "either: one of both, drawn from the seed", "high")
+    direction: Literal["high", "low", "either"] = quantity(
+        "", "end of the range; `either`: drawn from the seed", "high"
+    )
 
     @property
     def effect(self) -> Effect:
@@ -84,14 +89,14 @@ class Hardover(Ramped):
 
 
 class Scale(Ramped):
-    """y = factor x. A wrong excitation, a cracked bellows; on a surface, a part of it lost (loss of effectiveness)."""
+    """y = factor x. Causes: a wrong excitation, a cracked bellows; on a surface: loss of effectiveness."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.SCALE, ("factor",), True
     sentence = "{where} had a wrong scale from {at} on, an error of up to {error}"
     example = "b737_roll_rate_scale"
 
     kind: Literal["scale"]
-    factor: float = quantity("1", "what is left of the value: 1 nothing lost, 0 all")
+    factor: float = quantity("1", "factor on the value: 1 changes nothing, 0 gives zero")
 
     @property
     def magnitude(self) -> Size:
@@ -100,7 +105,7 @@ class Scale(Ramped):
 
 
 class SignReversal(Corrupted):
-    """y = -x. Wires or pneumatic lines swapped in maintenance, crossed control cables."""
+    """y = -x. Causes: wires or pneumatic lines swapped in maintenance, crossed control cables."""
 
     sites, act = WITH_SURFACE, Effect(Act.SCALE, -1.0)
     sentence = "{where} had the wrong sign from {at} on, an error of up to {error}"
@@ -110,7 +115,7 @@ class SignReversal(Corrupted):
 
 
 class Stuck(Ramped):
-    """y = the last value before the onset, or a given one. A frozen vane, a hung processor, a jammed actuator."""
+    """y = the last value before the onset, or a given one. Causes: a frozen vane, a jammed actuator."""
 
     sites, act, hidden_at_rest = (*WITH_SURFACE, "discrete"), Act.HOLD, True
     sentence = "{where} stuck at {value} at {at}"
@@ -118,7 +123,7 @@ class Stuck(Ramped):
 
     kind: Literal["stuck"]
     value: float | None = quantity(
-        "signal", "where it sticks (a discrete: 0 or 1); not given: where it is (a surface: its true position)", None
+        "signal", "held value (a discrete: 0 or 1); if not given: the last value (a surface: its position)", None
     )
 
     @model_validator(mode="after")
@@ -134,24 +139,24 @@ class Stuck(Ramped):
 
 
 class Noise(Ramped):
-    """y = x + std n, n white and normal, of its own on every channel. A worn bearing, a failing supply."""
+    """y = x + std n, n white, normal, independent by channel. Causes: a worn bearing, a failing supply."""
 
     act, sizes, trials_draw = Act.NOISE, ("std",), True
     sentence = "{where} had noise of up to {error} from {at} on"
     example = "b737_yaw_rate_noise"
 
     kind: Literal["noise"]
-    std: float | None = quantity("signal", "standard deviation of what is added to each sample", None, gt=0)
+    std: float | None = quantity("signal", "standard deviation of the added noise", None, gt=0)
     std_thresholds: float | None = threshold_quantity("std", gt=0)
 
     _one_form = one_form("std")
 
 
 class BiasInstability(Corrupted):
-    """y = x + b, a first-order Gauss-Markov process, of its own on every channel. A gyro that ages, loose glue.
+    """y = x + b, b a first-order Gauss-Markov process, independent by channel. Causes: an ageing gyro, loose glue.
 
-    b <- b exp(-dt / T) + std sqrt(1 - exp(-2 dt / T)) n, n white and normal, from b = 0 at the onset: after t its
-    standard deviation is std sqrt(1 - exp(-2 t / T)), and well before T it is a random walk.
+    b <- b exp(-dt / T) + std sqrt(1 - exp(-2 dt / T)) n, n white and normal, from b = 0 at the onset. After t the
+    standard deviation of b is std sqrt(1 - exp(-2 t / T)). Well before T it is a random walk.
     """
 
     act, sizes, trials_draw = Act.GAUSS_MARKOV, ("std",), True
@@ -161,7 +166,7 @@ class BiasInstability(Corrupted):
     kind: Literal["bias_instability"]
     std: float | None = quantity("signal", "standard deviation of the bias, long after the onset", None, gt=0)
     std_thresholds: float | None = threshold_quantity("std", gt=0)
-    time_constant_s: float = quantity("s", "T, of its correlation", gt=0)
+    time_constant_s: float = quantity("s", "T, correlation time", gt=0)
 
     _one_form = one_form("std")
 
@@ -172,19 +177,17 @@ class BiasInstability(Corrupted):
 
 
 class Oscillation(Ramped):
-    """y = x + A sin(2 pi f t), or the last value instead of x. An unstable servo loop, a loose connection that hums."""
+    """y = x + A sin(2 pi f t), or with the last value instead of x. Causes: an unstable servo loop, a loose contact."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.OSCILLATE, ("amplitude",), True
     sentence = "{where} oscillated from {at} on, by up to {error}"
     example = "f16_normal_load_factor_oscillation"
 
     kind: Literal["oscillation"]
-    amplitude: float | None = quantity("signal", "A", None, gt=0)
+    amplitude: float | None = quantity("signal", "A, amplitude", None, gt=0)
     amplitude_thresholds: float | None = threshold_quantity("amplitude", gt=0)
-    frequency_hz: float = quantity("Hz", "f", gt=0, le=500)
-    replacing: bool = quantity(
-        "", "it takes the place of the value, about the last one, instead of adding to it", False
-    )
+    frequency_hz: float = quantity("Hz", "f, frequency", gt=0, le=500)
+    replacing: bool = quantity("", "true: oscillate about the last value before the onset, instead of about x", False)
 
     _one_form = one_form("amplitude")
 
@@ -195,25 +198,27 @@ class Oscillation(Ramped):
 
 
 class Spikes(Corrupted):
-    """y = x + amplitude, or a given value, for moments. Corrupted data words, lightning, a wiper off its track."""
+    """y = x + amplitude, or a given value, in short pulses. Causes: corrupted data words, lightning, a worn wiper."""
 
     act, sizes, trials_draw = Act.ADD, ("amplitude",), True
     sentence = "{where} had spikes of up to {error} from {at} on"
     example = "f16_angle_of_attack_spikes"
 
     kind: Literal["spikes"]
-    amplitude: float | None = quantity("signal", "added to the value; either this or `value`", None)
+    amplitude: float | None = quantity("signal", "added to the value; give this or `value`", None)
     amplitude_thresholds: float | None = threshold_quantity("amplitude")
-    value: float | None = quantity("signal", "takes the place of the value", None)
-    times_s: list[float] | None = quantity("s", f"when, from the onset; at most {_MOST_TIMES}", None, min_length=1)
-    rate_per_s: float | None = quantity("1/s", "or at random, so often a second on average", None, gt=0)
-    width_s: float | None = quantity("s", "how long each lasts; not given: one frame", None, gt=0)
+    value: float | None = quantity("signal", "replaces the value", None)
+    times_s: list[float] | None = quantity(
+        "s", f"times of the pulses after the onset; at most {_MOST_TIMES}", None, min_length=1
+    )
+    rate_per_s: float | None = quantity("1/s", "mean rate of random pulses; give this or `times_s`", None, gt=0)
+    width_s: float | None = quantity("s", "length of a pulse; if not given: one frame", None, gt=0)
 
     @model_validator(mode="after")
     def _chosen(self) -> Spikes:
         require_one(self, "amplitude", "amplitude_thresholds", "value")
         if (self.times_s is None) == (self.rate_per_s is None):
-            raise ValueError("either times_s or rate_per_s")
+            raise ValueError("give either times_s or rate_per_s")
         if any(time < 0.0 for time in self.times_s or ()) or len(self.times_s or ()) > _MOST_TIMES:
             raise ValueError(f"times_s: at most {_MOST_TIMES} times, none below zero")
         return self

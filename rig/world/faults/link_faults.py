@@ -1,7 +1,7 @@
-"""Kinds of faults of the data link between the lanes, which ``[computers] count`` of 2 or more has.
+"""Kinds of faults of the data link between the lanes, with ``[computers] count`` of 2 or more.
 
-A fault sits on one way, ``ccdl.A-B`` from A to B, or on a node, ``ccdl.A``: on all that leaves lane A.  It is in all
-that goes that way: the lane's own samples, and what it relays of others'.
+A fault acts on one direction, ``ccdl.A-B`` from A to B, or on a node, ``ccdl.A``: all messages that leave lane A.
+It affects every message of that direction: the lane's own samples, and the samples that it relays.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class _OnLink(Placed):
 
 
 class LinkLoss(_OnLink):
-    """Nothing arrives. A broken wire, a dead transmitter.
+    """No message arrives. Causes: a broken wire, a failed transmitter.
 
-    The receiver reads the last message for ``max_age_frames``, then the sender's samples are missing.
+    The receiver uses the last message for `max_age_frames`. Then the samples of the sender are missing.
     """
 
     act = Effect(Act.SET, 1.0, part=LinkPart.SILENT)
@@ -40,9 +40,9 @@ class LinkLoss(_OnLink):
 
 
 class LinkFrozen(_OnLink):
-    """The last message arrives again and again. A buffer that is no longer filled.
+    """The last message is repeated. Cause: a buffer that is no longer filled.
 
-    The number of its frame shows its age, so it is as good as none.
+    The frame number in the message shows its age, so the effect is that of a lost message.
     """
 
     act = Effect(Act.SET, 1.0, part=LinkPart.FROZEN)
@@ -53,9 +53,9 @@ class LinkFrozen(_OnLink):
 
 
 class LinkCorrupt(_OnLink):
-    """What arrives is damaged, and its checksum shows it. Crosstalk, a bad contact.
+    """Messages are damaged, and the checksum shows it. Causes: crosstalk, a bad contact.
 
-    The sender's samples are missing at once.
+    The samples of the sender are missing at once.
     """
 
     act = Effect(Act.SET, 1.0, part=LinkPart.DAMAGED)
@@ -66,9 +66,9 @@ class LinkCorrupt(_OnLink):
 
 
 class LinkByzantine(_OnLink):
-    """Every sample that goes this way is off, and the checksum is right. A transmitter that reads the wrong memory.
+    """Every sample has an offset, and the checksum is correct. Cause: a transmitter that reads the wrong memory.
 
-    A node may tell each receiver something else: that parts lanes that believe what arrives.
+    A node may transmit different values to different receivers (a Byzantine fault).
     """
 
     act = Act.SET
@@ -77,11 +77,13 @@ class LinkByzantine(_OnLink):
     example = "f16_link_byzantine"
 
     kind: Literal["link_byzantine"]
-    offset_thresholds: float = quantity("thresholds", "added to every sample that is told")
-    different: bool = quantity("", "to lanes A and C it is added, from what B and D are told it is taken away", False)
-    ramp_s: float = quantity("s", "it grows linearly from nothing over this time", 0.0, ge=0)
+    offset_thresholds: float = quantity("thresholds", "added to every transmitted sample")
+    different: bool = quantity(
+        "", "true: added to the samples for lanes A and C, subtracted from the samples for B and D", False
+    )
+    ramp_s: float = quantity("s", "the offset grows linearly from zero over this time", 0.0, ge=0)
 
     @property
     def effect(self) -> Effect:
-        """Off by so many thresholds of each signal's monitor."""
+        """An offset in thresholds of each signal's monitor."""
         return Effect(Act.SET, self.offset_thresholds, part=LinkPart.OFFSET, different=self.different)

@@ -14,6 +14,7 @@ from rig.core.text import choices
 Site = Literal[
     "channel", "inertial", "reference", "surface", "discrete", "actuator", "hydraulics", "ccdl", "computer", "bus"
 ]
+_PAGE: Final = "docs/reference/faults-and-signals.md"
 OF_SERVOS: Final[tuple[Site, ...]] = ("actuator", "hydraulics")  # there with servo actuators alone
 OF_LANES: Final[tuple[Site, ...]] = ("ccdl", "computer", "bus")  # with several computers alone
 _BEFORE_DOT: Final[tuple[Site, ...]] = ("inertial", "reference", "surface", *OF_SERVOS, *OF_LANES)
@@ -36,10 +37,11 @@ class Point(NamedTuple):
 
 
 class Places:
-    """All places of a flight, or of a recording, which has channels of signals and discretes of its own names.
+    """All places of a flight, or of a recording, whose signals and discretes may have other names.
 
-    names : of each sort; index : each name's row in the table of ranges that the stage is made with, behind which
-    the discretes come; wraps : (signals,) whether they are angles on the circle
+    names : names of each sort of place
+    index : row of each name in the table of ranges of the stage; the discretes follow the ranges
+    wraps : (signals,) True for an angle on the circle
     """
 
     def __init__(
@@ -71,7 +73,7 @@ class Places:
         self.wraps = [*signals.values()]
 
     def site(self, place: str) -> Site:
-        """Return what kind of place it is."""
+        """Return the sort of a place."""
         if place in self.names["discrete"]:
             return "discrete"
         if place in self.names["channel"]:
@@ -83,20 +85,20 @@ class Places:
         return self.index[place] - self.index[self.names[self.site(place)][0]]
 
     def require(self, name: str) -> str:
-        """Return ``name`` if it is a place; ValueError says what is allowed there."""
+        """Return ``name`` if it is a place; raise ValueError with the allowed places otherwise."""
         if name in self.index:
             return name
         of = self.site(name)
         if of == "ccdl" and self.names[of]:
-            raise ValueError(f"no such link between two lanes, {choices(name, self.names[of], 'docs/faults.md')}")
+            raise ValueError(f"no such link between two lanes, {choices(name, self.names[of], _PAGE)}")
         if of in ("computer", "bus") and self.names[of]:
-            what = "bus of electrical power" if of == "bus" else "computer"
-            raise ValueError(f"no such {what}, {choices(name, self.names[of], 'docs/faults.md')}")
+            what = "electrical bus" if of == "bus" else "computer"
+            raise ValueError(f"no such {what}, {choices(name, self.names[of], _PAGE)}")
         if of in ("surface", *OF_SERVOS) and self.names[of]:
             what = "hydraulic system" if of == "hydraulics" else of
             raise ValueError(f"the aircraft has no such {what}, {choices(name, self.names[of])}")
         known = self.index if of == "channel" else self.names[of]
-        raise ValueError(f"unknown signal, {choices(name, known, 'docs/faults.md')}")
+        raise ValueError(f"unknown signal, {choices(name, known, _PAGE)}")
 
 
 FLIGHT: Final = Places(
@@ -144,5 +146,5 @@ def places_of(info: ValidationInfo) -> Places:
 
 
 def refuse_unknown(name: str, info: ValidationInfo) -> str:
-    """Return ``name`` if it is a place; ValueError says what is allowed there."""
+    """Return ``name`` if it is a place; raise ValueError with the allowed places otherwise."""
     return places_of(info).require(name)

@@ -45,9 +45,10 @@ class Decided(NamedTuple):
     def __str__(self) -> str:
         """Return the sentence."""
         ranges = (
-            f"{each.text} is from {each.span[0]:.4g} to {each.span[1]:.4g} {each.unit}".rstrip() for each in self.of
+            f"the range of {each.text} is {each.span[0]:.4g} to {each.span[1]:.4g} {each.unit}".rstrip()
+            for each in self.of
         )
-        return f"{self.text} {'always' if self.holds else 'never'} holds: {', '.join(ranges)}"
+        return f"{self.text} is {'always' if self.holds else 'never'} true: {', '.join(ranges)}"
 
 
 class _Value(NamedTuple):

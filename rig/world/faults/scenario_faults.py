@@ -47,7 +47,7 @@ def check(faults: Sequence[Fault], fitted: Mapping[str, int], places: Places = F
     labels: set[str] = set()
     for i, fault in enumerate(faults):
         if fault.id is not None and fault.id in labels:
-            raise ValueError(f"faults.{i}.id: {fault.id!r} is used twice")
+            raise ValueError(f"faults.{i}.id: {fault.id!r} is given twice")
         labels.add(fault.label)
     for i, fault in enumerate(faults):
         try:
@@ -64,8 +64,8 @@ def order(faults: Sequence[Fault]) -> list[int]:
     try:
         return list(sorter.static_order())
     except CycleError as error:
-        names = " after ".join(repr(faults[i].label) for i in reversed(error.args[1]))
-        raise ValueError(f"faults.{error.args[1][0]}.after: faults wait for each other: {names}") from None
+        names = ", which is after ".join(repr(faults[i].label) for i in reversed(error.args[1]))
+        raise ValueError(f"faults.{error.args[1][0]}.after: circular: {names}") from None
 
 
 def parent(faults: Sequence[Fault], i: int) -> int | None:
@@ -76,15 +76,15 @@ def parent(faults: Sequence[Fault], i: int) -> int | None:
     labels = [fault.label for fault in faults]
     if after not in labels:
         others = [repr(label) for j, label in enumerate(labels) if j != i]
-        accepted = choices(after, others) if others else "allowed: none, there is no other"
+        accepted = choices(after, others) if others else "allowed: none, there is no other fault"
         raise ValueError(f"faults.{i}.after: no fault {quoted(after)}, {accepted}")
     if labels.count(after) > 1:
-        raise ValueError(f"faults.{i}.after: {after!r} is the name of several faults; give the one an id")
+        raise ValueError(f"faults.{i}.after: {after!r} names several faults; give the fault an id")
     return labels.index(after)
 
 
 class LiveFault(Settings):
-    """A fault that waits for its key; pressed again, it ends."""
+    """A fault that a key begins; the same key ends it."""
 
     key: str
     fault: Fault
@@ -97,20 +97,20 @@ class LiveFault(Settings):
             return data
         given = [name for name in _TRIGGERS if name in fault and fault[name] != LONGEST_S]
         if given:
-            raise ValueError(f"fault.{given[0]}: the key begins and ends it")
+            raise ValueError(f"fault.{given[0]}: not allowed, the key begins and ends the fault")
         return {**data, "fault": {**fault, "start_s": LONGEST_S}}  # never by itself
 
     @field_validator("key")
     @classmethod
     def _one_key(cls, key: str) -> str:
         if len(key) != 1 or not key.isalnum() or key in (RESET, PAUSE, END):
-            raise ValueError(f"a letter or digit, but not {RESET}, {PAUSE} or {END}, got {key!r}")
+            raise ValueError(f"must be a letter or digit except {RESET}, {PAUSE} and {END}, got {key!r}")
         return key
 
 
 def distinct_keys(live: Sequence[LiveFault]) -> None:
-    """Raise ValueError when a key stands twice."""
+    """Raise ValueError if a key is given twice."""
     keys = [entry.key for entry in live]
     twice = next((key for key in keys if keys.count(key) > 1), None)
     if twice is not None:
-        raise ValueError(f"live: the key {twice!r} stands twice")
+        raise ValueError(f"live: the key {twice!r} is given twice")

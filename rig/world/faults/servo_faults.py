@@ -1,7 +1,7 @@
-"""Kinds of faults of a servo actuator and of its hydraulics, which ``[actuators] model = "servo"`` has.
+"""Kinds of faults of a servo actuator and of its hydraulics, with ``[actuators] model = "servo"``.
 
-A current is a share of the full one.  A fault of channels sits on their coils, position sensors or shut-off valves, one
-of the spool or of the ram on what they share.
+A current is a fraction of the full current. A fault with channels acts on their coils, position sensors or shut-off
+valves. A fault without channels acts on the spool or the ram, which the channels share.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class _OfAll(_OfChannels):
 
 
 class CoilOpen(_OfChannels):
-    """A channel's coil has no current. A broken wire, a burnt winding, a failed amplifier.
+    """A channel's coil has no current. Causes: a broken wire, a burnt winding, a failed amplifier.
 
-    The monitor of the wire sees it by its coverage; the one of the current does while much is asked for.
+    The wire monitor detects it with the probability of its coverage; the current monitor if the command is large.
     """
 
     act = Effect(Act.SET, 0.0, part=Part.ADDED, uncommanded=True, seen_by_wire=True)
@@ -44,13 +44,13 @@ class CoilOpen(_OfChannels):
 
 
 class CoilHardover(_OfChannels):
-    """A channel's coil has the full current, whatever is asked for. A shorted amplifier."""
+    """A channel's coil has the full current at any command. Cause: a shorted amplifier."""
 
     sentence = "{where} had the full current from {at} on"
     example = "f16_elevator_coil_hardover"
 
     kind: Literal["coil_hardover"]
-    direction: Literal["high", "low"] = quantity("", "which way it drives the surface", "high")
+    direction: Literal["high", "low"] = quantity("", "direction in which it drives the surface", "high")
 
     @property
     def effect(self) -> Effect:
@@ -59,16 +59,16 @@ class CoilHardover(_OfChannels):
 
 
 class Lvdt(_OfChannels):
-    """A channel's position sensor is off, wrong in scale, or stays where it is. A loose core, a bad supply."""
+    """A channel's position sensor has an offset or a scale error, or is stuck. Causes: a loose core, a bad supply."""
 
     sizes = ("offset", "factor")
     sentence = "{where} had a wrong position sensor from {at} on"
     example = "b737_aileron_lvdt"
 
     kind: Literal["lvdt"]
-    offset: float | None = quantity("rad", "added to what it says", None)
-    factor: float | None = quantity("1", "what is left of what it says", None)
-    stuck: bool = quantity("", "it stays at its last value", False)
+    offset: float | None = quantity("rad", "added to the measured position", None)
+    factor: float | None = quantity("1", "factor on the measured position", None)
+    stuck: bool = quantity("", "true: the measured position stays at its last value", False)
     ramp_s: float = quantity("s", "its effect grows linearly from nothing over this time", 0.0, ge=0)
 
     @model_validator(mode="after")
@@ -76,7 +76,7 @@ class Lvdt(_OfChannels):
         if not self.stuck:
             require_one(self, "offset", "factor")
         elif self.offset is not None or self.factor is not None:
-            raise ValueError("stuck: does not go with offset or factor")
+            raise ValueError("stuck: not allowed together with offset or factor")
         return self
 
     @property
@@ -95,20 +95,20 @@ class Lvdt(_OfChannels):
 
 
 class SovStuck(_OfChannels):
-    """A channel's shut-off valve stays where it is: once failed, the channel drives the spool on. A stuck solenoid."""
+    """A channel's shut-off valve is stuck: an isolated channel still drives the spool. Cause: a stuck solenoid."""
 
     act = Effect(Act.SET, 1.0, part=Part.VALVE_STUCK)
     sentence = "{where} had a stuck shut-off valve from {at} on"
-    unseen = "nobody shut the channel off"
+    unseen = "no monitor shut the channel off"
     example = "b747_rudder_sov_stuck"
 
     kind: Literal["sov_stuck"]
 
 
 class OscillatoryFailure(_OfChannels):
-    """A channel's current oscillates. A failed component of the servo loop, which loads the structure.
+    """A channel's current oscillates, which loads the structure. Cause: a failed component of the servo loop.
 
-    liquid: it is added to the current that is asked for; solid: it takes its place.
+    `liquid`: the oscillation is added to the commanded current. `solid`: it replaces the commanded current.
     """
 
     sizes = ("amplitude",)
@@ -116,9 +116,9 @@ class OscillatoryFailure(_OfChannels):
     example = "b747_elevator_oscillatory_failure"
 
     kind: Literal["oscillatory_failure"]
-    mode: Literal["liquid", "solid"] = quantity("", "added to the current, or in its place", "liquid")
-    amplitude: float = quantity("1", "share of the full current", gt=0, le=2)
-    frequency_hz: float = quantity("Hz", "of the oscillation", gt=0, le=500)
+    mode: Literal["liquid", "solid"] = quantity("", "added to the commanded current, or in its place", "liquid")
+    amplitude: float = quantity("1", "fraction of the full current", gt=0, le=2)
+    frequency_hz: float = quantity("Hz", "frequency of the oscillation", gt=0, le=500)
 
     @property
     def effect(self) -> Effect:
@@ -128,7 +128,7 @@ class OscillatoryFailure(_OfChannels):
 
 
 class SpoolJam(_OfAll):
-    """The spool stays where it is, and the ram moves at its opening. A chip, ice."""
+    """The spool is stuck, and the ram moves at the rate of its opening. Causes: a metal chip, ice."""
 
     act = Effect(Act.SET, 1.0, part=Part.JAMMED)
     sentence = "{where} had a jammed spool from {at} on"
@@ -138,15 +138,15 @@ class SpoolJam(_OfAll):
 
 
 class Leak(_OfAll):
-    """A share of the flow does not reach the ram. A worn seal."""
+    """A fraction of the flow does not reach the ram. Cause: a worn seal."""
 
     sizes = ("share",)
     sentence = "{where} leaked from {at} on"
     example = "b737_rudder_leak"
 
     kind: Literal["leak"]
-    share: float = quantity("1", "of the flow that is lost", gt=0, le=1)
-    ramp_s: float = quantity("s", "it grows linearly from nothing over this time", 0.0, ge=0)
+    share: float = quantity("1", "fraction of the flow that is lost", gt=0, le=1)
+    ramp_s: float = quantity("s", "the loss grows linearly from zero over this time", 0.0, ge=0)
 
     @property
     def effect(self) -> Effect:
@@ -155,7 +155,7 @@ class Leak(_OfAll):
 
 
 class HydraulicLoss(_OfAll):
-    """A hydraulic system loses pressure, for all surfaces. A burst line, a failed pump."""
+    """A hydraulic system loses pressure, for all surfaces. Causes: a burst line, a failed pump."""
 
     sites: ClassVar[tuple[Site, ...]] = ("hydraulics",)
     sizes = ("share",)
@@ -163,8 +163,8 @@ class HydraulicLoss(_OfAll):
     example = "f16_hydraulic_loss"
 
     kind: Literal["hydraulic_loss"]
-    share: float = quantity("1", "of the pressure that is lost", 1.0, gt=0, le=1)
-    ramp_s: float = quantity("s", "it falls linearly over this time", 0.0, ge=0)
+    share: float = quantity("1", "fraction of the pressure that is lost", 1.0, gt=0, le=1)
+    ramp_s: float = quantity("s", "the pressure falls linearly over this time", 0.0, ge=0)
 
     @property
     def effect(self) -> Effect:

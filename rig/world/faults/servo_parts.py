@@ -47,7 +47,7 @@ def whole_links() -> NDArray[np.float64]:
 
 
 class ComputerPart(IntEnum):
-    """Part of a computer: what a fault changes, and which test of its own may see it."""
+    """Part of a computer: the quantity that a fault changes, and the self-test that may detect it."""
 
     STOPPED = 0  # 1: it computes nothing; its watchdog
     DRIFT = 1  # of its clock, frames a frame

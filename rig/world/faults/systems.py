@@ -1,6 +1,6 @@
-"""Kinds of faults of more than a value: discretes, in-line monitors, actuators, and ice on several sensors at once.
+"""Kinds of faults of discretes, in-line monitors and surfaces, and of ice on several sensors at once.
 
-``stuck``, ``dropout``, ``intermittent`` suit a discrete too.
+``stuck``, ``dropout`` and ``intermittent`` apply to a discrete too.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _ILM = {"good": Flag.GOOD, "blind": Flag.GOOD, "bad": Flag.BAD, "false alarm": F
 
 
 class Inverted(Corrupted):
-    """y = 1 - x. A switch wired to the wrong one of its two contacts, a swapped polarity."""
+    """y = 1 - x. Causes: a switch wired to the wrong contact, a swapped polarity."""
 
     sites, act = ("discrete",), Act.INVERT
     example = "b737_gear_down_inverted"
@@ -29,14 +29,14 @@ class Inverted(Corrupted):
 
 
 class Toggling(Corrupted):
-    """y = 1 - x and x in turn. A chattering relay, a bouncing microswitch, a proximity sensor at its limit."""
+    """y = 1 - x and x in turn. Causes: a chattering relay, a bouncing switch, a proximity sensor at its limit."""
 
     sites, act = ("discrete",), Act.INVERT
     example = "b747_engagement_toggling"
 
     kind: Literal["toggling"]
-    period_s: float = quantity("s", "from one wrong value to the next: half of it wrong, half right", gt=0)
-    random: bool = quantity("", "both halves are means of exponentially distributed times", False)
+    period_s: float = quantity("s", "period; the value is wrong for the first half", gt=0)
+    random: bool = quantity("", "true: both halves are exponentially distributed with this mean", False)
 
     @property
     def pulses(self) -> Pulses:
@@ -45,10 +45,10 @@ class Toggling(Corrupted):
 
 
 class IlmFault(Placed):
-    """The in-line monitor is stuck on one answer, or says the opposite. A self-test that was never wired, or misreads.
+    """The in-line monitor transmits a constant or an inverted result. Cause: a self-test wired or set up wrongly.
 
-    good, or blind: it sees nothing; bad, or false alarm: it accuses a healthy channel; inverted, or wrong: on the two
-    good channels and on the two bad ones at once it names the wrong pair.
+    `good` or `blind`: it detects no fault. `bad` or `false alarm`: it reports a fault of a healthy channel.
+    `inverted` or `wrong`: it transmits the opposite. On all four channels of a 2:2 split it marks the wrong pair.
     """
 
     sites, act, changes_samples = ("channel", "discrete"), Act.VALID_ONLY, False
@@ -56,7 +56,9 @@ class IlmFault(Placed):
     example = "f16_split_2_2_wrong_ilm"
 
     kind: Literal["ilm"]
-    says: Literal["good", "bad", "inverted", "blind", "false alarm", "wrong"] = quantity("", "the answer")
+    says: Literal["good", "bad", "inverted", "blind", "false alarm", "wrong"] = quantity(
+        "", "result that the monitor transmits"
+    )
 
     @property
     def flag(self) -> Flag:
@@ -65,20 +67,20 @@ class IlmFault(Placed):
 
 
 class RateLoss(Placed):
-    """The surface follows its command, but no faster than a given rate. Low hydraulic pressure, a sticking valve."""
+    """The rate of the surface is limited. Causes: low hydraulic pressure, a sticking valve."""
 
     sites, act, sizes = ("surface",), Act.LIMIT_RATE, ("max_rate_per_s",)
     example = "b747_elevator_rate_loss"
 
     kind: Literal["rate_loss"]
-    max_rate_per_s: float = quantity("signal/s", "rad/s, for the throttle 1/s", gt=0)
+    max_rate_per_s: float = quantity("signal/s", "largest rate: rad/s, for the throttle 1/s", gt=0)
 
 
 class _Weather(Triggered):
-    """A fault of the environment: it chooses its signals itself."""
+    """A fault of the environment, which has fixed signals."""
 
-    channels: Channels = quantity("", "counted from 1", [1, 2, 3, 4], min_length=1)
-    seen_by_ilm: bool = quantity("", "the in-line monitors of its channels say bad while it acts", False)
+    channels: Channels = quantity("", "channels, from 1", [1, 2, 3, 4], min_length=1)
+    seen_by_ilm: bool = quantity("", "true: the in-line monitors of its channels report bad while it acts", False)
 
     @property
     def signal(self) -> str:
@@ -87,20 +89,20 @@ class _Weather(Triggered):
 
 
 class PitotIcing(_Weather):
-    """Ice closes pressure lines: what is trapped stays, and creeps. An unheated pitot head, tape on static ports.
+    """Pressure lines are closed and keep the trapped pressure. Causes: an unheated pitot head, tape on static ports.
 
-    total = trapped total + pitot_rate t,  static = trapped static + static_rate t, each where its line is closed and
-    live (static + dynamic, static) where not;  dynamic = total - static.  Trapped is what the channel said in the
-    frame before the onset.  With the pitot line closed, the airspeed rises and falls with the altitude.
+    total = trapped total + pitot_rate t, static = trapped static + static_rate t for a closed line; an open line has
+    the true pressure. dynamic = total - static, without compressibility. The trapped pressure is the sample in the
+    frame before the onset. With the pitot line closed, the measured airspeed rises and falls with the altitude.
     """
 
     act = Act.PITOT_STATIC_ICE
     example = "b737_pitot_icing"
 
     kind: Literal["pitot_icing"]
-    blocked: Literal["pitot", "static", "both"] = quantity("", "the line that is closed", "both")
-    pitot_rate_pa_s: float = quantity("Pa/s", "how fast the trapped total pressure changes; a leak lowers it", 0.0)
-    static_rate_pa_s: float = quantity("Pa/s", "how fast the trapped static pressure changes", 0.0)
+    blocked: Literal["pitot", "static", "both"] = quantity("", "closed line", "both")
+    pitot_rate_pa_s: float = quantity("Pa/s", "rate of the trapped total pressure; below 0: a leak", 0.0)
+    static_rate_pa_s: float = quantity("Pa/s", "rate of the trapped static pressure", 0.0)
 
     @property
     def points(self) -> list[Point]:
@@ -122,7 +124,7 @@ class PitotIcing(_Weather):
 
 
 class VaneIcing(_Weather):
-    """Vanes freeze together where they stand: two frozen alike outvote a third. Water that turns to ice."""
+    """Vanes freeze at their position at the onset. Two that freeze alike can outvote a third. Cause: ice."""
 
     act = Act.HOLD
     sentence = "{where} froze at {value} at {at}"
@@ -130,15 +132,15 @@ class VaneIcing(_Weather):
 
     kind: Literal["vane_icing"]
     vanes: list[Literal["angle_of_attack", "angle_of_sideslip"]] = quantity(
-        "", "which", ["angle_of_attack"], min_length=1
+        "", "frozen vanes", ["angle_of_attack"], min_length=1
     )
-    channels: Channels = quantity("", "counted from 1", [1, 2], min_length=1)
+    channels: Channels = quantity("", "channels, from 1", [1, 2], min_length=1)
 
     @field_validator("vanes")
     @classmethod
     def _once(cls, vanes: list[str]) -> list[str]:
         if len(set(vanes)) < len(vanes):
-            raise ValueError(f"each at most once, got {vanes}")
+            raise ValueError(f"each is allowed once, got {vanes}")
         return vanes
 
     @property

@@ -81,7 +81,7 @@ class Transition(Settings):
                 raise ValueError(f"must be {{ autopilot = 'engaged' or 'disengaged' }} or {{ signal = ..., {_KEYS} }}")
             return self
         if self.autopilot is not None:
-            raise ValueError("autopilot: does not go with signal")
+            raise ValueError("autopilot: not allowed with signal")
         if self.signal not in INDEX and self.signal not in DISCRETE_INDEX:
             accepted = choices(self.signal, (*INDEX, *DISCRETE_INDEX), "rig signals")
             raise ValueError(f"signal: unknown signal {quoted(self.signal)}, {accepted}")
@@ -90,7 +90,7 @@ class Transition(Settings):
         if self.signal in DISCRETE_INDEX and given[0] not in _OF_DISCRETE:
             raise ValueError(f"{given[0]}: {self.signal} is a discrete, allowed: {', '.join(_OF_DISCRETE)}")
         if (self.channel is None) != (self.state is None):
-            raise ValueError("channel and state: go together")
+            raise ValueError("channel and state: give both or none")
         return self
 
     @property
@@ -107,7 +107,7 @@ class Transition(Settings):
         return Watched(code(f"discrete_{key}" if discrete else key, row, *channel), _number(key, value))
 
 
-_KEYS: Final = "level or pattern or rule or source = ..., or channel = ..., state = ..."
+_KEYS: Final = "level or pattern or decided_by or source = ..., or channel = ..., state = ..."
 
 
 def _number(key: str, value: Any) -> int:

@@ -1,4 +1,4 @@
-"""The base model with actuators in place of its own flight control.
+"""The base model with actuators in place of the flight control that it is shipped with.
 
 A shipped flight control reads true states, which would go around the redundant sensors.  So the
 aircraft's folder is copied from the installed JSBSim into the cache and there its
@@ -272,7 +272,7 @@ def _reads(tree: ET.Element, root: Path, source: Path) -> set[str]:
 
 
 def part_files(tree: ET.Element, root: Path, source: Path) -> Iterator[ET.Element]:
-    """Yield engines and thrusters, and any other part that the model keeps in a file of its own."""
+    """Yield engines and thrusters, and any other part that the model keeps in a separate file."""
     places = (source, source / "Engines", source / "Engine", root / "engine")
     for name in {element.get("file") for element in tree.iter() if element.get("file")}:
         for path in (place / f"{name}.xml" for place in places):

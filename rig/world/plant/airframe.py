@@ -1,8 +1,8 @@
 """The airframe of an aircraft: the ``[airframe]`` table of its ``aircraft.toml``.
 
-``plant`` says who moves it.  "jsbsim" (the default): the base model comes from the installed JSBSim; the
-table says what we change in it (centre of gravity, actuators).  "linear": matrices of its small motions
-about level flight.  Both say where it flies, where its accelerometers sit and when it counts as lost.
+``plant`` is the model of its motion.  "jsbsim" (the default): the base model comes from the installed JSBSim; the
+table has the changes to it (centre of gravity, actuators).  "linear": matrices of its small motions
+about level flight.  Both give flight points, places of the accelerometers and limits beyond which it counts as lost.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Dryden turbulence as a filter of white noise, for an aircraft that brings no turbulence of its own.
+"""Dryden turbulence as a filter of white noise, for an aircraft model without turbulence.
 
     along:         sigma sqrt(2 T)   1 / (1 + T s)
     across, down:  sigma sqrt(T)     (1 + sqrt(3) T s) / (1 + T s)^2        T = L / V

@@ -1,7 +1,7 @@
-"""Level flight found by our own search: for propellers, and to say why where JSBSim's trim finds none.
+"""Level flight by the rig's search: for propellers, and for the reason if JSBSim's trim finds none.
 
 JSBSim's trim lets revolutions settle in steps of half a second, at which a powerful engine on a light propeller
-stalls, and a governor never comes to rest.  Here the aircraft is held still while time goes on in its own small
+stalls, and a governor never comes to rest.  Here the aircraft is held still while time advances in small
 steps, until the revolutions rest.  Then level flight is a search along the throttle alone: with it open the
 aircraft must gain speed, with it closed lose speed, and in between neither.
 """
@@ -49,7 +49,7 @@ _PROPAGATE: Final = "simulation/models/FGPropagate/enabled"
 
 
 class NoLevel(Exception):
-    """No level flight: what stands in the way; ``limit`` says the same without figures."""
+    """No level flight, with the reason; ``limit`` is the reason without figures."""
 
     def __init__(self, limit: str, figures: str = "") -> None:
         super().__init__(f"{limit}: {figures}" if figures else limit)
@@ -107,7 +107,7 @@ def evaluate(fdm: jsbsim.FGFDMExec) -> None:
 
 
 def fly(fdm: jsbsim.FGFDMExec, level: Level) -> None:
-    """Put a JSBSim that has begun into this level flight; the way there is the same each time, and so are the bits."""
+    """Put an initialised JSBSim into this level flight by the same steps each time, for the same bits."""
     _set(fdm, 1.0, level.angles)
     settle(fdm)
     _set(fdm, level.throttle, level.angles)
@@ -149,14 +149,14 @@ def alpha_held(fdm: jsbsim.FGFDMExec, airframe: Config) -> float:
 
 
 def find(fdm: jsbsim.FGFDMExec, airframe: Config) -> Level:
-    """Search level flight at the speed and altitude that JSBSim has begun at; NoLevel says why there is none."""
+    """Search level flight at JSBSim's initial speed and altitude; raise NoLevel with the reason if there is none."""
     search = _Search(fdm, airframe)
     open_gains = search.gains_speed(1.0)
     if open_gains < 0.0:
         raise _short_of_thrust(search, open_gains)
     closed_gains = search.gains_speed(0.0)
     if closed_gains > 0.0:
-        raise NoLevel("throttle at its lower stop", "the aircraft gains speed with it closed")
+        raise NoLevel("throttle at its lower stop", "the aircraft accelerates with closed throttle")
     throttle = search.throttle(closed_gains, open_gains)
     if search.rest() > _NEARLY:
         raise search.at_stops() or NoLevel("no state at rest was found")
@@ -164,12 +164,12 @@ def find(fdm: jsbsim.FGFDMExec, airframe: Config) -> Level:
 
 
 def _short_of_thrust(search: _Search, gains: float) -> NoLevel:
-    """Say why full throttle is not enough: a stop makes the drag, or the engines give too little."""
+    """Return why full throttle is not enough: a surface at its stop causes drag, or the engines give too little."""
     fdm = search.fdm
     thrust = fdm["forces/fbx-prop-lbs"]
     share = max(thrust, 0.0) / (thrust - gains * fdm["inertia/mass-slugs"])
     stopped = search.at_stops()
-    return stopped or NoLevel("throttle at its stop", f"full throttle gives {share:.0%} of the thrust that is needed")
+    return stopped or NoLevel("throttle at its stop", f"full throttle gives {share:.0%} of the required thrust")
 
 
 class _Search:

@@ -59,7 +59,7 @@ _ANY_STEP_S: Final = 0.01  # JSBSim's step where nothing flies
 
 
 class NoTrim(BadInput):
-    """No level flight at a flight point; ``limit`` is what stands in the way, without figures."""
+    """No level flight at a flight point; ``limit`` is the reason without figures."""
 
     def __init__(self, message: str, limit: str) -> None:
         super().__init__(message)
@@ -78,7 +78,7 @@ def _executive() -> jsbsim.FGFDMExec:
 
 
 def jsbsim_airframe(airframe: Airframe) -> Config:
-    """Return the aircraft itself when JSBSim flies it; BadInput for a linear one."""
+    """Return the aircraft if JSBSim flies it; raise BadInput for a linear one."""
     if not isinstance(airframe, Config):
         raise BadInput(f'airframe.plant: {airframe.base_model} is "linear", JSBSim does not fly it')
     return airframe
@@ -120,7 +120,7 @@ def mass_kg(airframe: Config, point: FlightPoint) -> float:
 
 
 def undeclared(airframe: Config) -> list[str]:
-    """Return what the model's equations read and nobody provides; the airframe's ``properties`` must."""
+    """Return the properties that the model's equations read and that are missing; ``properties`` must declare them."""
     fdm, folder = _loaded(airframe, _ANY_STEP_S)
     return _provide(fdm, actuated.reads(folder))
 
@@ -139,14 +139,14 @@ def _loaded(airframe: Config, dt_s: float, servos: bool = False) -> tuple[jsbsim
     try:
         loaded = fdm.load_model_with_paths(airframe.base_model, *paths, True)
     except RuntimeError as error:
-        raise BadInput(f"airframe: JSBSim does not take these settings: {error}") from None
+        raise BadInput(f"airframe: JSBSim rejects these settings: {error}") from None
     if not loaded:
         raise RigError(f"airframe.base_model: JSBSim could not load {airframe.base_model!r} from {folder}")
     return fdm, folder
 
 
 def _provide(fdm: jsbsim.FGFDMExec, reads: list[str]) -> list[str]:
-    """Make what is read and missing, else JSBSim aborts the process even when discarded; return the names."""
+    """Make properties that are read and missing, and return their names; without them JSBSim aborts the process."""
     has = fdm.get_property_manager().hasNode
     missing = [name for name in reads if not has(name)]
     for name in missing:
@@ -155,7 +155,7 @@ def _provide(fdm: jsbsim.FGFDMExec, reads: list[str]) -> list[str]:
 
 
 def _check_properties(fdm: jsbsim.FGFDMExec, airframe: Config, reads: list[str]) -> None:
-    """Refuse an aircraft whose equations read what nobody provides, before anything evaluates them."""
+    """Refuse an aircraft whose equations read missing properties, before JSBSim evaluates them."""
     missing = _provide(fdm, reads)
     if missing:
         raise BadInput(

@@ -1,4 +1,4 @@
-"""The pilot: what the sticks and the commands of the autopilot do over time.
+"""The pilot: sticks and autopilot commands over time.
 
 Manoeuvres add up on their axis.  Stick axes are normalised deflections (-1 to 1, clipped); autopilot
 axes are changes from the values held at engagement, in rad, m or m/s.
@@ -116,7 +116,7 @@ class Config(Settings):
 
 
 class Pilot:
-    """Writes the truth of the sticks, the autopilot commands and the engage switch, a block at a time."""
+    """Write the truth of the sticks, the autopilot commands and the engage switch, a block at a time."""
 
     def __init__(self, config: Config, rate_hz: float) -> None:
         self._config = config

@@ -2,7 +2,7 @@
 
     x = [model's states, surface positions], deviations from trim;  x+ = F x + G c,  y = C x,  dy/dt = D x
 
-c are the surface commands, held over a step.  y says airspeed, flow angles, body rates, pitch and roll; from
+c are the surface commands, held over a step.  y holds airspeed, flow angles, body rates, pitch and roll; from
 it and its rate follow velocities, forces and place by the full equations of a rigid body's motion, so that
 all sixteen signals belong to one flight.
 """

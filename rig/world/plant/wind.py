@@ -1,9 +1,9 @@
 """The air of a flight: steady wind, steps, 1-cosine gusts, and turbulence.
 
-Wind is where the air goes to: north, east and down, in m/s.  Turbulence is JSBSim's Dryden model
+Wind is the velocity of the air: north, east and down, in m/s.  Turbulence is JSBSim's Dryden model
 after MIL-F-8785C (its Tustin form), seeded, so that a flight can be repeated bit for bit.
 
-What its levels measure is in dryden.py.
+The standard deviations of its levels are in dryden.py.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SEVERITY: Final[dict[Turbulence, Severity]] = {
 
 
 class Step(Settings):
-    """Wind added from ``start_s`` until ``end_s``, to the end of the flight when absent."""
+    """Wind added from ``start_s`` until ``end_s``; if it is not given, until the end of the flight."""
 
     start_s: float = Field(ge=0.0)
     end_s: float | None = None
@@ -80,7 +80,7 @@ class Config(Settings):
 
 
 def added(config: Config, time_s: float) -> Velocity:
-    """Return what is added to the steady horizontal wind at this time of the flight: down, steps and gusts."""
+    """Return the velocity added to the steady horizontal wind at this flight time: down, steps and gusts."""
     north, east, down = 0.0, 0.0, config.down_m_s
     for step in config.steps:
         if step.start_s <= time_s and (step.end_s is None or time_s < step.end_s):

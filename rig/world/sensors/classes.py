@@ -1,7 +1,7 @@
 """Named data-sheet classes: ``class = "tactical-grade MEMS"`` lays a class's figures under a sensor's own keys.
 
-The table is ``aircraft/sensor_classes.toml``.  A class speaks for the box: it replaces all that the tables below it
-say of noise, bias, scale, alignment and dynamics.  What belongs to the installation stays as it was: channels, range,
+The table is ``aircraft/sensor_classes.toml``.  A class describes the box: it replaces the values of the tables below it
+for noise, bias, scale, alignment and dynamics.  Values of the installation stay: channels, range,
 skew, quantum, position error, structural mode.
 """
 
@@ -45,7 +45,7 @@ class Figures(Settings):
 
 
 class SensorClass(Settings):
-    """One class: where its figures are from, and the figures for each kind of signal that it measures."""
+    """One class: the source of its figures, and the figures for each kind of signal that it measures."""
 
     source: str = Field(min_length=1)
     rates: Figures | None = None
@@ -92,5 +92,5 @@ def _figures(name: str, signal: str, classes: dict[str, SensorClass], where: str
         raise BadInput(f"{where}: unknown class {quoted(name)}, {choices(name, map(repr, classes), 'docs/sensors.md')}")
     figures: Figures | None = getattr(classes[name], kind(signal), None)
     if figures is None:
-        raise BadInput(f"{where}: {name!r} has no figures for {signal}, only for {', '.join(classes[name].kinds)}")
+        raise BadInput(f"{where}: {name!r} has no values for {signal}, only for {', '.join(classes[name].kinds)}")
     return figures.model_dump()

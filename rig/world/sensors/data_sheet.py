@@ -1,6 +1,6 @@
 """A sensor's data sheet as settings: the ``[sensors.<signal>]`` tables.
 
-Values are in the unit of the signal, per second, hertz, g, rad or Pa where the name says so.  A tolerance
+Values are in the unit of the signal, per second, hertz, g, rad or Pa as their names show.  A tolerance
 is drawn once a flight for each channel, uniform within plus and minus it.
 """
 

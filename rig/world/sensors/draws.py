@@ -5,7 +5,7 @@
     structural mode    x'' + 2 damping omega x' + omega^2 x = white noise, sampled exactly; one for all channels
     false alarm        of an in-line monitor: memoryless, each of a given length
 
-w is standard normal.  Every process of every signal has a stream of its own, so that one more shifts no other,
+w is standard normal.  Every process of every signal has an independent stream, so that one more shifts no other,
 and the draws do not depend on the length of the blocks.
 """
 
@@ -139,7 +139,7 @@ def ring(w, step, push, state, rms, out):
 
 
 class Alarms:
-    """``rows`` (n, S, 4): whether the monitor of each channel raises a false alarm, each from a stream of its own."""
+    """``rows`` (n, S, 4): 1 if the monitor of a channel raises a false alarm, from an independent stream each."""
 
     def __init__(self, suite: Settings, rate_hz: float, seeds: SeedSequence) -> None:
         self._suite, self._rate_hz, self._seeds = suite, rate_hz, seeds.spawn(S)

@@ -1,4 +1,4 @@
-"""The stage: the truth of a frame and what the channels remember become samples."""
+"""The stage of the sensors: samples from the truth of a frame and the memory of the channels."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class SensorData(NamedTuple):
 
 
 class Sensors:
-    """Truth to channels.  ``seeds`` gives every purpose a stream of its own, so none shifts another."""
+    """Truth to channels.  ``seeds`` gives every purpose an independent stream, so none shifts another."""
 
     def __init__(self, suite: Settings, rate_hz: float, seeds: SeedSequence) -> None:
         """Raise BadInput when a noise file cannot be used."""
@@ -157,7 +157,7 @@ def filter_through(x, p, m, line, c):
     """Pass channel c through low pass and latency; m MEMORY and ``line`` (frames,), the ring, in place.
 
     With the input held at x over the frame, e = y - x follows the free system: (e, y') <- transition (e, y').
-    The latency lies between two frames of the ring, on the straight line between them.
+    The latency is between two frames of the ring, interpolated linearly.
     """
     wraps, low, high, tick = p["wraps"], p["low"], p["high"], m["frames"]
     y = x

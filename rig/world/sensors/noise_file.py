@@ -1,7 +1,7 @@
-"""A recorded noise file: four columns of CSV, one a channel, in the unit of the signal, at a rate of its own.
+"""A recorded noise file: four columns of CSV, one a channel, in the unit of the signal, at its own rate.
 
 It replaces the drawn noise.  The start is drawn from the seed, the same row for all four columns, so that
-what the channels share stays shared; after the last row comes the first.  Between rows the noise lies on the
+noise common to the channels stays common; after the last row comes the first.  Between rows the noise is on the
 straight line: nothing but additions and multiplications of single numbers, so every machine gets the same bits.
 
 A scenario keeps the file's place and SHA-256, not its rows: flown again from a log, the file must still be there and
@@ -39,7 +39,7 @@ class Recorded:
         sha256 = hashlib.sha256(data).hexdigest()
         if sensor.noise_sha256 not in (None, sha256):
             changed = f"SHA-256 is {sha256}, must be {sensor.noise_sha256}"
-            raise BadInput(f"{where}: {path} is not the file it was: {changed}")
+            raise BadInput(f"{where}: {path} has changed: {changed}")
         self._rows = _parse(data, path, where)
         self._step = float(sensor.noise_rate_hz or rate_hz) / rate_hz  # rows a frame
         self._start = int(rng.integers(len(self._rows)))

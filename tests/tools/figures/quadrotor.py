@@ -1,6 +1,6 @@
 """Healthy channels that are failed in recordings of four IMUs on one quadrotor, and offsets found in them.
 
-The folder is ``quad_imu_horizontal`` (docs/vote.md): nobody is faulty, so every failure is a false isolation.
+The folder is ``quad_imu_horizontal``: no channel is faulty, so every failure is a false isolation.
 """
 
 from __future__ import annotations
