@@ -89,7 +89,7 @@ def test_a_narrow_table_is_without_the_columns_that_are_worth_least(width, shown
     table([ROW], WIDE)
     head, *rest = capsys.readouterr().out.splitlines()
     assert head.split() == shown and max(map(len, (head, rest[0]))) <= max(width, 24)
-    assert ("".join(rest[-1:]).strip() == f"left out at {width} columns, all with --json: {gone}") == bool(gone)
+    assert ("".join(rest[-1:]).strip() == f"hidden columns (width {width}): {gone}; --json shows all") == bool(gone)
 
 
 MANY = [Column(f"delay at {n} Hz", n, ".3f", "ms") for n in range(15)]
@@ -171,7 +171,7 @@ def test_a_list_with_commas_is_read_once_and_in_order():
 
 @pytest.mark.parametrize("text", ["", "5", "2,", "2,x", "²", "2" * 5000, "-2", "1_0"])
 def test_a_list_with_anything_else_is_refused_in_one_line(text: str):
-    with pytest.raises(BadInput, match=r"--levels: whole numbers from 2 to 4 with commas between, got .") as refused:
+    with pytest.raises(BadInput, match=r"--levels: must be whole numbers from 2 to 4, separated by commas, got .") as refused:
         whole_numbers("--levels", text, 2, 4)
     assert len(str(refused.value)) < 600
 

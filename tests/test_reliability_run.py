@@ -185,4 +185,4 @@ def test_the_plan_says_what_it_takes_here(rig_command, rates: Path):
 
 def test_a_wrong_number_of_channels_is_refused(rig_command, rates: Path):
     code, _, err = rig_command("reliability", "run", "a", "--rates", str(rates), "--channels", "1,5")
-    assert code == 2 and err == "error: --channels: numbers from 1 to 4 with commas between, got 1,5\n"
+    assert code == 2 and err == "error: --channels: must be numbers from 1 to 4, separated by commas, got 1,5\n"

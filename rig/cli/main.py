@@ -1,6 +1,7 @@
 """The command ``rig``: its groups and commands, errors as one line.
 
-Exit code 0 when the work was done (a lost aircraft is a result), 2 for bad input, 1 for a failure of ours.
+Exit code 0: the work is done (a lost aircraft is a result).  Exit code 2: bad input.  Exit code 1: a failure of the rig
+or the machine, or a check that did not pass.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ from rig.core.interrupt import end_cleanly
 from rig.core.renamed import COMMANDS, OPTIONS, now_called
 from rig.core.text import shorten
 
-EXAMPLE: Final = "Example: rig fly f16_split_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
+EXAMPLE: Final = (
+    "Example: rig fly f16_split_2_2_level, then rig score LOG and rig view LOG. All scenarios: rig scenario list."
+)
 VERBOSE: Final = ("--verbose", "-v")
 MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
 FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"
@@ -64,7 +67,9 @@ _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is,
 for _parameter in (TyperArgument, TyperOption):  # help shows the names that we give to values, no types of Python
     setattr(_parameter, "display_type_rich", lambda self, ctx: self.metavar if isinstance(self, TyperOption) else None)  # noqa: B010
 
-app = typer.Typer(help="Fly redundant flight control against injected faults.", epilog=EXAMPLE, **GROUP)
+app = typer.Typer(
+    help="Test redundant flight control: fly it in simulation, against injected faults.", epilog=EXAMPLE, **GROUP
+)
 for name, group, panel in _GROUPS:
     app.add_typer(group, name=name, rich_help_panel=panel)
 for panel, commands in _COMMANDS.items():
@@ -80,15 +85,11 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _common(
-    verbose: Annotated[
-        bool, typer.Option(*VERBOSE, help="Show JSBSim's and our log messages; before or after the command.")
-    ] = False,
-    _: Annotated[
-        bool, typer.Option("--version", help="Print the version and end.", callback=_version, is_eager=True)
-    ] = False,
+    verbose: Annotated[bool, typer.Option(*VERBOSE, help="Show the log messages of JSBSim and of the rig.")] = False,
+    _: Annotated[bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)] = False,
 ) -> None:
     logging.basicConfig(level=logging.DEBUG if verbose else logging.ERROR, format="%(name)s: %(message)s")
-    if not verbose:  # what matters in JSBSim's messages becomes our one line
+    if not verbose:  # the rig prints the one line that matters of JSBSim's messages
         logging.getLogger("rig.jsbsim").setLevel(logging.CRITICAL + 1)
     for noisy in ("numba", "asyncio", "matplotlib"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
@@ -151,7 +152,7 @@ def _command() -> int:
 
 
 def _renamed(error: Any) -> str:
-    """Return what a command or an option of before is called now; "" of what is none."""
+    """Return the line on the present name of a renamed command or option; "" if the error is another."""
     unknown, context = _UNKNOWN_COMMAND.match(error.format_message()), error.ctx
     group = f"rig {context.info_name}" if context and context.parent else "rig"
     command, option = f"{group} {unknown[1]}" if unknown else "", getattr(error, "option_name", "")
@@ -162,7 +163,7 @@ def _renamed(error: Any) -> str:
 
 
 def _verbose_first(arguments: list[str]) -> list[str]:
-    """Return the arguments with --verbose before the command, where it is an option, wherever it was given."""
+    """Return the arguments with --verbose before the command, where click expects it."""
     end = arguments.index("--") if "--" in arguments else len(arguments)
     given = [word for word in arguments[:end] if word in VERBOSE]
     return [*given, *(word for word in arguments[:end] if word not in VERBOSE), *arguments[end:]]
