@@ -53,13 +53,13 @@ def named(kind: Callable[..., Made], options: Any, **more: Any) -> Made:
 
 
 AllowCode = Annotated[
-    bool, flag("--allow-code", "Allow the Python code that a file or log names as its manager (module:name).")
+    bool, flag("--allow-code", "Allow Python code that a file or log names as its manager (module:name).")
 ]
 AllowCodeOrSet = Annotated[
     bool,
     flag(
         "--allow-code",
-        "Allow the Python code that a file names as its manager (module:name). Code named by --set is always allowed.",
+        "Allow Python code that a file names as its manager (module:name). Code that --set names is always allowed.",
     ),
 ]
 LogFile = Annotated[Path, arg("LOG", "Log of a flight.")]

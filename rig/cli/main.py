@@ -43,7 +43,8 @@ EXAMPLE: Final = (
 )
 VERBOSE: Final = ("--verbose", "-v")
 MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
-FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"
+FLY, LOOK, SCORE = "Fly", "View and report", "Score and replay"
+RECORDED, MANY, REFERENCE = "Recorded data", "Many flights", "Reference"
 _GROUPS: Final = (
     ("scenario", scenario_app, FLY),
     ("aircraft", aircraft_app, FLY),
@@ -58,8 +59,8 @@ _COMMANDS: Final = {
     LOOK: (view, report, watch, info),
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
-    REFERENCE: (signals, cost),
     MANY: (check, search, benchmark),
+    REFERENCE: (signals, cost),
 }
 _UNKNOWN_COMMAND: Final = re.compile("No such command '([^']*)'")
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
