@@ -241,7 +241,7 @@ def test_a_file_of_faults_is_injected_scored_and_the_same_twice(run: Any):
     [
         ("seed = 1", "error: f.toml: no [[faults]] to inject"),
         (FILE.replace("seed", "sede"), "error: f.toml: sede: unknown key; nearest: seed; all keys: docs/vote.md"),
-        (FILE.replace("4", "-4"), "error: f.toml: seed: input should be greater than or equal to 0, got -4"),
+        (FILE.replace("4", "-4"), "error: f.toml: seed: must be 0 or more, got -4"),
         (FILE.replace("'x'", "'y'"), "error: f.toml: faults.0.signal: 'y' is not voted in the recording, allowed: x"),
     ],
 )

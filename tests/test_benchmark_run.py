@@ -212,7 +212,7 @@ def faulty(folder: Path, text: str) -> Path:
         ({"--managers": "cross-channel"}, "", "--managers: name one or more besides cross-channel"),
         ({}, "[set]\nfaults = []\n", "no fault to detect"),
         ({}, '[set]\n"redundancy.signals.pitch_rate.equalise_bound" = 9.0\n', "equalise_bound: at most the threshold"),
-        ({"--plot": "benchmark.txt"}, "", "its name must end with .html"),
+        ({"--plot": "benchmark.txt"}, "", "must end with .html"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(

@@ -265,7 +265,7 @@ def test_every_command_that_reads_the_tables_says_the_same(out: Path, tmp_path: 
         ('{"format": 2, "campaign": {}}', "is damaged: it has no checksum"),
         ('{"format": 1}', "is damaged: it has no table 'campaign'"),
         ('{"format": 1, "campaign": 5}', "is damaged: it has no table 'campaign'"),
-        ('{"format": 1, "campaign": {}}', "base: field required"),
+        ('{"format": 1, "campaign": {}}', "base: missing"),
         ('{"format": 1, "campaign": {"base": {}, "vary": 5}}', "vary: must be a table"),
         ('{"format": 9, "campaign": {}}', "not of this version"),
         ("[" * 100_000, "cannot be read"),

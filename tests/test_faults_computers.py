@@ -223,13 +223,13 @@ ONE = "faults=[{{{}, start_s=1.0}}]"
         (['computers.commands=[{at_s=1, do="backup"}]'], "one computer has no lanes"),
         ([ONE.format('kind="software", signal="computer.B", surface="rudder"'), FOUR], "software cannot sit on comp"),
         ([ONE.format('kind="dac", signal="computer.all", surface="rudder"'), FOUR], "dac cannot sit on computer.all"),
-        ([ONE.format('kind="dac", signal="computer.B"'), FOUR], "faults.0.*surface: .*required"),
+        ([ONE.format('kind="dac", signal="computer.B"'), FOUR], "faults.0.*surface: .*missing"),
         ([ONE.format('kind="adc", signal="computer.B", says="scale"'), FOUR], "factor: is needed for says = 'scale'"),
         ([ONE.format('kind="computer_stop", signal="computer.E"'), FOUR], "no such computer"),
         ([ONE.format('kind="computer_stop", signal="computer.C"'), "computers.count=2"], "a lane that is not there"),
         ([ONE.format('kind="computer_stop", signal="computer.A"')], "a lane that is not there:.*count = 1"),
         ([ONE.format('kind="power_loss", signal="bus.3"'), FOUR], "no such bus of electrical power"),
-        (["computers.wrap_around.coverage=2", FOUR], "computers.wrap_around.coverage: .*less than or equal to 1"),
+        (["computers.wrap_around.coverage=2", FOUR], "computers.wrap_around.coverage: .*must be at most 1"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_one_line(sets: list[str], told: str):

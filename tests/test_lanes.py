@@ -81,7 +81,7 @@ def test_channels_whose_lane_is_not_fitted_are_not_fitted(count: int):
 @pytest.mark.parametrize(
     ("sets", "told"),
     [
-        (["computers.count=5"], "computers.count: input should be less than or equal to 4, got 5"),
+        (["computers.count=5"], "computers.count: must be at most 4, got 5"),
         (["computers.count=3"], r"faults.0.channels: pitch_rate has 3 channels, got \[4\]"),
         ([SERVO, "computers.count=2", "faults=[]"], "computers.count: 2 with servo actuators.*allowed: 1, 4"),
     ],

@@ -153,7 +153,7 @@ def test_the_bundled_rates_of_slow_drifts_take_half_of_the_drifts_for_slow():
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('source = "a test"\n', "", "pitch_rate: source: field required"),
+        ('source = "a test"\n', "", "pitch_rate: source: missing"),
         ("[1e-3]", "[-1e-3]", "pitch_rate: per_hour: rates per hour are above 0 and at most 1, got [-0.001]"),
         ("drift = 0.5", "drift = 0.6", "pitch_rate: kinds: the shares of the kinds must add up to 1, got 1.1"),
         ("drift", "drfit", "pitch_rate: kinds: unknown kind 'drfit'"),

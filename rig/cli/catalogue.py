@@ -107,8 +107,12 @@ def show_kind(
     as_json: Json = False,
 ) -> None:
     """Print one kind of fault: cause, keys with units, an example in TOML and the scenario that flies it."""
+    from rig.core.errors import BadInput
+    from rig.core.renamed import VALUES, now_called
     from rig.world.faults.fault_catalogue import common, entry
 
+    if new := VALUES["kind"].get(kind):
+        raise BadInput(now_called(kind, new))
     shown, shared = entry(kind), common()
     emit(as_json, {**shown.as_dict(), "common": list(map(asdict, shared))}, lambda: _kind(shown, shared))
 

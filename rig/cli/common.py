@@ -117,7 +117,7 @@ class Align:
             raise BadInput("--align-from, --align-to, --align-matrix: need --align")
         for option, value in (("--align-from", self.align_from), ("--align-to", self.align_to)):
             if value is not None and not isfinite(value):
-                raise BadInput(f"{option}: input should be a finite number, got {value}")
+                raise BadInput(f"{option}: must be a finite number, got {value}")
         return AlignOptions(*stretch) if self.align else None
 
 

@@ -7,7 +7,6 @@ or the machine, or a check that did not pass.
 from __future__ import annotations
 
 import logging
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -32,17 +31,15 @@ from rig.cli.score import report, score
 from rig.cli.search import search
 from rig.cli.studies import study
 from rig.cli.unit import unit_app
+from rig.cli.usage import refusal
 from rig.cli.view import view, watch
 from rig.core.errors import BadInput, RigError
 from rig.core.interrupt import end_cleanly
-from rig.core.renamed import COMMANDS, OPTIONS, now_called
-from rig.core.text import shorten
 
 EXAMPLE: Final = (
     "Example: rig fly f16_split_2_2_level, then rig score LOG and rig view LOG. All scenarios: rig scenario list."
 )
 VERBOSE: Final = ("--verbose", "-v")
-MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
 FLY, LOOK, SCORE = "Fly", "View and report", "Score and replay"
 RECORDED, MANY, REFERENCE = "Recorded data", "Many flights", "Reference"
 _GROUPS: Final = (
@@ -62,7 +59,6 @@ _COMMANDS: Final = {
     MANY: (check, search, benchmark),
     REFERENCE: (signals, cost),
 }
-_UNKNOWN_COMMAND: Final = re.compile("No such command '([^']*)'")
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
 for _parameter in (TyperArgument, TyperOption):  # help shows the names that we give to values, no types of Python
@@ -145,22 +141,7 @@ def _command() -> int:
         if type(error).__name__ == "NoArgsIsHelpError":  # a group without a command: its help
             error.show()
             return error.exit_code
-        path = error.ctx.command_path if error.ctx else "rig"
-        if renamed := _renamed(error):
-            raise BadInput(renamed) from None
-        message = shorten(error.format_message().rstrip("."), MOST_OF_A_WORD)
-        raise BadInput(f"{message}; see: {path} --help") from None
-
-
-def _renamed(error: Any) -> str:
-    """Return the line on the present name of a renamed command or option; "" if the error is another."""
-    unknown, context = _UNKNOWN_COMMAND.match(error.format_message()), error.ctx
-    group = f"rig {context.info_name}" if context and context.parent else "rig"
-    command, option = f"{group} {unknown[1]}" if unknown else "", getattr(error, "option_name", "")
-    for old, names in ((command, COMMANDS), (option, OPTIONS)):
-        if old in names:
-            return now_called(old, names[old])
-    return ""
+        raise BadInput(refusal(error)) from None
 
 
 def _verbose_first(arguments: list[str]) -> list[str]:

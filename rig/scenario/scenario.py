@@ -63,7 +63,7 @@ STREAMS: Final = ("plant", "sensors", "faults", "inertial", "actuators", "comput
 class Scenario(Settings):
     """Everything that decides a flight."""
 
-    keys_are_in: ClassVar[str] = "docs/scenario.md, rig scenario show"
+    keys_are_in: ClassVar[str] = "rig scenario show"
 
     title: str = ""
     aircraft: str = "f16"  # a bundled one, or a folder's path from the present folder or from the scenario's
@@ -256,11 +256,13 @@ def load(
         return _changed(name, sets, seed, allow_code, given)
     if isinstance(name, Mapping):
         data, source, home = plain_data(name, "scenario"), "scenario", Path()
+        shown = source
     else:
         path = find(name)
         data, source, home = read_toml(path), str(path), path.parent
+        shown = source if source == str(name) else path.stem  # a bundled one by its name
     data = _beside(_overridden(data, sets, seed, given), home)
-    within = source if not sets else f"{source} with {given.strip(': ')}"
+    within = shown if not sets else f"{shown} with {given.strip(': ')}"
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
         raise BadInput(f"{within}: aircraft: must be a name, got {quoted(chosen)}")
