@@ -74,7 +74,7 @@ def test_a_stuck_channel_holds_its_last_sample():
 def test_a_hardover_is_at_the_end_of_the_range_and_needs_one():
     hardover = {"kind": "hardover", "signal": "gyro", "channels": [1], "start_s": 7.0, "direction": "low"}
     assert (columns(put(hardover))[0, 200:] == -50.0).all()
-    with pytest.raises(BadInput, match=r"inject: faults.0: gyro has no range in CONFIG whose end it could be at"):
+    with pytest.raises(BadInput, match=r"inject: faults.0: gyro has no range in CONFIG, which this fault needs"):
         put(hardover, config=VoteConfig(default={"threshold": 1.0}))
 
 

@@ -137,7 +137,7 @@ BAD_SETS = [
     ("title=" + "[" * 2000 + "]" * 2000, "--set title: nested more than 100 deep"),
     ("duration_s=" + "9" * 5000, "--set duration_s: not valid TOML: a number has too many digits"),
     ("duration_s=0x" + "f" * 5000, "duration_s: must be a number, got a number of thousands of digits"),
-    (".".join("a" * 5000) + "=1", "a key of more than 100 parts"),
+    (".".join("a" * 5000) + "=1", "must have at most 100 parts"),
     ("faults.\N{SUPERSCRIPT TWO}=1", "must be an index from 0 to 0"),
     ("faults." + "9" * 5000 + "=1", "must be an index from 0 to 0"),
     ("aircraft=" + "x" * 300, "unknown aircraft 'xxx"),
@@ -241,9 +241,7 @@ def test_the_toml_is_what_tomllib_reads():
 
 def test_a_scenario_on_an_aircraft_without_its_flight_point_names_the_key_and_what_is_allowed():
     wanted = r"history_qf72 with --set: flight_point: f16 has no '35000ft_m084', allowed: 20000ft_m06, .*"
-    with pytest.raises(
-        BadInput, match=wanted + r"; for example --set flight_point=20000ft_m06; to add one: docs/aircraft.md$"
-    ):
+    with pytest.raises(BadInput, match=wanted + r"; for example --set flight_point=20000ft_m06$"):
         load("history_qf72", ["aircraft=f16"])
     assert load("history_qf72", ["aircraft=f16", "flight_point=20000ft_m06"]).aircraft == "f16"
 
@@ -261,7 +259,7 @@ def test_a_star_in_a_key_is_every_fault_or_every_signal():
 
 @pytest.mark.parametrize("key", ["*", "pilot.*", "faults.0.*.x", "redundancy.*.threshold"])
 def test_a_star_elsewhere_is_refused_with_where_it_may_stand(key: str):
-    with pytest.raises(BadInput, match=r"\* stands for every item; allowed: redundancy.signals.\*, sensors.\*"):
+    with pytest.raises(BadInput, match=r"\* is allowed only for redundancy.signals.\*, sensors.\*"):
         load(None, [f"{key}=1"])
 
 

@@ -1,4 +1,4 @@
-"""``rig.score``, ``rig.vote``: what a flight or a recording came to."""
+"""``rig.score``, ``rig.vote``: results of a flight or a recording."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def score(
     allow_code: bool = False,
     **limits: float,
 ) -> Scored:
-    """Score a flight, or its log, against the truth: what was detected, missed and wrong, and how it flew.
+    """Score a flight, or its log, against the true values: detections, false isolations, votes and transients.
 
-    baseline       : fly the fault-free baseline too, for the transients
-    unit       : the unit file of the flight software under test that flew a log; a flight knows its own
-    allow_code : a manager class that a log names may be run; one that a flight was flown with may be in any case
-    limits     : of a failure transient: ``load_factor`` [g], ``pitch_rate_rad_s``, ``window_s`` after an onset
-    BadInput, one line: no log of a flight, no verdict, a key of ``limits`` that there is not.
+    baseline   : fly the fault-free baseline too, for the transients
+    unit       : unit file of the flight software under test that flew a log; not needed for a flight
+    allow_code : allow the manager class that a log names; the class of a flight is always allowed
+    limits     : limits of a transient: ``load_factor`` [g], ``pitch_rate_rad_s``, ``window_s`` after an onset
+    BadInput, one line: not the log of a flight, no verdict in it, an unknown key of ``limits``.
     """
     yardstick = build(Yardstick, limits, "score")
     if isinstance(flight, Flight):
@@ -50,12 +50,12 @@ def vote(
     repair_time: bool = False,
     allow_code: bool = False,
 ) -> Votes:
-    """Vote on recorded channels with the redundancy manager of the flight.
+    """Vote recorded channels with the redundancy manager of the flight.
 
-    recorded : CSV, Parquet or MCAP, or a folder of tables; config : settings of the signals, a file or its tables
-    (docs/vote.md), not needed for the log of a flight; out : .csv, .parquet or .mcap to write too
-    align : take constant delays and offsets off the channels, True for the first six seconds
-    faults : a file or bundled scenario whose faults are put in; repair_time : drop rows whose time steps back
+    recorded : CSV, Parquet or MCAP, or a folder of tables; config : settings of the signals, a file or its tables,
+    not needed for the log of a flight; out : file for the votes, .csv, .parquet or .mcap
+    align : remove constant delays and offsets of the channels; True: found in the first six seconds
+    faults : a file or bundled scenario whose faults are injected; repair_time : drop rows whose time steps back
     BadInput, one line, names the file and the key.
     """
     asked = AlignOptions() if align is True else align or None

@@ -1,4 +1,4 @@
-"""``rig.fault``: one fault of a scenario, made and checked by a program."""
+"""``rig.fault``: one fault of a scenario, made and checked in Python."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def fault(kind: str, **keys: Any) -> Fault:
     """Make a fault of a scenario: ``rig.fault("offset", signal="pitch_rate", channels=[3], offset=0.1, start_s=2.0)``.
 
     kind : one of ``rig faults list``; keys : its keys, as ``rig faults show KIND`` lists them with units and ranges
-    BadInput names the key: unknown, missing, out of its range.
+    BadInput names the key: unknown, missing, or out of its range.
     """
     if kind not in KINDS:
         raise BadInput(f"fault: unknown kind {quoted(kind)}, {choices(str(kind), KINDS, 'rig faults list')}")
