@@ -150,4 +150,5 @@ def test_options_that_do_not_go_together_are_one_line(rig_command: Any, more: li
 
 def test_a_benchmark_without_anything_says_what_is_needed(rig_command: Any):
     code, _, err = rig_command("benchmark")
-    assert code == 2 and "CAMPAIGN: missing; a benchmark needs CAMPAIGN, --healthy and --out, or --recordings with --config" in err
+    needs = "CAMPAIGN: missing; a benchmark needs CAMPAIGN, --healthy and --out, or --recordings with --config"
+    assert code == 2 and needs in err

@@ -171,7 +171,8 @@ def test_a_list_with_commas_is_read_once_and_in_order():
 
 @pytest.mark.parametrize("text", ["", "5", "2,", "2,x", "²", "2" * 5000, "-2", "1_0"])
 def test_a_list_with_anything_else_is_refused_in_one_line(text: str):
-    with pytest.raises(BadInput, match=r"--levels: must be whole numbers from 2 to 4, separated by commas, got .") as refused:
+    rule = r"--levels: must be whole numbers from 2 to 4, separated by commas, got ."
+    with pytest.raises(BadInput, match=rule) as refused:
         whole_numbers("--levels", text, 2, 4)
     assert len(str(refused.value)) < 600
 

@@ -264,7 +264,7 @@ def test_a_star_elsewhere_is_refused_with_where_it_may_stand(key: str):
 
 
 def test_a_star_in_an_empty_list_is_refused():
-    with pytest.raises(BadInput, match="faults: \\* stands for every item"):
+    with pytest.raises(BadInput, match="faults: \\* is allowed only for"):
         load(None, ["faults=[]", "faults.*.start_s=1"])
 
 

@@ -11,6 +11,7 @@ from rig.unit.unit_file import read_unit
 
 LIBRARY = 'name = "u"\npath = "u.so"\n'
 NOBODY = "no program listens at 127.0.0.1:9 (port unreachable)"
+ONLY_STARTED = "on_dead: the rig can restart only a unit that it has started"
 UDP = 'name = "u"\ntransport = "udp"\n'
 WRONG = {
     LIBRARY + 'on_miss = "wait"\n': "on_miss: must be 'hold', 'fault' or 'end'",
@@ -25,9 +26,8 @@ WRONG = {
     UDP + 'address = "127.0.0.1:70000"\n': "address: must be host:port, got '127.0.0.1:70000'",
     UDP
     + 'address = "192.168.1.5:5600"\n': "address: 192.168.1.5:5600 is not on this machine; remote = true permits it",
-    UDP
-    + 'address = "127.0.0.1:5600"\non_dead = "restart"\n': "on_dead: the rig can restart only a unit that it has started",
-    LIBRARY + 'isolate = false\non_dead = "restart"\n': "on_dead: the rig can restart only a unit that it has started",
+    UDP + 'address = "127.0.0.1:5600"\non_dead = "restart"\n': ONLY_STARTED,
+    LIBRARY + 'isolate = false\non_dead = "restart"\n': ONLY_STARTED,
     'name = "u"\ntransport = "python"\n': "manager: missing; the transport python needs it",
 }
 
