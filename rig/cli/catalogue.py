@@ -70,7 +70,8 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     code = (
         f"; the manager is the class {manager}: not imported here, rig fly needs --allow-code" if ":" in manager else ""
     )
-    counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
+    faults = len(loaded.faults)
+    counts = f"{loaded.frames} frames of {loaded.aircraft}, {faults} {'fault' if faults == 1 else 'faults'}"
     echo(plain(f"{find(scenario)}: valid, {counts}{code}"))
     for note in (*notes(loaded), *requirement_notes(requirements, loaded)):
         line(f"note: {note}", style="yellow")

@@ -69,7 +69,7 @@ class SearchOptions:
 
 @takes_options
 def search(options: SearchOptions) -> None:
-    """Find the flight that violates a requirement most, confirm it on new seeds, reduce it to a minimal scenario."""
+    """Find the flight that violates a requirement most, confirm it on new seeds, and minimise its scenario."""
     from rig.studies.campaign.pool import get_ready
 
     if options.scheduler is None:

@@ -25,7 +25,7 @@ from rig.computer.redundancy import Config as Redundancy
 from rig.computer.redundancy.manager_config import refuse_short_wait
 from rig.core.decimals import slack, slack_of_product
 from rig.core.errors import BadInput, RigError
-from rig.core.files import NOT_WHOLE, bundled, is_file
+from rig.core.files import NOT_WHOLE, bundled, is_file, is_folder
 from rig.core.frame import CHANNELS, COMPUTERS, DISCRETES, MOST_FAULTS, SIGNALS, LanePart, LaneParts
 from rig.core.renamed import SCENARIOS, now_called
 from rig.core.settings import Settings, build, read_toml
@@ -231,6 +231,8 @@ def find(name: str | Path | None = None) -> Path:
     bundled_names = names()
     if name is None:
         raise RigError(f"{faults / inside}: {NOT_WHOLE}: no such file")
+    if is_folder(wanted):
+        raise BadInput(f"{wanted}: is a folder, must be a scenario file or a bundled name")
     near = ", ".join(nearest(wanted.stem, bundled_names))
     raise BadInput(f"{wanted}: no such file; nearest bundled: {near}; all {len(bundled_names)}: rig scenario list")
 

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from typer.main import get_command
 
-from rig.cli.main import app
+from rig.cli.main import EXAMPLE, app
 
 ROOT: Final = Path(__file__).parents[2]
 PAGE: Final = ROOT / "docs" / "reference" / "cli.md"
@@ -71,11 +71,15 @@ def written() -> str:
         by_panel.setdefault(one.panel, []).append(one)
     checks = [one for group in by_panel.values() for one in group if _checks(one)]
     negative = ", ".join(f"[`{one.name}`]({_anchor(one)})" for one in checks)
-    parts = [HEAD, *_overview(by_panel), CODES.replace("NEGATIVE", negative), COMMON]
+    parts = [HEAD, f"{_example()}\n\n", *_overview(by_panel), CODES.replace("NEGATIVE", negative), COMMON]
     for panel, group in by_panel.items():
         parts.append(f"## {panel}\n\n")
         parts += [_section(one) for one in group]
     return "".join(parts).rstrip("\n") + "\n"
+
+
+def _example() -> str:
+    return re.sub(r"rig (?:fly|score|view|scenario) \w+", lambda command: f"`{command[0]}`", EXAMPLE)
 
 
 def _overview(by_panel: dict[str, list[Named]]) -> Iterator[str]:
