@@ -340,7 +340,7 @@ def test_damaged_sets_are_one_line(tmp_path: Path):
     (tmp_path / SETS).write_bytes(of_this_version)
     assert confirm.claims(tmp_path) == []
     (tmp_path / SETS).write_bytes(of_this_version.replace(b"flown", b"flowm"))
-    with pytest.raises(BadInput, match=r"sets\.json: is damaged: its bytes are not those that were written"):
+    with pytest.raises(BadInput, match=r"sets\.json: is damaged: its bytes were changed after it was written"):
         confirm.claims(tmp_path)
 
 
