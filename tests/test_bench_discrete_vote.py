@@ -211,7 +211,7 @@ def test_alignment_leaves_discretes_on_their_rows():
 REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "a value that is neither": (DOOR, "0,1,1\n0.1,1,2\n", "in.csv: row 2: door.2 is a discrete: 0, 1 or empty, got 2"),
     "no fail-safe value": ({"door": {}}, "0,1,1\n", "discrete.door: fail_safe: field required, 0 or 1"),
-    "another fail-safe value": ({"door": {"fail_safe": 2}}, "0,1,1\n", "discrete.door.fail_safe: input should be less"),
+    "another fail-safe value": ({"door": {"fail_safe": 2}}, "0,1,1\n", "discrete.door.fail_safe: must be at most 1"),
     "a word": ({"door": {"fail_safe": "open"}}, "0,1,1\n", "discrete.door.fail_safe"),
     "an unknown key": ({"door": {"fail_safe": 1, "threshold": 1.0}}, "0,1,1\n", "discrete.door.threshold: unknown key"),
     "no persistence": ({"door": {"fail_safe": 1, "persistence": 0}}, "0,1,1\n", "discrete.door.persistence"),

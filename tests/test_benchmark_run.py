@@ -189,8 +189,8 @@ def test_the_command_prints_levels_the_table_and_where_ours_loses(
     command += ["--second", str(healthy), "--out", str(whole[0]), "--trials", "4", "--workers", "1"]
     command += ["--flights", "2", "--plot", str(tmp_path / "benchmark.html")]
     shown = CliRunner().invoke(app, command)
-    assert shown.exit_code == 0 and "calibrated to 1 false isolations an hour and signal, on 0.0667 h" in shown.output
-    assert "microseconds a signal and frame" in shown.output and "flown in closed loop" in shown.output
+    assert shown.exit_code == 0 and "calibrated to 1 false isolations per hour and signal, on 0.0667 h" in shown.output
+    assert "microseconds per signal and frame" in shown.output and "flown in closed loop" in shown.output
     page = (tmp_path / "benchmark.html").read_text()
     assert "share isolated" in page and "median delay" in page and whole[1]["verdict"][0] in page
     data = json.loads(CliRunner().invoke(app, [*command, "--json"]).stdout)
@@ -212,7 +212,7 @@ def faulty(folder: Path, text: str) -> Path:
         ({"--managers": "cross-channel"}, "", "--managers: name one or more besides cross-channel"),
         ({}, "[set]\nfaults = []\n", "no fault to detect"),
         ({}, '[set]\n"redundancy.signals.pitch_rate.equalise_bound" = 9.0\n', "equalise_bound: at most the threshold"),
-        ({"--plot": "benchmark.txt"}, "", "its name must end with .html"),
+        ({"--plot": "benchmark.txt"}, "", "must end with .html"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(

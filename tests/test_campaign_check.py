@@ -182,7 +182,7 @@ def test_a_fault_that_is_not_executed_fails_its_case_unless_it_may_not_act(rig_c
     log.rename(tmp_path / "logs" / "late.mcap")
     (tmp_path / "suite.toml").write_text(NOT_ACTING.replace("KEY", ""))
     code, out, err = rig_command("check", "suite.toml", "--junit", "out.xml")
-    assert code == 1 and "3 of 6 tests failed" in out, out + err
+    assert code == 1 and "FAIL: 6 tests, 3 failed" in out, out + err
     faults = [test for suite in JUnitXml.fromfile("out.xml") for test in suite if test.name == FAULTS]
     assert [test.classname for test in faults] == ["late", "of a campaign", "a log"]
     assert all(isinstance(test.result[0], Failure) and test.result[0].type == "did not act" for test in faults)

@@ -90,9 +90,9 @@ def folder_there(path: Path) -> None:
 
 DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "missing": (Path.unlink, "is missing"),
-    "cut": (cut, "its bytes are not those that were written"),
+    "cut": (cut, "its bytes were changed after it was written"),
     "empty": (empty, "it has no checksum"),
-    "a bit": (lambda path: flip(path, 300), "its bytes are not those that were written"),
+    "a bit": (lambda path: flip(path, 300), "its bytes were changed after it was written"),
     "without a checksum": (lambda path: pl.read_parquet(path).write_parquet(path), "it has no checksum"),
     "of another place": (
         lambda path: shutil.copy(path.with_name("000003-000005.parquet"), path),
@@ -186,7 +186,8 @@ def test_reply_times_that_are_not_in_these_bins_are_named(out: Path):
 def test_a_part_copied_under_another_name_is_not_counted_but_named(out: Path):
     for name in ("runs", "faults", "alarms", "episodes", "signals"):
         shutil.copy(out / name / f"{FIRST}.parquet", out / name / "copy.parquet")
-    with pytest.raises(BadInput, match=f"copy.parquet: it was written for another place: a copy.*rm {out}/runs/copy"):
+    said = f"copy.parquet: it was written for another place, so it is a copy.*rm {out}/runs/copy"
+    with pytest.raises(BadInput, match=said):
         open_folder(out).done()
     (out / "runs" / "copy.parquet").unlink()
     folder = open_folder(out)
@@ -224,7 +225,7 @@ def test_a_part_of_another_campaign_is_refused(out: Path, tmp_path: Path):
     with other.held():
         other.write(rows(range(3)))
     shutil.copy(other.path / "faults" / f"{FIRST}.parquet", out / "faults" / f"{FIRST}.parquet")
-    with pytest.raises(BadInput, match="it was written for another place: a copy"):
+    with pytest.raises(BadInput, match="it was written for another place, so it is a copy"):
         open_folder(out).done()
 
 
@@ -261,11 +262,11 @@ def test_every_command_that_reads_the_tables_says_the_same(out: Path, tmp_path: 
     ("text", "says"),
     [
         ("", "cannot be read"),
-        ("5", "is damaged: it is no table"),
+        ("5", "is damaged: it is not a table"),
         ('{"format": 2, "campaign": {}}', "is damaged: it has no checksum"),
         ('{"format": 1}', "is damaged: it has no table 'campaign'"),
         ('{"format": 1, "campaign": 5}', "is damaged: it has no table 'campaign'"),
-        ('{"format": 1, "campaign": {}}', "base: field required"),
+        ('{"format": 1, "campaign": {}}', "base: missing"),
         ('{"format": 1, "campaign": {"base": {}, "vary": 5}}', "vary: must be a table"),
         ('{"format": 9, "campaign": {}}', "not of this version"),
         ("[" * 100_000, "cannot be read"),

@@ -141,7 +141,8 @@ def test_for_people_the_counts_of_the_faults_add_up(folder: Folder, tmp_path: Pa
 
     show(summary(folder), tmp_path / "report.html")
     said = " ".join(capsys.readouterr().out.split())
-    assert "faults 42, counted by channel: 31 detectable, 10 undetectable (error below the threshold), 1 not" in said
+    undetectable = "10 undetectable (error below the isolation threshold)"
+    assert f"faults 42, counted by channel: 31 detectable, {undetectable}, 1 not" in said
     assert "detection 25 of 31: " in said and "correct isolation 24 of 31: " in said
 
 

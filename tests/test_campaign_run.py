@@ -234,7 +234,7 @@ def test_an_interruption_keeps_what_is_flown_and_says_how_to_go_on(
     stdout, stderr = process.communicate(timeout=60)
     result = json.loads(stdout)
     assert process.returncode == code and result["interrupted"]
-    assert stderr == f"stopped: {result['done']} of 48 runs done; the same command goes on\n"
+    assert stderr == f"stopped: {result['done']} of 48 runs done; the same command resumes\n"
     assert 0 < result["done"] < 48 and result["done"] == len(done(out))
     assert run(planned(path), out).table_sha256 == whole.table_sha256
 
@@ -251,7 +251,7 @@ def test_a_second_ctrl_c_ends_at_once_and_says_no_more_than_the_first(whole: Res
     process = after_the_first_part(path, out, twice)
     stdout, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert stderr == f"stopped: {json.loads(stdout)['done']} of 48 runs done; the same command goes on\n"
+    assert stderr == f"stopped: {json.loads(stdout)['done']} of 48 runs done; the same command resumes\n"
     assert run(planned(path), out).table_sha256 == whole.table_sha256
 
 
@@ -315,7 +315,7 @@ def test_a_full_disk_stops_with_one_line_and_the_same_command_goes_on(whole: Res
     )
     assert limited.returncode == 1 and limited.stderr.count("\n") == 1
     assert limited.stderr.startswith("failed: ") and "disk full" in limited.stderr
-    assert "of 48 runs done, the same command goes on" in limited.stderr
+    assert "of 48 runs done, the same command resumes" in limited.stderr
     assert run(planned(path), out).table_sha256 == whole.table_sha256
 
 

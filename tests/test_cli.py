@@ -33,9 +33,9 @@ def rig(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         (["fly", "no\nwhere\x1b[2J.toml"], "no where\\u001b[2J.toml: no such file"),
         (["fly", "x" * 5000], ": no such file; nearest bundled: "),
         (["diff", "x" * 5000, "y"], "File name too long"),
-        (["campaign", "run", "smoke", "--out", "o", "--workers", str(2**64)], "less than or equal to 1024"),
-        (["study", "rate-bias", "--seeds", str(2**64)], "less than or equal to 1000"),
-        (["study", "rate-bias", "--drawn", str(2**64)], "less than or equal to 1000000"),
+        (["campaign", "run", "smoke", "--out", "o", "--workers", str(2**64)], "must be at most 1024"),
+        (["study", "rate-bias", "--seeds", str(2**64)], "must be at most 1000;"),
+        (["study", "rate-bias", "--drawn", str(2**64)], "must be at most 1000000"),
         (
             ["fly", "--set", 'airframe.flight_points=[{name="20000ft_m06",altitude_m=24000.0,mach=0.1}]', *SHORT],
             "no level trim",

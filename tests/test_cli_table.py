@@ -89,7 +89,7 @@ def test_a_narrow_table_is_without_the_columns_that_are_worth_least(width, shown
     table([ROW], WIDE)
     head, *rest = capsys.readouterr().out.splitlines()
     assert head.split() == shown and max(map(len, (head, rest[0]))) <= max(width, 24)
-    assert ("".join(rest[-1:]).strip() == f"left out at {width} columns, all with --json: {gone}") == bool(gone)
+    assert ("".join(rest[-1:]).strip() == f"hidden columns (width {width}): {gone}; --json shows all") == bool(gone)
 
 
 MANY = [Column(f"delay at {n} Hz", n, ".3f", "ms") for n in range(15)]
@@ -120,7 +120,7 @@ def test_the_table_of_servos_shows_every_heading_at_120_columns(monkeypatch, cap
     row, none = Compared(100.0, 1.88e-3, 0.0194, 0.0012, 0.0178, (1.005,) * 4, (-0.00042,) * 4), np.empty(0)
     _servo([row], Response("f16", "elevator", 100.0, 0.01, none, none, none, none), FREQUENCIES_HZ)
     words = capsys.readouterr().out.split()
-    assert words.count("1.005") == len(FREQUENCIES_HZ) and "second" in words and "JSBSim's," in words
+    assert words.count("1.005") == len(FREQUENCIES_HZ) and "rate," in words and "JSBSim's," in words
 
 
 def test_long_text_is_folded_at_words_and_loses_nothing(monkeypatch, capsys):
@@ -171,7 +171,8 @@ def test_a_list_with_commas_is_read_once_and_in_order():
 
 @pytest.mark.parametrize("text", ["", "5", "2,", "2,x", "²", "2" * 5000, "-2", "1_0"])
 def test_a_list_with_anything_else_is_refused_in_one_line(text: str):
-    with pytest.raises(BadInput, match=r"--levels: whole numbers from 2 to 4 with commas between, got .") as refused:
+    rule = r"--levels: must be whole numbers from 2 to 4, separated by commas, got ."
+    with pytest.raises(BadInput, match=rule) as refused:
         whole_numbers("--levels", text, 2, 4)
     assert len(str(refused.value)) < 600
 
@@ -179,7 +180,7 @@ def test_a_list_with_anything_else_is_refused_in_one_line(text: str):
 def test_a_stretch_to_align_by_needs_align_and_is_finite():
     with pytest.raises(BadInput, match="need --align"):
         Align(False, None, None, True).options()
-    with pytest.raises(BadInput, match="--align-to: input should be a finite number, got inf"):
+    with pytest.raises(BadInput, match="--align-to: must be a finite number, got inf"):
         Align(True, None, float("inf"), False).options()
     assert Align(False, None, None, False).options() is None
 

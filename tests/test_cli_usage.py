@@ -16,8 +16,8 @@ from rig.cli import main as cli
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["fly", "--seed", "a\nb\x1b[2J\x9b"], "'--seed'"),
-        (["watch", "x", "--speed", "9" * 3000], "'--speed'"),
+        (["fly", "--seed", "a\nb\x1b[2J\x9b"], "--seed"),
+        (["watch", "x", "--speed", "9" * 3000], "--speed"),
         (["nosuch"], "nosuch"),
         (["vote"], "INPUT"),
         (["fly", "--nonsense"], "--nonsense"),
@@ -32,7 +32,7 @@ def test_a_wrong_command_line_is_one_printable_line(rig_command, arguments, said
 
 
 def test_a_missing_argument_is_named_in_one_sentence(rig_command):
-    assert rig_command("aircraft", "new")[2] == "error: Missing argument 'NAME'; see: rig aircraft new --help\n"
+    assert rig_command("aircraft", "new")[2] == "error: NAME: missing argument; see: rig aircraft new --help\n"
 
 
 @pytest.mark.parametrize(

@@ -222,7 +222,7 @@ def test_when_no_point_serves_each_is_named_with_its_fault(
 def test_a_coefficient_that_references_cannot_work_with_is_named_with_its_flight_point(coefficient: str):
     fixed = dict.fromkeys(designed_references.COLUMNS[:7], 1.0) | {"dynamic_pressure_pa": 1e3, "side_slope_1_pa": -1.0}
     fixed[coefficient] *= -1.0
-    with pytest.raises(PointFault, match=rf"references of any: {coefficient}: input should be") as fault:
+    with pytest.raises(PointFault, match=rf"references of any: {coefficient}: must be") as fault:
         references._point(POINT, fixed, 0.1)
     assert fault.value.point == "any"
 

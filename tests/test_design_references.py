@@ -182,7 +182,7 @@ def test_without_the_file_the_user_is_told_what_to_do(tmp_path: Path):
     own.mkdir()
     for name in ("aircraft.toml", "gains.toml"):
         (own / name).write_bytes((aircraft.folder("f16") / name).read_bytes())
-    with pytest.raises(BadInput, match=r"references.toml: no such file, write it with: rig aircraft design"):
+    with pytest.raises(BadInput, match=r"references.toml: no such file; write it with: rig aircraft design"):
         aircraft.tables(str(own))
 
 

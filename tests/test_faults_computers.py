@@ -232,7 +232,7 @@ ONE = "faults=[{{{}, start_s=1.0}}]"
         ([ONE.format('kind="computer_stop", signal="computer.C"'), "computers.count=2"], "a lane that is not there"),
         ([ONE.format('kind="computer_stop", signal="computer.A"')], "a lane that is not there:.*count = 1"),
         ([ONE.format('kind="power_loss", signal="bus.3"'), FOUR], "no such electrical bus"),
-        (["computers.wrap_around.coverage=2", FOUR], "computers.wrap_around.coverage: .*less than or equal to 1"),
+        (["computers.wrap_around.coverage=2", FOUR], "computers.wrap_around.coverage: .*must be at most 1"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_one_line(sets: list[str], told: str):

@@ -167,7 +167,7 @@ BAD = [
     ({"start_s": 1.0, "repeats": 2}, "repeats: allowed only with repeat_every_s"),
     ({"start_s": 1.0, "repeat_every_s": 2.0}, "requires a duration_s shorter"),
     ({"start_s": 1.0, "repeat_every_s": 2.0, "duration_s": 2.0}, "requires a duration_s shorter"),
-    ({"rate_per_hour": -1.0}, "greater than 0"),
+    ({"rate_per_hour": -1.0}, "must be above 0"),
     ({"rate_per_hour": 1.0, "repeat_every_s": 2.0, "duration_s": 1.0}, "already repeats"),
     ({"on": {"autopilot": "off"}}, "'engaged' or 'disengaged'"),
     ({"on": {}}, "must be"),
@@ -221,7 +221,7 @@ def write(folder, *faults: str):
     [
         (['when = "canard > 1"'], "unknown name 'canard'"),
         (['when = "exit() > 1"'], r"exit\(\) cannot be called"),
-        (["rate_per_hour = -3.0"], "rate_per_hour.*greater than 0, got -3"),
+        (["rate_per_hour = -3.0"], "rate_per_hour.*must be above 0, got -3"),
         (['id = "a"\nstart_s = 1.0'] * 2, "faults.1.id: 'a' is given twice"),
         (['after = "b"', 'id = "a"\nstart_s = 1.0'], "faults.0.after: no fault 'b', allowed: 'a'"),
         (['id = "a"\nafter = "b"', 'id = "b"\nafter = "a"'], "after: circular"),

@@ -177,7 +177,7 @@ def test_a_wrong_entry_is_one_line(scenario: Path, entry: str):
 
 
 def test_what_keys_did_may_be_damaged(scenario: Path):
-    with pytest.raises(BadInput, match="log: what its keys did is damaged"):
+    with pytest.raises(BadInput, match="log: the record of its keys is damaged"):
         pressed(load(scenario), {"keys": "{}"}, "log")
 
 

@@ -261,10 +261,10 @@ def test_a_table_of_several_groups_keeps_units_and_words(tmp_path: Path, monkeyp
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ([], "--to, --out: one of them"),
-        (["--out", "t.txt"], "--out t.txt: its ending must be .csv, .parquet, .npz"),
-        (["--to", "csv", "--out", "t.parquet"], "--out t.parquet: its ending is not that of --to csv"),
-        (["--to", "csv", "--layout", "foxglove"], "--to, --layout: one of them"),
+        ([], "--to, --out: one is needed"),
+        (["--out", "t.txt"], "--out t.txt: must end in .csv, .parquet, .npz"),
+        (["--to", "csv", "--out", "t.parquet"], "--out t.parquet: must end in .csv, the format of --to"),
+        (["--to", "csv", "--layout", "foxglove"], "--to, --layout: only one of them at a time"),
     ],
 )
 def test_a_format_that_is_not_said_or_said_twice_is_refused(

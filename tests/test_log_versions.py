@@ -128,7 +128,7 @@ def test_a_log_frame_by_frame_is_read_replayed_and_counted(run: Any, tmp_path: P
         decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages("/signal/pitch_rate")
         assert [message.voted for _, _, _, message in decoded] == rows["voted"][:, INDEX["pitch_rate"]].tolist()
     code, out, _ = run("replay", log)
-    assert code == 1 and "no decision and no vote moved" in out  # references take the jump of a vote by now
+    assert code == 1 and "no decision and no vote changed" in out  # references take the jump of a vote by now
     code, out, _ = run("info", log, "--json")
     topics = json.loads(out)["topics"]
     assert code == 0 and topics["/flight"] == topics["/pose"] == 40

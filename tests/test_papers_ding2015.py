@@ -180,10 +180,10 @@ def test_the_command_writes_page_and_picture_and_one_object(tmp_path: Path):
 
 def test_the_command_says_what_does_not_reproduce(tmp_path: Path):
     said = CliRunner().invoke(app, ["study", "ding2015", "--out", str(tmp_path)]).stdout
-    assert "K1, columns 5 to 8" in said and "nothing in this law knows F" in said
+    assert "K1, columns 5 to 8" in said and "the law has no estimate of F" in said
 
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path):
     (tmp_path / "file").write_text("")
     result = CliRunner().invoke(app, ["study", "ding2015", "--out", str(tmp_path / "file" / "below")])
-    assert result.exit_code != 0 and "figures cannot be kept there" in str(result.exception)
+    assert result.exit_code != 0 and "figures cannot be written there" in str(result.exception)

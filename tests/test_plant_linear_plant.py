@@ -304,7 +304,7 @@ def missing(key: str) -> dict[str, Any]:
         ({"model": TABLE["model"] | {"initial": [0.0]}}, r"airframe\.model: initial must have 4 numbers"),
         ({"model": TABLE["model"] | {"inputs": ["throttle", "throttle"]}}, r"inputs must have different names"),
         ({"model": TABLE["model"] | {"A": "x"}}, r"airframe\.model\.A: "),
-        ({"model": missing("C")}, r"airframe\.model\.C: field required"),
+        ({"model": missing("C")}, r"airframe\.model\.C: missing"),
         ({"trim": TABLE["trim"] | {"elevator_rad": 0.5}}, r"beyond the elevator's stops"),
         ({"flight_points": 2 * TABLE["flight_points"]}, r"airframe\.flight_points: .*at most 1"),
         ({"plant": "glider"}, r'airframe: plant must be "jsbsim" or "linear"'),

@@ -130,7 +130,7 @@ def test_the_report_is_a_function_with_its_signature():
 @pytest.mark.parametrize("called", [rig.fly, rig.load])
 def test_a_program_hears_of_overrides_and_not_of_options(called: Any):
     for overrides, message in (
-        ({"faults.0.offset": 1}, r"overrides: faults\.0\.offset=1: '0' counts into an empty list, faults"),
+        ({"faults.0.offset": 1}, r"overrides: faults\.0\.offset=1: '0' is an index into an empty list, faults"),
         ({"faultss": 1}, "scenario with overrides: faultss: unknown key"),
         ({"aircraft": 3}, "with overrides: aircraft: must be a name"),
     ):

@@ -92,12 +92,12 @@ BAD_CONFIGS = {
     "unknown table": ({"signals": {}}, "signals: unknown key"),
     "signal not in the input": ({"signal": {"y": {"threshold": 1.0}}}, "signal 'y' is not in the input; allowed: x"),
     "reset of no signal": ({**ONE, "resets": [{"at_s": 1.0, "signal": "y"}]}, "signal 'y' is not in the input"),
-    "no threshold": ({"signal": {"x": {}}}, "signal.x: threshold: field required"),
-    "threshold zero": ({"default": {"threshold": 0.0}}, "default: threshold: input should be greater than 0, got 0.0"),
-    "threshold negative": ({"signal": {"x": {"threshold": -1.0}}}, "signal.x: threshold: input should be greater"),
+    "no threshold": ({"signal": {"x": {}}}, "signal.x: threshold: missing"),
+    "threshold zero": ({"default": {"threshold": 0.0}}, "default: threshold: must be above 0, got 0.0"),
+    "threshold negative": ({"signal": {"x": {"threshold": -1.0}}}, "signal.x: threshold: must be above 0"),
     "reference threshold": ({"default": {"threshold": 1.0, "reference_threshold": 0.0}}, "reference_threshold"),
-    "trend frames 0": ({"default": {"threshold": 1.0, "trend_frames": 0}}, "trend_frames: input should be greater"),
-    "trend frames 9": ({"default": {"threshold": 1.0, "trend_frames": 9}}, "trend_frames: input should be less"),
+    "trend frames 0": ({"default": {"threshold": 1.0, "trend_frames": 0}}, "trend_frames: must be"),
+    "trend frames 9": ({"default": {"threshold": 1.0, "trend_frames": 9}}, "trend_frames: must be at most"),
     "decided_by": ({"default": {"threshold": 1.0, "tie_break": ["dice"]}}, "tie_break.0"),
     "manager": ({"default": {"threshold": 1.0, "manager": "dice"}}, "manager"),
     "range": ({"default": {"threshold": 1.0, "range": [1.0, -1.0]}}, "range: low must be below high"),
@@ -202,7 +202,7 @@ def test_a_row_number_a_time_and_a_reason_are_on_the_terminal(rig: Any):
     code, said, _ = rig("in.csv", "--config", "c.toml", "--out", "o.csv")
     (line,) = [line for line in said.splitlines() if line.strip().startswith("x.2")]
     assert code == 0 and line.split() == ["x.2", "failed", "7", "(17.5", "%)", "13", "0.24", "s", "invalid", "35"]
-    assert "not voted, as CONFIG does not name them: gyro.left" in said
+    assert "not voted, because CONFIG does not name them: gyro.left" in said
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "mcap"])

@@ -110,8 +110,8 @@ def test_the_command_says_what_the_bundled_threshold_gives(rig_command):
     ("more", "said"),
     [
         (["pitch_rates"], "unknown signal 'pitch_rates'"),
-        (["pitch_rate", "--threshold", "0.1,x"], "--threshold: numbers above 0 with commas between, got 0.1,x"),
-        (["pitch_rate", "--target", "1e-15"], "--target: false isolations an hour of a channel, from 1e-12 to 1"),
+        (["pitch_rate", "--threshold", "0.1,x"], "must be numbers above 0, separated by commas, got 0.1,x"),
+        (["pitch_rate", "--target", "1e-15"], "--target: must be from 1e-12 to 1 false isolations per channel hour"),
         (["pitch_rate", "--set", "redundancy.manager=median"], "redundancy.manager: 'median': only cross-channel"),
     ],
 )

@@ -153,7 +153,7 @@ def test_the_bundled_rates_of_slow_drifts_take_half_of_the_drifts_for_slow():
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('source = "a test"\n', "", "pitch_rate: source: field required"),
+        ('source = "a test"\n', "", "pitch_rate: source: missing"),
         ("[1e-3]", "[-1e-3]", "pitch_rate: per_hour: rates per hour are above 0 and at most 1, got [-0.001]"),
         ("drift = 0.5", "drift = 0.6", "pitch_rate: kinds: the shares of the kinds must add up to 1, got 1.1"),
         ("drift", "drfit", "pitch_rate: kinds: unknown kind 'drfit'"),
@@ -185,4 +185,4 @@ def test_the_plan_says_what_it_takes_here(rig_command, rates: Path):
 
 def test_a_wrong_number_of_channels_is_refused(rig_command, rates: Path):
     code, _, err = rig_command("reliability", "run", "a", "--rates", str(rates), "--channels", "1,5")
-    assert code == 2 and err == "error: --channels: numbers from 1 to 4 with commas between, got 1,5\n"
+    assert code == 2 and err == "error: --channels: must be numbers from 1 to 4, separated by commas, got 1,5\n"

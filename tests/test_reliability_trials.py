@@ -310,8 +310,8 @@ def test_trials_of_an_earlier_version_are_read_with_a_note(tmp_path: Path, capsy
     [
         (lambda folder: (folder / "cells.parquet").unlink(), "cells.parquet: is missing"),
         (lambda folder: (folder / "cells.parquet").write_bytes(b"x"), "cells.parquet: it has no checksum"),
-        (lambda folder: flip(folder / "cells.parquet", 700), "cells.parquet: its bytes are not those that were"),
-        (lambda folder: flip(folder / "false_isolations.parquet", 90), "isolations.parquet: its bytes are not those"),
+        (lambda folder: flip(folder / "cells.parquet", 700), "cells.parquet: its bytes were changed"),
+        (lambda folder: flip(folder / "false_isolations.parquet", 90), "isolations.parquet: its bytes were changed"),
         (
             lambda folder: (folder / "false_isolations.parquet").write_bytes((folder / "cells.parquet").read_bytes()),
             "false_isolations.parquet: it was written for another place",

@@ -91,7 +91,7 @@ def test_what_the_monitors_watch_cannot_be_changed_without_flying(recording: Rec
 
 def test_a_flight_without_servos_has_no_monitors_to_change(tmp_path: Path):
     plain = recorded(fly(None, overrides=["duration_s=0.2"], out=tmp_path).log)
-    with pytest.raises(BadInput, match="the flight had no servo actuators"):
+    with pytest.raises(BadInput, match="the flight has no servo actuators"):
         changed(plain, None, ["actuators.current.threshold=0.2"])
 
 

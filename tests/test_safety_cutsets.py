@@ -229,8 +229,8 @@ def test_a_condition_that_loses_the_signal_without_a_fault_is_refused_before_the
         (("--order", "0"), "--order 0: must be from 1 to 3"),
         (("--signal", "pitch_rat"), "--signal: unknown signal 'pitch_rat', nearest: pitch_rate"),
         (("--conditions", "turn"), "--conditions: unknown 'turn'"),
-        (("--conditions", ","), "--conditions: names with commas between, got ,"),
-        (("--conditions", ""), "--conditions: names with commas between, got nothing"),
+        (("--conditions", ","), "--conditions: must be names, separated by commas, got ,"),
+        (("--conditions", ""), "--conditions: must be names, separated by commas, got nothing"),
         (("--aircraft", "f61"), "f61"),
         (("--set", "redundancy.manager=nobody"), "nobody"),
     ],
@@ -293,7 +293,7 @@ def test_sets_are_flown_again_on_one_aircraft_at_least(rig_command, tmp_path: Pa
     with STUDY.held(tmp_path / "out", ASKED.as_dict()):
         claimed(tmp_path / "out", {"stuck": [20, 20]}, {})
     code, _, err = rig_command("reliability", "confirm", str(tmp_path / "out"), "--aircraft", ",")
-    assert (code, err) == (2, "error: --aircraft: names with commas between, got ,\n")
+    assert (code, err) == (2, "error: --aircraft: must be names, separated by commas, got ,\n")
 
 
 def test_sets_of_two_conditions_are_compared_each_with_its_own_flights(monkeypatch, tmp_path: Path):
@@ -340,7 +340,7 @@ def test_damaged_sets_are_one_line(tmp_path: Path):
     (tmp_path / SETS).write_bytes(of_this_version)
     assert confirm.claims(tmp_path) == []
     (tmp_path / SETS).write_bytes(of_this_version.replace(b"flown", b"flowm"))
-    with pytest.raises(BadInput, match=r"sets\.json: is damaged: its bytes are not those that were written"):
+    with pytest.raises(BadInput, match=r"sets\.json: is damaged: its bytes were changed after it was written"):
         confirm.claims(tmp_path)
 
 

@@ -99,9 +99,9 @@ def test_durations_and_rates_may_be_rounded_decimals(sets: list[str], frames: in
 BAD_SETS = [
     ("duratoin_s=5", "duratoin_s: unknown key"),
     ("duration_s=long", "duration_s"),
-    ("duration_s=-1", "duration_s: input should be greater than 0, got -1"),
-    ("duration_s=nan", "duration_s: input should be a finite number"),
-    ("duration_s=inf", "duration_s: input should be a finite number"),
+    ("duration_s=-1", "duration_s: must be above 0, got -1"),
+    ("duration_s=nan", "duration_s: must be a finite number"),
+    ("duration_s=inf", "duration_s: must be a finite number"),
     ("duration_s=0.005", "whole number of frames"),
     ("duration_s=1.001", "whole number of frames"),
     ("duration_s=0.001", "whole number of frames"),
@@ -116,9 +116,9 @@ BAD_SETS = [
     ("faults.0.end_s=1.0", "must be after start_s"),
     ("faults.3.start_s=1.0", "must be an index from 0 to 0"),
     ("redundancy.manager=median4", "unknown manager, allowed: cross-channel, mean, median"),
-    ("redundancy.signals.pitch_rate.threshold=0", "greater than 0"),
-    ("redundancy.signals.pitch_rate.trend_frames=9", "less than or equal to 8"),
-    ("sensors.pitch_rate.channels=1", "greater than or equal to 2"),
+    ("redundancy.signals.pitch_rate.threshold=0", "must be above 0"),
+    ("redundancy.signals.pitch_rate.trend_frames=9", "must be at most 8"),
+    ("sensors.pitch_rate.channels=1", "must be 2 or more"),
     ("sensors.pitchrate.noise_std=1", "pitchrate: unknown key"),
     ("noequals", "must be key=value"),
     # Beyond what a frame counter holds
@@ -129,15 +129,15 @@ BAD_SETS = [
     ("redundancy.signals.heading.fade_s=1e300", "fade_s: must be at most 1e+06"),
     ("redundancy.signals.heading.persistence=9223372036854775808", "persistence: must be at most 1e+09"),
     ("redundancy.signals.heading.readmit_frames=1_000_000_001", "readmit_frames: must be at most 1e+09"),
-    ("control.tolerant.noise.drift_walk_rad_s_sqrt_s=1e300", "drift_walk_rad_s_sqrt_s: input should be less than"),
-    ("control.tolerant.noise.scale_sigma=1e300", "scale_sigma: input should be less than or equal to 1000"),
-    ("sensors.pitch_rate.bandwidth_hz=1e300", "bandwidth_hz: input should be less than"),
-    ("airframe.elevator.lag_s=5e-324", "lag_s: input should be greater than or equal to 0.0001"),
+    ("control.tolerant.noise.drift_walk_rad_s_sqrt_s=1e300", "drift_walk_rad_s_sqrt_s: must be at most"),
+    ("control.tolerant.noise.scale_sigma=1e300", "scale_sigma: must be at most 1000"),
+    ("sensors.pitch_rate.bandwidth_hz=1e300", "bandwidth_hz: must be at most"),
+    ("airframe.elevator.lag_s=5e-324", "lag_s: must be 0.0001 or more"),
     # What no TOML reader, file system or property tree takes
     ("title=" + "[" * 2000 + "]" * 2000, "--set title: nested more than 100 deep"),
     ("duration_s=" + "9" * 5000, "--set duration_s: not valid TOML: a number has too many digits"),
-    ("duration_s=0x" + "f" * 5000, "duration_s: input should be a valid number, got a number of thousands of digits"),
-    (".".join("a" * 5000) + "=1", "a key of more than 100 parts"),
+    ("duration_s=0x" + "f" * 5000, "duration_s: must be a number, got a number of thousands of digits"),
+    (".".join("a" * 5000) + "=1", "must have at most 100 parts"),
     ("faults.\N{SUPERSCRIPT TWO}=1", "must be an index from 0 to 0"),
     ("faults." + "9" * 5000 + "=1", "must be an index from 0 to 0"),
     ("aircraft=" + "x" * 300, "unknown aircraft 'xxx"),
@@ -240,10 +240,8 @@ def test_the_toml_is_what_tomllib_reads():
 
 
 def test_a_scenario_on_an_aircraft_without_its_flight_point_names_the_key_and_what_is_allowed():
-    wanted = r"history_qf72.toml with --set: flight_point: f16 has no '35000ft_m084', allowed: 20000ft_m06, .*"
-    with pytest.raises(
-        BadInput, match=wanted + r"; for example --set flight_point=20000ft_m06; to add one: docs/aircraft.md$"
-    ):
+    wanted = r"history_qf72 with --set: flight_point: f16 has no '35000ft_m084', allowed: 20000ft_m06, .*"
+    with pytest.raises(BadInput, match=wanted + r"; for example --set flight_point=20000ft_m06$"):
         load("history_qf72", ["aircraft=f16"])
     assert load("history_qf72", ["aircraft=f16", "flight_point=20000ft_m06"]).aircraft == "f16"
 
@@ -261,12 +259,12 @@ def test_a_star_in_a_key_is_every_fault_or_every_signal():
 
 @pytest.mark.parametrize("key", ["*", "pilot.*", "faults.0.*.x", "redundancy.*.threshold"])
 def test_a_star_elsewhere_is_refused_with_where_it_may_stand(key: str):
-    with pytest.raises(BadInput, match=r"\* stands for every item; allowed: redundancy.signals.\*, sensors.\*"):
+    with pytest.raises(BadInput, match=r"\* is allowed only for redundancy.signals.\*, sensors.\*"):
         load(None, [f"{key}=1"])
 
 
 def test_a_star_in_an_empty_list_is_refused():
-    with pytest.raises(BadInput, match="faults: \\* stands for every item"):
+    with pytest.raises(BadInput, match="faults: \\* is allowed only for"):
         load(None, ["faults=[]", "faults.*.start_s=1"])
 
 

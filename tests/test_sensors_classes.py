@@ -75,7 +75,7 @@ def test_the_resolved_scenario_needs_no_class(tmp_path: Path, monkeypatch: pytes
 REFUSED = [
     ('sensors.pitch_rate.class="best"', "sensors.pitch_rate.class: unknown class 'best', nearest: '"),
     ('sensors.heading.class="MEMS consumer"', "'MEMS consumer' has no values for heading, only for rates"),
-    ("sensors.pitch_rate.class=3", "sensors.pitch_rate.class: input should be a valid string"),
+    ("sensors.pitch_rate.class=3", "sensors.pitch_rate.class: must be a text"),
     ("sensors=3", "sensors: "),
 ]
 

@@ -34,12 +34,12 @@ void rig_unit_close(void) {{ }}
 """
 OPENING = "kept = 0.0;"
 WRONG = {
-    "a session after another begins as if it were the first": ("", "out->voted[0] = kept;"),
-    "from new twice, the same bytes": (OPENING, "out->voted[0] = (double)(size_t)malloc(1) + called;"),
-    "fills what its role needs, with values of the enums": (OPENING, "out->state[3][1] = 9;"),
-    "ends without failing": (OPENING + " atexit(abort);", ""),
+    "a second session starts like the first": ("", "out->voted[0] = kept;"),
+    "two new sessions give the same bytes": (OPENING, "out->voted[0] = (double)(size_t)malloc(1) + called;"),
+    "fills the groups of its role, with values of the enums": (OPENING, "out->state[3][1] = 9;"),
+    "ends without an error": (OPENING + " atexit(abort);", ""),
     "answers every frame": (OPENING, "if (in->frame == 5) return 1;"),
-    "votes healthy channels of an angle through the end of its circle": (
+    "votes healthy channels of an angle across the end of its circle": (
         OPENING,
         "out->voted[15] = 0.5 * (in->channels[15][0] + in->channels[15][1]);",
     ),

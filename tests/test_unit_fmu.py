@@ -186,7 +186,7 @@ STEP = {"2": "fmi2DoStep", "3": "fmi3DoStep"}
 DEATHS = {
     "error": "failed: {} returned error",
     "fatal": "failed: {} returned fatal",
-    "end": "failed: {}: the FMU asks for the end of the simulation",
+    "end": "failed: {}: the FMU requests the end of the simulation",
 }
 
 
@@ -278,7 +278,7 @@ REFUSED = {
     "no xml": (lambda folder: changed(fmu("2"), folder, ".*", "<fmi"), "its modelDescription.xml cannot be read: "),
     "another version": (
         lambda folder: changed(fmu("2"), folder, 'fmiVersion="2.0"', 'fmiVersion="1.0"'),
-        "is of FMI version 1.0; 2.0 and 3.0 can be flown",
+        "has FMI version 1.0; must be 2.0 or 3.0",
     ),
     "no co-simulation": (
         lambda folder: changed(fmu("2"), folder, "<CoSimulation", "<ModelExchange"),
@@ -373,8 +373,8 @@ def _link() -> zipfile.ZipInfo:
 BEYOND: dict[str, tuple[list[tuple[str | zipfile.ZipInfo, bytes]], str]] = {
     "large": ([(f"{i}", bytes(64 << 20)) for i in range(8)], "it unpacks to 512 MiB, at most 500 are allowed"),
     "many": ([(f"{i}", b"") for i in range(10_001)], "it has 10001 files, at most 10000 are allowed"),
-    "outside": ([("../outside", b"")], "'../outside' is a path outside of it"),
-    "absolute": ([("/etc/outside", b"")], "'/etc/outside' is a path outside of it"),
+    "outside": ([("../outside", b"")], "'../outside' is a path outside the archive"),
+    "absolute": ([("/etc/outside", b"")], "'/etc/outside' is a path outside the archive"),
     "link": ([(_link(), b"/etc/passwd")], "'resources/passwd' is a link"),
 }
 

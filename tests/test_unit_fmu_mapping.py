@@ -145,11 +145,11 @@ BAD_PARAMETERS = {
     "a text": ({"parameters": {"aircraft": "bias"}}, "fmu.parameters: aircraft: no such element; "),
     "an output": (
         {"parameters": {"rate_hz": "rate_q"}},
-        "fmu.parameters: rate_hz: rate_q is of causality output, must be parameter or input",
+        "fmu.parameters: rate_hz: rate_q has causality output, must be parameter or input",
     ),
     "no whole number": (
         {"parameters": {"signal.heading.threshold": "turns"}},
-        "signal.heading.threshold: turns is of type Integer, must be Real, Float64, Float32",
+        "signal.heading.threshold: turns has type Integer, must be Real, Float64, Float32",
     ),
     "two for one": (
         {"parameters": {"signal.heading.threshold": "bias", "signal.pitch_rate.threshold": "bias"}},
@@ -169,15 +169,15 @@ BAD_PARAMETERS = {
     ),
     "a constant of another type": (
         {"constants": {"turns": 2.5}},
-        "fmu.constants: turns is of type Integer, which 2.5 is not",
+        "fmu.constants: turns has type Integer, which cannot hold 2.5",
     ),
     "a constant out of range": (
         {"constants": {"turns": 3e9}},
-        "fmu.constants: turns is of type Integer, which 3e+09 is not",
+        "fmu.constants: turns has type Integer, which cannot hold 3e+09",
     ),
     "a constant output": (
         {"constants": {"rate_q": 1.0}},
-        "fmu.constants: rate_q is of causality output, must be parameter or input",
+        "fmu.constants: rate_q has causality output, must be parameter or input",
     ),
 }
 
@@ -211,7 +211,7 @@ def test_a_number_of_config_that_the_variable_cannot_have_ends_the_start_in_one_
     """A count of frames beyond a Boolean."""
     flag = changed(made("2"), tmp_path, r'(name="turns".*?<)Integer', r"\1Boolean")
     given = {"parameters": {"signal.heading.persistence": "turns"}}
-    said = r"signal\.heading\.persistence is \d+, of type Boolean it can be 0 to 1"
+    said = r"signal\.heading\.persistence is \d+, must be from 0 to 1 for type Boolean"
     with pytest.raises(UnitRefused, match=said) as error:
         rig.fly(overrides=SHORT, out=tmp_path, unit=unit_of(tmp_path, flag, *tables("2"), **given))
     assert "\n" not in str(error.value) and list(tmp_path.glob("*.mcap")) == []
@@ -239,7 +239,7 @@ WRONG = {
     "an output as input": (
         {**INPUTS, "channels.pitch_rate.2": "rate_q"},
         OUTPUTS,
-        "fmu.inputs: channels.pitch_rate.2: rate_q is of causality output, must be input",
+        "fmu.inputs: channels.pitch_rate.2: rate_q has causality output, must be input",
     ),
     "a vote less": (
         INPUTS,
@@ -254,7 +254,7 @@ WRONG = {
     "half a group": (
         INPUTS,
         {**OUTPUTS, "level.pitch_rate": "rate_q"},
-        "fmu.outputs: state.pitch_rate.1 and 78 more not mapped: others of its group are",
+        "fmu.outputs: state.pitch_rate.1 and 78 more not mapped: other fields of its group are mapped",
     ),
 }
 
@@ -278,11 +278,11 @@ OTHERS = {
         "channels.pitch_rate.1: rate_q_1 is in m: 'm' is not a unit of this quantity; allowed: rad/s, deg/s, rpm",
     ),
     "an unknown unit": ("3", ('name="samples"', 'name="samples" unit="furlong?"'), "samples[1,1] is in furlong?: "),
-    "a text": ("2", ('(name="rate_q_1".*?<)Real', r"\1String"), "rate_q_1 is of type String, must be Real, Float64"),
+    "a text": ("2", ('(name="rate_q_1".*?<)Real', r"\1String"), "rate_q_1 has type String, must be Real, Float64"),
     "only smaller steps": (
         "2",
         (f'{STEP}="true"(.*?)<LogCat', rf'{STEP}="false"\1<DefaultExperiment stepSize="0.001"/><LogCat'),
-        f"the FMU can only be asked for steps of 0.001 s ({STEP} is false), a frame has 0.01 s",
+        f"the FMU accepts only steps of 0.001 s ({STEP} is false), a frame has 0.01 s",
     ),
     "larger steps inside": (
         "3",
@@ -390,5 +390,5 @@ def test_a_mapping_is_of_the_transport_fmu_alone(tmp_path: Path):
 
 @pytest.mark.parametrize("value", ["x", True, [1]])
 def test_a_constant_is_a_number(tmp_path: Path, value: object):
-    with pytest.raises(BadInput, match=r"unit\.toml: fmu\.constants\.gain: input should be a valid number"):
+    with pytest.raises(BadInput, match=r"unit\.toml: fmu\.constants\.gain: must be a number"):
         unit_of(tmp_path, Path(__file__), {}, OUTPUTS, constants={"gain": value})

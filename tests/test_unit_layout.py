@@ -129,4 +129,4 @@ def test_rig_unit_header_prints_them(rig_command):
     assert code == 0 and out == header.header()
     assert rig_command("unit", "header", "--ada")[1] == header.ada()
     code, _, err = rig_command("unit", "header", "--ada", "--markdown")
-    assert code == 2 and err == "error: --ada, --markdown, --fmu: one of them\n"
+    assert code == 2 and err == "error: --ada, --markdown, --fmu: only one of them at a time\n"

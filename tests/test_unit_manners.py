@@ -110,17 +110,17 @@ def refuses_config(message: bytes) -> list[bytes]:
 
 # Manner of the box, what the line says.
 BOXES: dict[str, tuple[Callable[[bytes], list[bytes]], str]] = {
-    "silent": (lambda m: [], "nothing has come from 127.0.0.1:"),
-    "empty": (lambda m: [b""], "an empty message has come from 127.0.0.1:"),
+    "silent": (lambda m: [], "no message from 127.0.0.1:"),
+    "empty": (lambda m: [b""], "empty message from 127.0.0.1:"),
     "a byte": (lambda m: [b"R"], "1 bytes without the magic RIGO"),
     "text": (lambda m: [b"hello, world"], "12 bytes without the magic RIGO"),
-    "echo": (lambda m: [m], "with the rig's own magic RIGI"),
+    "echo": (lambda m: [m], "with the magic RIGI of the rig"),
     "big-endian": (lambda m: [swapped(ready(m))], "big-endian byte order"),
     "head alone": (lambda m: [ready(m)[:20]], "20 bytes, fewer than the head"),
-    "short": (lambda m: [ready(m)[:-9]], "READY of 231 bytes, it has 240"),
-    "long": (lambda m: [ready(m) + b"\0" * 8], "READY of 248 bytes, it has 240"),
-    "length": (lambda m: [ready(m, length=9)], "READY with length 9 before its checksum, it has 232"),
-    "checksum": (lambda m: [ready(m, crc=1)], "READY with checksum 00000001, its bytes have"),
+    "short": (lambda m: [ready(m)[:-9]], "READY of 231 bytes, must be 240"),
+    "long": (lambda m: [ready(m) + b"\0" * 8], "READY of 248 bytes, must be 240"),
+    "length": (lambda m: [ready(m, length=9)], "READY with length 9 before its checksum, must be 232"),
+    "checksum": (lambda m: [ready(m, crc=1)], "READY with checksum 00000001, must be"),
     "another layout": (lambda m: [ready(m, layout=7)], "was built for layout 0000000000000007"),
     "another version": (lambda m: [ready(m, version=9)], f"version 9, this rig has {LAYOUT:016x}, version {VERSION}"),
     "another session": (lambda m: [ready(m, session=77)], "READY of session 77, this flight has"),
@@ -128,7 +128,7 @@ BOXES: dict[str, tuple[Callable[[bytes], list[bytes]], str]] = {
     "unknown kind": (lambda m: [ready(m, 99)], "a message of kind 99, which is neither"),
     "refuses": (lambda m: [ready(m, Kind.REFUSED, None, b"on fire")], "refuses the flight: on fire"),
     "busy": (lambda m: [ready(m, Kind.REFUSED, None, b"busy with session 5")], "it is busy with session 5"),
-    "greets only": (greets_only, "it has answered HELLO, and CONFIG not once in 3 times"),
+    "greets only": (greets_only, "it has answered HELLO, but not CONFIG, sent 3 times"),
     "refuses CONFIG": (refuses_config, "refuses the flight: no such aircraft"),
 }
 
@@ -184,14 +184,14 @@ COMMANDS: dict[str, tuple[Callable[[Path], list[str]], str]] = {
         "exited with status 4 before READY; it printed: no licence",
     ),
     "is killed": (lambda f: ["sh", "-c", "kill -SEGV $$"], "killed by signal 11 (SIGSEGV) before READY"),
-    "has no address": (lambda f: ["sleep", "60"], "its command has no {address} to send it to"),
+    "has no address": (lambda f: ["sleep", "60"], "its command lacks {address}, the address to send to"),
     "is silent": (
         lambda f: ["sh", "-c", "echo waiting; sleep 60", "{address}"],
-        "it runs, and has sent nothing to 127.0.0.1:",
+        "it runs, but has sent nothing to 127.0.0.1:",
     ),
     "sends text": (lambda f: python(SEND.format(b"hello")), "5 bytes without the magic RIGO"),
     "was built for others": (lambda f: python(SEND.format(NO_LAYOUT)), "was built for layout 0000000000000007"),
-    "says READY alone": (lambda f: python(SEND.format(ready(bytes(48)))), "nothing has come from"),
+    "says READY alone": (lambda f: python(SEND.format(ready(bytes(48)))), "no message from"),
 }
 
 
@@ -241,12 +241,12 @@ LOADING = "__attribute__((constructor)) static void begin(void) {{ {} }}"
 SLEEPS = "for (;;) pause();"
 LEAVE = 'char *a[] = {{"sleep", "{}", 0}}; if (fork() == 0) {{ {} execvp("sleep", a); }}'
 LIBRARIES = {
-    "dies when loaded": ({"extra": LOADING.format("abort();")}, "killed by signal 6 (SIGABRT) while it was loaded"),
-    "exits when loaded": ({"extra": LOADING.format("_exit(9);")}, "exited with status 9 while it was loaded"),
+    "dies when loaded": ({"extra": LOADING.format("abort();")}, "killed by signal 6 (SIGABRT) during loading"),
+    "exits when loaded": ({"extra": LOADING.format("_exit(9);")}, "exited with status 9 during loading"),
     "never loads": ({"extra": LOADING.format(SLEEPS)}, "s: it is still being loaded"),
-    "dies in open": ({"open": "abort();"}, "killed by signal 6 (SIGABRT) while it began the session"),
-    "exits in open": ({"open": "exit(0);"}, "exited with status 0 while it began the session"),
-    "never opens": ({"open": SLEEPS}, "it has been loaded and still begins the session"),
+    "dies in open": ({"open": "abort();"}, "killed by signal 6 (SIGABRT) at the start of the session"),
+    "exits in open": ({"open": "exit(0);"}, "exited with status 0 at the start of the session"),
+    "never opens": ({"open": SLEEPS}, "it is loaded, but has not started the session"),
     "returns a code": ({"open": "return -3;"}, "refuses the flight: rig_unit_open returned -3"),
 }
 

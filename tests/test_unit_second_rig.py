@@ -16,9 +16,9 @@ from rig.bench.unit_check import check, load
 from rig.unit.running_unit import running
 
 pytestmark = needs_a_compiler
-BUSY = "another rig is refused as busy, and changes nothing"
-END = "the end of a session leaves it to another rig"
-SILENCE = "so does a silence of 3 s"
+BUSY = "it refuses another rig as busy, without any change"
+END = "the end of a session frees it for another rig"
+SILENCE = "a silence of 3 s frees it for another rig"
 QUICK = ("#define SILENCE_S 3", "#define SILENCE_S 1")
 TAKES_ANY = ("if (session != 0 && !same(from, &rig)", "if (session != 0 && same(from, &rig)")
 KEEPS = ("#define SILENCE_S 3", "#define SILENCE_S 1000")

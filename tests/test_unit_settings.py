@@ -10,23 +10,25 @@ from rig.core.errors import BadInput
 from rig.unit.unit_file import read_unit
 
 LIBRARY = 'name = "u"\npath = "u.so"\n'
-NOBODY = "nobody listens at 127.0.0.1:9 (port unreachable)"
+NOBODY = "no program listens at 127.0.0.1:9 (port unreachable)"
+ONLY_STARTED = "on_dead: the rig can restart only a unit that it has started"
 UDP = 'name = "u"\ntransport = "udp"\n'
 WRONG = {
-    LIBRARY + 'on_miss = "wait"\n': "on_miss: input should be 'hold', 'fault' or 'end'",
-    LIBRARY + "deadline = 1.5\n": "deadline: input should be less than or equal to 1, got 1.5",
-    LIBRARY + "latency = 1\n": "latency: unknown key; nearest: latency_frames, isolate, lane; all keys: docs/unit.md",
-    'name = "u"\n': "path: the transport library needs it",
-    'path = "u.so"\n': "name: field required",
+    LIBRARY + 'on_miss = "wait"\n': "on_miss: must be 'hold', 'fault' or 'end'",
+    LIBRARY + "deadline = 1.5\n": "deadline: must be at most 1, got 1.5",
+    LIBRARY
+    + "latency = 1\n": "latency: unknown key; nearest: latency_frames, isolate, lane; all keys: rig unit schema",
+    'name = "u"\n': "path: missing; the transport library needs it",
+    'path = "u.so"\n': "name: missing",
     'name = "u"\npath = "v.so"\n': "path: v.so: no such file",
-    UDP: "transport udp: give either command, which the rig starts, or the address",
+    UDP: "transport udp: needs either command, which the rig starts, or address",
     UDP + 'address = "somewhere"\n': "address: must be host:port, got 'somewhere'",
     UDP + 'address = "127.0.0.1:70000"\n': "address: must be host:port, got '127.0.0.1:70000'",
     UDP
-    + 'address = "192.168.1.5:5600"\n': "address: 192.168.1.5:5600 is not of this machine; remote = true permits it",
-    UDP + 'address = "127.0.0.1:5600"\non_dead = "restart"\n': "on_dead: the rig can restart only what it has started",
-    LIBRARY + 'isolate = false\non_dead = "restart"\n': "on_dead: the rig can restart only what it has started",
-    'name = "u"\ntransport = "python"\n': "manager: the transport python needs it",
+    + 'address = "192.168.1.5:5600"\n': "address: 192.168.1.5:5600 is not on this machine; remote = true permits it",
+    UDP + 'address = "127.0.0.1:5600"\non_dead = "restart"\n': ONLY_STARTED,
+    LIBRARY + 'isolate = false\non_dead = "restart"\n': ONLY_STARTED,
+    'name = "u"\ntransport = "python"\n': "manager: missing; the transport python needs it",
 }
 
 

@@ -224,10 +224,10 @@ def test_the_command_writes_it_beside_the_log_or_where_it_is_told(hardover, layo
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ([], "--to csv|parquet|npz or --out FILE"),
-        (["--to", "csv", "--layout", "foxglove"], "--to, --layout: one of them"),
-        (["--layout", "plotjuggler"], "--layout plotjuggler: allowed: foxglove"),
-        (["--layout", "foxglove", "--signals", "heading"], "--signals, --for-vote: are for --to"),
+        ([], "--to csv|parquet|npz, or --out FILE"),
+        (["--to", "csv", "--layout", "foxglove"], "--to, --layout: only one of them at a time"),
+        (["--layout", "plotjuggler"], "--layout plotjuggler: must be foxglove"),
+        (["--layout", "foxglove", "--signals", "heading"], "--signals, --for-vote: not with --layout"),
         (["--layout", "foxglove", "--out", "flight.mcap"], "--out flight.mcap: is the input"),
         (["--to", "csv", "--out", "flight.mcap"], "--out flight.mcap: is the input"),
         (["--layout", "foxglove", "--out", "nowhere/a.json"], "no such folder"),

@@ -1,7 +1,7 @@
-"""What a baseline manager computes of rows, frame by frame and signal by signal, and which of it would fail a channel.
+"""Statistics of a baseline manager over rows, frame by frame and signal by signal, and their isolations by level.
 
-For a calibration: nobody is failed by what is computed, so that one run shows all that a level would have done.  Its
-level is one of the settings ``ManagerKind.settings.levels``: one, or of 4, 3 and 2 samples.
+For a calibration: the statistics isolate no channel, so that one run shows the effect of every level.  A
+level is one of the settings ``ManagerKind.settings.levels``: one, or one each for 4, 3 and 2 samples.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from rig.core.kernels import long_kernel
 
 
 class Statistics(NamedTuple):
-    """Of n rows and S signals."""
+    """Statistics of n rows and S signals."""
 
     statistic: NDArray[np.float64]  # (n, S, 4), in the unit of ``limit``; a channel without a sample keeps its last
     alarm: NDArray[np.uint8]  # (n, S), 1 where a channel would be failed
 
 
 def statistics(rows: Nested, baseline: str, params: NDArray[np.void]) -> Statistics:
-    """Run a baseline manager over ``rows`` (n,), whose votes and states it writes.
+    """Run a baseline manager over ``rows`` (n,), and write votes and states into them.
 
     baseline : of managers.BASELINES; params : (S,) of managers.with_settings
     """

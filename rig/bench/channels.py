@@ -1,4 +1,4 @@
-"""The channels of a recording one by one: usable samples, rows in which it was suspect, failures."""
+"""The channels of a recording: usable samples, suspect rows, isolations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INVALID: Final = "invalid"  # a sample that is no number, flagged, or out of ran
 
 
 class ChannelFailure(NamedTuple):
-    """A channel that was failed: in which row, counted from 1, and by whom."""
+    """Isolation of a channel: its row, counted from 1, and its rule."""
 
     channel: int
     frame: int
@@ -25,7 +25,7 @@ class ChannelFailure(NamedTuple):
 
 
 class ChannelRecords(NamedTuple):
-    """What became of the channels of one signal or discrete."""
+    """Results of the channels of one signal or discrete."""
 
     invalid: list[int]  # samples of each that were no number (empty, of a discrete), flagged, or out of range
     suspect: list[int]  # rows of each, by its state, or in use without a usable sample
@@ -33,7 +33,7 @@ class ChannelRecords(NamedTuple):
 
 
 def usable_samples(samples: Samples, limits: tuple[float, float]) -> list[NDArray[np.bool_]]:
-    """Return (n,) of each channel whether a sample is a number in range that is not flagged."""
+    """Return (n,) for each channel True for a sample that is a number in range and not flagged."""
     usable = [(column >= limits[0]) & (column <= limits[1]) for column in samples.channels]
     flags = samples.valid or [np.ones(1, np.uint8)] * len(usable)
     return [within & (flag != 0) for within, flag in zip(usable, flags, strict=True)]
@@ -46,7 +46,7 @@ def channel_records(
     states: Sequence[Bytes],
     tie_break: Bytes | None = None,
 ) -> ChannelRecords:
-    """Return what became of the channels by their ``states``, (n,) each; tie_break : (n,), who decided in each row."""
+    """Return the results of the channels by their ``states``, (n,) each; tie_break : (n,) deciding rule of each row."""
     usable = [good[: len(recording.time_s)] for good in usable_samples(samples, limits)]  # of the rows voted
     return ChannelRecords(
         invalid=[int((~good).sum()) for good in usable],

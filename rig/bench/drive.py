@@ -1,15 +1,15 @@
-"""The one driver of the computer over rows that are not being flown.
+"""The driver of the computer over given rows.
 
-The stages of a frame in the order of ``rig/flight/loop.py``, with the plant replaced by rows that are there already:
+It runs the stages of a frame in the order of ``rig/flight/loop.py``, with the given rows in place of the plant:
 
-    sensors     the channels, made again from the truth
-    faults      on channels; on references, if these are made again
-    references  made again from the channels
-    manager     votes, states and levels of the continuous signals: ours, a user's class, or a unit under test
+    sensors     the channels, computed again from the truth
+    faults      on channels; on references, if these are computed again
+    references  computed again from the channels
+    manager     votes, states and levels of the continuous signals: built-in, a user's class, or a unit under test
     discretes   votes, states and levels of the discretes
 
-A stage that is None is left out: its fields stay as they are in the rows.  What is left out is not compiled either.
-Kernels are those of the flight.  Row types: ``frame.rows``.
+A stage that is None does not run and is not compiled: its fields stay unchanged in the rows.
+The kernels are those of the flight.  Row types: ``frame.rows``.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Decide = Callable[[Nested, int], int | None]
 
 @dataclass(frozen=True, slots=True)
 class Stages:
-    """What the stages keep; None where a stage is left out."""
+    """Data of the stages; None for a stage that does not run."""
 
     sensors: SensorData | None = None
     faults: FaultData | None = None
@@ -50,7 +50,7 @@ def run(rows: Nested, stages: Stages, flown: Nested | None = None, decide: Decid
     """Run the stages over all ``rows`` (n,), in place.
 
     flown : (n,) rows that faults corrupt, and whose truth and votes trigger them; ``rows`` if not given
-    decide : votes in the place of the manager, row by row
+    decide : function that votes instead of the manager, row by row
     """
     s, flown = stages, rows if flown is None else flown
     if decide is None:
@@ -67,26 +67,26 @@ def run(rows: Nested, stages: Stages, flown: Nested | None = None, decide: Decid
 
 @long_kernel
 def run_rows(rows, flown, sensors, faults, references, manager, discretes):
-    """All rows through the stages that are not None."""
+    """Run all rows through the stages that are not None."""
     for k in range(len(rows)):
         step(rows[k], flown[k], k, sensors, faults, references, manager, discretes)
 
 
 @kernel
 def begin_row(rows, flown, k, sensors, faults, references):
-    """Row k up to what the manager reads."""
+    """Run row k up to the input of the manager."""
     before(rows[k], flown[k], k, sensors, faults, references)
 
 
 @kernel
 def end_row(rows, flown, k, faults, references, discretes):
-    """Row k from what the manager has written on."""
+    """Run row k from the output of the manager on."""
     after(rows[k], flown[k], faults, references, discretes)
 
 
 @kernel
 def step(row, flown, k, sensors, faults, references, manager, discretes):
-    """One row; k : its place in the draws of sensors and faults."""
+    """Run one row; k : its place in the draws of sensors and faults."""
     before(row, flown, k, sensors, faults, references)
     if manager is not None:
         vote_signals(row["bus"], row["fcc"], manager)
@@ -95,7 +95,7 @@ def step(row, flown, k, sensors, faults, references, manager, discretes):
 
 @kernel
 def before(row, flown, k, sensors, faults, references):
-    """Fill what the manager reads: channels and references, with their faults."""
+    """Fill the input of the manager: channels and references, with their faults."""
     if sensors is not None:
         measure(row["truth"], row["bus"], k, sensors)
     if faults is not None:
@@ -106,7 +106,7 @@ def before(row, flown, k, sensors, faults, references):
 
 @kernel
 def after(row, flown, faults, references, discretes):
-    """Follow the votes: keep them for the next references, vote the discretes, let faults see the surfaces."""
+    """Process the votes: store them for the next references, vote the discretes, pass the surfaces to faults."""
     if references is not None:
         remember(row["bus"], row["fcc"], references)
     if discretes is not None:
@@ -117,7 +117,7 @@ def after(row, flown, faults, references, discretes):
 
 @long_kernel
 def write_sources(rows):
-    """Write ``source`` of all rows: where the control law takes each signal from, by the manager's answers."""
+    """Write ``source`` of all rows: the source of each signal in the control law, by the manager's output."""
     for k in range(len(rows)):
         fcc = rows[k]["fcc"]
         level, usable, reference, source = fcc["level"], fcc["reference_usable"], fcc["reference"], fcc["source"]

@@ -1,8 +1,8 @@
-"""Faults of the flight on recorded channels, by the flight's own kernel: a recording becomes a test.
+"""Faults of the flight on recorded channels, by the kernel of the flight.
 
-The rows have the recording's own signals and discretes.  A fault begins in the first row at or after its
-``start_s``, a time of the recording; durations are counted in rows at the recording's rate.  Samples that are no number
-or out of range are NaN to a fault, and stay as they are where the fault leaves NaN.
+The rows have the signals and discretes of the recording.  A fault begins in the first row at or after its
+``start_s``, a time of the recording; durations are counted in rows at the recording's rate.  A fault reads NaN for a
+sample that is no number or out of range; the sample stays unchanged if the fault returns NaN.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class _Faults(Settings):
 
 
 class After(NamedTuple):
-    """One channel behind the faults, (n,) each; NaN where a sample is not usable."""
+    """One channel after the faults, (n,) each; NaN for a sample that is not usable."""
 
     samples: Floats
     valid: Bytes
@@ -45,7 +45,7 @@ class After(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """A recording with faults, where they are, and what they were put into."""
+    """A recording with faults, their places, and the original recording."""
 
     recording: Recording
     injected: list[Injected]
@@ -64,11 +64,11 @@ def inject(
     seed: int = 0,
     source: str = "inject",
 ) -> Injection:
-    """Return the recording with ``faults``, tables as in ``[[faults]]``, on its channels; the given one stays as it is.
+    """Return a copy of the recording with ``faults``, tables as in ``[[faults]]``, on its channels.
 
-    signals, discretes : settings of those that are voted, as ``VoteConfig.signals`` gives them: range, wraps, threshold
-    seed : what random faults draw depends on it and on the fault's name alone
-    BadInput, one line, names ``source``, the fault and the key: what a recording has not, what does not fit it.
+    signals, discretes : settings of the voted ones, as ``VoteConfig.signals`` gives them: range, wraps, threshold
+    seed : the draws of a random fault depend on it and on the fault's name only
+    BadInput, one line, names ``source``, the fault and the key: not in a recording, or not fitting it.
     """
     places = Places({name: chosen.wraps for name, chosen in signals.items()}, discretes or {})
     settled = _checked(recording, faults, signals, places, source)
@@ -140,11 +140,11 @@ def _since(table: Table, first_s: float) -> dict[str, Any]:
 def _check_range(i: int, fault: Fault, signals: Mapping[str, RecordedSignal]) -> None:
     for name, _ in fault.points if fault.effect.act == Act.RANGE_END else ():
         if name in signals and signals[name].limits == ANY_NUMBER:
-            raise ValueError(f"faults.{i}: {name} has no range in CONFIG whose end it could be at")
+            raise ValueError(f"faults.{i}: {name} has no range in CONFIG, which this fault needs")
 
 
 def _named(settled: Sequence[Fault]) -> list[Fault]:
-    """Return the faults, each with a name of its own as its id."""
+    """Return the faults, each with a unique name as its id."""
     labels: dict[str, int] = {}
     named: list[Fault] = []
     for fault in settled:
@@ -162,7 +162,7 @@ def _through(
     recording: Recording,
     signals: Mapping[str, RecordedSignal],
 ) -> tuple[NDArray[np.uint8], dict[Point, After]]:
-    """Run all rows through the kernel; return which faults act in each, and the channels that they sit on."""
+    """Run all rows through the kernel; return the active faults of each row, and their channels."""
     n, kind = len(recording.time_s), rows(*(len(places.names[site]) for site in ("channel", "discrete")))
     after = {
         point: After(np.empty(n), np.empty(n, np.uint8), np.empty(n, np.uint8))
@@ -193,7 +193,7 @@ def _put(
     signals: Mapping[str, RecordedSignal],
     part: slice,
 ) -> None:
-    """Write what a fault reads of a signal or discrete: NaN where a signal's sample is not usable."""
+    """Write the samples of a signal or discrete for the faults: NaN for a sample that is not usable."""
     i = places.number(name)
     if name not in signals:
         put_discrete(block, i, recording.discretes[name], part)
@@ -206,7 +206,7 @@ def _put(
 def _changed(
     name: str, recording: Recording, after: Mapping[Point, After], signals: Mapping[str, RecordedSignal]
 ) -> Samples:
-    """Return a signal or discrete with what came back for the channels that have faults."""
+    """Return a signal or discrete with the new samples of the channels that have faults."""
     before = recording.signals[name] if name in signals else recording.discretes[name]
     columns, flags, ilm = list(before.channels), list(before.valid or ()), list(before.ilm or ())
     for (place, channel), behind in after.items():
@@ -223,7 +223,7 @@ def _changed(
 
 
 def _column(before: Floats, after: After, limits: tuple[float, float] | None) -> tuple[Floats, Bytes]:
-    """Return a channel and its validity flags; what was not usable stays as it was where the fault leaves it so.
+    """Return a channel and its validity flags; a sample that is not usable stays unchanged unless the fault sets it.
 
     limits : of a signal; None: a discrete
     """

@@ -1,13 +1,13 @@
-"""What became of each fault that was injected, by the kernel that decides it in a flight (verdict/row_kernel.py).
+"""Outcome of each injected fault, by the kernel that scores a flight (verdict/row_kernel.py).
 
-    right   isolated: its channel was failed for it
-    wrong   wrong channel: a healthy channel was failed for it, up to the next onset on the signal
+    right   isolated: the manager isolated the faulty channel
+    wrong   wrong channel: the manager isolated a healthy channel, up to the next onset on the signal
     missed  neither
-    prior   before the onset a healthy channel of the signal had been failed, or its own channel was out already
+    prior   before the onset a healthy channel of the signal was isolated, or the faulty channel was out already
     none    not executed: the fault never began (a random trigger that did not fire)
 
-A recording has no truth: its samples before the injection take its place, and nothing is said of the vote.
-Delay is from the onset to the row in which the channel was failed: the faulty one if right, the first healthy one if
+A recording has no truth: its samples before the injection take its place, and the votes are not scored.
+The delay is from the onset to the row of the isolation: of the faulty channel if right, of the first healthy channel if
 wrong.
 """
 
@@ -45,7 +45,7 @@ _UNEXPECTED: Final = (Cause.FALSE_ALARM, Cause.WRONG_ISOLATION)
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """One channel under a fault, and whom the monitor failed."""
+    """One channel with a fault, and the channel that the monitor isolated."""
 
     fault: str
     kind: str
@@ -72,7 +72,7 @@ def score(
 
 
 def summary(scored: Sequence[Scored], file: str, seed: int) -> dict[str, Any]:
-    """Return the same for ``--json``: the file, the seed, how many of each outcome, each fault."""
+    """Return the outcomes for ``--json``: the file, the seed, the count of each outcome, each fault."""
     counts = Counter(row.outcome for row in scored)
     outcomes = {outcome: counts[outcome] for outcome in OUTCOMES}
     return {"file": file, "seed": seed, "outcomes": outcomes, "faults": [asdict(row) for row in scored]}
@@ -103,13 +103,13 @@ def _scored(
 
 
 def _later(name: str, channel: int, recording: Recording, corrections: Corrections) -> int:
-    """Return how many rows after a row as voted a channel was read: a delay d that was taken off shows r in r - d."""
+    """Return the shift in rows between a channel as recorded and as voted: a removed delay d moves row r to r - d."""
     delay = corrections[name][channel - 1].delay_frames if name in corrections else 0.0
     return recording.first_row + ceil(delay)
 
 
 def added_up(injection: Injection, recording: Recording, voted: Result, corrections: Corrections) -> Outcome:
-    """Return the outcome of all rows that were voted upon."""
+    """Return the outcomes of all voted rows."""
     signals = {name: of.settings for name, of in voted.signals.items()}
     params = params_of(recording, signals, voted.rules)
     discretes = discrete_params(recording, {name: of.settings for name, of in voted.discretes.items()})
@@ -152,7 +152,7 @@ def _rows(
 
 
 def _acting(injection: Injection, n: int, later: Sequence[int]) -> NDArray[np.uint8]:
-    """Return (n, bytes) the faults that act in the rows as voted: each from its first channel on."""
+    """Return (n, bytes) the active faults of the voted rows: each from its first channel on."""
     acting = np.zeros((n, injection.acting.shape[1]), np.uint8)
     earliest: dict[int, int] = {}
     for fault, rows_later in zip(injection.injected, later, strict=True):
@@ -163,7 +163,7 @@ def _acting(injection: Injection, n: int, later: Sequence[int]) -> NDArray[np.ui
 
 
 def _take_off(block: Block, clean: Any, injection: Injection, fault: Injected, error: NDArray[np.float64]) -> None:
-    """Write what a channel was before its fault; of a discrete whether it is another than before."""
+    """Write the value of a channel before its fault; for a discrete, True if it has changed."""
     i, c, lost = injection.places.number(fault.signal), fault.channel - 1, np.isnan(error)
     if injection.places.site(fault.signal) == "discrete":
         block["discrete_channels"][:, i, c], block["discrete_valid"][:, i, c] = error == 1.0, ~lost
@@ -173,12 +173,12 @@ def _take_off(block: Block, clean: Any, injection: Injection, fault: Injected, e
 
 
 def _shifted(values: NDArray[Any], n: int, later: int) -> NDArray[Any]:
-    """Return (n,) the values of the rows ``later``, those at the ends again where there are none."""
+    """Return (n,) the values of the rows ``later``, with the values at the ends beyond them."""
     return values[np.clip(np.arange(n) + later, 0, len(values) - 1)]
 
 
 def _error(injection: Injection, fault: Injected, voted: Result) -> NDArray[np.float64]:
-    """Return (n,) what the injection made of a channel: the difference, NaN where a usable sample is lost by it."""
+    """Return (n,) the error of a channel by the injection: the difference, NaN for a usable sample that it removed."""
     name, c, discrete = fault.signal, fault.channel - 1, fault.signal in voted.discretes
     before, after = ((of.discretes if discrete else of.signals)[name] for of in (injection.before, injection.recording))
     limits = _BITS if discrete else voted.signals[name].settings.limits

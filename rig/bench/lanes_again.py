@@ -1,9 +1,8 @@
-"""Several computers over recorded frames: exchange, every lane's thinking, vote of commands, health and back-up again.
+"""Several computers over recorded frames: exchange, computation of each lane, vote of commands, health and back-up.
 
-Open loop: plant, sensors and servos are replaced by rows that are there already.  What acts again, in the frames in
-which it did, are the faults of references, links and computers; those of channels are in the recorded samples.  The
-first frame's surfaces, which are those of the trim, start the control law; surfaces that no servo moved in the frame
-before, as recorded, stop its integrators.
+Open loop: recorded rows replace plant, sensors and servos.  The faults of references, links and computers act again in
+their recorded frames; the recorded samples contain the faults of channels.  The surfaces of the first frame, which are
+the trim, start the control law; surfaces that no servo moved in the recorded previous frame stop its integrators.
 """
 
 from __future__ import annotations
@@ -32,10 +31,10 @@ _FIRST: Final = FLIGHT_INDEX[SURFACES[0]]  # where the surfaces truly are, in th
 
 
 class LanesAgain:
-    """The computers of ``scenario`` over the rows of a flight of theirs, which are given in their order."""
+    """The computers of ``scenario`` over the rows of their flight, given in order."""
 
     def __init__(self, scenario: Scenario, own: str | None = None) -> None:
-        """own : who computes in their place, which they refuse as in flight.  BadInput: the user's manager."""
+        """Prepare the lanes; own : the user's manager or unit, which several lanes refuse as in flight.  BadInput."""
         rate_hz, limits = scenario.rate_hz, scenario.airframe.surface_limits
         self._scenario, self._own = scenario, own
         self._redundancy, self._faults = redundancy(scenario), faults(scenario)
@@ -45,7 +44,7 @@ class LanesAgain:
         self._lanes: Lanes | None = None
 
     def over(self, recorded: Table) -> Table:
-        """Copy the next frames with FCC and lanes written again, the servos as they are."""
+        """Copy the next frames with new FCC and lanes, and unchanged servos."""
         rows = recorded.rows
         lanes = self._lanes = self._lanes or self._begin(rows[0])
         again, flown = blank(rows, self._scenario, OUTPUTS, self._again), copied(rows)
@@ -69,7 +68,7 @@ class LanesAgain:
 
 
 def places_of(fault: Fault) -> set[Site]:
-    """Return the sorts of all places that a fault acts on."""
+    """Return the kinds of all places of a fault."""
     return {site(point.place) for point in fault.targets}
 
 
@@ -102,10 +101,10 @@ def copied(rows: Block) -> Block:
 
 @long_kernel
 def think_rows(rows, flown, still, data, lanes):
-    """Let the lanes think in all ``rows`` (n,).
+    """Run the lanes over all ``rows`` (n,).
 
-    flown : (n,) rows as recorded, whose truth and votes trigger faults;  still : (n, 3) surfaces that nobody moved
-    data : ComputerData of what the lanes have in common;  lanes : LaneData
+    flown : (n,) rows as recorded, whose truth and votes trigger faults;  still : (n, 3) surfaces that no servo moved
+    data : ComputerData that the lanes share;  lanes : LaneData
     """
     for k in range(len(rows)):
         corrupt(flown[k], k, data.faults)
@@ -116,6 +115,6 @@ def think_rows(rows, flown, still, data, lanes):
 
 @kernel
 def keep_still(now, still):
-    """Note for the next frame which surfaces nobody moves, (3,) of all ``still``."""
+    """Store for the next frame which surfaces no servo moves, (3,) of all ``still``."""
     for i in range(len(now)):
         still[i] = now[i]

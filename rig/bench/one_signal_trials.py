@@ -1,8 +1,8 @@
 """Open-loop trials: sensors, faults and manager of one signal, frame by frame over a recorded truth.
 
-Nothing flies: the truth does not answer to the vote.  While two good channels remain and the vote is kept it has next
-to nothing to answer to; with fewer the aircraft follows the faulty ones.  What comes after a vote that is not kept
-does not count.
+Nothing flies: the truth does not respond to the vote.  While two good channels remain and the vote is correct, the
+response would be negligible; with fewer the aircraft follows the faulty ones.  Frames after a vote that is not correct
+do not count.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ RESULT: Final = np.dtype(
 class Trials(NamedTuple):
     """T trials on a recording of N frames; F faults on K channels in each.
 
-    Draws are streams of R rows: a trial takes as many as it has frames, the next one goes on where it ended.
+    Draws are streams of R rows: a trial takes one row per frame, and the next trial continues after it.
     """
 
     first: NDArray[np.int64]  # (T,) frame of the recording in which a trial begins
@@ -65,7 +65,7 @@ class Trials(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Records that every trial begins with, and the ones that it works on."""
+    """Initial records of every trial, and working records."""
 
     row: NDArray[Any]  # (1,) of one signal, nested
     blank_memory: NDArray[Any]  # (1,)
@@ -84,7 +84,7 @@ class Scratch(NamedTuple):
 
 @kernel
 def run_trials(trials, j, scratch, results, healthy, failed):
-    """Run trials from j on while the draws last; the first that was not run.
+    """Run trials from j on while the draws last; return the first that was not run.
 
     results : (T,) RESULT, out; healthy, failed : (5,) frames and failures of healthy channels, by level
     """
@@ -124,7 +124,7 @@ def begin_trial(trials, j, scratch):
 
 @kernel
 def run_trial(trials, j, at, scratch, result, healthy, failed):
-    """Trial j from its first frame to its end; its draws begin in row ``at``."""
+    """Run trial j from its first frame to its end; its draws begin in row ``at``."""
     own, data = stages_of(trials, j, at, scratch)
     signal, wraps = scratch.signal[0], scratch.manager.params[0]["wraps"]
     level = np.int64(signal["fitted"])
@@ -172,7 +172,7 @@ def stages_of(trials, j, at, scratch):
 
 @kernel
 def run_frame(trials, j, k, row, own, data, manager):
-    """Run the stages over frame k of trial j; manager : None: nobody votes."""
+    """Run the stages over frame k of trial j; manager : None: no vote."""
     frame, fcc = trials.first[j] + k, row["fcc"]
     row["frame"] = frame
     row["truth"]["truth"][0] = trials.truth[frame]
@@ -184,7 +184,7 @@ def run_frame(trials, j, k, row, own, data, manager):
 
 @kernel
 def record_trial(trials, j, at, scratch, samples, valid, ilm):
-    """Write what a manager would read in trial j, (n, 4) each, where nobody votes."""
+    """Write the input of a manager in trial j, (n, 4) each, without a vote."""
     own, data = stages_of(trials, j, at, scratch)
     for k in range(trials.last[j] - trials.first[j]):
         run_frame(trials, j, k, scratch.row[0], own, data, None)
@@ -196,7 +196,7 @@ def record_trial(trials, j, at, scratch, samples, valid, ilm):
 
 @kernel
 def stand_before(data, before, tested, signal, result):
-    """Note how the signal stands before the tested fault; before : failed channels, bits."""
+    """Store the state of the signal before the tested fault; before : isolated channels, bits."""
     healthy, of_fault = ~np.int64(signal["faulty"]), 0
     for t in range(len(data.targets)):
         if data.targets[t]["fault"] == tested:

@@ -1,4 +1,4 @@
-"""Recorded channels as rows of the frame, and the answers out of them: a block of rows at a time."""
+"""From recorded channels to rows of the frame, and from rows to votes, a block of rows at a time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FLIGHT_FIELDS: Final = ("common_mode", "source", "reset")
 
 
 def blocks(kind: Rows, n: int) -> Iterator[tuple[slice, Block]]:
-    """Yield parts of n rows, and blank rows for each; the same memory again and again."""
+    """Yield parts of n rows, and blank rows for each, in the same memory."""
     size = max(1, ROWS * S // max(kind.signals, S))
     memory = kind.block(size)
     for start in range(0, n, size):
@@ -32,7 +32,7 @@ def blocks(kind: Rows, n: int) -> Iterator[tuple[slice, Block]]:
 
 
 class Columns(NamedTuple):
-    """The answers on one signal or discrete, (n,) each."""
+    """Votes and states of one signal or discrete, (n,) each."""
 
     fields: dict[str, Any]
     states: list[Bytes]
@@ -40,7 +40,7 @@ class Columns(NamedTuple):
 
     @classmethod
     def of(cls, n: int, fitted: int, names: Sequence[str], prefix: str = "") -> Columns:
-        """Return room for n rows of so many channels and of the fields ``names``."""
+        """Return room for n rows of ``channels`` channels and of the fields ``names``."""
         answers = np.empty((fitted + len(names), n), np.uint8)
         fields: dict[str, Any] = dict(zip(names, answers[fitted:], strict=True))
         if not prefix:
@@ -48,7 +48,7 @@ class Columns(NamedTuple):
         return cls(fields, [*answers[:fitted]], prefix)
 
     def take(self, block: Block, i: int, part: slice) -> None:
-        """Keep the answers of ``part`` for signal or discrete i of the block."""
+        """Store the votes and states of ``part`` for signal or discrete i of the block."""
         for name, column in self.fields.items():
             column[part] = block[f"{self.prefix}{name}"][:, i]
         for c, column in enumerate(self.states):

@@ -1,8 +1,8 @@
 """Healthy channels, sensors and manager of one signal, frame by frame, from many copied states: for splitting.
 
-The level of a state is its largest count of miscompares; while an answer to a split blames
-somebody, at least as much as that pattern has lasted, in parts of what fails a channel.  ``persistence`` is a failure.
-An excursion begins in the frame in which the level leaves 0 and ends when it is 0 again, or a channel is failed.
+The level of a state is its largest count of miscompares.  While a tie-break rule points to a channel in a split, the
+level is at least the duration of the split, as a share of the duration that isolates a channel.  Level ``persistence``
+is an isolation.  An excursion begins in the frame in which the level leaves 0, and ends at level 0 or at an isolation.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RUNS, REACHED, ENDED, CUT = range(4)  # outcomes of a particle
 
 
 class Held(NamedTuple):
-    """What all particles have in common, and the errors of E flights."""
+    """Data that all particles share, and the errors of E flights."""
 
     truth: NDArray[np.float64]  # (N,) of the signal; behind its end it stays
     reference: NDArray[np.float64]  # (N,)
@@ -51,12 +51,12 @@ class Particles(NamedTuple):
     failed: NDArray[np.int64]  # (P,) channels failed
 
     def taken(self, places: NDArray[np.int64] | slice) -> Particles:
-        """Return some of them, or some several times; copies but of a slice."""
+        """Return some of them, or some several times; copies, except for a slice."""
         return Particles._make(of[places] for of in self)
 
 
 class Windows(NamedTuple):
-    """The first frames of E flights: where each begins, and what was seen in it."""
+    """The first frames of E flights: their starts, and their counts."""
 
     first: NDArray[np.int64]  # (E,) frame of the recording
     run_in: int  # frames that are not counted
@@ -96,7 +96,7 @@ def step(held, p, j, k, noise):
 
 @kernel
 def failures(st, fitted):
-    """Return how many channels are failed."""
+    """Return the number of isolated channels."""
     count = 0
     for c in range(fitted):
         count += st["failed"][c] != 0
@@ -105,7 +105,7 @@ def failures(st, fitted):
 
 @kernel
 def level(st, params):
-    """Return how far a state without a failure is on its way to one, 0 to ``persistence`` - 1."""
+    """Return the level of a state without an isolation, 0 to ``persistence`` - 1."""
     progress, blamed = 0, False
     for c in range(params["fitted"]):
         progress = max(progress, st["count"][c])
@@ -117,9 +117,9 @@ def level(st, params):
 
 @kernel
 def run_windows(held, p, j, windows, noise, out, n):
-    """Run windows from j on, in particle 0 of ``p``, while noise and places last; the next window, and ``n``.
+    """Run windows from j on, in particle 0 of ``p``, while noise and places last; return the next window, and ``n``.
 
-    A manager that has failed a channel begins again with all of them.
+    A manager that has isolated a channel restarts with all of them.
     out : Particles; the states in which excursions begin are copied to it from place ``n`` on
     """
     at, frames = 0, windows.run_in + windows.counted
@@ -144,7 +144,7 @@ def run_windows(held, p, j, windows, noise, out, n):
 
 @kernel
 def copy(p, i, out, j):
-    """Particle i of ``p`` to place j of ``out``."""
+    """Copy particle i of ``p`` to place j of ``out``."""
     out.memory[j], out.manager[j] = p.memory[i], p.manager[i]
     ring, line = out.line[j], p.line[i]
     for c in range(CHANNELS):
@@ -155,7 +155,7 @@ def copy(p, i, out, j):
 
 @kernel
 def run_excursions(held, p, j, goal, noise, outcome, age):
-    """Run particles from j on to level ``goal`` or back to 0, while the noise lasts; the first that is not done.
+    """Run particles from j on to level ``goal`` or back to 0, while the noise lasts; return the first unfinished one.
 
     outcome : (P,) out, REACHED, ENDED or CUT after LONGEST frames; age : (P,) frames run, in place
     """

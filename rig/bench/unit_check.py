@@ -1,7 +1,7 @@
-"""The conformance test of a unit under test: does it keep to the records, and to the requirement?
+"""The conformance test of a unit under test: against the interface records and the voting requirements.
 
 Two grades: *decisions* (states, levels, patterns ... equal, votes within a millionth of the range) against vectors of
-an independent reading, and *bits* (every byte of every answer) against our own manager over the same inputs.
+an independent implementation, and *bits* (every byte of every answer) against the built-in manager on the same inputs.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from rig.unit.vectors import Case, answers, ask, differences, load
 
 PAUSE_S: Final = 1.0
 HOSTILE_FRAMES: Final = 200
-_CIRCLE: Final = "votes healthy channels of an angle through the end of its circle"
+_CIRCLE: Final = "votes healthy channels of an angle across the end of its circle"
 VOTES: Final = ("voted", "state", "level")  # of a manager class, written or assumed
 
 
@@ -52,35 +52,35 @@ class Requirement:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """What a unit came to."""
+    """Result of the test of a unit."""
 
     unit: str
     requirements: list[Requirement]
 
     @property
     def passed(self) -> bool:
-        """Return whether it keeps to the interface and to every decision; bits are a grade, not a requirement."""
+        """Return True if the unit meets the interface and all decisions; bits are a grade, not a requirement."""
         return all(requirement.passed for requirement in self.requirements if requirement.part != "bits")
 
     @property
     def grade(self) -> str:
-        """Return what can be said of it."""
+        """Return the grade."""
         if not self.passed:
             return "failed"
         parts = {requirement.part for requirement in self.requirements if requirement.passed}
         return next(part for part in ("bits", "decisions", "interface") if part in parts)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data."""
         return {"unit": self.unit, "passed": self.passed, "grade": self.grade} | {
             "requirements": [asdict(requirement) for requirement in self.requirements]
         }
 
 
 def check(file: Path | str, *, interface_only: bool = False, longest: bool = False) -> Checked:
-    """Test the unit of a file.  BadInput: the file, or a unit that cannot be begun at all.
+    """Test the unit of a file.  BadInput: the file, or a unit that cannot be started.
 
-    interface_only : do not ask what it decides; so it is for a flight computer, whose votes are its own
+    interface_only : do not test decisions; so for a flight computer, which defines its votes
     longest : long sessions of unit_long.MOST_FRAMES frames, not of unit_long.FRAMES
     """
     unit, cases = read_unit(file), load()
@@ -97,14 +97,14 @@ def check(file: Path | str, *, interface_only: bool = False, longest: bool = Fal
 
 
 def _of_class(unit: Unit, cases: list[Case], interface_only: bool) -> Iterator[Requirement]:
-    """Yield what can be tested of a manager class, which has no records of its own: its votes in our rows."""
+    """Yield the tests of a manager class, which has no interface records: its votes in the rig's rows."""
     trust = Trust(unit.source, named=unit.manager)
     longest = max(cases, key=lambda case: len(case.inputs))
     try:
         first, again = (our_answers(longest.config, longest.inputs, unit.manager, trust) for _ in range(2))
         yield _line("answers every frame, with a vote", "interface", "")
         same = all(first[name].tobytes() == again[name].tobytes() for name in VOTES)
-        yield _line("from new twice, the same votes", "interface", "" if same else "another vote, state or level")
+        yield _line("two new sessions give the same votes", "interface", "" if same else "another vote, state or level")
         angles, turning = unit_circle.session(longest.config)
         voted = _output(our_answers(angles, turning, unit.manager, trust))
         yield _line(_CIRCLE, "interface", unit_circle.wrong(angles, turning, voted))
@@ -119,7 +119,7 @@ def _of_class(unit: Unit, cases: list[Case], interface_only: bool) -> Iterator[R
 
 
 def _interface(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
-    """Return how it answers, whatever it decides."""
+    """Return the tests of the interface, which do not check decisions."""
     longest = max(cases, key=lambda case: len(case.inputs))
     config, inputs = longest.config.copy(), longest.inputs
     config["role"] = Role[unit.role.replace("-", "_").upper()]
@@ -128,9 +128,9 @@ def _interface(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
         missing = np.flatnonzero(first["frame"] < 0)
         yield _line("answers every frame", "interface", f"no answer to frame {missing[0]}" if len(missing) else "")
         again = answers(tested, config, inputs)
-        yield _line("a session after another begins as if it were the first", "interface", _same(first, again))
+        yield _line("a second session starts like the first", "interface", _same(first, again))
         yield _line(
-            "fills what its role needs, with values of the enums", "interface", _allowed(tested, config, inputs)
+            "fills the groups of its role, with values of the enums", "interface", _allowed(tested, config, inputs)
         )
         angles, turning = unit_circle.session(config)
         yield _line(_CIRCLE, "interface", unit_circle.wrong(angles, turning, answers(tested, angles, turning)))
@@ -143,9 +143,9 @@ def _interface(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
         if tested.interface.version > 1:  # which left it open
             for name, wrong in unit_second_rig.check(tested, config, inputs):
                 yield _line(name, "interface", wrong)
-    yield _line("ends without failing", "interface", tested.end_wrong)
+    yield _line("ends without an error", "interface", tested.end_wrong)
     with running(unit) as tested:
-        yield _line("from new twice, the same bytes", "interface", _same(first, answers(tested, config, inputs)))
+        yield _line("two new sessions give the same bytes", "interface", _same(first, answers(tested, config, inputs)))
     with running(unit) as tested:
         name = "answers NaN, infinities, denormals, all invalid, every monitor value"
         yield _line(name, "interface", _hostile(tested, config))
@@ -156,14 +156,14 @@ def _line(name: str, part: str, wrong: str) -> Requirement:
 
 
 def _same(one: NDArray[Any], other: NDArray[Any]) -> str:
-    """Return where the bodies of two runs differ, in bytes."""
+    """Return the first difference between the bodies of two runs, in bytes."""
     names = ("frame", "said", *ANSWERS)
     for name in names:
         a, b = (run[name].tobytes() for run in (one, other))
         if a != b:
             size = len(a) // len(one)
             k = next(i for i in range(len(one)) if a[i * size : (i + 1) * size] != b[i * size : (i + 1) * size])
-            return f"frame {k}: {name} is not the same"
+            return f"frame {k}: {name} differs"
     return ""
 
 
@@ -173,7 +173,7 @@ def _allowed(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) 
         if not ask(tested, asked, k):
             return f"frame {k}: no answer"
         if not is_allowed(tested.port.back):
-            return f"frame {k}: a group is missing, or a state, level or pattern is none"
+            return f"frame {k}: a group is missing, or a state, level or pattern is invalid"
     tested.end()
     return ""
 
@@ -181,7 +181,7 @@ def _allowed(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) 
 def _after(
     tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any], frame: int, act: Callable[[], object]
 ) -> NDArray[Any]:
-    """Return the answers of a session in which something happens before a frame: they must be those without it."""
+    """Return the answers of a session with a disturbance before a frame; they must equal those without it."""
     tested.begin(config.copy())
     answered = np.zeros(len(inputs), OUTPUT)
     for k, asked in enumerate(inputs):
@@ -194,7 +194,7 @@ def _after(
 
 
 def _times(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> Requirement:
-    """Return how long an exchange takes here: told, not required."""
+    """Return the time of an exchange on this machine, which is reported and not required."""
     tested.begin(config.copy())
     took = []
     for k in range(1000):
@@ -206,7 +206,7 @@ def _times(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) ->
 
 
 def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
-    """Numbers that no sensor says: the unit must go on, and stay within its enums."""
+    """Return the test with numbers that no sensor transmits: the unit must continue, and stay within its enums."""
     draw = np.random.default_rng(0)
     numbers = np.array([np.nan, np.inf, -np.inf, 5e-324, -5e-324, 1.7e308, -1.7e308, 0.0, -0.0, 1.0])
     tested.begin(config.copy())
@@ -221,7 +221,7 @@ def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
         if not ask(tested, asked, k):
             return f"frame {k}: no answer"
         if not is_allowed(tested.port.back):
-            return f"frame {k}: a state, level or pattern is none"
+            return f"frame {k}: a state, level or pattern is invalid"
     tested.end()
     return ""
 
@@ -230,14 +230,14 @@ def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
 
 
 def _told(tested: UnitUnderTest, cases: list[Case]) -> list[Case]:
-    """Return the cases with settings that its version of the records has fields for."""
+    """Return the cases whose settings have fields in the unit's version of the records."""
     tested.begin(cases[0].config.copy())  # from here on it is known
     tested.end()
     return [case for case in cases if not asked_since(tested.interface, case.config)]
 
 
 def _counted(answered: Iterable[tuple[Case, NDArray[Any]]]) -> list[Requirement]:
-    """Return one line a requirement of cases with their answers, (n,) OUTPUT."""
+    """Return one line per requirement of cases with their answers, (n,) OUTPUT."""
     counts: dict[str, tuple[int, int, str]] = {}
     for case, answer in answered:
         wrong = next(differences(case, answer), "")
@@ -250,7 +250,7 @@ def _counted(answered: Iterable[tuple[Case, NDArray[Any]]]) -> list[Requirement]
 
 
 def _bits(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
-    """Every byte against our own manager."""
+    """Compare every byte with the built-in manager."""
     frames = 0
     for case in cases:
         ours, answer = our_answers(case.config, case.inputs), answers(tested, case.config, case.inputs)
@@ -261,8 +261,8 @@ def _bits(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
             differ = [k for k in range(len(ours)) if ours[name][k].tobytes() != answer[name][k].tobytes()]
             if differ:
                 detail = f"{case.requirement}, frame {differ[0]}: {name}"
-                return [Requirement("every byte as our own manager", "bits", False, detail)]
-    return [Requirement("every byte as our own manager", "bits", True, f"{frames} frames")]
+                return [Requirement("every byte equals the built-in manager", "bits", False, detail)]
+    return [Requirement("every byte equals the built-in manager", "bits", True, f"{frames} frames")]
 
 
 def _output(rows: NDArray[Any], outputs: NDArray[Any] | None = None) -> NDArray[Any]:
@@ -278,7 +278,7 @@ def _output(rows: NDArray[Any], outputs: NDArray[Any] | None = None) -> NDArray[
 
 
 def long_cases(frames: int) -> list[Case]:
-    """Return the long sessions with our own manager's answers."""
+    """Return the long sessions with the built-in manager's answers."""
     cases = []
     for number, title in enumerate(TITLES):
         config, inputs = inputs_of(number, frames)
@@ -290,7 +290,7 @@ def long_cases(frames: int) -> list[Case]:
 def our_answers(
     config_record: NDArray[Any], inputs: NDArray[Any], manager: str | None = None, trust: Trust | None = None
 ) -> NDArray[Any]:
-    """Return the answers to INPUT (n,) with CONFIG (1,): (n,) rows of the frame, of our manager or of a class."""
+    """Return the answers to INPUT (n,) with CONFIG (1,): (n,) rows of the frame, of the built-in manager or a class."""
     rows = new_block(len(inputs))
     for name in (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")):
         rows[name] = inputs[name]

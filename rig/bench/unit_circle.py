@@ -1,6 +1,6 @@
-"""A session for the conformance test of a unit: healthy channels of the angles go through the end of their circle.
+"""A session for the conformance test of a unit: healthy channels of the angles cross the end of their circle.
 
-The commonest mistake of a first voter: it takes 359 and 1 degree for 358 degrees apart, and loses heading at north.
+A frequent mistake of a first voter: it computes 358 degrees between 359 and 1 degree, and loses heading at north.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _BESIDE_RAD: Final = 0.5  # a vote may lag behind its channels by a filter
 
 
 def session(like: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return CONFIG (1,), ``like`` this one but for the angles, and INPUT (FRAMES,): they turn, all else is at rest."""
+    """Return CONFIG (1,), ``like`` this one except for the angles, and INPUT (FRAMES,): only the angles move."""
     config = like.copy()
     for i, signal in enumerate(SIGNALS):
         if signal.wraps:
@@ -52,7 +52,7 @@ def _turning(config: NDArray[Any]) -> NDArray[Any]:
 
 
 def wrong(config: NDArray[Any], asked: NDArray[Any], answered: NDArray[Any]) -> str:
-    """Return the first healthy channel that is failed, or vote that is not beside the channels; "" if none.
+    """Return the first isolated healthy channel, or the first vote apart from its channels; "" if none.
 
     answered : (FRAMES,) OUTPUT, of which ``said`` names the groups that the unit has filled
     """
@@ -70,7 +70,7 @@ def wrong(config: NDArray[Any], asked: NDArray[Any], answered: NDArray[Any]) -> 
         k = int(np.argmax(failed | astray))
         turn = "and its circle ends there: differences go the short way round"
         if failed[k]:
-            return f"frame {k}: a channel of {name} is failed where all agree, {turn}"
+            return f"frame {k}: a channel of {name} is isolated although all agree, {turn}"
         if astray[k]:
             return f"frame {k}: the vote of {name} is {apart[k]:.3g} rad from its channels, {turn}"
     return ""

@@ -1,8 +1,8 @@
-"""Long sessions for the conformance test of a unit: what needs thousands of frames to go wrong.
+"""Long sessions for the conformance test of a unit: faults that need thousands of frames.
 
-Counters of eight and sixteen bits, memories that are cleared, a fade or weights that are forgotten, a second reference
-that is ignored after a while.  The inputs are drawn from seeds with every setting away from its default; the answers
-are our own manager's, which tests compare with the independent reading over the same inputs.
+Examples are counters of eight and sixteen bits, cleared memories, a lost fade or lost weights, a second reference
+that is ignored after a while.  The inputs are drawn from seeds, with no setting at its default.  The answers are those
+of the built-in manager; tests compare them with the independent implementation on the same inputs.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[
 
 
 def _config(draw: Generator, number: int) -> NDArray[Any]:
-    """Return settings, none at its default; counts beyond eight bits but in the first session."""
+    """Return settings, none at its default; counts beyond eight bits except in the first session."""
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
     config["rate_hz"], config["role"] = RATE_HZ, Role.REDUNDANCY
     boxes = ((0, 1), (3, 12), (MORE_THAN_HALF, 20), (0, 1), (MORE_THAN_HALF, 9))
@@ -122,7 +122,7 @@ def _last(slow_faults: NDArray[Any], signal: NDArray[Any], draw: Generator) -> N
 
 
 def _rule(rules: NDArray[Any], signal: NDArray[Any], draw: Generator, one_box: bool) -> None:
-    """Turn on what signals have in common, and other rules of splits and counts, each on many signals."""
+    """Turn on the rules that signals share, and other rules of splits and counts, each on many signals."""
     rules["box"] = 1 if one_box else draw.integers(0, 4, S)
     telling = 1 << np.arange(S // 2)
     rules["tells"][: S // 2] = np.where(draw.random(S // 2) < 0.7, telling, 0)
@@ -177,7 +177,7 @@ def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any
 def _give_slow_faults(
     draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any], slow_faults: NDArray[Any]
 ) -> None:
-    """Have the samples of one signal dither, differ by biases, drift apart for a while, and stick."""
+    """Make the samples of one signal dither, differ by biases, drift apart for a while, and stick."""
     frames, channels = len(inputs), inputs["channels"][:, i]
     each, numbers = (CHANNELS,), np.arange(frames)[:, None]
     biases = draw.choice([0.0, 0.125, 0.25, -0.375], CHANNELS)
@@ -191,7 +191,7 @@ def _give_slow_faults(
 
 
 def _give_patience(inputs: NDArray[Any], row: NDArray[Any], frames: int) -> None:
-    """Have the last signal at rest: a channel fails, agrees for longer than ``frames``, and is then readmitted."""
+    """Keep the last signal at rest: a channel fails, agrees for longer than ``frames``, and is then readmitted."""
     last, back = S - 1, 100 + 2 * int(row["persistence"])
     inputs["channels"][:, last], inputs["valid"][:, last], inputs["reset"][:, last] = 0.0, 1, 0
     inputs["channels"][100:back, last, 0] = 4.0 * float(row["threshold"])

@@ -1,4 +1,4 @@
-"""The conformance test of a box at an address: it serves one rig, and is free once that has gone."""
+"""The conformance test of a box at an address: it serves one rig, and is free after the end of its session."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SESSION: Final = 12345  # of the second rig; flights draw theirs from 63 bits
 
 
 def check(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> Iterator[tuple[str, str]]:
-    """Yield each requirement with what is wrong, an empty text for nothing; none for a unit that the rig has started.
+    """Yield each requirement with its fault, "" if none; yield nothing for a unit that the rig has started.
 
     config : (1,) CONFIG; inputs : (n,) INPUT of its first frames
     """
@@ -33,12 +33,12 @@ def check(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> 
     other = link.another()
     try:
         tested.begin(config.copy())
-        yield "another rig is refused as busy, and changes nothing", _busy(tested, other, inputs)
+        yield "it refuses another rig as busy, without any change", _busy(tested, other, inputs)
         tested.end()
-        yield "the end of a session leaves it to another rig", _free(tested, other)
+        yield "the end of a session frees it for another rig", _free(tested, other)
         tested.begin(config.copy())
         sleep(SILENCE_S + _MARGIN_S)
-        yield "so does a silence of 3 s", _free(tested, other)
+        yield "a silence of 3 s frees it for another rig", _free(tested, other)
     finally:
         other.close()
 
@@ -53,14 +53,14 @@ def _busy(tested: UnitUnderTest, other: SocketLink, inputs: NDArray[Any]) -> str
         end_session(other, _SESSION)
         return "HELLO of another rig was answered READY, must be REFUSED"
     if not answer.text.startswith("busy with session "):
-        return f"REFUSED says {answer.text!r}, must begin with 'busy with session'"
+        return f"REFUSED has the text {answer.text!r}, must begin with 'busy with session'"
     return "" if ask(tested, inputs[1], 1) else "no answer to frame 1, after HELLO of another rig"
 
 
 def _free(tested: UnitUnderTest, other: SocketLink) -> str:
     answer = _greet(tested, other)
     if answer is None or answer.kind != Kind.READY:
-        return "no answer to HELLO of another rig" if answer is None else f"it says {answer.text!r}"
+        return "no answer to HELLO of another rig" if answer is None else f"it refuses: {answer.text!r}"
     end_session(other, _SESSION)
     return ""
 

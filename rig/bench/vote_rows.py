@@ -1,8 +1,8 @@
 """The flight's manager and voter of discretes over the rows of a recording.
 
-Signals with the same manager go through it together, as in flight, so that rules which look across signals (a box that
-dies) hold here too.  A log of a flight can be voted by the settings of its own scenario (``of_flight``): then the
-decisions are those of the flight, to the bit.
+Signals with the same manager are voted together, as in flight, so that rules across signals (an LRU failure) apply
+here too.  A log of a flight can be voted with the settings of its scenario (``of_flight``): the decisions are then
+those of the flight, to the bit.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _OF_DISCRETES: Final = ("voted", "level")
 
 @dataclass(frozen=True, slots=True)
 class Voted:
-    """The manager's answers for one signal; every array (n,), ``state`` one for each channel."""
+    """The manager's output for one signal; every array (n,), ``state`` one for each channel."""
 
     settings: RecordedSignal
     voted: Floats
@@ -65,7 +65,7 @@ class Voted:
 
 @dataclass(frozen=True, slots=True)
 class VotedDiscrete:
-    """The voter's answers for one discrete; every array (n,), ``state`` one for each channel."""
+    """The voter's output for one discrete; every array (n,), ``state`` one for each channel."""
 
     settings: RecordedDiscrete
     voted: Bytes  # 0 or 1
@@ -105,10 +105,10 @@ def vote(
     rules: VoteRules = _NO_RULES,
     baselines: Baselines = _BY_DEFAULT,
 ) -> dict[str, Voted]:
-    """Vote the signals that have settings; BadInput: a manager class that ``trust`` does not permit.
+    """Vote the signals that have settings.  BadInput: a manager class that ``trust`` does not permit.
 
     triads : by name, signals that are the axes of one unit: "selection" chooses one channel for all three
-    rules : for all signals; its boxes are of signals that have settings
+    rules : for all signals; its boxes have signals with settings
     baselines : settings of the baseline managers among the managers
     """
     for chosen in settings.values():
@@ -158,7 +158,7 @@ def discrete_params(recording: Recording, settings: Mapping[str, RecordedDiscret
 
 
 def of_flight(recording: Recording, scenario: Scenario) -> Result:
-    """Vote a log of a flight by its own scenario: the decisions of the flight.  BadInput: the user's manager."""
+    """Vote a log of a flight by its scenario, with the decisions of the flight.  BadInput: the user's manager."""
     stage = loop.redundancy(scenario)
     signals, discretes = settings_of(scenario)
     resets = _at_rows(scenario, recording)
@@ -191,7 +191,7 @@ def settings_of(scenario: Scenario) -> tuple[dict[str, RecordedSignal], dict[str
 
 
 def _at_rows(scenario: Scenario, recording: Recording) -> list[Reset]:
-    """Return the scenario's commands at the times of the rows in which the flight gave them."""
+    """Return the scenario's commands at the times of their rows in the flight."""
     frames = recording.rows - 1
     given: list[Reset] = []
     for reset in scenario.redundancy.resets:
@@ -205,7 +205,7 @@ def _at_rows(scenario: Scenario, recording: Recording) -> list[Reset]:
 def _groups(
     settings: Mapping[str, RecordedSignal], triads: Mapping[str, Sequence[str]]
 ) -> list[tuple[tuple[str, ...], bool]]:
-    """Return who votes together, and whether they are the axes of a unit.
+    """Return the groups of signals that are voted together, and whether they are the axes of a unit.
 
     All signals of a manager, the axes of a unit; a user's manager votes each alone.
     """
@@ -260,7 +260,7 @@ def _vote_group(
 
 
 def put_votes(block: Block, i: int, of: Voted, part: slice) -> None:
-    """Write what the manager made of ``part`` as signal i of the block."""
+    """Write the manager's output for ``part``, signal i of the block."""
     for c, column in enumerate(of.state):
         block["state"][:, i, c] = column[part]
     for field_name in FIELDS:
@@ -278,7 +278,7 @@ def _decide(kind: Rows, block: Block, group: _Group) -> None:
 
 
 def by_class(own: OwnManager, block: Block, nested: NDArray[Any]) -> Decide:
-    """Return a user's manager as what decides the rows of ``block``."""
+    """Return a user's manager as the decider of the rows of ``block``."""
     bus, fcc = nested["bus"], nested["fcc"]
     return lambda _, k: own.step(block, bus, fcc, k)
 
@@ -292,9 +292,9 @@ def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out
 
 @kernel
 def spreads(rows, i, p, out):
-    """Largest less smallest sample of the channels in use of signal i, each as seen from the vote.
+    """Return the spread of the channels in use of signal i: largest minus smallest sample, relative to the vote.
 
-    A sample that is not valid or out of range is not in use; NaN when none is.
+    A sample that is not valid or out of range is not in use; NaN if none is.
     p : one config.PARAMS record; out : (rows,)
     """
     for k in range(len(rows)):

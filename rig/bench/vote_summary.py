@@ -1,4 +1,4 @@
-"""What a vote came to, as one JSON object."""
+"""Summary of a vote, as one JSON object."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SPLITS = [int(pattern) for pattern in Pattern if pattern.is_split]
 
 
 def summary(recording: Recording, voted: Result, alignment: Alignment | None = None) -> dict[str, Any]:
-    """Per signal and channel; rows are counted from 1 as in the input."""
+    """Return the summary per signal and channel; rows are counted from 1 as in the input."""
     data = {
         "rows": len(recording.time_s),
         "first_row": recording.row(0),
@@ -102,7 +102,7 @@ def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:
 
 
 def _slow_faults(data: dict[str, Any]) -> list[str]:
-    """Return a line for each channel of a summary that was suspect in many rows and never failed."""
+    """Return a line for each channel of a summary that was suspect in many rows and never isolated."""
     suspects = (
         Suspect(name, channel["channel"], channel["suspect_rows"], data["rows"], bool(channel["failed"]))
         for name, group in {**data["signals"], **data["discretes"]}.items()
@@ -112,7 +112,7 @@ def _slow_faults(data: dict[str, Any]) -> list[str]:
 
 
 def _undecided(data: dict[str, Any]) -> list[str]:
-    """Return a line for each signal of a summary in which no rule answered in many rows, and when it was given up."""
+    """Return a line for each signal with many rows of an unresolved split, and the time of giving up."""
     lines: list[str] = []
     for name, signal in data["signals"].items():
         rows = signal["unresolved_rows"]
@@ -120,5 +120,5 @@ def _undecided(data: dict[str, Any]) -> list[str]:
         given_up = [failure["time_s"] for failure in failures if failure["why"] == DecidedBy.GIVEN_UP.name.lower()]
         if is_many(rows, data["rows"]):
             end = "".join(f", given up at {of_rows(at_s, data['time_s'][0])}" for at_s in dict.fromkeys(given_up))
-            lines.append(f"{name}: no majority, and no rule answered, {share_text(rows, data['rows'])}{end or _NEVER}")
+            lines.append(f"{name}: split that no rule resolved, {share_text(rows, data['rows'])}{end or _NEVER}")
     return lines

@@ -1,6 +1,6 @@
 """OUTPUT of ``rig vote``: one table, in the units of CONFIG, or an MCAP file as a flight's log, in SI units.
 
-Written beside and renamed: OUTPUT is there only when it is whole.
+A draft is renamed to OUTPUT, which therefore exists only if it is complete.
 """
 
 from __future__ import annotations
@@ -39,20 +39,20 @@ Column = tuple[NDArray[Any], tuple[str, ...]]  # of a table: (n,) values; if the
 
 @contextmanager
 def output(path: Path, inputs: Iterable[Path | str | None] = ()) -> Iterator[Path]:
-    """Yield a file beside ``path`` to write to, which becomes ``path`` at the end, or nothing when that is not reached.
+    """Yield a draft beside ``path``, which becomes ``path`` at the end of a successful block.
 
-    BadInput before anything is done: an unknown ending, a folder that is not there or not writable, an input.
-    RigError when it cannot be renamed.
+    BadInput before any work: an unknown ending, a folder that is missing or not writable, an input.
+    RigError: it cannot be renamed.
     """
     if path.suffix not in ENDINGS:
-        raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}")
+        raise BadInput(f"{path}: must end in one of {', '.join(ENDINGS)}")
     require_apart({"--out": path}, inputs)
     with replaced(path) as part:
         yield part
 
 
 def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
-    """Write ``voted`` to ``part``, the draft of ``path``, as its ending says. RigError: the disk."""
+    """Write ``voted`` to ``part``, the draft of ``path``, in the format of its ending. RigError: the disk."""
     try:
         if path.suffix == ".mcap":
             _mcap(part, recording, voted)
@@ -64,7 +64,7 @@ def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
 
 
 def write_units_beside(path: Path, voted: Result) -> None:
-    """Write the units of OUTPUT beside it, if it is a table that has no place for them."""
+    """Write the units of OUTPUT beside it, if its format has no place for them."""
     if path.suffix in TABLES:
         write_units(path, units(voted))
 
@@ -99,7 +99,7 @@ def _frame(columns: dict[str, Column]) -> pl.DataFrame:
 
 
 def _arrow(columns: dict[str, Column]) -> pa.Table:
-    """Return the table as polars gives it to Arrow, without a copy of its columns."""
+    """Return the table for Arrow, without a copy of its columns."""
     schema = _frame({name: (values[:0], names) for name, (values, names) in columns.items()}).to_arrow().schema
     arrays = [
         pa.DictionaryArray.from_arrays(pa.array(values), pa.array(names, pa.large_string()), ordered=True)
@@ -131,12 +131,12 @@ def _columns(recording: Recording, voted: Result) -> dict[str, Column]:
 
 def _mcap(path: Path, recording: Recording, voted: Result) -> None:
     if recording.time_s[0] < 0:
-        raise BadInput(f"time begins at {recording.time_s[0]:g} s: an MCAP file has no time before 0")
+        raise BadInput(f"time begins at {recording.time_s[0]:g} s, but an MCAP file has no time before 0")
     times = np.rint(recording.time_s * 1e9).astype(np.uint64)
     same = np.flatnonzero(times[1:] == times[:-1])
     if len(same):
         rows = f"rows {recording.row(same[0])} and {recording.row(same[0] + 1)}"
-        raise BadInput(f"{rows}: the same nanosecond, the unit of time in an MCAP file")
+        raise BadInput(f"{rows} have the same nanosecond, the unit of time in an MCAP file")
     signals = {name: _fields(recording, name, signal) for name, signal in voted.signals.items()}
     discretes = {name: _discrete_fields(recording, name, discrete) for name, discrete in voted.discretes.items()}
     topics = {
@@ -148,7 +148,7 @@ def _mcap(path: Path, recording: Recording, voted: Result) -> None:
 
 
 def _fields(recording: Recording, name: str, signal: Voted) -> dict[str, Any]:
-    """Fields of the frame, for the log; what only a flight has is left out."""
+    """Yield fields of the frame for the log, without those that only a flight has."""
     samples = recording.signals[name]
     fields: dict[str, Any] = {
         "channels": samples.channels,
@@ -164,7 +164,7 @@ def _fields(recording: Recording, name: str, signal: Voted) -> dict[str, Any]:
 
 
 def _discrete_fields(recording: Recording, name: str, discrete: VotedDiscrete) -> dict[str, Any]:
-    """Fields of the frame, for the log; an empty sample is an invalid 0."""
+    """Yield fields of the frame for the log; an empty sample is an invalid 0."""
     samples = recording.discretes[name]
     usable = [np.isfinite(column) for column in samples.channels]
     if samples.valid:

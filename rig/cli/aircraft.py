@@ -1,4 +1,4 @@
-"""``rig aircraft``: look at aircraft, make one of your own, design its control law, check it."""
+"""``rig aircraft``: list, show, make, check and design aircraft."""
 
 from __future__ import annotations
 
@@ -29,20 +29,25 @@ if TYPE_CHECKING:
 
 GAINS: Final = "gains.toml"
 REFERENCES: Final = "references.toml"
-aircraft_app = Typer(help="Look at aircraft, make your own, design their control laws.", **GROUP)
+aircraft_app = Typer(help="List, show and make aircraft, check them, and design their control laws.", **GROUP)
 
 Home = Annotated[
     str,
-    arg("NAME|DIR", "A bundled aircraft or the path of a folder.", autocompletion=complete.aircraft, show_default=True),
+    arg(
+        "NAME|DIR",
+        "Name of a bundled aircraft, or path of an aircraft's folder.",
+        autocompletion=complete.aircraft,
+        show_default=True,
+    ),
 ]
 
 
 @aircraft_app.command("list")
 def aircraft_list(
-    folders: Annotated[list[Path] | None, arg("DIR...", "Folders of your own to list too.")] = None,
+    folders: Annotated[list[Path] | None, arg("DIR...", "Additional aircraft folders to list.")] = None,
     as_json: Json = False,
 ) -> None:
-    """List the bundled aircraft, those in the present folder, and their flight points."""
+    """List the bundled aircraft and those in the current folder, with their flight points."""
     from rig.cli import show_aircraft as show
     from rig.scenario.aircraft import names, own_names
 
@@ -54,7 +59,7 @@ def aircraft_list(
 
 @aircraft_app.command("show")
 def aircraft_show(name: Home, as_json: Json = False) -> None:
-    """Print everything that is known of an aircraft."""
+    """Print all settings of an aircraft, as TOML."""
     import tomli_w
 
     from rig.core.settings import refuse_what_is_no_setting
@@ -69,31 +74,33 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
 class NewOptions:
     """The options of ``rig aircraft new``."""
 
-    name: Annotated[str, arg("NAME", "Its name, and that of its folder.", show_default=True)]
-    base: Annotated[str, opt("MODEL", "An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)]
-    out: Annotated[Path, opt("DIR", "Where its folder is made.")] = Path()
+    name: Annotated[str, arg("NAME", "Name of the new aircraft and of its folder.", show_default=True)]
+    base: Annotated[str, opt("MODEL", "Aircraft model of the installed JSBSim, e.g. c172x.", show_default=False)]
+    out: Annotated[Path, opt("DIR", "Folder in which the new folder is made.")] = Path()
     point: Annotated[
-        list[str] | None, opt("ALTITUDE_M:MACH", "A flight point; repeatable. Else two that trim are proposed.")
+        list[str] | None,
+        opt("ALTITUDE_M:MACH", "Flight point. Repeatable. If not given, --points of them that trim are proposed."),
     ] = None
-    points: Annotated[int, opt("N", "How many flight points to propose.", min=1, max=3)] = 2
-    lag_s: Annotated[float | None, opt("S", "Lag of the actuators.", min=0.0001, max=1.0, show_default=False)] = None
+    points: Annotated[int, opt("N", "Number of flight points to propose.", min=1, max=3)] = 2
+    lag_s: Annotated[float | None, opt("S", "Lag of the actuators, s.", min=0.0001, max=1.0, show_default=False)] = None
     rate_limit_rad_s: Annotated[
-        float | None, opt("RAD_S", "Their rate limit.", min=0.01, max=20.0, show_default=False)
+        float | None, opt("RAD_S", "Rate limit of the actuators, rad/s.", min=0.01, max=20.0, show_default=False)
     ] = None
     sensor_class: Annotated[
-        str | None, opt("CLASS", "Sensor class, e.g. 'tactical-grade MEMS': docs/sensors.md.", show_default=False)
+        str | None, opt("CLASS", "Sensor class, e.g. 'tactical-grade MEMS'.", show_default=False)
     ] = None
-    channels: Annotated[int, opt("N", "Channels of every signal.", min=2, max=4)] = 4
-    design: Annotated[bool, Option(help="Design it too, some minutes; else: rig aircraft check.")] = True
+    channels: Annotated[int, opt("N", "Channels of each signal.", min=2, max=4)] = 4
+    design: Annotated[bool, Option(help="Design the control law too, which takes some minutes.")] = True
     as_json: Json = False
 
 
 @aircraft_app.command("new")
 @takes_options
 def aircraft_new(options: NewOptions) -> None:
-    """Make an aircraft of your own from one of JSBSim's: surfaces, limits and engines found, flight points proposed.
+    """Make an aircraft from a JSBSim model: read its surfaces, limits and engines, and propose flight points.
 
-    What the model does not tell (actuators, sensors) is asked for on a terminal, else assumed; the file says which.
+    On a terminal the command asks for the figures that the model lacks (actuators, sensors). In a pipe it assumes them.
+    The file marks each assumed figure.
     """
     from rig.cli import show_aircraft as show
     from rig.design.new_aircraft import target, write
@@ -109,7 +116,7 @@ def aircraft_new(options: NewOptions) -> None:
         from rig.design.first_design import designed
 
         with _removed_unless_done(folder):
-            with working("gains, margins and references", not quiet, steps=True):
+            with working("gains, gain and phase margins, references", not quiet, steps=True):
                 made, gains, measured = designed(made, folder)
             if made.left_out and not quiet:
                 show.changed(made)
@@ -119,7 +126,7 @@ def aircraft_new(options: NewOptions) -> None:
 
 
 def _proposed(options: NewOptions) -> NewAircraft:
-    """Propose an aircraft; what the options leave open is asked for on a terminal, else assumed."""
+    """Propose an aircraft; ask for missing figures on a terminal, assume them in a pipe."""
     from rig.design.new_aircraft import Answers, propose
 
     points = [_point(text) for text in options.point or ()]
@@ -133,7 +140,7 @@ def _proposed(options: NewOptions) -> NewAircraft:
 
 @contextmanager
 def _removed_unless_done(folder: Path) -> Iterator[None]:
-    """Remove a new folder when what is done within fails or is interrupted."""
+    """Remove a new folder when the block fails or is interrupted."""
     try:
         yield
     except BaseException:
@@ -151,7 +158,7 @@ def _point(text: str) -> tuple[float, float]:
 
 
 def _ask(answers: Answers, kind: str) -> Answers:
-    """Ask on a terminal for what the model does not tell; Enter takes the assumed figure."""
+    """Ask on a terminal for the figures that the model lacks; Enter takes the assumed figure."""
     from dataclasses import replace
 
     from rig.design.assumed_figures import FIGURES
@@ -160,12 +167,12 @@ def _ask(answers: Answers, kind: str) -> Answers:
     echo(f"Enter takes the assumed figure of a {kind} aircraft: {figures.actuator_source}")
     lag_s, rate, sensors = answers.lag_s, answers.rate_limit_rad_s, answers.sensor_class
     if lag_s is None:
-        lag_s = _prompt("lag of the surfaces' actuators, s", figures.lag_s)
+        lag_s = _prompt("lag of the actuators, s", figures.lag_s)
     if rate is None:
-        rate_deg_s = _prompt("their rate limit, deg/s", round(degrees(figures.rate_limit_rad_s)))
+        rate_deg_s = _prompt("rate limit of the actuators, deg/s", round(degrees(figures.rate_limit_rad_s)))
         rate = None if rate_deg_s is None else radians(rate_deg_s)
     if sensors is None:
-        entered = typer.prompt("data-sheet class of the sensors (docs/sensors.md)", default="defaults")
+        entered = typer.prompt("sensor class, as in a data sheet", default="defaults")
         sensors = None if entered == "defaults" else entered
     return replace(answers, lag_s=lag_s, rate_limit_rad_s=rate, sensor_class=sensors)
 
@@ -180,11 +187,14 @@ def _prompt(text: str, assumed: float) -> float | None:
 def aircraft_check(
     name: Home,
     accept: Annotated[
-        bool, flag("--accept", "Write the best gains found, even below the requirement, and references.")
+        bool, flag("--accept", "Write the best gains found, even if they miss a requirement, and the references.")
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Check what the model reads, trim and margins at each flight point; writes nothing without --accept."""
+    """Check the model's properties, trim, and gain and phase margins at each flight point.
+
+    The command writes nothing without --accept. Exit code 1: a check failed.
+    """
     from rig.cli import show_aircraft as show
     from rig.design.aircraft_check import check
     from rig.scenario.aircraft import folder
@@ -211,12 +221,12 @@ def aircraft_check(
 @aircraft_app.command("design")
 def aircraft_design(
     name: Home,
-    out: Annotated[Path | None, opt("FILE", "Where to write the gains.", show_default="<aircraft>/gains.toml")] = None,
+    out: Annotated[Path | None, opt("FILE", "File for the gains.", show_default="<aircraft>/gains.toml")] = None,
     as_json: Json = False,
 ) -> None:
-    """Design the control law at every flight point, then fly it to measure the references.
+    """Design the control law at each flight point, then measure the errors of the references in flight.
 
-    Writes gains.toml with the margins, and beside it references.toml with the measured errors.
+    Writes gains.toml with the gain and phase margins, and beside it references.toml with the measured errors.
     """
     from rig.design.design_gains import design
     from rig.scenario.aircraft import folder
@@ -225,13 +235,13 @@ def aircraft_design(
     if out is not None and not is_folder(out.parent):
         raise BadInput(f"--out {out}: no such folder")
     _require_apart(name, out)
-    with working("gains and margins", not as_json, steps=True):
+    with working("gains, gain and phase margins", not as_json, steps=True):
         gains = design(airframe.read(folder(name) / "aircraft.toml"), accept=False)
     emit(as_json, _measured(name, gains, out, quiet=as_json), lambda: None)
 
 
 def _require_apart(name: str, out: Path | None) -> None:
-    """Raise BadInput where gains or references would replace what the aircraft is made from, or one another."""
+    """Raise BadInput if gains or references would replace a file of the aircraft, or one another."""
     from rig.scenario.aircraft import folder
 
     home = folder(name)
@@ -246,7 +256,7 @@ def _measured(name: str, gains: Gains, out: Path | None = None, *, quiet: bool) 
     from rig.design import design_references as references
     from rig.scenario.aircraft import folder
 
-    with working("references, over 72 healthy flights a flight point", not quiet, steps=True):
+    with working("references, from over 72 healthy flights per flight point", not quiet, steps=True):
         measured = references.design(name, gains)
     return _written(gains, measured, out or folder(name) / GAINS, quiet=quiet)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from rig.cli.common import Json, Seed, Workers, arg, begun, emit, flag, named, opt, takes_options
+from rig.cli.common import Json, Seed, Workers, arg, emit, flag, named, opt, resumes, takes_options
 from rig.cli.printing import line, table
 from rig.cli.working import working
 from rig.core.column import Column, columns
@@ -23,21 +23,28 @@ _MANAGERS: Final = "cross-channel,cusum,glr,parity,innovation,selection,median"
 class BenchmarkOptions:
     """The options of ``rig benchmark``."""
 
-    campaign: Annotated[str | None, arg("FILE|NAME", "A campaign of faults: file or bundled name.")] = None
-    healthy: Annotated[Path | None, opt("HEALTHY", "Healthy flights: a flown campaign with its logs.")] = None
-    out: Annotated[Path | None, begun("Folder of the benchmark")] = None
-    managers: Annotated[str, opt("NAME,NAME...", "Who takes part; ours always does.")] = _MANAGERS
-    budget: Annotated[float, opt("RATE", "False isolations an hour and signal.")] = 0.01
-    second: Annotated[Path | None, opt("HEALTHY", "Other healthy flights, to test the budget on.")] = None
-    trials: Annotated[int, opt("N", "Trials of each combination.", min=1, max=10**6)] = 500
-    flights: Annotated[int, opt("N", "Flights in closed loop, of the same draws.", min=0)] = 0
-    plot: Annotated[Path | None, opt("FILE", "The pictures as a page: .html.")] = None
-    recordings: Annotated[list[Path] | None, opt("INPUT", "In place of all that: healthy recordings, a half each.")] = (
+    campaign: Annotated[str | None, arg("FILE|NAME", "Campaign of faults: file or bundled name.")] = None
+    healthy: Annotated[
+        Path | None, opt("HEALTHY", "Healthy flights for the calibration: a flown campaign with its logs.")
+    ] = None
+    out: Annotated[Path | None, resumes("benchmark")] = None
+    managers: Annotated[str, opt("NAME,NAME...", "Managers to compare. The built-in one is always included.")] = (
+        _MANAGERS
+    )
+    budget: Annotated[float, opt("RATE", "False isolations per hour and signal, equal for all managers.")] = 0.01
+    second: Annotated[Path | None, opt("HEALTHY", "Second set of healthy flights, on which the rates are tested.")] = (
         None
     )
-    config: Annotated[Path | None, opt("CONFIG", "Their settings, as for rig vote.")] = None
-    align: Annotated[bool, flag("--align", "Take constant delays and offsets off their channels.")] = False
-    repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats.")] = False
+    trials: Annotated[int, opt("N", "Trials of each combination of fault and size.", min=1, max=10**6)] = 500
+    flights: Annotated[int, opt("N", "Closed-loop flights of the same draws.", min=0)] = 0
+    plot: Annotated[Path | None, opt("FILE", "Page with the pictures, .html.")] = None
+    recordings: Annotated[
+        list[Path] | None,
+        opt("INPUT", "Healthy recordings instead of campaigns: one half calibrates, the other half tests, both ways."),
+    ] = None
+    config: Annotated[Path | None, opt("CONFIG", "Settings of the recordings, as for rig vote.")] = None
+    align: Annotated[bool, flag("--align", "Remove the constant delays and offsets of the recorded channels.")] = False
+    repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats or steps back.")] = False
     seed: Seed = 0
     workers: Workers = 2
     as_json: Json = False
@@ -45,16 +52,18 @@ class BenchmarkOptions:
 
 @takes_options
 def benchmark(options: BenchmarkOptions) -> None:
-    """Calibrate managers to one budget of false isolations, and give all of them the same faults."""
+    """Compare redundancy managers at one false-isolation rate and with the same faults."""
     given = {"CAMPAIGN": options.campaign, "--healthy": options.healthy, "--out": options.out}
     if options.recordings:
         refused = {**given, "--second": options.second, "--plot": options.plot}
         for name in (name for name, value in refused.items() if value is not None):
-            raise BadInput(f"--recordings: a benchmark of recordings has no {name}")
+            raise BadInput(f"{name}: not with --recordings")
         _recordings(options.recordings, options)
         return
     for name in (name for name, value in given.items() if value is None):
-        raise BadInput(f"rig benchmark: {name} is needed, or --recordings with --config")
+        raise BadInput(
+            f"{name}: missing; a benchmark needs CAMPAIGN, --healthy and --out, or --recordings with --config"
+        )
     assert options.campaign is not None and options.healthy is not None and options.out is not None
     _flights(options.campaign, options.healthy, options.out, options)
 
@@ -82,7 +91,7 @@ def _flights(campaign: str, healthy: Path, out: Path, options: BenchmarkOptions)
 def _recordings(inputs: list[Path], options: BenchmarkOptions) -> None:
     """Run a benchmark of recordings and print it."""
     if options.config is None:
-        raise BadInput("--recordings: needs --config, the settings of rig vote")
+        raise BadInput("--recordings: needs --config FILE, the settings as for rig vote")
     from rig.log.recordings.alignment import AlignOptions
     from rig.studies.benchmark.entrants import entrants
     from rig.studies.benchmark.on_recordings import benchmark as of_recordings
@@ -99,15 +108,15 @@ def _recordings(inputs: list[Path], options: BenchmarkOptions) -> None:
 
 
 def _show_recordings(result: dict[str, Any]) -> None:
-    """Print false isolations, and the table of all kinds and of each, by signal."""
+    """Print the false isolations, and the table of all kinds together and of each kind, by signal."""
     from rig.studies.benchmark.entrants import OURS
     from rig.studies.benchmark.outcome_table import DIFFERENCES, OUTCOMES
 
-    line(f"{result['hours']:.3g} h; each half calibrates to no false isolation, and is tested by the other")
+    line(f"{result['hours']:.3g} h of data; each half calibrates to no false isolation, the other half tests")
     false = Counter[str]()
     for row in result["levels"]:
         false[row["entrant"]] += row["false"]
-    table(false.items(), (Column("manager", 0), Column("false isolations in the tested halves", 1)))
+    table(false.items(), (Column("manager", 0), Column("false isolations in the test halves", 1)))
     for (signal,), rows in _grouped(result["table"], "signal"):
         _show_kinds(signal, rows, OUTCOMES[:7], ending="")
     line()
@@ -120,27 +129,27 @@ def _show(result: dict[str, Any]) -> None:
     from rig.studies.benchmark.healthy_flights import SECOND
     from rig.studies.benchmark.outcome_table import LOSSES, OUTCOMES
 
-    line(f"calibrated to {result['budget_per_h']:g} false isolations an hour and signal, on {result['hours']:.3g} h")
+    line(f"calibrated to {result['budget_per_h']:g} false isolations per hour and signal, on {result['hours']:.3g} h")
     table(result["levels"], LEVELS)
     for note in (note for row in result["levels"] for note in row["notes"]):
         line(f"  {note}")
-    line("\nbursts that make somebody be failed, by their frames and thresholds")
+    line("\nisolations caused by transients; each column: duration in frames x size in thresholds")
     _show_transients(result["transients"])
     if result["second"]:
-        line(f"\na second campaign of {result['second'][0]['hours']:.3g} h")
+        line(f"\nsecond campaign, {result['second'][0]['hours']:.3g} h of flight")
         table(result["second"], SECOND)
     for (signal, state), rows in _grouped(result["table"], "signal", "reference"):
         _show_kinds(f"{signal}, reference {state}", rows, OUTCOMES, "" if state == "as flown" else "all")
     for (signal,), rows in _grouped(result["flights"], "signal"):
         _show_kinds(f"{signal}, flown in closed loop", rows, LOSSES, "all")
     costs = ", ".join(f"{name} {microseconds:.2g}" for name, microseconds in result["microseconds"].items())
-    line(f"\nmicroseconds a signal and frame, here: {costs}\n")
+    line(f"\nmicroseconds per signal and frame on this machine: {costs}\n")
     for sentence in result["verdict"]:
         line(sentence)
 
 
 def _grouped(rows: Iterable[Row], *keys: str) -> list[tuple[tuple[str, ...], list[Row]]]:
-    """Return the rows by the values of ``keys``, in the order in which these come."""
+    """Return the rows grouped by the values of ``keys``, in their order of appearance."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -151,7 +160,7 @@ def _show_kinds(
     title: str, rows: list[Row], columns: Sequence[Column], only: str = "",
     ending: str = "; sizes and vote error in thresholds",
 ) -> None:  # fmt: skip
-    """Print one table for each kind, or for ``only`` one of them; "all" is of all kinds together."""
+    """Print one table for each kind, or for the kind ``only``; "all": all kinds together."""
     for (kind,), of_kind in _grouped(rows, "kind"):
         if only in ("", kind):
             line(f"\n{title}, {'all kinds' if kind == 'all' else kind}{ending}")

@@ -1,4 +1,4 @@
-"""``rig campaign``: fly many flights of one plan, and report them."""
+"""``rig campaign``: plan, fly, report and compare campaigns of many flights."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from rig.cli.common import (
     Sets,
     UnitFile,
     arg,
-    begun,
     emit,
     opt,
     require_ended,
+    resumes,
 )
 from rig.cli.fly import show_flight
 from rig.core.outputs import require_apart, require_page
 
-app = Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
+app = Typer(help="Plan, fly, report and compare campaigns of many flights.", **GROUP)
 
 File = Annotated[
-    str, arg("FILE|NAME", "A campaign file or the name of a bundled one.", autocompletion=complete.campaigns)
+    str, arg("FILE|NAME", "Campaign file, or name of a bundled campaign.", autocompletion=complete.campaigns)
 ]
-Dir = Annotated[Path, arg("DIR", "A campaign's output folder.")]
-Runs = Annotated[int | None, opt("N", "The first N runs only.", show_default="all")]
+Dir = Annotated[Path, arg("DIR", "Output folder of a campaign.")]
+Runs = Annotated[int | None, opt("N", "Number of runs, from the first.", show_default="all")]
 
 
 @app.command()
 def plan(
     file: File, sets: Sets = None, runs: Runs = None, allow_code: AllowCodeOrSet = False, as_json: Json = False
 ) -> None:
-    """List the runs before flying them, with an estimate of time and disk."""
+    """List the runs of a campaign and estimate their time and disk space; fly nothing."""
     from rig.studies.campaign.estimate import estimate
     from rig.studies.campaign.plan import read_plan
 
@@ -56,19 +56,21 @@ def plan(
 @app.command()
 def run(
     file: File,
-    out: Annotated[Path, begun("Output folder")],
-    workers: Annotated[int | None, opt("N", "Processes.", min=1, max=1024, show_default="the file's")] = None,
+    out: Annotated[Path, resumes("campaign")],
+    workers: Annotated[
+        int | None, opt("N", "Number of processes.", min=1, max=1024, show_default="as in the file")
+    ] = None,
     runs: Runs = None,
     scheduler: Scheduler = None,
     logs: Annotated[
-        str | None, opt("WHICH", "Logs to keep: all, failures, none, sample:N.", show_default="the file's")
+        str | None, opt("WHICH", "Logs to keep: all, failures, none or sample:N.", show_default="as in the file")
     ] = None,
     sets: Sets = None,
     unit: UnitFile = None,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
-    """Fly the runs of a campaign that are not done yet: begin it, or go on."""
+    """Fly the runs of a campaign that are not done yet, and write one table of results."""
     from rig.studies.campaign.pool import get_ready
 
     if scheduler is None:
@@ -87,7 +89,7 @@ def run(
 
 @app.command()
 def status(folder: Dir, as_json: Json = False) -> None:
-    """Print how far a campaign is, who votes, and the results of its runs."""
+    """Print how many runs of a campaign are done, which manager votes, and the outcomes."""
     from rig.studies.campaign.folder import not_flown, open_folder
 
     held = open_folder(folder)
@@ -98,13 +100,16 @@ def status(folder: Dir, as_json: Json = False) -> None:
 @app.command()
 def fly(
     folder: Dir,
-    run: Annotated[int, opt("N", "The run's number in the table, from 0.", min=0)],
+    run: Annotated[int, opt("N", "Number of the run in the table, from 0.", min=0)],
     out: Logs = Path("logs"),
     unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
-    """Fly one run of a campaign again, with its full log, and compare its digest with the table's."""
+    """Fly one run of a campaign again, write its full log, and compare its digest with the table.
+
+    Exit code 1: the digests differ.
+    """
     from rig.studies.campaign.folder import open_folder
     from rig.studies.campaign.run_campaign import again
     from rig.unit.unit_file import read_unit
@@ -112,7 +117,7 @@ def fly(
     flight, digest = again(open_folder(folder, allow_code), run, out, unit and read_unit(unit))
     same = None if digest is None else digest == flight.digest
     data = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": flight.conclusion}
-    notes = {None: "not in the table yet", True: "the same digest as in the table", False: "NOT the table's digest"}
+    notes = {None: "not in the table yet", True: "same digest as in the table", False: "digest DIFFERS from the table"}
     emit(as_json, data, lambda: show_flight(flight, f"{run}: {notes[same]}"))
     if same is False:
         raise Exit(1)
@@ -121,10 +126,10 @@ def fly(
 @app.command()
 def report(
     folder: Dir,
-    out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="DIR/report.html")] = None,
+    out: Annotated[Path | None, opt("FILE", "Page to write, .html.", show_default="DIR/report.html")] = None,
     as_json: Json = False,
 ) -> None:
-    """Write the report: one HTML file that opens offline; with --json its figures."""
+    """Write the report of a campaign as one HTML page that opens offline; --json prints its figures."""
     from rig.studies.campaign.campaign_page import report as write
     from rig.studies.campaign.folder import open_folder
 
@@ -137,13 +142,13 @@ def report(
 
 @app.command()
 def schema() -> None:
-    """Print the JSON schema of campaign files, for editors."""
+    """Print the JSON schema of campaign files, for an editor."""
     echo(of_file("campaign"))
 
 
 @app.command()
 def compare(first: Dir, second: Dir, as_json: Json = False) -> None:
-    """Compare two campaigns on the same seeds, run by run: exact paired tests (McNemar)."""
+    """Compare two campaigns of the same seeds run by run, with exact paired tests (McNemar)."""
     from rig.studies.campaign.campaign_summary import compare as pair
     from rig.studies.campaign.folder import open_folder
 

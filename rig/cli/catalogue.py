@@ -1,4 +1,4 @@
-"""``rig scenario``, ``rig faults``, ``rig signals``: what there is to fly, and what its files may hold."""
+"""``rig scenario``, ``rig faults``, ``rig signals``: scenarios, kinds of faults and signals, and the files' schemas."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from typer import Argument, Typer, echo
+from typer import Typer, echo
 
 from rig.cli import complete
-from rig.cli.common import GROUP, Json, ScenarioName, Sets, emit, flag
+from rig.cli.common import GROUP, Json, ScenarioName, Sets, arg, emit, flag
 from rig.cli.printing import line, table
 from rig.core.column import Column, columns
 from rig.core.text import plain
@@ -18,14 +18,14 @@ from rig.core.text import plain
 if TYPE_CHECKING:
     from rig.world.faults.fault_catalogue import Entry, Parameter
 
-scenario_app = Typer(help="Look at scenario files.", **GROUP)
-faults_app = Typer(help="Look at the kinds of faults.", **GROUP)
+scenario_app = Typer(help="List, show and check scenarios.", **GROUP)
+faults_app = Typer(help="List and show the kinds of faults.", **GROUP)
 _CHOSEN_BY: Final = "kind"  # entries of a list that are complete in themselves: faults, manoeuvres
 
 
 @scenario_app.command("show")
 def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Json = False) -> None:
-    """Print a scenario with every default written out, as TOML that can be flown."""
+    """Print a scenario with all defaults, as TOML that rig fly reads."""
     from rig.scenario.scenario import load
 
     loaded = load(scenario, sets or ())
@@ -34,7 +34,7 @@ def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Jso
 
 @scenario_app.command("list")
 def scenario_list(as_json: Json = False) -> None:
-    """List the bundled scenarios: name, aircraft, title."""
+    """List the bundled scenarios with name, aircraft and title."""
     from rig.core.settings import read_toml
     from rig.scenario.scenario import find, names
 
@@ -50,13 +50,13 @@ def scenario_list(as_json: Json = False) -> None:
 
 @scenario_app.command("schema")
 def scenario_schema() -> None:
-    """Print the JSON schema of scenario files, for editors."""
+    """Print the JSON schema of scenario files, for an editor."""
     echo(of_file("scenario"))
 
 
 @scenario_app.command("check")
 def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
-    """Check a scenario without flying it."""
+    """Check a scenario without flying it, and print notes on settings without effect."""
     from rig.scenario.scenario import find, load
     from rig.scenario.scenario_notes import notes
     from rig.verdict.requirements.measure import recorder_of
@@ -67,16 +67,19 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     requirements = load_requirements(loaded.requirements or ())
     recorder_of(loaded, requirements, iter(()))  # refuses what the flight does not have
     manager = loaded.redundancy.manager
-    code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
-    counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
-    echo(plain(f"{find(scenario)}: good, {counts}{code}"))
+    code = (
+        f"; the manager is the class {manager}: not imported here, rig fly needs --allow-code" if ":" in manager else ""
+    )
+    faults = len(loaded.faults)
+    counts = f"{loaded.frames} frames of {loaded.aircraft}, {faults} {'fault' if faults == 1 else 'faults'}"
+    echo(plain(f"{find(scenario)}: valid, {counts}{code}"))
     for note in (*notes(loaded), *requirement_notes(requirements, loaded)):
         line(f"note: {note}", style="yellow")
 
 
 @faults_app.command("list")
 def list_kinds(as_json: Json = False) -> None:
-    """List every kind of fault: what it does and why, where it can sit, its own keys."""
+    """List the kinds of faults with effect, cause, place and keys."""
     from rig.world.faults.fault_catalogue import common, entries
 
     kinds = entries()
@@ -87,26 +90,30 @@ def list_kinds(as_json: Json = False) -> None:
 def _kinds(entries: list[Entry]) -> None:
     shown = (
         Column("kind"),
-        Column("what and why", lambda entry: entry.what.splitlines()[0]),
+        Column("effect and cause", lambda entry: entry.what.splitlines()[0]),
         Column("on", lambda entry: ", ".join(entry.sites), worth=7),
         Column(
-            "keys of its own",
+            "additional keys",
             lambda entry: ", ".join(p.name for p in entry.parameters if p.name not in ("signal", "channels")),
             worth=8,
         ),
     )
     table(entries, shown)
-    line("rig faults show KIND has the keys with their units and an example")
+    line("rig faults show KIND prints the keys with their units, and an example")
 
 
 @faults_app.command("show")
 def show_kind(
-    kind: Annotated[str, Argument(metavar="KIND", show_default=False, autocompletion=complete.kinds)],
+    kind: Annotated[str, arg("KIND", "Kind of fault, as in rig faults list.", autocompletion=complete.kinds)],
     as_json: Json = False,
 ) -> None:
-    """Show one kind: cause, keys with units, an example as TOML and the scenario that flies it."""
+    """Print one kind of fault: cause, keys with units, an example in TOML and the scenario that flies it."""
+    from rig.core.errors import BadInput
+    from rig.core.renamed import VALUES, now_called
     from rig.world.faults.fault_catalogue import common, entry
 
+    if new := VALUES["kind"].get(kind):
+        raise BadInput(now_called(kind, new))
     shown, shared = entry(kind), common()
     emit(as_json, {**shown.as_dict(), "common": list(map(asdict, shared))}, lambda: _kind(shown, shared))
 
@@ -115,7 +122,7 @@ def _kind(entry: Entry, shared: list[Parameter]) -> None:
     line((entry.kind, "bold"), f"  on: {', '.join(entry.sites)}")
     for text in entry.what.splitlines():
         line(text)
-    _parameters("its keys", entry.parameters)
+    _parameters("keys of this kind", entry.parameters)
     _parameters("keys of every kind", shared)
     echo(f"\nexample, flown by  rig fly {entry.scenario}\n")
     echo(entry.example, nl=False)
@@ -137,10 +144,10 @@ def _default(parameter: Parameter) -> str:
 
 
 def signals(
-    markdown: Annotated[bool, flag("--markdown", "As the table in docs/signals.md.")] = False,
+    markdown: Annotated[bool, flag("--markdown", "Print the table in Markdown.")] = False,
     as_json: Json = False,
 ) -> None:
-    """List every signal and discrete with symbol, unit, range and redundancy."""
+    """List the signals and discretes with symbol, unit, range and number of channels."""
     from rig.core.frame import DISCRETES, SIGNALS
 
     data = {"signals": list(map(asdict, SIGNALS)), "discretes": list(map(asdict, DISCRETES))}
@@ -154,7 +161,7 @@ SIGNAL_COLUMNS: Final = columns(
 
 
 def signal_rows() -> list[tuple[str, ...]]:
-    """Return the table of the frame, a row a signal, discretes last."""
+    """Return the table of the frame: one row per signal, discretes last."""
     from rig.core.frame import DISCRETES, SIGNALS
 
     rows = []
@@ -174,8 +181,8 @@ def _markdown() -> None:
 def of_file(kind: Literal["scenario", "campaign", "unit"]) -> str:
     """Return the JSON schema of the files of a kind, for editors: names, types, ranges, choices.
 
-    An aircraft gives what a scenario leaves out, so nothing is required there; the models check the rest when a file
-    is read.
+    A scenario may leave out any key, because the aircraft supplies it: the schema requires none.  The models check
+    the rest when a file is read.
     """
     schema = {"scenario": _scenario, "campaign": _campaign, "unit": _unit}[kind]()
     return json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=1)
@@ -192,7 +199,7 @@ def _scenario() -> dict[str, Any]:
 
 
 def _campaign() -> dict[str, Any]:
-    """Return the schema of what is written: a base's name; what varies may be a list, or tables for a dotted key."""
+    """Return the schema of a file: the base is a name; a key of ``vary`` holds a list, or tables for a dotted key."""
     from rig.studies.campaign.campaign_file import Campaign
 
     schema = Campaign.model_json_schema()

@@ -26,13 +26,18 @@ _FAILED = (
 
 
 def check(
-    suite: Annotated[Path, arg("SUITE", "A suite file or a bundled name.")],
+    suite: Annotated[Path, arg("SUITE", "Suite file, or name of a bundled suite.")],
     unit: UnitFile = None,
-    junit: Annotated[Path | None, opt("FILE.xml", "Write the results as JUnit XML.", show_default=False)] = None,
-    update: Annotated[bool, flag("--update", "Keep the decisions as the reference; print what moved.")] = False,
+    junit: Annotated[Path | None, opt("FILE.xml", "File for the results, JUnit XML.", show_default=False)] = None,
+    update: Annotated[
+        bool, flag("--update", "Keep the decisions as the new reference, and print what changed.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Check a suite: exit code 0 when every requirement is met and every decision as before, 1 when not."""
+    """Check the scenarios, logs and campaigns of a suite against requirements and reference decisions.
+
+    Exit code 0: all requirements are met and no decision changed. Exit code 1: a test failed.
+    """
     from rig.studies.campaign.suite import read_suite
     from rig.studies.campaign.suite_check import check as check_suite
     from rig.studies.campaign.suite_check import write_junit
@@ -54,7 +59,7 @@ def check(
 
 
 def _updated(suite: Suite, results: list[CaseResult]) -> dict[str, list[str]]:
-    """Write the reference decisions; return what moved, by case."""
+    """Write the reference decisions; return the changed ones, by case."""
     from rig.studies.campaign.suite_check import difference
 
     before = suite.decisions() or {}
@@ -86,8 +91,8 @@ def _show(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]], 
             line(f"  {name}: {text}")
         rest(len(lines), MOST_LINES, "  and {} more")
     if update:
-        field("kept", f"{suite.decisions_file}: {len(moved)} of {len(results)} cases moved")
+        field("kept", f"{suite.decisions_file}: {len(moved)} of {len(results)} cases changed")
     counts = Counter(test.result for test in tests)
     seconds = sum(each.seconds for each in results)
     field("cases", f"{len(results)} in {seconds:.1f} s: {', '.join(f'{n} {result}' for result, n in counts.items())}")
-    field("result", ("not met", "red") if wrong else ("met", "green"), f": {len(wrong)} of {len(tests)} tests failed")
+    field("result", ("FAIL", "red") if wrong else ("PASS", "green"), f": {len(tests)} tests, {len(wrong)} failed")

@@ -1,4 +1,4 @@
-"""What the commands share: their options, what the shell completes, lists with commas, JSON or text."""
+"""Options and output that several commands share: lists with commas, JSON or text."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def flag(name: str, text: str) -> Any:
 
 
 def named(kind: Callable[..., Made], options: Any, **more: Any) -> Made:
-    """Return a data class with the values of the options of its names; ``more``: the others."""
+    """Return a data class, each field from the option of the same name; ``more``: the other fields."""
     names = {field.name for field in fields(kind)} - more.keys()  # pyright: ignore[reportArgumentType]  # a data class
     return kind(**{name: getattr(options, name) for name in names if hasattr(options, name)}, **more)
 
@@ -59,19 +59,19 @@ AllowCodeOrSet = Annotated[
     bool,
     flag(
         "--allow-code",
-        "Allow Python code that a file names as its manager (module:name); what --set names is always allowed.",
+        "Allow Python code that a file names as its manager (module:name). Code that --set names is always allowed.",
     ),
 ]
-LogFile = Annotated[Path, arg("LOG", "The log of a flight.")]
+LogFile = Annotated[Path, arg("LOG", "Log of a flight.")]
 Json = Annotated[bool, flag("--json", "Print one JSON object and nothing else.")]
-UnitFile = Annotated[Path | None, opt("FILE", "A unit file: the flight software under test.", "--unit")]
-Logs = Annotated[Path, opt("DIR", "Folder of the log.")]
+UnitFile = Annotated[Path | None, opt("FILE", "Unit file of the flight software under test.", "--unit")]
+Logs = Annotated[Path, opt("DIR", "Folder for the log.")]
 
 ScenarioName = Annotated[
     str | None,
     arg(
         "FILE|NAME",
-        "A scenario file or the name of a bundled one.",
+        "Scenario file, or name of a bundled scenario.",
         show_default="f16_pitch_rate_hardover",
         autocompletion=complete.scenarios,
     ),
@@ -79,45 +79,50 @@ ScenarioName = Annotated[
 Sets = Annotated[
     list[str] | None,
     opt(
-        "KEY=VALUE", "Override a key, e.g. redundancy.manager=mean; repeatable.", "--set", autocompletion=complete.sets
+        "KEY=VALUE",
+        "Override of a key, e.g. redundancy.manager=mean. Repeatable.",
+        "--set",
+        autocompletion=complete.sets,
     ),
 ]
 Seed = Annotated[int, opt("N", "Seed of all random draws.", min=0, max=2**63 - 1)]
-Workers = Annotated[int, opt("N", "Processes.", min=1, max=1024)]
-Scheduler = Annotated[str | None, opt("URL", "A Dask scheduler, tcp://HOST:PORT, in place of processes.")]
+Workers = Annotated[int, opt("N", "Number of processes.", min=1, max=1024)]
+Scheduler = Annotated[str | None, opt("URL", "Dask scheduler, tcp://HOST:PORT, instead of local processes.")]
 
 
-def begun(what: str) -> Any:
-    """Declare ``--out`` of a study: a folder that is gone on with."""
-    return opt("DIR", f"{what}; a begun one is continued.")
+def resumes(study: str) -> Any:
+    """Declare ``--out`` of a study: its folder, in which the study resumes."""
+    return opt("DIR", f"Output folder. An unfinished {study} resumes here.")
 
 
 @dataclass(frozen=True)
 class Align:
-    """The options --align of the commands that read recordings."""
+    """The alignment options of the commands that read recordings."""
 
-    align: Annotated[bool, flag("--align", "Take constant delays and offsets off the channels.")] = False
-    align_from: Annotated[float | None, opt("S", "Begin of the stretch to find them in.", show_default="first row")] = (
-        None
+    align: Annotated[bool, flag("--align", "Remove the constant delays and offsets of the channels.")] = False
+    align_from: Annotated[
+        float | None, opt("S", "Start of the segment used for alignment, s.", show_default="first row")
+    ] = None
+    align_to: Annotated[float | None, opt("S", "End of that segment, s.", show_default="6 s after its start")] = None
+    align_matrix: Annotated[bool, flag("--align-matrix", "Also correct the misalignment of the triads of CONFIG.")] = (
+        False
     )
-    align_to: Annotated[float | None, opt("S", "Its end.", show_default="6 s after its begin")] = None
-    align_matrix: Annotated[bool, flag("--align-matrix", "Take misalignments off the triads of CONFIG too.")] = False
 
     def options(self) -> AlignOptions | None:
-        """Return how to align, None without --align; BadInput where the others are given without it."""
+        """Return how to align, None without --align.  BadInput: another alignment option without --align."""
         from rig.log.recordings.alignment import AlignOptions
 
         stretch = (self.align_from, self.align_to, self.align_matrix)
         if not self.align and stretch != (None, None, False):
-            raise BadInput("--align-from, --align-to and --align-matrix need --align")
+            raise BadInput("--align-from, --align-to, --align-matrix: need --align")
         for option, value in (("--align-from", self.align_from), ("--align-to", self.align_to)):
             if value is not None and not isfinite(value):
-                raise BadInput(f"{option}: input should be a finite number, got {value}")
+                raise BadInput(f"{option}: must be a finite number, got {value}")
         return AlignOptions(*stretch) if self.align else None
 
 
 def takes_options(command: Callable[[Any], None]) -> Callable[..., None]:
-    """Return a command of many options, which it takes as one dataclass, with the parameters that typer reads.
+    """Return a command that takes its many options as one dataclass, with the parameters that typer reads.
 
     Each field is one parameter.  A field that is a dataclass itself is a group of options that several commands have:
     its fields are the parameters.
@@ -148,7 +153,7 @@ def _filled(kind: Any, values: dict[str, Any]) -> Any:
 
 
 def emit(as_json: bool, data: Any, text: Callable[[], object]) -> None:
-    """Print ``data``, or what it returns, as one JSON object; or call ``text``, which prints for people."""
+    """Print ``data``, or the value that it returns, as one JSON object; or call ``text``, which prints for people."""
     if as_json:
         echo(json.dumps(data() if callable(data) else data, allow_nan=False))
     else:
@@ -156,12 +161,12 @@ def emit(as_json: bool, data: Any, text: Callable[[], object]) -> None:
 
 
 def unflown(count: int, first_reason: str | None) -> str:
-    """Return how many runs could not be flown, and why the first could not."""
+    """Return how many runs were not flown, and the reason of the first."""
     return f"{count} {'run' if count == 1 else 'runs'} could not be flown; {first_reason}"
 
 
 def require_ended(ended: Ending, done: str, again: str = FLIES_AGAIN) -> None:
-    """Exit with a line unless all runs are flown.  done : how far a call that was stopped came"""
+    """Exit with a line unless all runs are flown.  done : the runs that are done"""
     if ended.interrupted:
         echo(f"stopped: {done}; {GOES_ON}", err=True)
         raise Exit(CODE + ended.signal)
@@ -173,18 +178,18 @@ def require_ended(ended: Ending, done: str, again: str = FLIES_AGAIN) -> None:
 def comma_list(
     option: str, text: str, allowed: str, read: Callable[[str], Number], accept: Callable[[Number], bool]
 ) -> list[Number]:
-    """Return the numbers, or names, between the commas of ``text``; BadInput says what is ``allowed``."""
+    """Return the numbers, or names, between the commas of ``text``.  BadInput: a value that is not ``allowed``."""
     try:
         numbers = [read(part.strip()) for part in text.split(",")]
     except ValueError:
         numbers = []
     if not numbers or not all(accept(number) for number in numbers):
-        raise BadInput(f"{option}: {allowed} with commas between, got {text or 'nothing'}")
+        raise BadInput(f"{option}: must be {allowed}, separated by commas, got {text or 'nothing'}")
     return numbers
 
 
 def names(option: str, text: str) -> list[str]:
-    """Return the names between the commas of ``text``, one at least, each once, in order."""
+    """Return the names between the commas of ``text``: at least one, each once, in order."""
     return list(dict.fromkeys(comma_list(option, text, "names", str, bool)))
 
 

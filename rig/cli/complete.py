@@ -1,4 +1,4 @@
-"""What the shell completes: names of what is bundled, kinds of faults, tabs, and keys of ``--set``."""
+"""Completion by the shell: bundled names, kinds of faults, tabs, and keys of ``--set``."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ tabs = _completion("rig.show.viewer.blueprint", lambda module: module.TABS)
 
 
 def sets(incomplete: str) -> list[str]:
-    """Return keys of ``--set`` that are changed the most, and the values of those that have names."""
+    """Return the keys of ``--set`` that are changed most often, and the values of those that have named values."""
     from rig.computer.redundancy.managers import MANAGERS
     from rig.scenario.aircraft import names
 

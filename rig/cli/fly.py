@@ -49,26 +49,32 @@ class FlyOptions:
 
     scenario: ScenarioName = None
     sets: Sets = None
-    seed: Annotated[int | None, opt("N", "Seed of all random draws.", min=0, show_default=False)] = None
+    seed: Annotated[int | None, opt("N", "Seed of all random draws.", min=0, show_default="as in the scenario")] = None
     out: Logs = Path("logs")
     rerun: Annotated[
-        str, opt("WHERE", "Show it in Rerun: off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
+        str, opt("WHERE", "Output to Rerun: off, save, serve, spawn or rerun+http://127.0.0.1:PORT/proxy.")
     ] = "off"
     wait: Annotated[
         bool,
-        flag("--wait/--no-wait", "With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."),
+        flag(
+            "--wait/--no-wait",
+            "With --rerun serve: start the flight when a viewer is connected. The server runs until Ctrl-C.",
+        ),
     ] = True
     realtime_factor: Annotated[
-        float | None, opt("X", "Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False)
+        float | None,
+        opt("X", "Speed against the wall clock, 1: real time.", min=0.001, show_default="as fast as possible"),
     ] = None
     realtime: Annotated[
-        bool, flag("--realtime", "Real time, and ask the system for a scheduling class, memory, a core.")
+        bool,
+        flag(
+            "--realtime",
+            "Run in real time, with real-time scheduling, locked memory and one core if the system grants them.",
+        ),
     ] = False
-    watch: Annotated[bool, flag("--watch", "Show the redundancy page while it flies.")] = False
+    watch: Annotated[bool, flag("--watch", "Show the redundancy page in the terminal during the flight.")] = False
     unit: UnitFile = None
-    lane: Annotated[str | None, opt("A|B|C|D", "Of several computers, the one that --unit is.", show_default=False)] = (
-        None
-    )
+    lane: Annotated[str | None, opt("A|B|C|D", "Lane that the unit under test replaces.", show_default=False)] = None
     requirements: Requirements = None
     strict: Strict = False
     allow_code: AllowCodeOrSet = False
@@ -77,17 +83,17 @@ class FlyOptions:
 
 @takes_options
 def fly(options: FlyOptions) -> None:
-    """Fly one scenario, log every frame, print what happened."""
+    """Fly one scenario, log each frame, and print the outcome."""
     from rig.show.terminal.live import watching
     from rig.unit.running_unit import running
     from rig.verdict.conclusion import next_commands
     from rig.verdict.requirements.along import MeasuredConclusion, plain, violated
 
     if options.watch and options.as_json:
-        raise BadInput("--watch: not with --json, which prints one object and nothing else")
+        raise BadInput("--watch: not with --json")
 
     class Told(MeasuredConclusion):
-        """The same, which says before a long flight what it takes."""
+        """The same, with a line before a long flight on its disk space and time."""
 
         def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
             super().begin(scenario, unit_lane)
@@ -118,7 +124,7 @@ def fly(options: FlyOptions) -> None:
 
 
 def long_flight(scenario: Scenario) -> str:
-    """Return what a long flight takes on the disk and in time, roughly; "" for a short one."""
+    """Return roughly the disk space and time of a long flight; "" for a short one."""
     frames = scenario.frames
     if frames < LONG:
         return ""
@@ -156,27 +162,27 @@ def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -
 
 
 class Watching:
-    """Print where a stream can be watched; a served one waits for a viewer, and stays open until Ctrl-C."""
+    """Print the address of a stream; a served one waits for a viewer, and stays open until Ctrl-C."""
 
     def __init__(self, wait: bool = True) -> None:
         self._wait = wait
 
     def opened(self, stream: Stream, stop: Stop) -> None:
-        """Print the address to open, and wait until a viewer is connected; Ctrl-C gives the flight up."""
+        """Print the address to open, and wait until a viewer is connected; Ctrl-C cancels the flight."""
         if not stream.browser:
             return
-        waiting = "; the flight begins when a viewer is connected (--no-wait: at once)" if self._wait else ""
+        waiting = "; the flight starts when a viewer is connected (--no-wait: at once)" if self._wait else ""
         echo(f"watch at {stream.browser}{waiting}", err=True)
         tell("waiting for a viewer")
         while self._wait and not stop.requested and not stream.watched:
             time.sleep(LOOK_S)
 
     def flown(self, stream: Stream, stop: Stop) -> None:
-        """Hold the server until Ctrl-C, which may have come in flight."""
+        """Keep the server open until Ctrl-C, which may have come in flight."""
         if not stream.browser or stop.requested:
             return
         stream.drain()
-        echo("flight over, still serving; Ctrl-C ends", err=True)
+        echo("the flight is over, the server still runs; Ctrl-C ends it", err=True)
         tell("serving")
         while not stop.requested:
             time.sleep(LOOK_S)
@@ -311,11 +317,11 @@ def _peaks(flight: Flight) -> str:
 def cost(
     scenario: ScenarioName = None,
     sets: Sets = None,
-    repeats: Annotated[int, opt("N", "Flights; the medians count.", min=1)] = 7,
+    repeats: Annotated[int, opt("N", "Pairs of flights, with and without the rig; the medians count.", min=1)] = 7,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
-    """Measure a frame, logging included, as a ratio to bare JSBSim in the same process."""
+    """Measure the time of a frame with logging, and print its ratio to bare JSBSim in the same process."""
     from rig.flight.cost import bench as measure
     from rig.scenario.scenario import load
 
@@ -325,8 +331,8 @@ def cost(
 
 
 def _costs(result: Bench) -> None:
-    table(result.stages_us.items(), (Column("stage", 0), Column("us a frame", 1, ".2f")))
+    table(result.stages_us.items(), (Column("stage", 0), Column("us per frame", 1, ".2f")))
     field("whole frame, log included", f"{result.frame_us:.2f} us", width=27)
     field("bare JSBSim run()", f"{result.bare_us:.2f} us", width=27)
     field("ratio", f"{result.ratio:.2f}  (median of {result.repeats} pairs)", width=27)
-    field("log", f"{result.log_bytes_per_frame:.0f} bytes a frame", width=27)
+    field("log", f"{result.log_bytes_per_frame:.0f} bytes per frame", width=27)

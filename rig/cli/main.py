@@ -1,12 +1,12 @@
 """The command ``rig``: its groups and commands, errors as one line.
 
-Exit code 0 when the work was done (a lost aircraft is a result), 2 for bad input, 1 for a failure of ours.
+Exit code 0: the work is done (a lost aircraft is a result).  Exit code 2: bad input.  Exit code 1: a failure of the rig
+or the machine, or a check that did not pass.
 """
 
 from __future__ import annotations
 
 import logging
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -31,16 +31,17 @@ from rig.cli.score import report, score
 from rig.cli.search import search
 from rig.cli.studies import study
 from rig.cli.unit import unit_app
+from rig.cli.usage import refusal
 from rig.cli.view import view, watch
 from rig.core.errors import BadInput, RigError
 from rig.core.interrupt import end_cleanly
-from rig.core.renamed import COMMANDS, OPTIONS, now_called
-from rig.core.text import shorten
 
-EXAMPLE: Final = "Example: rig fly f16_split_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
+EXAMPLE: Final = (
+    "Example: rig fly f16_split_2_2_level, then rig score LOG and rig view LOG. All scenarios: rig scenario list."
+)
 VERBOSE: Final = ("--verbose", "-v")
-MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
-FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"
+FLY, LOOK, SCORE = "Fly", "View and report", "Score and replay"
+RECORDED, MANY, REFERENCE = "Recorded data", "Many flights", "Reference"
 _GROUPS: Final = (
     ("scenario", scenario_app, FLY),
     ("aircraft", aircraft_app, FLY),
@@ -55,16 +56,17 @@ _COMMANDS: Final = {
     LOOK: (view, report, watch, info),
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
-    REFERENCE: (signals, cost),
     MANY: (check, search, benchmark),
+    REFERENCE: (signals, cost),
 }
-_UNKNOWN_COMMAND: Final = re.compile("No such command '([^']*)'")
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
 for _parameter in (TyperArgument, TyperOption):  # help shows the names that we give to values, no types of Python
     setattr(_parameter, "display_type_rich", lambda self, ctx: self.metavar if isinstance(self, TyperOption) else None)  # noqa: B010
 
-app = typer.Typer(help="Fly redundant flight control against injected faults.", epilog=EXAMPLE, **GROUP)
+app = typer.Typer(
+    help="Test redundant flight control: fly it in simulation, against injected faults.", epilog=EXAMPLE, **GROUP
+)
 for name, group, panel in _GROUPS:
     app.add_typer(group, name=name, rich_help_panel=panel)
 for panel, commands in _COMMANDS.items():
@@ -80,15 +82,11 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _common(
-    verbose: Annotated[
-        bool, typer.Option(*VERBOSE, help="Show JSBSim's and our log messages; before or after the command.")
-    ] = False,
-    _: Annotated[
-        bool, typer.Option("--version", help="Print the version and end.", callback=_version, is_eager=True)
-    ] = False,
+    verbose: Annotated[bool, typer.Option(*VERBOSE, help="Show the log messages of JSBSim and of the rig.")] = False,
+    _: Annotated[bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)] = False,
 ) -> None:
     logging.basicConfig(level=logging.DEBUG if verbose else logging.ERROR, format="%(name)s: %(message)s")
-    if not verbose:  # what matters in JSBSim's messages becomes our one line
+    if not verbose:  # the rig prints the one line that matters of JSBSim's messages
         logging.getLogger("rig.jsbsim").setLevel(logging.CRITICAL + 1)
     for noisy in ("numba", "asyncio", "matplotlib"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
@@ -143,26 +141,11 @@ def _command() -> int:
         if type(error).__name__ == "NoArgsIsHelpError":  # a group without a command: its help
             error.show()
             return error.exit_code
-        path = error.ctx.command_path if error.ctx else "rig"
-        if renamed := _renamed(error):
-            raise BadInput(renamed) from None
-        message = shorten(error.format_message().rstrip("."), MOST_OF_A_WORD)
-        raise BadInput(f"{message}; see: {path} --help") from None
-
-
-def _renamed(error: Any) -> str:
-    """Return what a command or an option of before is called now; "" of what is none."""
-    unknown, context = _UNKNOWN_COMMAND.match(error.format_message()), error.ctx
-    group = f"rig {context.info_name}" if context and context.parent else "rig"
-    command, option = f"{group} {unknown[1]}" if unknown else "", getattr(error, "option_name", "")
-    for old, names in ((command, COMMANDS), (option, OPTIONS)):
-        if old in names:
-            return now_called(old, names[old])
-    return ""
+        raise BadInput(refusal(error)) from None
 
 
 def _verbose_first(arguments: list[str]) -> list[str]:
-    """Return the arguments with --verbose before the command, where it is an option, wherever it was given."""
+    """Return the arguments with --verbose before the command, where click expects it."""
     end = arguments.index("--") if "--" in arguments else len(arguments)
     given = [word for word in arguments[:end] if word in VERBOSE]
     return [*given, *(word for word in arguments[:end] if word not in VERBOSE), *arguments[end:]]

@@ -1,4 +1,4 @@
-"""How every command prints for people: one printer of tables, lines with a label, numbers with an interval."""
+"""Printing for people: tables, lines with a label, numbers with an interval."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _PADDING: Final = 2  # characters between two columns
 def table(
     rows: Iterable[Any], columns: Sequence[Column], most: int | None = None, style: Callable[[Any], str] | None = None
 ) -> None:
-    """Print ``rows`` under the titles of ``columns``, as many as the screen is wide for; nothing where there are none.
+    """Print ``rows`` under the titles of ``columns``, as many as the screen is wide for; print nothing without rows.
 
-    No head and no number is cut: heads are folded at words, and where even these do not fit, the other columns follow
+    No head and no number is cut.  Heads are folded at words.  If they still do not fit, the other columns follow
     below, each part with the first column.
 
-    most : rows that are printed; a line tells how many more there are
-    style : of a row
+    most : number of rows to print; a line states how many more there are
+    style : style of a row
     """
     rows = list(rows)
     if not rows:
@@ -50,7 +50,7 @@ def table(
             printed.add_row(*(cells[i][k] for i in part), style=style(row) if style else None)
         screen.print(printed)
     if gone := [column.name for i, column in enumerate(columns) if i not in kept]:
-        line(f"  left out at {screen.width} columns, all with --json: {', '.join(gone)}")
+        line(f"  hidden columns (width {screen.width}): {', '.join(gone)}; --json shows all")
     if most is not None:
         rest(len(rows), most)
 
@@ -63,7 +63,7 @@ def share(rate: Mapping[str, Any]) -> str:
 
 
 def _count(rate: Mapping[str, Any]) -> str:
-    """Return a share as a count alone: its interval has a column of its own."""
+    """Return a share as a count alone: another column has its interval."""
     return "none" if rate["value"] is None else f"{rate['count']} of {rate['of']:.0f}"
 
 
@@ -97,7 +97,7 @@ def _heads(columns: Sequence[Column], cells: Sequence[Sequence[Text]], width: in
 
 
 def _in_lines(title: str, lines: int) -> list[str]:
-    """Return a title in at most so many lines, as narrow as they can be; no word is cut."""
+    """Return a title in at most ``lines`` lines, as narrow as possible; no word is cut."""
     narrowest = max(map(len, title.split()), default=1)
     folded = (wrap(title, width, break_on_hyphens=False) for width in range(narrowest, len(title) + 1))
     return next((each for each in folded if len(each) <= lines), [title])
@@ -122,7 +122,7 @@ def _parts(kept: Sequence[int], narrowest: Sequence[int], width: int) -> list[li
 
 
 def _fitting(columns: Sequence[Column], widths: Sequence[int], width: int) -> list[int]:
-    """Return which columns fit: all but those that are worth least, of equal ones the last."""
+    """Return the columns that fit; those worth least are left out first, of equal ones the last."""
     kept = list(range(len(columns)))
     leaving = sorted((i for i in kept if columns[i].worth < KEPT), key=lambda i: (columns[i].worth, -i))
     for i in leaving:
@@ -133,16 +133,16 @@ def _fitting(columns: Sequence[Column], widths: Sequence[int], width: int) -> li
 
 
 def rest(count: int, most: int, text: str = "  and {} more, with --json") -> None:
-    """Print how many of ``count`` are not shown, where more than ``most`` there are."""
+    """Print how many of ``count`` are not shown, if there are more than ``most``."""
     if count > most:
         line(text.format(count - most))
 
 
 def line(*parts: str | tuple[str, str], style: str = "", fold: bool = True, indent: int | None = None) -> None:
-    """Print one line, each part text, or text with its style; on a terminal folded at words, in a pipe never.
+    """Print one line; each part is text, or text with its style.  A terminal folds it at words, a pipe does not.
 
-    fold : False for a command, which is to be copied
-    indent : of what follows the first fold; that of the line when not given
+    fold : False for a command that the user copies
+    indent : indent of the folded lines; if not given, that of the first line
     """
     screen, text = console(), styled(*parts)
     if not (fold and screen.is_terminal):
@@ -157,7 +157,7 @@ def line(*parts: str | tuple[str, str], style: str = "", fold: bool = True, inde
 
 
 def _folds(text: str, width: int) -> list[int]:
-    """Return where lines of ``width`` characters begin, but for the first: at words; a longer word stays whole."""
+    """Return where the lines after the first begin, at words, for ``width`` characters; a longer word stays whole."""
     folds = [0]
     for word in _WORD.finditer(text):
         if word.end() - folds[-1] > width and word.start() > folds[-1]:
@@ -171,7 +171,7 @@ def field(label: str, *parts: str | tuple[str, str], style: str = "", width: int
 
 
 def counts(numbers: Mapping[str, Any], names: Iterable[str] | None = None) -> list[str]:
-    """Return ``3 late``, ``1 replies lost`` for the counts that are above zero, those of ``names`` alone if given."""
+    """Return ``3 late``, ``1 replies lost`` for the counts above zero; ``names``: only these counts."""
     shown = numbers if names is None else list(names)
     above = [name for name in shown if type(numbers[name]) is int and numbers[name] > 0]  # neither a text nor a flag
     return [f"{numbers[name]} {name.replace('_', ' ')}" for name in above]

@@ -1,4 +1,4 @@
-"""``rig vote`` and ``rig thresholds``: recorded channels voted, thresholds designed from them."""
+"""``rig vote`` and ``rig thresholds``: vote recorded channels, and design thresholds from them."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ _MARKED: Final = 100.0  # extrapolations beyond this are marked
 class VoteOptions:
     """The options of ``rig vote``."""
 
-    recorded: Annotated[Path, arg("INPUT", "CSV, Parquet or MCAP, or a folder of tables.")]
-    out: Annotated[Path, opt("FILE", "What to write: .csv, .parquet or .mcap.")]
+    recorded: Annotated[Path, arg("INPUT", "Recording: CSV, Parquet or MCAP, or a folder of tables.")]
+    out: Annotated[Path, opt("FILE", "File for the votes: .csv, .parquet or .mcap.")]
     config: Annotated[
-        Path | None, opt("FILE", "Settings of the signals, TOML.", show_default="those of the flight's log")
+        Path | None,
+        opt("FILE", "Configuration with the settings of the signals, TOML.", show_default="as in the flight's log"),
     ] = None
     align: Align
-    inject: Annotated[str | None, opt("FILE", "Put the faults of FILE into the channels and score who is failed.")] = (
-        None
-    )
+    inject: Annotated[
+        str | None, opt("FILE", "Faults to inject into the channels, TOML; prints which are isolated.")
+    ] = None
     repair_time: Annotated[
-        bool, flag("--repair-time", "Drop rows whose time repeats or steps back, and say how many.")
+        bool, flag("--repair-time", "Drop rows whose time repeats or steps back, and print their number.")
     ] = False
     requirements: Requirements = None
     allow_code: AllowCode = False
@@ -47,7 +48,7 @@ class VoteOptions:
 
 @takes_options
 def vote(options: VoteOptions) -> None:
-    """Vote on recorded channels with the redundancy manager of the flight."""
+    """Vote recorded channels with the redundancy manager, and print which channels it isolates."""
     from rig.bench.vote_run import Options, run
     from rig.cli import show_vote
 
@@ -62,37 +63,45 @@ def vote(options: VoteOptions) -> None:
 class ThresholdsOptions:
     """The options of ``rig thresholds``."""
 
-    inputs: Annotated[list[Path], arg("INPUT...", "Recordings, folders of them, logs, a campaign.")]
-    budget: Annotated[float, opt("X", "False isolations an hour and signal.")]
-    out: Annotated[Path, opt("FILE", "What to write: CONFIG with the thresholds, TOML.")]
-    config: Annotated[Path | None, opt("FILE", "Settings of rig vote; logs of ours may do without.")] = None
-    persistence: Annotated[str, opt("N,N...", "Frames to try.")] = "8,12,24,48"
-    levels: Annotated[str, opt("N,N...", "Channels in use to design for.")] = "4,3,2"
-    filters: Annotated[str, opt("S,S...", "Low-pass of the comparison to try.", "--filter")] = "0,0.1"
-    slow_faults: Annotated[str, opt("RULE,RULE...", "Slow faults, to try: bias, slow, stale, or none.")] = (
+    inputs: Annotated[
+        list[Path], arg("INPUT...", "Healthy recordings, folders of recordings, logs, or the folder of a campaign.")
+    ]
+    budget: Annotated[float, opt("X", "Allowed false isolations per hour and signal.")]
+    out: Annotated[Path, opt("FILE", "File for the configuration with the thresholds, TOML.")]
+    config: Annotated[Path | None, opt("FILE", "Configuration, as for rig vote. Not needed for logs of rig fly.")] = (
+        None
+    )
+    persistence: Annotated[str, opt("N,N...", "Persistences to try, frames.")] = "8,12,24,48"
+    levels: Annotated[str, opt("N,N...", "Numbers of channels in use to design for.")] = "4,3,2"
+    filters: Annotated[str, opt("S,S...", "Low-pass time constants of the comparison to try, s.", "--filter")] = "0,0.1"
+    slow_faults: Annotated[str, opt("RULE,RULE...", "Slow-fault rules to try: bias, slow, stale, or none.")] = (
         "bias,slow,stale"
     )
     align: Align
-    repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats.")] = False
+    repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats or steps back.")] = False
     keep: Annotated[bool, flag("--keep", "Also use flights in which one channel deviates from the others.")] = False
     transients: Annotated[
-        bool, flag("--transients", "No threshold within the noise of single frames: transients fail nobody.")
+        bool,
+        flag("--transients", "Keep thresholds above single-frame noise, so that short transients isolate no channel."),
     ] = False
-    outlier: Annotated[bool, flag("--outlier", "Write outlier_threshold, and keep the threshold that there is.")] = (
-        False
-    )
+    outlier: Annotated[
+        bool, flag("--outlier", "Write the isolation threshold (outlier_threshold), keep the error limit.")
+    ] = False
     monitored: Annotated[
         list[Path] | None,
-        opt("FILE", "A recording on which they will be used; warns if it moves more than the design data. Repeatable."),
+        opt(
+            "FILE",
+            "Recording on which the thresholds will be used; warns if it moves more than the design data. Repeatable.",
+        ),
     ] = None
-    plot: Annotated[Path | None, opt("FILE", "The trade-off as a page: .html.")] = None
+    plot: Annotated[Path | None, opt("FILE", "Page with the trade-off, .html.")] = None
     seed: Annotated[int, opt("N", "Seed of the bootstrap.", min=0)] = 0
     as_json: Json = False
 
 
 @takes_options
 def thresholds(options: ThresholdsOptions) -> None:
-    """Compute thresholds from healthy recordings that keep false isolations within a budget an hour."""
+    """Design thresholds from healthy recordings, so that false isolations stay within an hourly rate."""
     from rig.studies.thresholds.design_run import Options, run
 
     grid, align = _grid(options), options.align.options()
@@ -107,7 +116,7 @@ def _grid(options: ThresholdsOptions) -> Grid:
     from rig.studies.thresholds.design import Grid
 
     if not (isfinite(options.budget) and options.budget >= LEAST_BUDGET):
-        raise BadInput(f"--budget: false isolations an hour, {LEAST_BUDGET:g} or more, got {options.budget}")
+        raise BadInput(f"--budget: must be {LEAST_BUDGET:g} or more false isolations per hour, got {options.budget}")
     frames = whole_numbers("--persistence", options.persistence, 1, MOST_FRAMES)
     counts = whole_numbers("--levels", options.levels, 2, 4)
     rules = (
@@ -126,29 +135,29 @@ def _rules(text: str) -> list[Any]:
         return []
     named = {name.strip() for name in text.split(",")}
     if unknown := sorted(named.difference(RULES)):
-        raise BadInput(f"--slow-faults: none, or of {', '.join(RULES)}, got {quoted(unknown[0])}")
+        raise BadInput(f"--slow-faults: must be none, or of {', '.join(RULES)}, got {quoted(unknown[0])}")
     return [rule for rule in RULES if rule in named]
 
 
 def _show(summary: dict[str, Any]) -> None:
-    """Print the thresholds of each signal, what they isolate, the hold-out check and the remarks."""
+    """Print the thresholds of each signal, the faults that they isolate, the hold-out check and the remarks."""
     signals = summary["signals"]
     hours, flights = f"{summary['hours']:.4g} h", f"{summary['flights']} recordings"
-    line(f"{summary['budget_per_h']:g} false isolations an hour and signal, from {hours} in {flights}")
+    line(f"{summary['budget_per_h']:g} false isolations per hour and signal, designed from {hours} in {flights}")
     for name, signal in signals.items():
         if signal["designs"]:
             line()
-            line(f"{name}: threshold (95 % upper) and point estimate, {signal['unit'] or 'unit of the signal'}")
+            line(f"{name}: threshold (95 % upper bound) and point estimate, {signal['unit'] or 'unit of the signal'}")
             table(_level_rows(signal), _LEVELS)
     _tradeoffs(signals)
     line(f"chosen (>): {summary['rule']}")
     held_out = [(name, level, count) for name, signal in signals.items() for level, count in signal["hold_out"].items()]
     if held_out:
         line()
-        line("hold-out: half of the data design, false isolations in the other half, both ways")
+        line("hold-out: one half designs, the other half counts false isolations, both ways")
         table(held_out, _HOLD_OUT)
     line()
-    line("motion of the data, 95 %: thresholds hold for data that move no more")
+    line("motion of the data, 95 %: the thresholds are valid only for data that move no more than this")
     table(({"signal": name, **signal["motion"]} for name, signal in signals.items()), _MOTION)
     for note in summary["notes"]:
         line(f"note: {note}")
@@ -164,7 +173,7 @@ def _chosen(signal: dict[str, Any], design: dict[str, Any]) -> str:
 
 
 def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return a row for each design and level; what a design has once is in its first row."""
+    """Return a row for each design and level; the first row has the figures of the design."""
     rows = []
     for design in signal["designs"]:
         mark = "*" if design["extrapolation"] > _MARKED else ""
@@ -177,7 +186,7 @@ def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _of_design(title: str, key: str, format: str = "", unit: str = "", worth: int = KEPT) -> Column:
-    """Return a column of what a design has once."""
+    """Return a column of a figure that a design has once."""
     return Column(title, lambda row: row["design"].get(key), format, unit, worth=worth)
 
 
@@ -194,13 +203,13 @@ _HOLD_OUT: Final = (
     Column("", lambda row: "over" if row[2]["significantly_over"] else ""),
 )
 _MOTION: Final = (
-    *(Column("signal"), Column("from its median", "value", ".4g"), Column("a second", "rate_per_s", ".4g")),
+    *(Column("signal"), Column("from its median", "value", ".4g"), Column("per second", "rate_per_s", ".4g")),
     *(Column("between channels", "noise", ".4g", worth=7), Column("", lambda row: "at rest" if row["still"] else "")),
 )
 
 
 def _tradeoffs(signals: dict[str, Any]) -> None:
-    """Print what each design isolates of faults injected into the same data."""
+    """Print how many faults injected into the same data each design isolates."""
     rows = [
         {"chosen": _chosen(signal, design), "signal": name, **design, **design["tradeoff"]}
         for name, signal in signals.items()
@@ -218,7 +227,7 @@ def _tradeoffs(signals: dict[str, Any]) -> None:
         *(*faults, Column("share", "found_rightly", ".3f")),
     )
     line()
-    line("faults injected into the same data: found rightly (offsets in parts of the motion)")
+    line("faults injected into the same data: correctly isolated (offsets as fractions of the motion)")
     table(rows, shown)
 
 

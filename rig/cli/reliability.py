@@ -1,4 +1,4 @@
-"""``rig reliability``: from rates and measured outcomes to a probability per flight hour."""
+"""``rig reliability``: the probability of failure per flight hour, from rates and measured outcomes."""
 
 from __future__ import annotations
 
@@ -26,23 +26,25 @@ if TYPE_CHECKING:
 SCENARIO = "f16_pitch_rate_offset_in_manoeuvre"
 _TRIALS: Final = (
     Column("good before"),
-    Column("not kept, at most", lambda cell: f"{cell['chance']:.3g}" if cell["chance"] < 1.0 else "any"),
-    Column("trials without one", "trials", ","),
+    Column("not correct, at most", lambda cell: f"{cell['chance']:.3g}" if cell["chance"] < 1.0 else "any"),
+    Column("trials with none", "trials", ","),
     Column("how", lambda cell: "open loop" if cell["open_loop"] else "flights", worth=7),
-    Column("here, one core", lambda cell: None if cell["seconds"] is None else f"{cell['seconds']:.3g} s"),
+    Column("time here, one core", lambda cell: None if cell["seconds"] is None else f"{cell['seconds']:.3g} s"),
 )
-reliability_app = Typer(help="From rates and measured outcomes to a probability per flight hour.", **GROUP)
-RatesFile = Annotated[Path, opt("FILE", "Rates with their sources, TOML.", "--rates")]
+reliability_app = Typer(
+    help="Compute the probability of failure per flight hour, from failure rates and flown faults.", **GROUP
+)
+RatesFile = Annotated[Path, opt("FILE", "Failure rates with their sources, TOML.", "--rates")]
 Hours = Annotated[float, opt("H", "Duration of a flight, h.", min=0.001, max=1000.0)]
-SignalName = Annotated[str | None, opt("SIGNAL", "Of the rates file; its only one.", "--signal")]
+SignalName = Annotated[str | None, opt("SIGNAL", "Signal of the rates file. Optional if the file has one.", "--signal")]
 
 
 @reliability_app.command()
 def chain(
-    file: Annotated[Path, arg("FILE", "Rates between states, TOML.")],
+    file: Annotated[Path, arg("FILE", "Rates between the states of a chain, TOML.")],
     as_json: Json = False,
 ) -> None:
-    """Print the probability of every state of a chain that is given as rates."""
+    """Solve a Markov chain given as rates, and print the probability of each state."""
     from rig.studies.reliability.chain import solve_file
 
     with working("solving the chain", not as_json, steps=True):
@@ -52,16 +54,18 @@ def chain(
 
 @reliability_app.command()
 def run(
-    folders: Annotated[list[Path], arg("DIR...", "Flown campaigns or trials, of any managers.")],
+    folders: Annotated[list[Path], arg("DIR...", "Folders of flown campaigns or trials, of one manager or several.")],
     rates: RatesFile,
     hours: Hours = 1.0,
-    channels: Annotated[str, opt("N,N...", "Numbers of channels.")] = "1,2,3,4",
+    channels: Annotated[str, opt("N,N...", "Numbers of channels to compute.")] = "1,2,3,4",
     signal: SignalName = None,
-    checks: Annotated[int, opt("N", "Flights between two full checks, beside one.", min=1, max=1000)] = 50,
-    report: Annotated[Path | None, opt("FILE", "Write a page with the pictures, HTML.", "--report", "--plot")] = None,
+    checks: Annotated[
+        int, opt("N", "Flights between two full checks. Results for 1 are always printed too.", min=1, max=1000)
+    ] = 50,
+    report: Annotated[Path | None, opt("FILE", "Page with the pictures, .html.", "--report", "--plot")] = None,
     as_json: Json = False,
 ) -> None:
-    """Print undetected errors, annunciated losses and lost aircraft per flight hour, and what decides them."""
+    """Compute undetected errors, annunciated losses and lost aircraft per flight hour, and their main causes."""
     from rig.core.frame import CHANNELS
     from rig.studies.reliability.compute_results import assumptions
     from rig.studies.reliability.compute_results import run as reckon
@@ -86,14 +90,14 @@ def run(
 
 @reliability_app.command()
 def plan(
-    target: Annotated[float, opt("P", "Probability per flight hour to be shown.", min=1e-15, max=1.0)],
+    target: Annotated[float, opt("P", "Target probability per flight hour.", min=1e-15, max=1.0)],
     rates: RatesFile,
     hours: Hours = 1.0,
     signal: SignalName = None,
-    cost: Annotated[bool, Option(help="Measure what a trial and a flight take here.")] = True,
+    cost: Annotated[bool, Option(help="Measure the time of a trial and of a flight on this machine.")] = True,
     as_json: Json = False,
 ) -> None:
-    """Print how many trials a target needs for each number of good channels, and what they cost here."""
+    """Print the number of trials that a target needs for each number of good channels, and their cost."""
     from rig.studies.reliability.rates_file import read_rates
     from rig.studies.reliability.sample_size import measure, needed
 
@@ -107,16 +111,16 @@ def plan(
 
 @reliability_app.command()
 def trials(
-    campaign: Annotated[str, arg("FILE|NAME", "A campaign like `reliability`, its file or bundled name.")],
-    out: Annotated[Path, opt("DIR", "Folder for the counts, new or empty.")],
-    runs: Annotated[int, opt("N", "Trials in all.", min=1, max=10**9)],
+    campaign: Annotated[str, arg("FILE|NAME", "Campaign like the bundled reliability: file or name.")],
+    out: Annotated[Path, opt("DIR", "Output folder, new or empty.")],
+    runs: Annotated[int, opt("N", "Total number of trials.", min=1, max=10**9)],
     seed: Seed = 0,
-    good_before: Annotated[str, opt("N,N...", "Good channels before the fault: 4, 3.")] = "4,3",
+    good_before: Annotated[str, opt("N,N...", "Numbers of good channels before the fault.")] = "4,3",
     workers: Workers = 2,
     sets: Sets = None,
     as_json: Json = False,
 ) -> None:
-    """Count what the next fault does where it leaves two good channels, in open-loop trials on a recorded truth."""
+    """Run open-loop trials of the next fault, which leaves two good channels or more, and count the outcomes."""
     from rig.core.frame import CHANNELS
     from rig.studies.campaign.plan import read_plan
     from rig.studies.reliability.trials_folder import fly_trials
@@ -130,28 +134,31 @@ def trials(
 
 @reliability_app.command()
 def false_isolations(
-    signal: Annotated[str, arg("SIGNAL", "As in rig signals.")],
+    signal: Annotated[str, arg("SIGNAL", "Signal, as in rig signals.")],
     threshold: Annotated[
-        str | None, opt("X,X...", "Thresholds, unit of the signal.", show_default="the scenario's")
+        str | None, opt("X,X...", "Thresholds, in the unit of the signal.", show_default="as in the scenario")
     ] = None,
-    target: Annotated[float | None, opt("P", "Find the threshold with so few an hour of a channel.")] = None,
+    target: Annotated[
+        float | None,
+        opt("P", "Target false isolations per channel hour; prints the lowest threshold found to meet it."),
+    ] = None,
     scenario: Annotated[
-        str, opt("FILE|NAME", "Aircraft, sensors, manager, flight; its faults are left out.")
+        str, opt("FILE|NAME", "Scenario with aircraft, sensors, manager and flight. Its faults are left out.")
     ] = SCENARIO,
     persistence: Annotated[
-        int | None, opt("N", "Frames until a channel is failed.", min=1, max=100, show_default="the scenario's")
+        int | None, opt("N", "Persistence, frames.", min=1, max=100, show_default="as in the scenario")
     ] = None,
     sets: Sets = None,
-    flights: Annotated[int, opt("N", "Sets of sensor errors of a repetition.", min=50, max=10**6)] = 4000,
+    flights: Annotated[int, opt("N", "Draws of sensor errors per repetition.", min=50, max=10**6)] = 4000,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Count how often healthy channels are failed, down to 1e-12 an hour, by splitting."""
+    """Estimate the false isolations per hour of a healthy channel, down to 1e-12, by multilevel splitting."""
     from rig.studies.reliability.false_isolation_target import run
     from rig.studies.reliability.false_isolations import FLOOR, Effort
 
     if target is not None and not FLOOR <= target <= 1.0:
-        raise BadInput(f"--target: false isolations an hour of a channel, from {FLOOR:g} to 1, got {target:g}")
+        raise BadInput(f"--target: must be from {FLOOR:g} to 1 false isolations per channel hour, got {target:g}")
     above_0 = "--threshold", threshold or "", "numbers above 0", float, lambda value: isfinite(value) and value > 0.0
     given = None if threshold is None else comma_list(*above_0)
     rates, chosen = run(signal, scenario, sets or [], given, persistence, target, seed, Effort(flights=flights))
@@ -161,24 +168,24 @@ def false_isolations(
 
 
 def _show_chain(solved: ChainResult) -> None:
-    """Print the states, and the sum over those that nothing leaves."""
+    """Print the states, and the sum over the states that no transition leaves."""
     death = Column("", lambda item: "death" if item[0] in solved.death else "")
     table(
         solved.probability.items(),
         (Column("state", 0), Column(f"probability after {solved.hours:g} h", 1, ".12e"), death),
     )
-    line(f"death states: {solved.of_death:.12e}" if solved.death else "no death state: every state is left")
+    line(f"death states: {solved.of_death:.12e}" if solved.death else "no death state: transitions leave every state")
 
 
 def _show_run(results: Sequence[Result], given: SignalRates, assumptions: Sequence[str]) -> None:
-    """Print assumptions first, then the numbers, then what decides them."""
+    """Print the assumptions, then the numbers, then their main causes."""
     from rig.studies.reliability.per_hour import DECIDED, TARGETS_EXPLAINED, numbers
 
     line("This holds if:")
     for assumption in assumptions:
         line(f"  - {assumption}", indent=4)
     line()
-    line(f"{results[0].signal}: probability per flight hour, median (95 %)")
+    line(f"{results[0].signal}: probability per flight hour, median (95 % interval)")
     table(results, numbers(results))
     line(TARGETS_EXPLAINED)
     line()
@@ -191,32 +198,32 @@ def _show_rates(
     signal: str, rates: Sequence[FalseIsolationRate], target: float | None, chosen: FalseIsolationRate | None
 ) -> None:
     """Print a row for each threshold; the one that meets the target last."""
-    line(f"{signal}: false isolations of a healthy channel, an hour (95 %)")
+    line(f"{signal}: false isolations per hour of a healthy channel (95 % interval)")
     table([*rates, *([] if chosen is None else [chosen])], _RATES)
     for each in rates:
         if each.few is not None:
-            line(f"threshold {each.threshold:.5g}: the bound alone: {each.few}; --flights N draws more")
+            line(f"threshold {each.threshold:.5g}: upper bound only: {each.few}; raise --flights")
     if chosen is not None:
-        line(f"at most {target:g} an hour: threshold {chosen.threshold:.5g}")
+        line(f"at most {target:g} per hour: threshold {chosen.threshold:.5g}")
 
 
 def _counted(
     title: str, text: Callable[[FalseIsolationRate], str], none: Callable[[FalseIsolationRate], str] = lambda _: ""
 ) -> Column:
-    """Return a column of rates that events were counted of, ``none``: of the others."""
+    """Return a column of the rates with counted events; ``none``: the text of the other rates."""
     return Column(title, lambda rate: (none if rate.per_hour is None else text)(rate))
 
 
 _RATES: Final = (
     Column("threshold", format=".5g"),
     _counted(
-        "an hour",
+        "per hour",
         lambda m: f"{m.per_hour:.3e} ({m.low:.3e} to {m.high:.3e})",
         lambda m: f"at most {m.high:.1e}",
     ),
-    _counted("in the first frames", lambda m: f"{m.at_start:.1e} a flight"),
+    _counted("in the first frames", lambda m: f"{m.at_start:.1e} per flight"),
     _counted(
-        "sets of errors",
+        "error draws",
         lambda m: f"{min(m.sets)} to {max(m.sets)}" + (f", {m.cut} excursions cut off" if m.cut else ""),
     ),
     _counted("repetitions", lambda m: str(m.repetitions)),

@@ -1,4 +1,4 @@
-"""``rig replay``, ``diff``, ``info``, ``export``, ``recover``: a log once more, and how it is printed."""
+"""``rig replay``, ``diff``, ``info``, ``export``, ``recover``: work on a log, and print the result."""
 
 from __future__ import annotations
 
@@ -34,27 +34,30 @@ def replay(
     log: LogFile,
     fly: Annotated[bool, flag("--fly", "Fly the whole recorded scenario again.")] = False,
     redundancy: Annotated[
-        Path | None, opt("FILE", "What if: a TOML file with another redundancy table.", show_default=False)
+        Path | None, opt("FILE", "What-if run with the redundancy table of this file, TOML.", show_default=False)
     ] = None,
     sets: Sets = None,
-    out: Annotated[Path | None, opt("FILE", "Log of the what if.", show_default="<log>.what-if.mcap")] = None,
+    out: Annotated[
+        Path | None, opt("FILE", "File for the log of the what-if run.", show_default="<log>.what-if.mcap")
+    ] = None,
     unit: UnitFile = None,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
-    """Run the recorded manager, and monitors of actuators, over what was recorded and compare every frame.
+    """Run the redundancy manager and the actuator monitors again on the recorded inputs, and compare each frame.
 
-    Exit code 0 when all is identical to the bit, 1 when not.  A what if compares decisions, and ends with 0.
+    Exit code 0: all frames are identical to the bit. Exit code 1: a frame differs. A what-if run (--redundancy, --set)
+    compares the decisions, and its exit code is 0.
     """
     from rig.log.recordings.flown_log import recorded
 
     asks = redundancy is not None or bool(sets)
     if fly and asks:
-        raise BadInput("--fly repeats the recorded scenario and cannot be combined with --redundancy or --set")
+        raise BadInput("--fly: not with --redundancy or --set, which change the recorded scenario")
     if out is not None and not asks:
-        raise BadInput("--out is where a what if is written: it needs --redundancy or --set")
+        raise BadInput("--out: needs --redundancy or --set, as only a what-if run writes a log")
     if asks and unit is not None:
-        raise BadInput("--unit replays what was recorded: it cannot be joined with --redundancy or --set")
+        raise BadInput("--unit: not with --redundancy or --set")
     require_apart({"--out": out}, [log, redundancy])
     require_ending("--out", out, "a log", ".mcap")
     with working("reading the log", not as_json):
@@ -92,7 +95,7 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
 
     def text() -> None:
         _decisions(answer.moved, recording.log.rate_hz)
-        line("open loop: truth and commands are those of the recording, whatever the new votes say")
+        line("open loop: trajectory and commands stay as recorded")
         field("written", str(answer.path))
 
     data = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
@@ -100,14 +103,17 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
 
 
 def diff(
-    a: Annotated[Path, arg("LOG_A", "A log.")],
-    b: Annotated[Path, arg("LOG_B", "Another.")],
+    a: Annotated[Path, arg("LOG_A", "First log, or MCAP file of rig vote.")],
+    b: Annotated[Path, arg("LOG_B", "Second log or file.")],
     tolerance: Annotated[
-        list[str] | None, opt("X", "1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable.")
+        list[str] | None, opt("X", "Allowed difference: 1e-6 for all fields, 'pitch_rate.*=0.01' for some. Repeatable.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Compare two logs field by field; exit code 0 when nothing differs by more than its tolerance, else 1."""
+    """Compare two logs field by field, and print the largest differences.
+
+    Exit code 0: no field differs by more than its tolerance. Exit code 1: a field differs.
+    """
     from rig.bench.replay.before_after import diff as compare
     from rig.bench.replay.before_after import side
 
@@ -121,7 +127,7 @@ def diff(
 
 
 def _comparison(result: Comparison, rate_hz: float | None) -> None:
-    """Print the fields that are not equal, and the verdict; without a rate the frames alone."""
+    """Print the unequal fields and the verdict; without a rate print frames instead of times."""
     for remark in result.remarks:
         line(f"  {remark}", style="yellow")
     for note in result.notes:
@@ -154,7 +160,7 @@ def _difference(name: Callable[[Any], str]) -> tuple[Column, Column]:
 
 
 def _by_worth(moved: Sequence[Moved]) -> tuple[list[Moved], list[str]]:
-    """Return what a reader wants, states and levels first; and the signals whose reference alone moved, if not few."""
+    """Return the changes, states and levels first, and the signals of which only the reference changed, if many."""
     signals = list(dict.fromkeys(change.signal for change in moved if change.decision == REFERENCE))
     summed = signals if len(signals) > FEW else []
     shown = [change for change in moved if not summed or change.decision != REFERENCE]
@@ -162,10 +168,10 @@ def _by_worth(moved: Sequence[Moved]) -> tuple[list[Moved], list[str]]:
 
 
 def _decisions(moves: Decisions, rate_hz: float) -> None:
-    """Print the decisions and votes that are not those of the recording."""
+    """Print the decisions and votes that differ from the recording."""
     failures = (
         Column("channel", lambda f: f"{f.signal}.{f.channel}"),
-        Column("failed", lambda f: moment(f.old_frame, rate_hz) or "never"),
+        Column("isolated", lambda f: moment(f.old_frame, rate_hz) or "never"),
         Column("now", lambda f: moment(f.new_frame, rate_hz) or "never"),
     )
     decisions = (
@@ -183,14 +189,17 @@ def _decisions(moves: Decisions, rate_hz: float) -> None:
     table(moves.failures, failures)
     table(moved, decisions, MOST_LINES)
     if references:
-        line(f"  {REFERENCE} moved for {len(references)} signals: {', '.join(references)}")
+        line(f"  {REFERENCE} changed for {len(references)} signals: {', '.join(references)}")
     table(moves.votes, votes)
     if not moves.moved and not moves.votes:
-        line("no decision and no vote moved")
+        line("no decision and no vote changed")
 
 
 def info(log: LogFile, as_json: Json = False) -> None:
-    """Print what a log says of its flight, and whether the file is whole; exit code 2 when it is not."""
+    """Print the scenario, outcome, events and versions of a log, and whether the file is complete.
+
+    Exit code 2: the file is damaged.
+    """
     from rig.log.info import info as read_info
 
     facts = read_info(log)
@@ -204,50 +213,50 @@ def _info(facts: dict[str, Any]) -> None:
 
     result, sets = facts["result"] or {}, facts["overrides"]
     line((facts["title"] or facts["log"], "bold"), f"  {facts['aircraft']}, seed {facts['seed']}")
-    who, _, name = voter(facts["manager"] or "not said", facts["unit"], facts["lane"]).partition(" ")
+    who, _, name = voter(facts["manager"] or "unknown", facts["unit"], facts["lane"]).partition(" ")
     field(who, name)
     if sets:
         left = len(sets) - MOST_OVERRIDES
         field("set", ", ".join(sets[:MOST_OVERRIDES]) + (f" and {left} more, with --json" if left > 0 else ""))
     if facts["what_if"] is not None:
-        field("what if", f"{facts['what_if']}, over the channels of {facts['what_if_of']}; never flown")
+        field("what if", f"{facts['what_if']}, over the channels of {facts['what_if_of']}; not flown")
     planned = "" if facts["planned_s"] is None else f" of {facts['planned_s']:g} s"
     field("flown", f"{facts['frames']} frames, {facts['duration_s']:g} s{planned}, at {facts['rate_hz']:g} Hz")
     outcome = f"{'survived' if result.get('survived') == 'True' else 'lost'}: {result.get('end_reason', '')}"
-    field("result", outcome if result else "none: the flight was not ended by the loop")
+    field("result", outcome if result else "none: the log has no end of the flight")
     for note in facts["notes"]:
         field("note", note, style="yellow")
     field("events", ", ".join(f"{count} {name}" for name, count in facts["events"].items()) or "none")
     field("topics", f"{len(facts['topics'])}, {sum(facts['topics'].values())} messages, {facts['bytes']} bytes")
     versions = ", ".join(f"{name} {version}" for name, version in facts["versions"].items())
     field("versions", f"schema {facts['schema_version']}, {versions}")
-    field("commit", f"{facts['commit'] or 'not said'}, on {facts['machine'] or 'a machine that is not said'}")
-    field("digest", result.get("digest", "not said"))
+    field("commit", f"{facts['commit'] or 'unknown'}, on {facts['machine'] or 'an unknown machine'}")
+    field("digest", result.get("digest", "none"))
     field("health", facts["health"])
 
 
 def export(
     log: LogFile,
-    to: Annotated[str | None, opt("FORMAT", "csv, parquet or npz.", show_default="the ending of --out")] = None,
-    layout: Annotated[str | None, opt("VIEWER", "Not a table, a layout to open the log with: foxglove.")] = None,
+    to: Annotated[str | None, opt("FORMAT", "Format: csv, parquet or npz.", show_default="ending of --out")] = None,
+    layout: Annotated[str | None, opt("VIEWER", "Viewer whose layout is written instead of a table: foxglove.")] = None,
     signals: Annotated[
         str | None,
         opt(
             "A,B",
-            "Signals, discretes, control, flight, inertial, autopilot_command, actuator.elevator.",
+            "Columns: signals, discretes, control, flight, inertial, autopilot_command, actuator.elevator.",
             show_default="all",
         ),
     ] = None,
-    out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="<log>.<to>")] = None,
-    for_vote: Annotated[bool, flag("--for-vote", "Only what rig vote reads.")] = False,
+    out: Annotated[Path | None, opt("FILE", "File to write.", show_default="<log>.<to>")] = None,
+    for_vote: Annotated[bool, flag("--for-vote", "Write only the columns that rig vote reads.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a log as a table, its columns named as rig vote names them; or a viewer's layout for it."""
+    """Write a log as a table with the column names of rig vote, or write a viewer's layout for the log."""
     if to is not None and layout is not None:
-        raise BadInput("--to, --layout: one of them")
+        raise BadInput("--to, --layout: only one of them at a time")
     if layout is not None:
         if signals is not None or for_vote:
-            raise BadInput("--signals, --for-vote: are for --to")
+            raise BadInput("--signals, --for-vote: not with --layout")
         _export_layout(log, layout, out, as_json)
     else:
         owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
@@ -260,16 +269,16 @@ def _format(to: str | None, out: Path | None) -> str:
 
     ending = "" if out is None else out.suffix.removeprefix(".")
     if to is None and out is None:
-        raise BadInput(f"--to, --out: one of them, --to {'|'.join(ENDINGS)} or --out FILE with such an ending")
+        raise BadInput(f"--to, --out: one is needed: --to {'|'.join(ENDINGS)}, or --out FILE with such an ending")
     if to is None and ending not in ENDINGS:
-        raise BadInput(f"--out {out}: its ending must be {', '.join(f'.{each}' for each in ENDINGS)}, or --to given")
+        raise BadInput(f"--out {out}: must end in {', '.join(f'.{each}' for each in ENDINGS)}, or needs --to")
     if to is not None and ending in ENDINGS and ending != to:
-        raise BadInput(f"--out {out}: its ending is not that of --to {to}")
+        raise BadInput(f"--out {out}: must end in .{to}, the format of --to")
     return to or ending
 
 
 def _export_table(log: Path, to: str, out: Path | None, owners: list[str], for_vote: bool, as_json: bool) -> None:
-    """Write the table and say what it has."""
+    """Write the table, and print its size."""
     from rig.log.export import export as write
 
     target = out or Path(f"{log.with_suffix('')}.{to}")
@@ -282,9 +291,9 @@ def _export_table(log: Path, to: str, out: Path | None, owners: list[str], for_v
 
 
 def _export_layout(log: Path, viewer: str, out: Path | None, as_json: bool) -> None:
-    """Write the layout and say what it opens at."""
+    """Write the layout, and print the signal and time at which it opens."""
     if viewer not in LAYOUTS:
-        raise BadInput(f"--layout {viewer}: allowed: {', '.join(LAYOUTS)}")
+        raise BadInput(f"--layout {viewer}: must be {', '.join(LAYOUTS)}")
     from rig.show.viewer import foxglove, opened
 
     target = out or Path(f"{log.with_suffix('')}{foxglove.ENDING}")
@@ -300,12 +309,10 @@ def _export_layout(log: Path, viewer: str, out: Path | None, as_json: bool) -> N
 
 def recover(
     log: LogFile,
-    out: Annotated[
-        Path | None, opt("FILE", "Where to write the mended log.", show_default="<log>.recovered.mcap")
-    ] = None,
+    out: Annotated[Path | None, opt("FILE", "File for the recovered log.", show_default="<log>.recovered.mcap")] = None,
     as_json: Json = False,
 ) -> None:
-    """Mend a log that was cut off: keep every whole chunk, write a new summary."""
+    """Recover a log that was cut off: keep each complete chunk, and write a new summary."""
     from dataclasses import asdict
 
     from rig.log import recover as mend
@@ -315,7 +322,7 @@ def recover(
     mended = mend(log, target)
     content = f"{mended.frames} frames, the last at {mended.last_time_s:g} s"
     if mended.complete:
-        text, kept = f"{log}: whole, nothing to mend: {content}", log
+        text, kept = f"{log}: complete, nothing to recover: {content}", log
     else:
         text, kept = f"{target}: {content}; {mended.damage}, {mended.lost_bytes} bytes lost", target
     emit(as_json, {"log": str(kept), **asdict(mended)}, lambda: echo(plain(text)))

@@ -1,4 +1,4 @@
-"""Requirements on the command line: their option, and how verdicts are printed."""
+"""Requirements on the command line: the options, and printing of the verdicts."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Requirements = Annotated[
     list[str] | None,
     opt(
         "NAME|FILE",
-        "Requirements to measure: a bundled set or a file; repeatable.",
+        "Requirements to measure: bundled set or file. Repeatable.",
         "--requirements",
         autocompletion=complete.requirements,
     ),
 ]
-Strict = Annotated[bool, flag("--strict", "Exit code 1 where a requirement is violated.")]
+Strict = Annotated[bool, flag("--strict", "Exit with code 1 if a requirement is violated.")]
 _STYLES: Final = {"met": "green", "violated": "red", "not applicable": ""}
 
 
@@ -38,7 +38,7 @@ def show_verdicts(verdicts: Sequence[Verdict]) -> None:
 
 
 def show_notes(requirements: Sequence[Requirement], scenario: Scenario) -> None:
-    """Print which comparisons of the requirements are decided before a flight of the scenario."""
+    """Print the comparisons of the requirements that the scenario decides before the flight."""
     from rig.verdict.requirements.settled_comparisons import notes
 
     for note in notes(requirements, scenario):

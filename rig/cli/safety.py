@@ -16,7 +16,6 @@ from rig.cli.common import (
     Sets,
     Workers,
     arg,
-    begun,
     comma_list,
     emit,
     flag,
@@ -24,6 +23,7 @@ from rig.cli.common import (
     names,
     opt,
     require_ended,
+    resumes,
     takes_options,
 )
 from rig.cli.printing import line, table
@@ -50,18 +50,18 @@ CONDITIONS: Final = "manoeuvre-settled,manoeuvre-near,level-settled,level-then-m
 @reliability_app.command()
 def tree(
     folders: Annotated[
-        list[Path], arg("DIR...", "Flown campaigns or trials of one manager, or one folder of cut sets.")
+        list[Path], arg("DIR...", "Folders of flown campaigns or trials of one manager, or one folder of cut sets.")
     ],
     rates: RatesFile,
-    out: Annotated[Path, opt("FILE", "The tree, Open-PSA XML.")],
-    channels: Annotated[int, opt("N", "Channels of the signal.", min=1, max=4)] = 4,
+    out: Annotated[Path, opt("FILE", "File for the fault tree, Open-PSA XML.")],
+    channels: Annotated[int, opt("N", "Number of channels of the signal.", min=1, max=4)] = 4,
     hours: Annotated[str, opt("H,H...", "Durations of a flight, h.")] = HOURS,
     signal: SignalName = None,
-    chain: Annotated[Path | None, opt("FILE", "The same model as a chain, TOML.")] = None,
-    svg: Annotated[Path | None, opt("FILE", "A picture of the tree.")] = None,
+    chain: Annotated[Path | None, opt("FILE", "File for the same model as a Markov chain, TOML.")] = None,
+    svg: Annotated[Path | None, opt("FILE", "File for a picture of the tree, .svg.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Write the loss of a signal as a fault tree, and the same model as a chain beside it."""
+    """Write the loss of a signal as a fault tree, and print its probability beside that of the Markov chain."""
     from rig.studies.reliability.rates_file import read_rates
     from rig.studies.safety.tree_result import write
 
@@ -74,7 +74,7 @@ def tree(
 
 
 def _tree(folders: Sequence[Path], rates: Path, signal: str, channels: int, hours: str) -> TreeResult:
-    """Return the tree of a signal beside its chain; ``hours`` as the option gives them."""
+    """Return the tree of a signal and its chain; ``hours``: the text of the option."""
     from rig.core.files import is_file
     from rig.studies.reliability.rates_file import read_rates
     from rig.studies.safety.mode_tree import mode_chain, mode_tree, read_mode_model
@@ -96,25 +96,25 @@ def _tree(folders: Sequence[Path], rates: Path, signal: str, channels: int, hour
 
 
 def _show(result: TreeResult) -> None:
-    """Print both probabilities, what the tree is beside the chain, and the chances it is made of."""
+    """Print both probabilities, the difference of the tree from the chain, and the chances in the tree."""
     from rig.studies.safety.tree_result import AT
 
     table(result.at, AT)
     most = max((abs(each.differs) for each in result.at), default=0.0)
     line(f"static tree: {result.static}, differs from the chain by at most {100 * most:.2g} %")
-    line("not kept: " + "; ".join(f"{good} {chance:.3g}" for good, chance in result.not_kept.items()))
+    line("not correct: " + "; ".join(f"{good} {chance:.3g}" for good, chance in result.not_kept.items()))
 
 
 @dataclass(frozen=True, kw_only=True)
 class CutsetOptions:
     """The options of ``rig reliability cutsets``."""
 
-    out: Annotated[Path, begun("Folder of the flights")]
-    signal: Annotated[str, opt("SIGNAL", "As in rig signals.")] = "pitch_rate"
-    aircraft: Annotated[str, opt("NAME", "As in rig aircraft list.")] = "f16"
-    order: Annotated[int, opt("N", "Faults of a sequence, 1 to 3.")] = 3
-    flights: Annotated[int, opt("N", "Of each sequence in each condition.", min=1, max=10000)] = 20
-    conditions: Annotated[str, opt("NAME,NAME...", "Conditions and gaps.")] = CONDITIONS
+    out: Annotated[Path, resumes("enumeration")]
+    signal: Annotated[str, opt("SIGNAL", "Signal, as in rig signals.")] = "pitch_rate"
+    aircraft: Annotated[str, opt("NAME", "Aircraft, as in rig aircraft list.")] = "f16"
+    order: Annotated[int, opt("N", "Largest number of faults in a sequence, 1 to 3.")] = 3
+    flights: Annotated[int, opt("N", "Flights of each sequence in each condition.", min=1, max=10000)] = 20
+    conditions: Annotated[str, opt("NAME,NAME...", "Flight conditions and gaps between the faults.")] = CONDITIONS
     seed: Seed = 0
     workers: Workers = 2
     sets: Sets = None
@@ -122,7 +122,7 @@ class CutsetOptions:
 
 
 def cutsets(options: CutsetOptions) -> None:
-    """Fly all sequences of up to three faults of a signal, and print the sets that lose it."""
+    """Fly all sequences of up to three faults of a signal, and print the minimal sets that lose it."""
     from rig.scenario.overrides import named_manager
     from rig.studies.safety.confirm_sets import write_sets
     from rig.studies.safety.cutset_plan import fly
@@ -141,17 +141,16 @@ def cutsets(options: CutsetOptions) -> None:
     emit(options.as_json, {"out": str(options.out), **whole}, lambda: _show_sets(counted, cut_sets))
 
 
-reliability_app.command()(takes_options(cutsets))  # report calls it too, with options of its own
+reliability_app.command()(takes_options(cutsets))  # report calls it too, with other options
 
 
 def _asked(options: CutsetOptions) -> Asked:
-    """Return what is enumerated; BadInput where there is no such thing."""
+    """Return the enumeration that the options name.  BadInput: an option that names none."""
     from rig.scenario.overrides import parse_set
     from rig.studies.safety.cutset_plan import Asked, require
 
     if not 1 <= options.order <= MOST_ORDER:
-        why = "four are all channels, and nearly all sequences lose"
-        raise BadInput(f"--order {options.order}: must be from 1 to {MOST_ORDER}: {why}")
+        raise BadInput(f"--order {options.order}: must be from 1 to {MOST_ORDER}")
     conditions, keys = tuple(names("--conditions", options.conditions)), dict(map(parse_set, options.sets or ()))
     asked = named(Asked, options, conditions=conditions, set=keys)
     require(asked)
@@ -160,22 +159,24 @@ def _asked(options: CutsetOptions) -> Asked:
 
 @reliability_app.command()
 def confirm(
-    folder: Annotated[Path, arg("DIR", "A folder of rig reliability cutsets.")],
-    aircraft: Annotated[str | None, opt("NAME,NAME...", "To fly the sets on.", show_default="the folder's")] = None,
-    points: Annotated[str, opt("NAME,NAME...", "Flight points of them.", show_default="each aircraft's own")] = "",
-    flights: Annotated[int, opt("N", "Of each sequence.", min=1, max=10000)] = 20,
-    seed: Annotated[int, opt("N", "Other than the enumeration's.", min=0, max=2**63 - 1)] = 1,
+    folder: Annotated[Path, arg("DIR", "Output folder of rig reliability cutsets.")],
+    aircraft: Annotated[
+        str | None, opt("NAME,NAME...", "Aircraft that fly the sets.", show_default="as in the folder")
+    ] = None,
+    points: Annotated[str, opt("NAME,NAME...", "Their flight points.", show_default="default of each")] = "",
+    flights: Annotated[int, opt("N", "Flights of each sequence.", min=1, max=10000)] = 20,
+    seed: Annotated[int, opt("N", "Seed; must differ from that of cutsets.", min=0, max=2**63 - 1)] = 1,
     workers: Workers = 2,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
-    """Fly every order and subset of the minimal sets again, with new seeds, and print what disagrees first."""
+    """Fly every order and subset of the minimal cut sets with new seeds, and print disagreements first."""
     from rig.studies.safety import confirm_sets as again
     from rig.studies.safety.cutset_plan import read_asked
 
     asked, cut_sets = read_asked(folder), again.claims(folder)
     if not cut_sets:
-        raise BadInput(f"{folder}: no minimal set to confirm")
+        raise BadInput(f"{folder}: has no minimal cut set to confirm")
     made = again.plans(
         asked,
         cut_sets,
@@ -206,12 +207,12 @@ def _show_confirmed(rows: Sequence[dict[str, Any]], agree: int) -> None:
 
 @reliability_app.command()
 def fmea(
-    folders: Annotated[list[Path], arg("DIR...", "Flown campaigns with single faults.")],
+    folders: Annotated[list[Path], arg("DIR...", "Folders of flown campaigns with single faults.")],
     rates: RatesFile,
-    out: Annotated[Path, opt("FILE", "A table, .csv, or a page, .html.")],
+    out: Annotated[Path, opt("FILE", "Table, .csv, or page, .html.")],
     as_json: Json = False,
 ) -> None:
-    """Write failure modes and effects of all items, each line with the flights that show it."""
+    """Write the failure modes and effects of all items, and the flights that show each of them."""
     from rig.studies.reliability.rates_file import read_rates
     from rig.studies.safety.fmea import lines, require_ending, shown, write
 
@@ -227,17 +228,19 @@ def fmea(
 class ReportOptions:
     """The options of ``rig reliability report``."""
 
-    folder: Annotated[Path, arg("DIR", "A folder of rig reliability cutsets.")]
-    cells: Annotated[list[Path], opt("DIR", "Flown campaign reliability or trials; repeatable.")]
-    faults: Annotated[list[Path], opt("DIR", "Flown campaigns of single faults; repeatable.")]
+    folder: Annotated[Path, arg("DIR", "Output folder of rig reliability cutsets.")]
+    cells: Annotated[list[Path], opt("DIR", "Folder of the flown campaign reliability, or of trials. Repeatable.")]
+    faults: Annotated[list[Path], opt("DIR", "Folder of a flown campaign of single faults. Repeatable.")]
     rates: RatesFile
-    out: Annotated[Path, opt("FILE", "The page, HTML.")]
-    channels: Annotated[int, opt("N", "Channels of the signal.", min=1, max=4)] = 4
+    out: Annotated[Path, opt("FILE", "Page to write, .html.")]
+    channels: Annotated[int, opt("N", "Number of channels of the signal.", min=1, max=4)] = 4
     hours: Annotated[str, opt("H,H...", "Durations of a flight, h.")] = HOURS
     signal: SignalName = None
-    fly: Annotated[bool, flag("--fly", "Fly first what is missing, the sets again too.")] = False
-    flights: Annotated[int, opt("N", "With --fly, of each sequence.", min=1, max=10000)] = 20
-    conditions: Annotated[str, opt("NAME,NAME...", "With --fly, of the sets.")] = CONDITIONS
+    fly: Annotated[bool, flag("--fly", "Fly the missing flights first, and confirm the sets.")] = False
+    flights: Annotated[int, opt("N", "With --fly: flights of each sequence.", min=1, max=10000)] = 20
+    conditions: Annotated[str, opt("NAME,NAME...", "With --fly: flight conditions and gaps between the faults.")] = (
+        CONDITIONS
+    )
     sets: Sets = None
     workers: Workers = 2
 
@@ -245,7 +248,7 @@ class ReportOptions:
 @reliability_app.command()
 @takes_options
 def report(options: ReportOptions) -> None:
-    """Write sets, tree, chain, FMEA and confirmation as one page."""
+    """Write the safety case as one page: cut sets, fault tree, Markov chain, FMEA and confirmation."""
     from rig.studies.reliability.rates_file import read_rates
     from rig.studies.safety.case_page import read_flown, write_case
     from rig.studies.safety.fmea import lines
@@ -266,7 +269,7 @@ def report(options: ReportOptions) -> None:
 
 
 def _fly_missing(options: ReportOptions, signal: str) -> None:
-    """Fly what is missing of the campaigns and of the sets, and the sets again."""
+    """Fly the missing flights of the campaigns and of the sets, and confirm the sets."""
     for campaign, folder in (("reliability", options.cells[0]), ("fmea", options.faults[0])):
         _fly_campaign(campaign, folder, options.sets, options.workers)
     cutsets(named(CutsetOptions, options, out=options.folder, signal=signal))
@@ -275,7 +278,7 @@ def _fly_missing(options: ReportOptions, signal: str) -> None:
 
 
 def _fly_campaign(name: str, out: Path, sets: list[str] | None, workers: int) -> None:
-    """Fly what is missing of a bundled campaign."""
+    """Fly the missing flights of a bundled campaign."""
     from rig.studies.campaign.plan import read_plan
     from rig.studies.campaign.run_campaign import run
 
@@ -300,10 +303,10 @@ _SETS = (
 
 
 def _show_sets(counted: Mapping[str, Counts], cut_sets: Sequence[CutSet]) -> None:
-    """Print what was flown, and the minimal sets."""
+    """Print the numbers of flights, and the minimal sets."""
     for name, of in counted.items():
         lost, flown = (sum(getattr(each, what) for each in of.values()) for what in ("lost", "flown"))
         line(f"{name}: {len(of)} sequences, {lost} of {flown} flights lose the signal")
     line()
     table(cut_sets, _SETS)
-    line("minimal: the lower end of its interval is above the upper ends of all its proper subsets")
+    line("a set is minimal if the lower end of its interval is above the upper ends of all its proper subsets")

@@ -32,20 +32,22 @@ _STYLES: Final = {"detected": "green", "missed": "red", "undetectable": "", "not
 
 def score(
     log: LogFile,
-    no_baseline: Annotated[bool, flag("--no-baseline", "Do not fly the fault-free baseline: no transients.")] = False,
+    no_baseline: Annotated[
+        bool, flag("--no-baseline", "Skip the fault-free baseline; the score has no transients.")
+    ] = False,
     transient_load_factor: Annotated[
-        float, opt("G", "Largest change of load factor that a fault may cause.", min=1e-9)
+        float, opt("G", "Limit of the load-factor transient of a fault, g.", min=1e-9)
     ] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
-        float, opt("RAD_S", "Largest change of body rates that a fault may cause.", min=1e-9, show_default="10 deg/s")
+        float, opt("RAD_S", "Limit of the body-rate transient of a fault, rad/s.", min=1e-9, show_default="10 deg/s")
     ] = radians(10.0),
-    transient_window_s: Annotated[float, opt("S", "Time after each onset that is scored.", min=1e-9)] = 2.0,
+    transient_window_s: Annotated[float, opt("S", "Length of the transient after each onset, s.", min=1e-9)] = 2.0,
     requirements: Requirements = None,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
-    """Score a flight against the truth: what was detected, missed and wrong, and how it flew."""
+    """Score a flight against the true values: detected and missed faults, false isolations, votes and transients."""
     from rig.core.settings import build
     from rig.unit.running_unit import running
     from rig.verdict.of_log import score_log
@@ -75,11 +77,11 @@ def score(
 
 def report(
     log: LogFile,
-    out: Annotated[Path | None, opt("FILE", "The file to write.", show_default="<log>.html")] = None,
+    out: Annotated[Path | None, opt("FILE", "Page to write, .html.", show_default="<log>.html")] = None,
     requirements: Requirements = None,
     as_json: Json = False,
 ) -> None:
-    """Write one HTML file of one flight, which opens offline and prints: what happened, when and why."""
+    """Write the report of a flight as one HTML page that opens offline and can be printed."""
     from rig.show.pages.flight_page import report as write
 
     target = out or log.with_suffix(".html")

@@ -1,4 +1,4 @@
-"""``rig search``: the worst case that a campaign's space holds."""
+"""``rig search``: the worst case in the ranges of a campaign."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from rig.cli.common import (
     Sets,
     Workers,
     arg,
-    begun,
     emit,
     flag,
     named,
     opt,
     require_ended,
+    resumes,
     takes_options,
 )
 from rig.cli.printing import field, line
@@ -43,19 +43,22 @@ class SearchOptions:
         str,
         arg(
             "FILE|NAME",
-            "A campaign: its ranges within each combination of cases are searched.",
+            "Campaign whose ranges are searched, within each combination of its cases.",
             autocompletion=complete.campaigns,
         ),
     ]
-    requirement: Annotated[list[str], opt("ID", "What is to be violated; repeatable: any of them.")]
-    flights: Annotated[int, opt("N", "Flights of the search, a tenth at random.", min=1, max=10**6)]
-    out: Annotated[Path, begun("Folder of the search")]
-    method: Annotated[str, opt("cma|random", "How flights are chosen after the random ones.")] = "cma"
-    against: Annotated[str | None, opt("KEY=VALUE", "Find what violates and, with this set too, does not.")] = None
+    requirement: Annotated[list[str], opt("ID", "Requirement to violate. Repeat it to accept any of several.")]
+    flights: Annotated[int, opt("N", "Number of flights of the search, one tenth at random.", min=1, max=10**6)]
+    out: Annotated[Path, resumes("search")]
+    method: Annotated[str, opt("cma|random", "Method that chooses the flights after the random ones.")] = "cma"
+    against: Annotated[str | None, opt("KEY=VALUE", "Keep only flights that do not violate with this override.")] = None
     requirements: Annotated[
-        list[str] | None, opt("NAME|FILE", "Where the ids are; repeatable.", show_default="all bundled sets")
+        list[str] | None,
+        opt("NAME|FILE", "Files that define the requirement IDs. Repeatable.", show_default="all bundled sets"),
     ] = None
-    bench: Annotated[bool, flag("--bench", "Search open loop: one signal over the truth of a healthy flight.")] = False
+    bench: Annotated[
+        bool, flag("--bench", "Search in open loop: one signal, on the true values of a healthy flight.")
+    ] = False
     scheduler: Scheduler = None
     seed: Seed = 0
     workers: Workers = 2
@@ -66,7 +69,7 @@ class SearchOptions:
 
 @takes_options
 def search(options: SearchOptions) -> None:
-    """Search for the worst case: the flight that violates a requirement by most, confirmed and made simple."""
+    """Find the flight that violates a requirement most, confirm it on new seeds, and minimise its scenario."""
     from rig.studies.campaign.pool import get_ready
 
     if options.scheduler is None:
@@ -100,21 +103,22 @@ def _plan(options: SearchOptions) -> SearchPlan:
 
 
 def _shown(robustness: float | None) -> str:
-    """Return a robustness that the search found; ``none`` where no number was."""
+    """Return a robustness as text; ``none`` if the search has no number."""
     return "none" if robustness is None else f"{robustness:.4g}"
 
 
 def _show(ended: Ended, out: Path) -> None:
-    """Print what was found, how sure it is, and where it is."""
+    """Print the worst case, its confidence, and its files."""
     f = ended.figures
     drawn, worst, (violate, seeds) = f["random"], f["worst"], f["confirmed"]
-    hides = "every random flight violates it, and it would hide the others"
+    hides = "every random flight violates it, so that it would hide the others"
     violated = ", ".join(f"{name} in {count}" for name, count in f["violating"].items())
     lines = [
-        ("flights", f"{f['flights']}, {f['violated']} violate; least robustness {_shown(f['robustness'])}"),
+        ("flights", f"{f['flights']}, {f['violated']} violate; lowest robustness {_shown(f['robustness'])}"),
         (
             "at random",
-            f"{drawn['violated']} of {drawn['flights']} draws violate: at most {100 * drawn['upper_95']:.3g} % (95 %)",
+            f"{drawn['violated']} of {drawn['flights']} flights violate; violation rate at most "
+            f"{100 * drawn['upper_95']:.3g} % (95 % upper bound)",
         ),
         (
             "worst",
@@ -123,8 +127,8 @@ def _show(ended: Ended, out: Path) -> None:
         ),
         *(("left out", f"{name}: {hides}") for name in f["left_out"]),
         *([("violated", f"{violated} of {seeds} other seeds")] if f["scenario"] else []),
-        ("simplest", f"{f['scenario']}: {violate} of {seeds} other seeds violate" if f["scenario"] else ""),
+        ("minimal", f"{f['scenario']}: {violate} of {seeds} other seeds violate" if f["scenario"] else ""),
         ("folder", f"{out}, table {ended.table_sha256}, {ended.wall_s:.1f} s"),
     ]
     for label, text in lines:
-        field(label, text, width=_WIDTH) if text else line("no new seed violates: no scenario was written")
+        field(label, text, width=_WIDTH) if text else line("no flight with a new seed violates: no scenario is written")

@@ -1,4 +1,4 @@
-"""How ``rig aircraft`` prints."""
+"""Printing of ``rig aircraft``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MARGINS = (
     Column("gain down", "margin.gain_decrease_db", ".1f", "dB", worth=7),
     Column("phase", "margin.phase_deg", ".1f", "deg", worth=8),
     Column("crossover", "margin.crossover_rad_s", ".2f", "rad/s", worth=5),
-    Column("", lambda loop: "; ".join(loop.missed) or "kept"),
+    Column("", lambda loop: "; ".join(loop.missed) or "met"),
 )
 _REFERENCES = (
     *columns("signal", "reference from"),
@@ -55,7 +55,7 @@ def flight_points(name: str) -> list[str]:
 
 
 def listed(name: str) -> list[str]:
-    """Return the same of a folder that nobody named: where the file cannot be used, why."""
+    """Return the same for a folder that the user did not name; the reason if its file cannot be used."""
     try:
         return flight_points(name)
     except BadInput as error:
@@ -63,14 +63,14 @@ def listed(name: str) -> list[str]:
 
 
 def below(names: Iterable[str]) -> dict[str, list[str]]:
-    """Return what aircraft's gains keep less than was required, as their files say; those not designed are left out."""
+    """Return which requirements the gains of each aircraft miss, by their files; only of designed aircraft."""
     files = {name: folder(name) / "gains.toml" for name in names}
     lines = {name: read_toml(path).get("below") for name, path in files.items() if is_file(path)}
     return {name: list(map(str, texts)) for name, texts in lines.items() if texts and isinstance(texts, list)}
 
 
 def aircraft(points: dict[str, list[str]], below: dict[str, list[str]]) -> None:
-    """Print aircraft and flight points, and which fly below the requirement."""
+    """Print aircraft and flight points, and the gains that miss a requirement."""
     names = Column("flight points (the first is the default)", lambda item: ", ".join(item[1]))
     table(points.items(), (Column("aircraft", 0), names))
     for name, texts in below.items():
@@ -84,11 +84,11 @@ def proposed(made: NewAircraft, home: Path) -> None:
     field("surfaces", ", ".join(base.positions.values()))
     field("engines", f"{base.engines} {base.engine}")
     table(made.found, _trims(unit_of(base.positions["elevator"])))
-    field("written", f"{home / 'aircraft.toml'}; figures marked 'assumed' are of no data of this aircraft")
+    field("written", f"{home / 'aircraft.toml'}; values marked 'assumed' are defaults, not data of this aircraft")
 
 
 def changed(made: NewAircraft) -> None:
-    """Print which flight points gave way to which."""
+    """Print the flight points that others replaced."""
     for fault in made.left_out:
         line(f"left out: {fault}", style="yellow")
     table(made.found, _trims(unit_of(made.base.positions["elevator"])))
@@ -105,13 +105,13 @@ def next_steps(made: NewAircraft, home: Path, *, designed: bool) -> None:
 
 
 def _fly_it(home: Path) -> None:
-    """Print the command that flies the first scenario of an aircraft, when it has one."""
+    """Print the command that flies the first scenario of an aircraft, if it has one."""
     if is_file(scenario_file(home)):
         field("next", f"rig fly {scenario_file(home)}")
 
 
 def check(checked: Check, name: str) -> None:
-    """Print properties, trims, margins, and what fails."""
+    """Print properties, trims, gain and phase margins, and the failures."""
     for item in checked.properties:
         near = "" if item.read else f" is not read by the model; nearest: {', '.join(item.nearest)}"
         field(item.key, f" {item.name}{near}", style="" if item.read else "red", width=27)
@@ -126,10 +126,13 @@ def check(checked: Check, name: str) -> None:
     if checked.gains is None:
         line("not designed: a property or a trim is missing", style="red")
     elif checked.below:
-        line(f"below the requirement: {len(checked.below)} margins; these are the best gains found", style="yellow")
-        line(f"to fly with them nevertheless: rig aircraft check {name} --accept")
+        line(
+            f"{len(checked.below)} gain or phase margins below the requirement; these are the best gains found",
+            style="yellow",
+        )
+        line(f"to accept them: rig aircraft check {name} --accept")
     else:
-        line("every margin is kept", style="green")
+        line("every gain and phase margin meets the requirement", style="green")
 
 
 def accepted(home: Path) -> None:
@@ -139,8 +142,8 @@ def accepted(home: Path) -> None:
 
 
 def design(references: Designed, target: Path, beside: Path) -> None:
-    """Print the errors that the references were measured to have."""
+    """Print the measured errors of the references."""
     errors = [(name, source, e) for name, sources in references.errors.items() for source, e in sources.items()]
     table(errors, _REFERENCES)
-    line(f"gains and margins written to {target}")
+    line(f"gains with their gain and phase margins written to {target}")
     line(f"references written to {beside}")

@@ -1,4 +1,4 @@
-"""How ``rig campaign`` prints."""
+"""Printing of ``rig campaign``."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _DETECTABLE: Final = (
 
 @contextmanager
 def progress(enabled: bool) -> Iterator[Report | None]:
-    """Show runs done, rate, time left and failures: a bar on a terminal, in a pipe a line for each tenth at most."""
+    """Show runs done, rate, time left and failures: a bar on a terminal, at most ten lines in a pipe."""
     parts = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"), TimeRemainingColumn())
     with bar(enabled, *parts) as shown:
         yield _reporter(shown) if shown is not None else _Lines().report if enabled else None
@@ -72,7 +72,7 @@ def _reporter(shown: Bar) -> Report:
 
 
 class _Lines:
-    """A line on standard error when a batch came in: of the first one, then a tenth of the runs and some time later."""
+    """Lines on standard error: after the first batch, then at most one per tenth of the runs."""
 
     def __init__(self) -> None:
         self._next, self._due = 0, 0.0
@@ -87,7 +87,7 @@ class _Lines:
         left = (
             f", about {rough_duration((state.runs - handled) / state.told_per_s)} left" if handled < state.runs else ""
         )
-        text = f"{handled} of {state.runs} runs{_trouble(state.outcomes)}, {state.told_per_s:.1f} a second{left}"
+        text = f"{handled} of {state.runs} runs{_trouble(state.outcomes)}, {state.told_per_s:.1f} per second{left}"
         Screen(stderr=True).print(text, soft_wrap=True)
 
 
@@ -96,7 +96,7 @@ def _trouble(outcomes: dict[str, int]) -> str:
 
 
 def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:
-    """Return every run of a plan: number, seed, what varies."""
+    """Return every run of a plan: number, seed, varied keys."""
     listed = (planned[number] for number in range(planned.count(runs)))
     return [{"run": run.number, "seed": run.data["seed"], **run.choice} for run in listed]
 
@@ -107,15 +107,15 @@ def plan(planned: Plan, expected: Estimate) -> None:
     names = dict.fromkeys(name for row in rows for name in row)  # of what varies: a run may be without it
     table(rows, [Column(name, lambda row, name=name: row.get(name), LEVEL) for name in names])
     rest(expected.runs, MOST_ROWS, "and {} more runs")
-    logs = f"{expected.logs} logs" if planned.campaign.run.logs != "failures" else "logs of failures not counted"
+    logs = f"{expected.logs} logs" if planned.campaign.run.logs != "failures" else "logs of failures not included"
     line(
         f"{expected.runs} runs, {expected.flight_s / 3600:.2f} h of flight: about {rough_duration(expected.wall_s)} on "
-        f"{expected.workers} workers ({expected.us_per_frame:.0f} us a frame), {file_size(expected.disk_bytes)}, {logs}"
+        f"{expected.workers} workers ({expected.us_per_frame:.0f} us/frame), {file_size(expected.disk_bytes)}, {logs}"
     )
 
 
 def result(flown: Result) -> None:
-    """Print what a call of ``run`` flew."""
+    """Print the result of a call of ``run``."""
     field("runs", f"{flown.done} of {flown.runs} done{_trouble(flown.outcomes)}")
     field("flown", f"{flown.flown} now in {flown.wall_s:.1f} s, {flown.flights_per_s:.1f} flights/s")
     field("table", flown.table_sha256)
@@ -123,20 +123,20 @@ def result(flown: Result) -> None:
 
 
 def status(state: dict[str, Any]) -> None:
-    """Print how far a campaign is."""
+    """Print how many runs of a campaign are done."""
     line((state["title"] or state["folder"], "bold"))
     outcomes = ", ".join(f"{count} {name}" for name, count in state["outcomes"].items()) or "none"
     field("runs", f"{state['done']} of {state['runs']} done: {outcomes}; {state['aircraft_lost']} aircraft lost")
     if state.get("by"):
         field("voted by", state["by"])
     if state.get("not_flown"):
-        field("failed", unflown(state["not_flown"], state["first_reason"]), style="red")
+        field("not flown", unflown(state["not_flown"], state["first_reason"]), style="red")
     field("logs", f"{state['logs']} kept")
     field("table", state["table_sha256"])
 
 
 def report(summary: dict[str, Any], target: Path) -> None:
-    """Print the headline of a report, the tie-break rules, and where the rest is."""
+    """Print the headline of a report, the tie-break rules, and the file of the report."""
     from rig.studies.campaign.campaign_summary import TABLES
 
     head = summary["headline"]
@@ -146,7 +146,7 @@ def report(summary: dict[str, Any], target: Path) -> None:
     if head.get("not_flown"):
         field("not flown", unflown(head["not_flown"], head["first_reason"]), width=_WIDTH, style="red")
     if summary.get("by_name"):
-        text = f"{', '.join(summary['by_name'])}: the figures of all runs are of no one population, see below"
+        text = f"{', '.join(summary['by_name'])}: the figures of all runs mix different populations, see below"
         field("vary by name", text, width=_WIDTH)
     field("faults", _accounted(head), width=_WIDTH)
     for name, label in _SHARES.items():
@@ -154,13 +154,15 @@ def report(summary: dict[str, Any], target: Path) -> None:
     alarms = head["false_alarms"]
     if alarms["value"] is not None:
         interval = f"{alarms['low']:.3g} to {alarms['high']:.3g}"
-        text = f"{alarms['value']:.3g} a channel hour ({interval}), {alarms['count']} in {alarms['of']:.4g} h"
+        text = f"{alarms['value']:.3g} per channel hour ({interval}), {alarms['count']} in {alarms['of']:.4g} h"
         field("false alarms", text, width=_WIDTH)
     for column in ("failed_with_box", "failed_by_rule"):
         if head.get(column):
-            field(column.replace("_", " "), f"{head[column]}: healthy channels, for a fault elsewhere", width=_WIDTH)
+            field(column.replace("_", " "), f"{head[column]} healthy channels, for a fault elsewhere", width=_WIDTH)
     if head.get("suspect_channels"):
-        text = f"{head['suspect_channels']} channels in {head['suspect_runs']} runs: in many frames, never failed"
+        text = (
+            f"{head['suspect_channels']} channels in {head['suspect_runs']} runs: suspect in many frames, not isolated"
+        )
         field("suspect", text, width=_WIDTH, style="yellow")
     table(summary.get("by_varied", ()), TABLES["by_varied"], MOST_LINES)
     table(summary.get("detectable", ()), _DETECTABLE, MOST_LINES)
@@ -170,12 +172,12 @@ def report(summary: dict[str, Any], target: Path) -> None:
 
 
 def _accounted(head: dict[str, Any]) -> str:
-    """Return what became of every fault of the table, so that the counts add up; detection is of detectable ones."""
+    """Return the outcomes of all faults of the table, which add up; detection counts detectable faults only."""
     detectable = head["detection"]["of"]
     elsewhere = head["faults"] - head["not_executed"] - head["undetectable"] - detectable
     parts = {
         "detectable": detectable,
-        "undetectable (error below the threshold)": head["undetectable"],
+        "undetectable (error below the isolation threshold)": head["undetectable"],
         "not executed": head["not_executed"],
         "on no channel (surface, reference, inertial unit)": elsewhere,
     }
@@ -183,23 +185,23 @@ def _accounted(head: dict[str, Any]) -> str:
 
 
 def compare(pairs: dict[str, Any]) -> None:
-    """Print who voted, what differs, and the paired outcomes of two campaigns."""
+    """Print the managers, the differences, and the paired outcomes of two campaigns."""
     first, second = pairs["by"]["first"], pairs["by"]["second"]
     line(f"voted by {first}" + (", in both" if first == second else f"; in the second by {second}"))
-    line(f"{pairs['runs']} runs and {pairs['faults']} faults that both flew; what differs:")
+    line(f"{pairs['runs']} runs and {pairs['faults']} faults are in both campaigns; differences:")
     for difference in pairs["differs"] or ["nothing"]:
         line(f"  {difference}")
     detectable = pairs["detectable"]
     line(
-        f"of faults: the same {pairs['faults']} that acted in both, detectable or not; their error left the threshold "
-        f"of {detectable['first']} in the first, {detectable['second']} in the second, {detectable['both']} in both"
+        f"faults: the {pairs['faults']} that acted in both; detectable (error above the isolation threshold): "
+        f"{detectable['first']} in the first, {detectable['second']} in the second, {detectable['both']} in both"
     )
     table(pairs["outcomes"], _OUTCOMES)
     table([row for row in pairs["delays"] if row["faults"]], _DELAYS)
 
 
 def _interval(rate: dict[str, Any], number: str = "") -> str | None:
-    """Return an interval; with ``number``, a format, behind its value."""
+    """Return an interval; ``number``, a format: the value with its interval."""
     if rate["value"] is None or rate["low"] is None:
         return None if rate["value"] is None or not number else number.format(rate["value"])
     form = number or "{:.3f}"
@@ -208,7 +210,7 @@ def _interval(rate: dict[str, Any], number: str = "") -> str | None:
 
 
 def _smallest(row: dict[str, Any], i: int) -> str:
-    """Return a magnitude of the fit of smallest magnitudes with its interval, as the report; in words where none is."""
+    """Return the smallest magnitude with its interval, as in the report; words if there is no fit."""
     if row["fit"] is None:
         return "all detected" if row["detected"] else "none detected"
     from rig.studies.campaign.campaign_page import magnitude_shown, magnitude_unit

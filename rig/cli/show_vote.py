@@ -1,4 +1,4 @@
-"""How ``rig vote`` prints."""
+"""Printing of ``rig vote``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rig.log.recordings.stamps import LONG_AGO_S, digits, of_rows
 _SIGNALS = (
     *(Column("signal", "name"), Column("level")),
     Column("split frames", lambda row: f"{100 * row['split_share']:.3g} %", worth=6),
-    Column("undecided", lambda row: f"{100 * row['unresolved_share']:.3g} %", worth=5),
+    Column("unresolved", lambda row: f"{100 * row['unresolved_share']:.3g} %", worth=5),
     *(Column("spread median", "spread.median", ".4g", worth=5), Column("95 %", "spread.p95", ".4g", worth=3)),
     *(Column("worst", "spread.max", ".4g", worth=4), Column("voted from", "voted.min", ".4g", worth=7)),
     *(Column("to", "voted.max", ".4g", worth=7), Column("unit", worth=8)),
@@ -24,7 +24,7 @@ _DISCRETES = (
 )
 _CHANNELS = (
     *(Column("channel", "name"), Column("at the end", "state"), Column("suspect rows", "suspect", worth=7)),
-    Column("failed in frame", "frame", worth=5),
+    Column("isolated in frame", "frame", worth=5),
     *(Column("at"), Column("by", "why"), Column("invalid samples", "invalid", worth=6)),
 )
 _INJECTED = (
@@ -40,14 +40,16 @@ _ALIGNED = (
     *(Column("channel", "name"), Column("delay in frames", "delay_frames", ".2f", worth=5)),
     *(Column("in ms", lambda row: f"{1e3 * row['delay_s']:.2f}"), Column("offset", format=".4g")),
     Column("correlation", format=".2f", worth=6),
-    Column("", lambda row: "" if row["aligned"] else "left alone: like no other channel"),
+    Column("", lambda row: "" if row["aligned"] else "not aligned: resembles no other channel"),
 )
 _MATRICES = (
     Column("triad", lambda channel: f"{channel['triad']}, channel {channel['channel']}"),
-    Column("turned by", "rotation_deg", ".2f", "deg"),
+    Column("rotated by", "rotation_deg", ".2f", "deg"),
     Column("gains", lambda channel: f"{channel['gains'][-1]:.3f} to {channel['gains'][0]:.3f}", worth=5),
     *(Column("off before, rms", "rms_before", ".4g", worth=6), Column("after", "rms_after", ".4g", worth=6)),
-    Column("", lambda channel: "" if channel["applied"] else "left alone: no misalignment that can be believed"),
+    Column(
+        "", lambda channel: "" if channel["applied"] else "not corrected: gains outside 0.9 to 1.1 are no misalignment"
+    ),
 )
 _REQUIREMENTS = (
     *(Column("requirement"), Column("on", "signal"), Column("verdict", "status")),
@@ -56,11 +58,11 @@ _REQUIREMENTS = (
 
 
 def vote(summary: dict[str, Any]) -> None:
-    """Print the summary as tables, how long each step took, and where the votes are."""
+    """Print the summary as tables, the time of each step, and the file of the votes."""
     first, last = summary["time_s"]
     span = f"{digits(first)} to {of_rows(last, first)}"
     since = ", +: since the first row" if abs(first) >= LONG_AGO_S else ""
-    line(f"{summary['rows']} rows from {span}{since}, {summary['rate_hz']:g} a second")
+    line(f"{summary['rows']} rows from {span}{since}, {summary['rate_hz']:g} per second")
     for remark in summary["remarks"]:
         line(remark)
     for repair in summary["repaired"]:
@@ -77,7 +79,7 @@ def vote(summary: dict[str, Any]) -> None:
     table(({**fault, "onset": _at(fault["onset_s"], first)} for fault in faults), _INJECTED)
     table(summary.get("requirements", ()), _REQUIREMENTS)
     if summary["not_voted"]:
-        line(f"not voted, as CONFIG does not name them: {', '.join(summary['not_voted'])}")
+        line(f"not voted, because CONFIG does not name them: {', '.join(summary['not_voted'])}")
     for warning in summary["warnings"]:
         line(f"warning: {warning}")
     line(", ".join(f"{stage} {taken:.2f} s" for stage, taken in summary["seconds"].items()))
@@ -99,7 +101,7 @@ def _repaired(repair: dict[str, Any]) -> str:
 
 
 def _channels(summary: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield a row for each channel, and one more each time that it failed again."""
+    """Yield a row for each channel, and one more for each further isolation."""
     for name, signal in {**summary["signals"], **summary["discretes"]}.items():
         for channel in signal["channels"]:
             times = [
@@ -115,21 +117,21 @@ def _channels(summary: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _latched(summary: dict[str, Any]) -> None:
-    """Say how a channel that is failed at the end comes back: rows that are no samples are often over soon."""
+    """Print how an isolated channel is readmitted, and a remark on missing samples."""
     groups = {**summary["signals"], **summary["discretes"]}.values()
     out = [channel for group in groups for channel in group["channels"] if channel["state"] == "failed"]
     if not out:
         return
-    line("a failed channel stays out until a reset command readmits it: [[resets]] in CONFIG")
+    line("an isolated channel stays out until a reset command readmits it: [[resets]] in CONFIG")
     if any(channel["failed"] and channel["failed"][-1]["why"] == "invalid" for channel in out):
-        line("failed by invalid: that many rows in a row had no valid sample; a longer persistence bears longer gaps")
+        line("by invalid: no valid sample for the persistence; a longer persistence tolerates longer gaps")
 
 
 def _alignments(summary: dict[str, Any]) -> None:
     alignment, first = summary["alignment"], summary["time_s"][0]
-    chosen = ", as no --align-to is given" if alignment["by_default"] else ""
+    chosen = " (--align-to is not given)" if alignment["by_default"] else ""
     begin, end = (_at(alignment[key], first) for key in ("from_s", "to_s"))
-    line(f"aligned by {alignment['rows']} rows from {begin} to {end}{chosen}")
+    line(f"aligned on {alignment['rows']} rows from {begin} to {end}{chosen}")
     aligned = [
         {"name": f"{name}.{channel['channel']}", **channel["alignment"]}
         for name, signal in summary["signals"].items()

@@ -1,4 +1,4 @@
-"""``rig unit``: what goes between the rig and a unit under test, and whether a unit keeps to it."""
+"""``rig unit``: the interface of a unit under test, and the test of a unit against it."""
 
 from __future__ import annotations
 
@@ -17,22 +17,23 @@ from rig.core.errors import BadInput
 if TYPE_CHECKING:
     from rig.bench.unit_check import Checked
 
-unit_app = Typer(help="Flight software under test: its records, its conformance.", **GROUP)
+unit_app = Typer(help="Print the interface records (ICD) of a unit under test, and test a unit against them.", **GROUP)
 
 
 @unit_app.command()
 def header(
-    ada: Annotated[bool, flag("--ada", "Ada record clauses.")] = False,
-    markdown: Annotated[bool, flag("--markdown", "The tables of docs/unit-records.md.")] = False,
+    ada: Annotated[bool, flag("--ada", "Print Ada record clauses.")] = False,
+    markdown: Annotated[bool, flag("--markdown", "Print tables in Markdown.")] = False,
     fmu: Annotated[
-        Literal["2", "3"] | None, opt("VERSION", "modelDescription.xml of an FMU: 2 for FMI 2.0, 3 for FMI 3.0.")
+        Literal["2", "3"] | None,
+        opt("VERSION", "Print the modelDescription.xml of an FMU: 2 for FMI 2.0, 3 for FMI 3.0."),
     ] = None,
 ) -> None:
-    """Print the records as a C header, or in another form."""
+    """Print the interface records (ICD) as a C header, or in another form."""
     from rig.unit import fmu_description, header
 
     if ada + markdown + (fmu is not None) > 1:
-        raise BadInput("--ada, --markdown, --fmu: one of them")
+        raise BadInput("--ada, --markdown, --fmu: only one of them at a time")
     if fmu is not None:
         echo(fmu_description.description(fmu), nl=False)
         return
@@ -42,18 +43,21 @@ def header(
 
 @unit_app.command()
 def schema() -> None:
-    """Print the JSON schema of unit files, for editors."""
+    """Print the JSON schema of unit files, for an editor."""
     echo(of_file("unit"))
 
 
 @unit_app.command()
 def check(
-    file: Annotated[Path, arg("UNIT", "A unit file.")],
+    file: Annotated[Path, arg("UNIT", "Unit file.")],
     interface: Annotated[bool, flag("--interface", "Test only the interface, not the voting decisions.")] = False,
-    longest: Annotated[bool, flag("--long", "Long sessions of 70,000 frames, not of 5,000.")] = False,
+    longest: Annotated[bool, flag("--long", "Use long sessions of 70,000 frames instead of 5,000.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Test a unit against the interface and, without --interface, the voting rules.  Exit code 1: a test failed."""
+    """Test a unit against the interface and the voting rules, and print a line per requirement.
+
+    Exit code 1: a test failed.
+    """
     from rig.bench.unit_check import check as test
 
     with working("testing the unit", not as_json):
@@ -64,7 +68,7 @@ def check(
 
 
 def _checked(result: Checked) -> None:
-    """Print one line a requirement, and the grade."""
+    """Print one line per requirement, and the grade."""
     verdict = Column("", lambda requirement: "passed" if requirement.passed else "FAILED")
     table(result.requirements, (Column("part"), verdict, Column("requirement", "name"), Column("", "detail")))
     missed = sum(not requirement.passed for requirement in result.requirements)

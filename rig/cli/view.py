@@ -1,4 +1,4 @@
-"""``rig view`` and ``rig watch``: flights in Rerun, and on the terminal."""
+"""``rig view`` and ``rig watch``: flights in Rerun, and in the terminal."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ if TYPE_CHECKING:
 class ViewOptions:
     """The options of ``rig view``."""
 
-    logs: Annotated[list[Path], arg("LOG...", "Logs; several lie over each other.")]
-    save: Annotated[Path | None, opt("FILE.rrd", "Write a recording with the layout in it.")] = None
-    serve: Annotated[bool, flag("--serve", "Serve to a browser on this machine, until Ctrl-C.")] = False
-    screenshot: Annotated[Path | None, opt("FILE.png", "A picture, 1920 x 1080; needs no display.")] = None
+    logs: Annotated[list[Path], arg("LOG...", "Logs. Several are drawn over each other.")]
+    save: Annotated[Path | None, opt("FILE.rrd", "File for a recording with the layout.")] = None
+    serve: Annotated[bool, flag("--serve", "Serve to a browser on this machine until Ctrl-C.")] = False
+    screenshot: Annotated[Path | None, opt("FILE.png", "File for a picture, 1920 x 1080. Needs no display.")] = None
     time_s: Annotated[
-        float | None, opt("S", "Where the cursor of the picture is.", "--time", show_default="last event")
+        float | None, opt("S", "Time of the cursor in the picture, s.", "--time", show_default="last event")
     ] = None
-    tab: Annotated[str, opt("NAME", "The tab to open with.", autocompletion=complete.tabs)] = "overview"
+    tab: Annotated[str, opt("NAME", "Tab that is shown first.", autocompletion=complete.tabs)] = "overview"
     requirements: Requirements = None
-    map_tiles: Annotated[bool, flag("--map", "A map; the viewer fetches its tiles from OpenStreetMap.")] = False
+    map_tiles: Annotated[bool, flag("--map", "Show a map. The viewer loads its tiles from OpenStreetMap.")] = False
     as_json: Json = False
 
 
 @takes_options
 def view(options: ViewOptions) -> None:
-    """Look at flights in Rerun: a window, or one of --save, --serve and --screenshot."""
+    """Show flights in Rerun: in a window, or by --save, --serve or --screenshot."""
     save, screenshot = options.save, options.screenshot
     if sum((save is not None, options.serve, screenshot is not None)) > 1:
-        raise BadInput("--save, --serve, --screenshot: one of them at a time")
+        raise BadInput("--save, --serve, --screenshot: only one of them at a time")
     if options.time_s is not None and screenshot is None:
-        raise BadInput("--time: is for --screenshot")
+        raise BadInput("--time: needs --screenshot")
     require_apart({"--save": save, "--screenshot": screenshot}, options.logs)
     if save is None and not options.serve and screenshot is None:
         _require_display()
@@ -94,9 +94,9 @@ def _view(options: ViewOptions) -> None:
 
 
 def _add_violations(path: Path, log: Log, names: list[str]) -> None:
-    """Add an event where a requirement is violated: of ``names``, BadInput, and of the scenario if its files are there.
+    """Add an event for each violation of the requirements of ``names`` and of the scenario, if its files exist.
 
-    The viewer flies nothing: what names the flight without faults is left to ``rig score``.
+    The viewer flies nothing: ``rig score`` measures requirements on the fault-free baseline.
     """
     from rig.log import scenario_of
 
@@ -120,7 +120,7 @@ def _require_display() -> None:
     try:
         viewer.require_display("rig view")
     except BadInput as error:
-        raise BadInput(f"{error}; there are --serve, --save and --screenshot") from None
+        raise BadInput(f"{error}; use --serve, --save or --screenshot") from None
 
 
 def _serve(flights: Any, data: dict[str, Any], as_json: bool) -> None:
@@ -129,14 +129,14 @@ def _serve(flights: Any, data: dict[str, Any], as_json: bool) -> None:
     from rig.show.viewer.opened import serve
 
     began, over = perf_counter(), threading.Event()
-    with suppress(ValueError):  # not the main thread: whoever runs it ends it
+    with suppress(ValueError):  # not the main thread: its caller ends it
         for number in TERMINATIONS:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, lambda *_: over.set())
     sink = serve(flights)
     try:
         data |= {"browser": sink.browser, "address": sink.where, "seconds": perf_counter() - began}
-        _emit(data, as_json, f"watch at {sink.browser}; Ctrl-C ends")
+        _emit(data, as_json, f"watch at {sink.browser}; Ctrl-C ends it")
         with suppress(KeyboardInterrupt):
             over.wait()
     finally:
@@ -149,15 +149,15 @@ def _emit(data: dict[str, Any], as_json: bool, text: str) -> None:
 
 def watch(
     log: LogFile,
-    speed: Annotated[float, opt("X", "Times real time.", min=0.01, max=1000.0)] = 1.0,
-    from_s: Annotated[float, opt("S", "Where to begin.", "--from", min=0.0)] = 0.0,
+    speed: Annotated[float, opt("X", "Speed, times real time.", min=0.01, max=1000.0)] = 1.0,
+    from_s: Annotated[float, opt("S", "Start time in the log, s.", "--from", min=0.0)] = 0.0,
 ) -> None:
-    """Play the redundancy page of a log on the terminal; Ctrl-C ends."""
+    """Play a log back in the terminal: channels, votes and events. Ctrl-C ends it."""
     from rig.core.console import console
     from rig.log import read_log
     from rig.show.terminal.live import play
 
     flight = read_log(log)
     if not len(flight.rows):
-        raise BadLog(f"{log}: has no frames")
+        raise BadLog(f"{log}: has no frame")
     play(flight, log.stem, console(), speed, from_s)

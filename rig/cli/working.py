@@ -1,7 +1,7 @@
-"""Progress of a command on standard error: a line with a bar on a terminal; in a pipe the compilation alone.
+"""Progress of a command on standard error: a line with a bar on a terminal; in a pipe only the compilation.
 
-The first flight after an installation compiles its kernels, in processes of their own; other commands and later flights
-compile the few that are missing.  Either ends at once when it is interrupted.
+The first flight after an installation compiles its kernels in separate processes.  Other commands and later flights
+compile only missing kernels.  An interruption ends the compilation at once.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from rig.core.progress import listening
 if TYPE_CHECKING:
     from rig.studies.campaign.compile_ahead import Ahead
 
-COMPILING: Final = "compiling kernels, kept for the next time"
+COMPILING: Final = "compiling kernels (once per installation)"
 PATIENCE_S: Final = 3.0  # less is not worth a line
 _EVENT: Final = "numba:compile"  # of each kernel that is not in the cache
 
 
 @contextmanager
 def working(what: str, enabled: bool = True, *, steps: bool = False, compiles: bool = True) -> Iterator[None]:
-    """Show on standard error that a command is at ``what``, and how far; nothing when not ``enabled``.
+    """Show on standard error the step ``what`` of a command and its progress; show nothing when not ``enabled``.
 
-    On a terminal a spinner with what is told (progress.tell) and the time.  Else one plain line, when kernels have
-    to be compiled, and with ``steps`` one for each step of minutes of work.
-    compiles : False for what needs no kernel, nor the 80 MB of the compiler
+    A terminal shows a spinner with the text of progress.tell and the time.  A pipe gets one plain line if kernels must
+    be compiled, and with ``steps`` one line for each step of minutes of work.
+    compiles : False for a block that needs no kernel, nor the 80 MB of the compiler
     """
     compilation = _compilation if compiles else nullcontext
     with bar(enabled, SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()) as shown:
@@ -47,7 +47,7 @@ def working(what: str, enabled: bool = True, *, steps: bool = False, compiles: b
 
 @contextmanager
 def bar(enabled: bool, *columns: ProgressColumn) -> Iterator[Progress | None]:
-    """Show a progress bar on standard error while it is a terminal; None in a pipe or when not enabled."""
+    """Show a progress bar on standard error if it is a terminal; yield None in a pipe or when not enabled."""
     screen = Screen(stderr=True)
     if not enabled or not screen.is_terminal:
         yield None
@@ -63,13 +63,13 @@ class _Line:
         self._due, self._began = enabled, 0.0
 
     def ahead(self, done: int, total: int) -> None:
-        """Print the line: there is most of a flight to compile."""
+        """Print the line: most kernels of a flight must be compiled."""
         if self._due:
             Screen(stderr=True).print(COMPILING, soft_wrap=True)
         self._due = False
 
     def here(self, count: int) -> None:
-        """Print the line when the first kernel was begun some seconds ago."""
+        """Print the line when the first kernel has taken some seconds."""
         now = time.monotonic()
         self._began = self._began or now
         if now - self._began > PATIENCE_S:
@@ -83,7 +83,7 @@ class _Lines:
         self._last = ""
 
     def step(self, what: str, done: int, total: int) -> None:
-        """Print the step, and which of how many it is where that is known."""
+        """Print the step, and its number of the total if known."""
         if what != self._last:
             self._last = what
             Screen(stderr=True).print(f"{what} ({done + 1} of {total})" if total else what, soft_wrap=True)
@@ -96,7 +96,7 @@ class _Display:
         self._shown, self._task = shown, shown.add_task(what, total=None)
 
     def step(self, what: str, done: int, total: int) -> None:
-        """Show the step; its share where it is known."""
+        """Show the step, and its share if known."""
         self._show(what, done, total or None)
 
     def ahead(self, done: int, total: int) -> None:
@@ -105,7 +105,7 @@ class _Display:
 
     def here(self, count: int) -> None:
         """Show that kernels are being compiled."""
-        self._show(f"{COMPILING} ({count} begun)", 0, None)
+        self._show(f"{COMPILING} ({count} started)", 0, None)
 
     def _show(self, what: str, done: int, total: int | None) -> None:
         self._shown.tasks[0].total = total  # update() takes None for "as it is"

@@ -1,4 +1,4 @@
-"""Arrays of many rows: gone through in blocks, in the memory of one block; the columns of very many lie in a file."""
+"""Arrays of many rows, processed in blocks in the memory of one block; a file holds the columns of very many rows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Arrays = Sequence[NDArray[Any] | None]  # (n,) beside each other, contiguous; No
 
 
 def cuts(rows: int) -> Iterator[slice]:
-    """Yield the blocks of so many ``rows``."""
+    """Yield the blocks of ``rows`` rows."""
     for first in range(0, rows, ROWS):
         yield slice(first, min(first + ROWS, rows))
 
@@ -23,21 +23,21 @@ def cuts(rows: int) -> Iterator[slice]:
 def room(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
     """Return room for columns; rows are the last of ``shape``.
 
-    Of more than HELD rows it is a file that is mapped into memory, has no name, and is gone with the array.
+    For more than HELD rows it is a file without a name that is mapped into memory and disappears with the array.
     """
     return np.empty(shape, dtype) if shape[-1] <= HELD else scratch(shape, dtype)
 
 
 def scratch(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """Return zeros in a file that is mapped into memory, has no name, and is gone with the array."""
+    """Return zeros in a file without a name that is mapped into memory and disappears with the array."""
     with TemporaryFile(prefix="rig-") as file:
         return np.memmap(file, dtype, "w+", shape=shape).view(np.ndarray)
 
 
 def in_blocks(parts: Iterable[Arrays], size: int | None = None) -> Iterator[list[Any]]:
-    """Yield the rows of ``parts``, which follow each other, ``size`` at a time (ROWS if not given), the last fewer.
+    """Yield the rows of consecutive ``parts``, ``size`` at a time (ROWS if not given); the last block may be shorter.
 
-    Copies: a part may change when the next is asked for.
+    The blocks are copies, because a part may change when the next one is read.
     """
     size, made, held = size or ROWS, list[Any](), 0
     for part in parts:

@@ -16,17 +16,17 @@ SECONDS, INSTANT, PLAIN, LEVEL = "seconds", "instant", "plain", "level"
 class Column:
     """A column.
 
-    name : its title; ``key``, with _ for blanks, is its name in Parquet and JSON
-    value : of a row: a path of keys and attributes with dots, an index, or a function; ``key`` where nothing is given
-    format : of values: a word of those above, else as Python's format() takes it; text is shown as it is
+    name : title; ``key``, with _ for blanks, is the name in Parquet and JSON
+    value : how a row gives it: a path of keys and attributes with dots, an index, or a function; default ``key``
+    format : a word of those above, or a format of Python's format(); text is shown unchanged
     unit : shown after the title
-    empty : shown where there is no value
-    worth : up to KEPT; a terminal that is too narrow leaves out what is worth least; of 0 is shown on pages alone
-    page : its title on a page where that is another; None: not on a page
-    hint : the key of a row's text that a page shows over the cell
-    type : of its values; only one that is stored, or of text on a page, needs it
-    hashed : part of the hash of its table; None: only where a row has a value
-    added : older files lack it; it is then empty
+    empty : shown if there is no value
+    worth : up to KEPT; a narrow terminal leaves out the columns that are worth least; 0: shown on pages only
+    page : title on a page, if another; None: not on a page
+    hint : key of a row's text that a page shows over the cell
+    type : type of the values; needed if they are stored, or are text on a page
+    hashed : part of the hash of its table; None: only if a row has a value
+    added : older files lack the column; it is then empty
     """
 
     name: str
@@ -43,7 +43,7 @@ class Column:
 
     @property
     def key(self) -> str:
-        """Return its name in Parquet and JSON."""
+        """Return the name in Parquet and JSON."""
         return self.name.replace(" ", "_")
 
     @property
@@ -53,11 +53,11 @@ class Column:
 
     @property
     def is_text(self) -> bool:
-        """Return whether it holds text, which a page puts to the left."""
+        """Return True if the column holds text, which a page aligns to the left."""
         return self.type is str
 
     def of(self, row: Any) -> Any:
-        """Return the value of a row; None where a part of its path is None."""
+        """Return the value of a row; None if a part of its path is None."""
         if callable(self.value):
             return self.value(row)
         if isinstance(self.value, int):
@@ -67,12 +67,12 @@ class Column:
         return row
 
     def text(self, value: Any, words: Mapping[str, Callable[[Any], str]]) -> str:
-        """Return a value as it is read; ``words``: how those that ``format`` may be are shown."""
+        """Return a value as text; ``words``: the function of each word that ``format`` may be."""
         if value is None or isinstance(value, str):
             return self.empty if value is None else value
         return words[self.format](value) if self.format in words else format(value, self.format)
 
 
 def columns(*titles: str, worth: Mapping[str, int] | None = None) -> list[Column]:
-    """Return the columns of rows that are tuples of text; ``worth`` of those that may be left out, by title."""
+    """Return the columns of rows that are tuples of text; ``worth`` of the optional ones, by title."""
     return [Column(title, i, worth=(worth or {}).get(title, KEPT)) for i, title in enumerate(titles)]

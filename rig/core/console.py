@@ -1,4 +1,4 @@
-"""Where text for people goes: a console that takes every string as text, whoever wrote it."""
+"""The console for people: it prints every string as plain text, from any source."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PIPE_WIDTH = 120  # of tables in a pipe, where the variable COLUMNS says nothing
 class Screen(Console):
     """A console without markup, emoji codes or highlighting; control characters are shown, not sent.
 
-    What has a style is made by ``styled`` or is given one for the whole line.
+    ``styled`` makes text with styles; a whole line may have one style.
     """
 
     def __init__(self, *, stderr: bool = False, width: int | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Decimals that were rounded: 0.0166667 or 0.01667 is what is written for 1/60, and is to be taken for it."""
+"""Rounded decimals: 0.0166667 and 0.01667 stand for 1/60 and are read as 1/60."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ SURE: Final = 1e-2  # of one: a last digit that counts for more does not tell a 
 def slack(number: float | str, scale: float) -> float:
     """Return by how much ``number * scale`` may miss a whole number because ``number`` is a rounded decimal.
 
-    Half a unit of its last digit, as it is written or in the shortest decimal of a float; 0 for a whole number, and
-    where a unit comes to more than SURE, or than this share of the product: 0.017 is 0.017, not 1/60.
+    It is half a unit of the last digit, as written or in the shortest decimal of a float.  It is 0 for a whole number,
+    and if that unit is more than SURE, or than this share of the product: 0.017 is 0.017, not 1/60.
     """
     value = float(number)
     if not isfinite(value) or value == round(value):

@@ -1,12 +1,12 @@
-"""What can go wrong outside a frame (inside a frame nothing raises, a status says it).
+"""Errors outside a frame (inside a frame a status field reports an error, and nothing raises).
 
-RigError                  a failure of ours or of the machine: exit code 1
-├── ManagerFailed         a manager class of the user's own raised in a frame
-│   └── UnitDead          a unit under test does not answer any more
-└── BadInput              what the user gave cannot be used: one line, exit code 2
+RigError                  a failure of the rig or of the machine: exit code 1
+├── ManagerFailed         the user's manager class raised in a frame
+│   └── UnitDead          a unit under test no longer answers
+└── BadInput              input that cannot be used: one line, exit code 2
     ├── PointFault        a flight point at which an aircraft cannot be designed
-    ├── UnitRefused       a unit under test that will not fly, or must not
-    └── BadLog            a file that is no log, or a damaged one
+    ├── UnitRefused       a unit under test that cannot fly
+    └── BadLog            a file that is no log, or a damaged log
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rig.core.text import one_line
 class RigError(Exception):
     """A flight, log or design that could not be completed.
 
-    The message becomes one plain line (text.one_line), whatever was put into it.
+    The message becomes one plain line (text.one_line).
     """
 
     def __init__(self, message: str = "", *rest: Any) -> None:
@@ -27,7 +27,7 @@ class RigError(Exception):
 
 
 class ManagerFailed(RigError):
-    """A manager class of the user's own that raised: ``row`` of its block, ``frame`` of the flight."""
+    """An exception of the user's manager class: ``row`` of its block, ``frame`` of the flight."""
 
     def __init__(self, message: str, row: int = 0, frame: int = 0) -> None:
         super().__init__(message, row, frame)
@@ -38,7 +38,7 @@ class ManagerFailed(RigError):
 
 
 class BadInput(RigError):
-    """Input that is refused before anything is written.
+    """Input that a command refuses before it writes anything.
 
     The message is one line: file, key, what is wrong, what is allowed.
     """
@@ -53,11 +53,11 @@ class PointFault(BadInput):
 
 
 class UnitDead(ManagerFailed):
-    """A unit under test that does not answer any more, and why."""
+    """A unit under test that no longer answers, and the reason."""
 
 
 class UnitRefused(BadInput):
-    """A unit under test that cannot be begun."""
+    """A unit under test that cannot be started."""
 
 
 class BadLog(BadInput):

@@ -1,4 +1,4 @@
-"""What a fault is called, from its settings as plain data: those of a scenario, or those recorded in a log."""
+"""Names of faults, from their settings as plain data: of a scenario, or of a log."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ _CLOSED: Final = {"pitot": "dynamic_pressure"}  # any other closed line corrupts
 
 
 def place(fault: Mapping[str, Any]) -> str:
-    """Return the signal, surface, reference or quantity that a fault acts on; all that the environment corrupts."""
+    """Return the signal, surface, reference or quantity of a fault; for a fault of the environment, all its signals."""
     if "blocked" in fault:
         return _CLOSED.get(fault["blocked"], "static_pressure+dynamic_pressure")
     return "+".join(fault["vanes"]) if "vanes" in fault else fault["signal"]
 
 
 def label(fault: Mapping[str, Any]) -> str:
-    """Return a fault's name in events, tables and the viewer: its id, else its kind and where it acts."""
+    """Return a fault's name in events, tables and the viewer: its id, or without one its kind and place."""
     if fault.get("id"):
         return fault["id"]
     where = fault.get("blocked") or place(fault)

@@ -1,7 +1,7 @@
-"""Bundled files, and output files: whole or not there, and never two writers in one.
+"""Bundled files, and output files, which are complete or absent, and never have two writers.
 
-A file that the user names is written beside and renamed: of two commands with one output the later wins, and the
-file is whole.  A file that is named here takes the next free number.
+The rig writes a file that the user names beside its place and renames it.  If two commands have one output, the later
+one wins, and the file is complete.  A file that this module names takes the next free number.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _KEPT = 40  # characters of a file's name that its draft has too; a name may not
 DRAFT = ".part"
 _AT_ONCE: Final = getattr(os, "O_NONBLOCK", 0)  # a pipe that has come meanwhile is not waited for
 _KINDS: Final = {stat.S_IFIFO: "a pipe", stat.S_IFDIR: "a folder", stat.S_IFSOCK: "a socket"}  # others: a device
-NOT_WHOLE = "a file of the rig, which is not installed as a whole, cannot be read"
+NOT_WHOLE = "cannot be read: the installation of the rig is incomplete"
 LOCK: Final = "lock"  # an empty file in a folder, locked by the command that writes into the folder
 _DRAFT_NAME: Final = re.compile(rf"\..{{1,{_KEPT}}}\.[0-9a-f]{{8}}\{DRAFT}", re.DOTALL)
 _DEVICES: Final = ("/dev", "/proc", "/sys")
@@ -32,9 +32,9 @@ _MOST_LINKS: Final = 40  # in a row, as of the system
 
 
 def bundled(kind: str) -> Path:
-    """Return the bundled ``aircraft`` or ``faults`` folder: inside the installed package, else in the checkout.
+    """Return the bundled ``aircraft`` or ``faults`` folder, of the installed package or of the checkout.
 
-    RigError: neither is there.
+    RigError: neither exists.
     """
     package = Path(__file__).parents[1]
     installed, checkout = package / "bundled" / kind, package.parent / kind
@@ -45,18 +45,18 @@ def bundled(kind: str) -> Path:
 
 
 def is_file(path: Path) -> bool:
-    """Return True if a regular file is there; False for a name that no file can have."""
+    """Return True if a regular file exists; False for a name that no file can have."""
     return os.path.isfile(path)  # noqa: PTH113 # Path.is_file raises for a name that is too long
 
 
 def is_folder(path: Path) -> bool:
-    """Return True if a folder is there; False for a name that no folder can have, or where none may look."""
+    """Return True if a folder exists; False for a name that no folder can have, or without permission to look."""
     return os.path.isdir(path)  # noqa: PTH112 # Path.is_dir raises for those
 
 
 @contextmanager
 def reported(where: Path | str, kind: type[RigError] = RigError, what: str = "cannot be written") -> Iterator[None]:
-    """Raise what the system refuses in the block as one line of ``kind``: ``where``, ``what`` and the reason."""
+    """Raise an error of the system in the block as one line of ``kind``: ``where``, ``what`` and the reason."""
     try:
         yield
     except (OSError, ValueError) as error:  # a name that no file can have is a ValueError
@@ -66,7 +66,7 @@ def reported(where: Path | str, kind: type[RigError] = RigError, what: str = "ca
 def open_regular(
     path: Path, most: int | None = None, kind: type[BadInput] = BadInput, where: str = ""
 ) -> BufferedReader:
-    """Open a file that the user names to read it; ``most``: bytes that it may have.
+    """Open a file that the user names for reading; ``most``: the largest allowed number of bytes.
 
     ``kind``, which names ``where`` or the path: missing, no regular file, unreadable, larger than ``most``.  A pipe
     waits for a writer, a device may never end: neither is opened.
@@ -76,7 +76,7 @@ def open_regular(
         try:
             status = path.stat()
             if not stat.S_ISREG(status.st_mode):
-                raise kind(f"{where}: is {_KINDS.get(stat.S_IFMT(status.st_mode), 'a device')}, no file")
+                raise kind(f"{where}: is {_KINDS.get(stat.S_IFMT(status.st_mode), 'a device')}, not a file")
             if most is not None and status.st_size > most:
                 raise kind(f"{where}: {_larger(most)}")
             return open(path, "rb", opener=_opened)
@@ -102,10 +102,10 @@ def _larger(most: int) -> str:
 
 
 def is_unused(folder: Path, is_left: Callable[[Path], bool] = lambda path: False) -> bool:
-    """Return True if no folder is there, or one that is empty but for the rig's lock and drafts.
+    """Return True if there is no folder, or one that is empty except for the rig's lock and drafts.
 
-    So a folder is left by a command that was killed in its first moment: the same command goes on.
-    is_left : says of any other file whether the command may have left it
+    A command that was killed in its first moment leaves such a folder; the same command resumes there.
+    is_left : returns True for another file that the command may have left
     BadInput: the folder, which ``--out`` named, cannot be read.
     """
     with reported(f"--out {folder}", BadInput, "cannot be read"):
@@ -123,7 +123,7 @@ def _is_ours(entry: os.DirEntry[str]) -> bool:
 
 
 def sweep(folder: Path, *names: str) -> None:
-    """Remove what killed commands left half written in ``folder``: drafts of the files ``names``, or all drafts."""
+    """Remove the drafts that killed commands left in ``folder``: drafts of the files ``names``, or all drafts."""
     begin = tuple(f".{name[:_KEPT]}." for name in names)
     for path in folder.glob(f".*{DRAFT}"):
         if _DRAFT_NAME.fullmatch(path.name) and (not names or path.name.startswith(begin)) and not path.is_dir():
@@ -132,7 +132,7 @@ def sweep(folder: Path, *names: str) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[None]:
-    """Make the folder ``path`` and those above it where they are missing; they go again when the block raises."""
+    """Make the folder ``path`` and missing ones above it; remove them again if the block raises."""
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -145,9 +145,9 @@ def new_folder(path: Path) -> Iterator[None]:
 
 
 def require_place(path: Path) -> None:
-    """Raise BadInput unless a file can be written to ``path``: a regular one is there, or none.
+    """Raise BadInput unless a file can be written to ``path``: a regular file or nothing is there.
 
-    A link among the devices is neither.
+    A link among the devices is refused.
     """
     with reported(path, BadInput):
         _require_no_device(path)
@@ -165,7 +165,7 @@ def require_place(path: Path) -> None:
 
 @contextmanager
 def draft(path: Path) -> Iterator[Path]:
-    """Yield a new empty file beside ``path``, under a name of its own; it is removed at the end.
+    """Yield a new empty file beside ``path``, under a separate name; remove it at the end.
 
     BadInput: ``path`` is a folder or a device, cannot be a file's name, or its folder is not there or not writable.
     """
@@ -181,9 +181,9 @@ def draft(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """Yield a draft, which becomes ``path`` when the block ends well; after an error ``path`` is as before.
+    """Yield a draft that becomes ``path`` when the block succeeds; after an error ``path`` is unchanged.
 
-    A link at ``path`` to a file, or to nothing, is replaced, not followed: what it leads to stays as it is.
+    A link at ``path`` is replaced, not followed: its target stays unchanged.
     BadInput as of ``draft``; RigError when it cannot be renamed.
     """
     with draft(path) as made:
@@ -199,9 +199,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def numbered(folder: Path, stem: str, ending: str, beside: str = "") -> Iterator[Path]:
-    """Yield the free names of stem.ending, stem_2.ending, stem_3.ending; another process may take one first.
+    """Yield the free names among stem.ending, stem_2.ending, stem_3.ending; another process may take one first.
 
-    beside : the ending of a file that may be written with it, whose name must be free too
+    beside : ending of a second file, whose name must be free too
     """
     for number in count(1):
         name = stem if number == 1 else f"{stem}_{number}"
@@ -210,7 +210,7 @@ def numbered(folder: Path, stem: str, ending: str, beside: str = "") -> Iterator
 
 
 def publish(made: Path, paths: Iterable[Path]) -> Path:
-    """Rename a draft to the first of ``paths`` that is free, and say which. RigError when it cannot be renamed."""
+    """Rename a draft to the first free one of ``paths``, and return that. RigError: it cannot be renamed."""
     for path in paths:
         with reported(path):
             try:
@@ -228,7 +228,7 @@ def publish(made: Path, paths: Iterable[Path]) -> Path:
 def _require_no_device(path: Path) -> None:
     """Raise BadInput if ``path`` is a link, or a chain of links, to a name among the devices.
 
-    The system may say of such a name that it is a regular file: /dev/stdout, of a command whose output goes to one.
+    The system may report such a name as a regular file: /dev/stdout of a command whose output goes to a file.
     """
     at, seen = path, 0
     while seen < _MOST_LINKS:

@@ -1,7 +1,7 @@
-"""Ctrl-C, SIGTERM and SIGHUP: they ask flights under way for an end instead of tearing them, and end all else cleanly.
+"""Ctrl-C, SIGTERM and SIGHUP: a flight ends after its frame, all other work ends at once and cleanly.
 
-SIGTERM is what a supervisor or a shutdown sends, SIGHUP what a terminal sends that is closed.  A signal that was
-ignored when the process was started (nohup) stays ignored; of Ctrl-C that is the shell's way for background jobs.
+A supervisor or a shutdown sends SIGTERM, a closed terminal sends SIGHUP.  A signal that was ignored when the process
+started (nohup) stays ignored; a shell ignores Ctrl-C for background jobs in this way.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any, Final, NoReturn
 TERMINATIONS: Final = tuple(
     number for number in (signal.SIGTERM, getattr(signal, "SIGHUP", None)) if number is not None
 )
-GOES_ON: Final = "the same command goes on"  # with what was interrupted, and what was not flown
+GOES_ON: Final = "the same command resumes"  # interrupted work, and runs that were not flown
 FLIES_AGAIN: Final = "the same command flies them again"
-CODE: Final = 128  # and a signal's number: the exit code of what it ended, as shells have it
+CODE: Final = 128  # plus the number of the signal: the exit code of an ended process, as in shells
 
 
 class Stop:
-    """Asks flights to end after the present frame: by which signal first, and whether Ctrl-C was pressed again."""
+    """A request to end flights after the present frame: the first signal, and a second Ctrl-C."""
 
     requested = False
     signal = 0
@@ -29,21 +29,21 @@ class Stop:
 
     @property
     def terminated(self) -> bool:
-        """True if SIGTERM or SIGHUP asked for the end: nobody will press Ctrl-C again."""
+        """True if SIGTERM or SIGHUP asked for the end, so that no second Ctrl-C will follow."""
         return self.signal in TERMINATIONS
 
     def heed(self) -> None:
-        """End the process as the signal that asked for it would have, if one did."""
+        """End the process as its signal would have, if there was one."""
         if self.requested:
             raise SystemExit(CODE + self.signal) if self.terminated else KeyboardInterrupt
 
 
 @contextmanager
 def interruptible(*, again: bool = False) -> Iterator[Stop]:
-    """Set ``requested`` at the first Ctrl-C and at SIGTERM or SIGHUP; a second Ctrl-C is Python's own.
+    """Set ``requested`` at the first Ctrl-C and at SIGTERM or SIGHUP; Python handles a second Ctrl-C.
 
-    again : the second Ctrl-C sets ``insisted``, and the third is Python's own
-    Only a process's main thread can be asked; elsewhere the request is never made.
+    again : the second Ctrl-C sets ``insisted``, and Python handles the third
+    Only the main thread of a process receives signals; in other threads the request is never made.
     """
     stop = Stop()
     if threading.current_thread() is not threading.main_thread():
@@ -65,7 +65,7 @@ def interruptible(*, again: bool = False) -> Iterator[Stop]:
 
 @contextmanager
 def at_once() -> Iterator[None]:
-    """End what is within by KeyboardInterrupt or SystemExit, also where a flight would be asked to end."""
+    """End the block by KeyboardInterrupt or SystemExit, also within a flight."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -77,7 +77,7 @@ def at_once() -> Iterator[None]:
 
 @contextmanager
 def _put_back() -> Iterator[dict[signal.Signals, Any]]:
-    """Yield the handlers of Ctrl-C and of what is heeded, and put them back at the end."""
+    """Yield the handlers of Ctrl-C and of the terminations, and restore them at the end."""
     before = {number: signal.getsignal(number) or signal.SIG_DFL for number in (signal.SIGINT, *_heeded())}
     try:
         yield before
@@ -87,7 +87,7 @@ def _put_back() -> Iterator[dict[signal.Signals, Any]]:
 
 
 def end_cleanly() -> None:
-    """End the process by SystemExit at SIGTERM or SIGHUP, so that what is half written is removed.
+    """End the process by SystemExit at SIGTERM or SIGHUP, so that half-written files are removed.
 
     Exit code 128 + signal.  The first one counts: timeout(1) and closed terminals send two.
     """
@@ -107,7 +107,7 @@ def _heeded() -> list[signal.Signals]:
 
 
 def signal_name(number: int) -> str:
-    """Return a signal's number and name: ``9 (SIGKILL)``, ``37 (SIGRTMIN+3)``; the number alone where it has none."""
+    """Return a signal's number and name: ``9 (SIGKILL)``, ``37 (SIGRTMIN+3)``; without a name only the number."""
     with suppress(ValueError):  # most of the real-time signals have no name in Python
         return f"{number} ({signal.Signals(number).name})"
     first, last = (getattr(signal, name, 0) for name in ("SIGRTMIN", "SIGRTMAX"))

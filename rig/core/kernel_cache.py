@@ -1,12 +1,12 @@
-"""Compiled kernels on disk, each under a key of all that it reaches.
+"""Compiled kernels on disk, each under a key of everything that it reaches.
 
-numba's own cache looks at the file of a kernel alone, not at kernels that it calls from other files.  Here the key of
-a kernel is a hash of its bytecode and constants and, recursively, of all that its names lead to: other kernels,
-constants, record types, enums.  An edit compiles again what it reaches and nothing else; checkouts share what is
-equal.  One file holds one kernel with one signature and replaces the old one whole (numba keeps one index file for
-all signatures, which processes overwrite), behind the SHA-256 of its name and bytes: machine code that was damaged on
-the disk is never run.  Where the folder cannot be written, each process compiles.  Of processes that need the same
-kernel one compiles it and the others wait (kernel_locks.py).
+numba's cache checks the file of a kernel only, not the kernels that it calls from other files.  Here the key of
+a kernel is a hash of its bytecode and constants and, recursively, of everything that its names lead to: other kernels,
+constants, record types, enums.  An edit causes a new compilation of the kernels that reach it and of no others;
+checkouts share equal kernels.  One file holds one kernel with one signature and replaces the old one as a whole (numba
+keeps one index file for all signatures, which processes overwrite).  It begins with the SHA-256 of its name and bytes,
+so that machine code damaged on the disk never runs.  If the folder cannot be written, each process compiles.  If
+several processes need the same kernel, one compiles it and the others wait (kernel_locks.py).
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class KernelCache(FunctionCache):
 
 
 def _digest(path: Path, data: bytes | memoryview) -> bytes:
-    """Return what stands before the pickle of the kernel at ``path``."""
+    """Return the digest before the pickle of the kernel at ``path``."""
     digest = hashlib.sha256(path.name.encode() + b"\0")
     digest.update(data)
     return digest.digest()
@@ -117,7 +117,7 @@ _listener: ContextVar[Missing | None] = ContextVar("listener", default=None)
 
 @contextmanager
 def before_compiling(tell: Missing) -> Iterator[None]:
-    """Call ``tell`` with each function before it is compiled, and the file that is missing; it may be made then."""
+    """Call ``tell`` with each function before its compilation and with its missing file, which it may make."""
     before = _listener.set(tell)
     try:
         yield
@@ -127,7 +127,7 @@ def before_compiling(tell: Missing) -> Iterator[None]:
 
 @cache
 def reach(function: Callable[..., object]) -> str:
-    """Return a hash of a function and of all that it reaches, of the same bits in every process."""
+    """Return a hash of a function and of everything that it reaches, identical in every process."""
     digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {sys.version_info[:2]}".encode())
     for part in reached(function):
         for line in _own_parts(part)[0]:
@@ -136,7 +136,7 @@ def reach(function: Callable[..., object]) -> str:
 
 
 def reached(function: Any) -> list[Any]:
-    """Return ``function`` and every function that it reaches, each once, in the order in which they are met."""
+    """Return ``function`` and every function that it reaches, each once, in order of appearance."""
     met = {function: None}
     queue = list(met)
     for some in queue:
@@ -148,7 +148,7 @@ def reached(function: Any) -> list[Any]:
 
 @cache
 def _own_parts(function: Any) -> tuple[tuple[str, ...], tuple[Any, ...]]:
-    """Describe a function without the functions that it calls; return its parts, and those."""
+    """Describe a function without the functions that it calls; return its parts, and these functions."""
     described: list[str] = [function.__module__, function.__qualname__, repr(function.__defaults__)]
     called: list[Any] = []
     codes = [function.__code__]
@@ -168,7 +168,7 @@ def _own_parts(function: Any) -> tuple[tuple[str, ...], tuple[Any, ...]]:
 
 
 def _describe(name: str, value: Any, names: tuple[str, ...], described: list[str], called: list[Any]) -> None:
-    """Add what a name leads to: to ``called`` if it is a function, else in words to ``described``."""
+    """Add the object of a name: a function to ``called``, any other as text to ``described``."""
     value = getattr(value, "py_func", value)  # of a compiled kernel
     value = getattr(value, "_defn", value)  # of numba's intrinsics
     value = value.__wrapped__ if hasattr(value, "cache_parameters") else value  # of functools.cache
@@ -206,7 +206,7 @@ def _words(value: Any) -> str:
 
 @cache
 def _all_sources() -> str:
-    """Return a hash of all our sources."""
+    """Return a hash of all sources of the rig."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         digest.update(path.read_bytes())

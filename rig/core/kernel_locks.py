@@ -1,7 +1,7 @@
-"""Of processes that need the same kernel one compiles it: each kernel's lock is a byte of one file in the cache.
+"""One process compiles a kernel that several need: each kernel's lock is a byte of one file in the cache.
 
-A lock ends with its process, however that ends, and the system refuses one by which processes would wait in a circle.
-Where files cannot be locked, and on systems without such locks, a kernel may be compiled twice.
+A lock ends with its process, and the system refuses a lock by which processes would wait in a circle.
+If files cannot be locked, and on systems without such locks, a kernel may be compiled twice.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ _held: dict[str, tuple[int, int]] = {}  # by name: the file and the byte in it
 
 
 def take(folder: Path, name: str, *, wait: bool = True) -> bool:
-    """Lock ``name`` among the processes that use ``folder``, True; without ``wait`` False when another one has it.
+    """Lock ``name`` among the processes that use ``folder``; return True, or without ``wait`` False if another has it.
 
-    False also where it cannot be locked.  A process that has it takes it again; its threads do not exclude each other.
+    Return False also if it cannot be locked.  A process may take its lock again; its threads do not exclude each other.
     """
     if _FCNTL is None:
         return False
@@ -35,14 +35,14 @@ def take(folder: Path, name: str, *, wait: bool = True) -> bool:
 
 
 def give_back(name: str) -> None:
-    """Unlock ``name``; nothing happens when this process does not have it."""
+    """Unlock ``name``; do nothing if this process does not have it."""
     held = _held.pop(name, None)
     if held is not None:
         _FCNTL.lockf(held[0], _FCNTL.LOCK_UN, 1, held[1])
 
 
 def give_all_back() -> None:
-    """Unlock all that this process has: what fails to compile is never saved."""
+    """Release all locks of this process: a kernel that fails to compile is never saved."""
     for name in list(_held):
         give_back(name)
 

@@ -1,4 +1,4 @@
-"""How kernels are compiled: ``@kernel`` is numba's njit with a cache that notices every edit (kernel_cache.py).
+"""Compilation of kernels: ``@kernel`` is numba's njit with a cache that detects every edit (kernel_cache.py).
 
 With ``NUMBA_DISABLE_JIT=1`` kernels are plain Python.
 """
@@ -25,14 +25,14 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def cache_root() -> Path:
-    """Return where generated files may be kept between flights; RIG_CACHE_DIR overrides it."""
+    """Return the folder for files kept between flights; RIG_CACHE_DIR overrides it."""
     named = os.environ.get("RIG_CACHE_DIR")
     if named:
         return Path(named)
     try:
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jsbsim-rig"
     except RuntimeError:  # this user has none
-        raise RigError(f"no home folder for files that are kept between flights; {REMEDY}") from None
+        raise RigError(f"no home folder for files kept between flights; {REMEDY}") from None
 
 
 def kernel_folder() -> Path:
@@ -44,8 +44,8 @@ def kernel_folder() -> Path:
 class Kernel:
     """A compiled function, in two forms, each with its cache.
 
-    Kernels call the one that has no wrappers for Python and C, which would be an eighth of the work of compiling;
-    Python calls the other, which is compiled for the few kernels that Python calls at all.
+    Kernels call the form without wrappers for Python and C, which would be an eighth of the work of compiling.
+    Python calls the other form, which exists only for the few kernels that Python calls.
     """
 
     def __init__(self, function: Callable[..., object], *, nogil: bool = False, inlined: bool = False) -> None:
@@ -56,21 +56,21 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        """Return what numba takes this for where a kernel names it."""
+        """Return the type that numba gives this object if a kernel names it."""
         return self.inner._numba_type_
 
     @cached_property
     def inner(self) -> Any:
-        """The dispatcher of the form that kernels call; from Python it must not be called."""
+        """Dispatcher of the form that kernels call; Python must not call it."""
         return _dispatcher(self.py_func, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
     @cached_property
     def outer(self) -> Any:
-        """The dispatcher of the form that Python calls."""
+        """Dispatcher of the form that Python calls."""
         return _dispatcher(self.py_func, nogil=self._nogil, no_cfunc_wrapper=True)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it from Python, compiled for what the arguments are."""
+        """Call the kernel from Python, compiled for the types of the arguments."""
         try:
             return self.outer(*arguments)
         except BaseException:  # it did not compile
@@ -94,15 +94,16 @@ def kernel(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """``kernel`` whose statements become the caller's: a step between others, which numba would optimise once more.
+    """Compile as ``kernel`` does, with the statements inlined in the caller.
 
-    Every kernel is optimised with all that it reaches, so one that only calls others costs as much as they do together.
+    numba optimises every kernel with everything that it reaches, so one that only calls others costs as much as they do
+    together.
     """
     return _compiled(function, inlined=True)
 
 
 def long_kernel(function: F) -> F:
-    """``kernel`` for a loop over many frames: other threads run meanwhile, for a tenth of a microsecond a call."""
+    """Compile as ``kernel`` does, for a loop over many frames: other threads may run, for 0.1 us per call."""
     return _compiled(function, nogil=True)
 
 
@@ -124,7 +125,7 @@ def clamp(x, low, high):
 def bind(function: F, *arguments: object) -> F:
     """Compile ``function`` for the types of ``arguments``, without numba's look-up of types at every call.
 
-    That look-up costs more than most kernels.  The caller promises the same types ever after: a block of
+    That look-up costs more than most kernels.  The caller must pass the same types in every call: a block of
     any length, the arrays that it keeps.  With ``NUMBA_DISABLE_JIT=1`` it is ``function`` itself.
     """
     dispatcher: Any = getattr(function, "outer", function)

@@ -1,4 +1,4 @@
-"""Lines on stderr about what a command could not have, and does without."""
+"""Lines on stderr about a missing optional resource of a command."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache
 
 @cache
 def note(text: str) -> None:
-    """Print a line on stderr, once in a process."""
+    """Print a line on stderr, once per process."""
     from rig.core.console import console
 
     console(stderr=True).print(f"note: {text}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""No output over an input: what every command that writes a file which the user names asks first."""
+"""No output over an input: the check of every command before it writes a file that the user names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BENCHMARK: Final = "benchmark.json"  # and that of a benchmark
 CUTSETS: Final = "cutsets.json"  # and that of cut sets,
 SETS: Final = "sets.json"  # which holds the minimal ones
 CONFIRMED: Final = "confirmed.json"  # and how they were flown again
-_OWN: Final = {  # files of such a folder that are nobody else's, by their path in it
+_OWN: Final = {  # files that belong to such a folder, by their path in it
     CAMPAIGN: re.compile(r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap|search\.json|worst\.toml"),
     TRIALS: re.compile(r"trials\.json|lock|\w+\.parquet"),
     CUTSETS: re.compile(r"(cutsets|sets|confirmed)\.json|lock"),
@@ -30,10 +30,10 @@ _DATA: Final = (".csv", ".parquet", ".mcap", ".json")  # endings of what is read
 
 
 def require_apart(outputs: Mapping[str, Path | None], inputs: Iterable[Path | str | None] = ()) -> None:
-    """Raise BadInput where an output is an input, another output, or a file of a campaign's or trials' own.
+    """Raise BadInput if an output is an input, another output, or a file that belongs to a campaign or to trials.
 
-    outputs : by the options that name them; two paths are one file in any spelling, over links, and as hard links
-    inputs  : files and folders; of a folder all data in it, and those that links in it lead to
+    outputs : by their options; two paths are one file in any spelling, over links, and as hard links
+    inputs  : files and folders; for a folder all data in it, and the data that links in it lead to
     """
     named = [(option, path) for option, path in outputs.items() if path is not None]
     given = [Path(path) for path in inputs if path is not None]
@@ -42,18 +42,18 @@ def require_apart(outputs: Mapping[str, Path | None], inputs: Iterable[Path | st
             _require_no_input(f"{option} {path}", path, given)
     for (first, a), (second, b) in combinations(named, 2):
         if _same(a, b):
-            raise BadInput(f"{second} {b}: is {first} too")
+            raise BadInput(f"{second} {b}: is the file of {first} too")
 
 
 def require_page(option: str, path: Path | None) -> None:
-    """Raise BadInput where the name of a page does not end with .html: a browser would show its text."""
+    """Raise BadInput if the name of a page does not end with .html: a browser would show its text."""
     require_ending(option, path, "a page for a browser", ".html", ".htm")
 
 
 def require_ending(option: str, path: Path | None, what: str, *endings: str) -> None:
-    """Raise BadInput where a name has none of ``endings``: code or settings may be there that an input refers to."""
+    """Raise BadInput if a name has none of ``endings``: it may be code or settings that an input refers to."""
     if path is not None and path.suffix.lower() not in endings:
-        raise BadInput(f"{option} {path}: is {what}: its name must end with {endings[0]}")
+        raise BadInput(f"{option} {path}: must end with {endings[0]}, as {what}")
 
 
 def _require_no_input(what: str, path: Path, inputs: Iterable[Path]) -> None:
@@ -67,11 +67,11 @@ def _require_no_input(what: str, path: Path, inputs: Iterable[Path]) -> None:
         for folder in (place.parent, place.parent.parent):
             for mark, own in _OWN.items():
                 if is_file(folder / mark) and own.fullmatch(place.relative_to(folder).as_posix()):
-                    raise BadInput(f"{what}: is a file of the folder's own, which {mark} describes")
+                    raise BadInput(f"{what}: belongs to the folder that {mark} describes; choose another name")
 
 
 def _same(one: Path, other: Path) -> bool:
-    """Return True for two names of one file, whether it is there or not."""
+    """Return True for two names of one file, which need not exist."""
     try:
         return os.path.realpath(one) == os.path.realpath(other) or one.samefile(other)
     except (OSError, ValueError):  # one is not there, or is no name of a file
@@ -79,7 +79,7 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _is_data_of(path: Path, folder: Path) -> bool:
-    """Return True if ``path`` is data in ``folder`` or below, or what a link there leads to."""
+    """Return True if ``path`` is data in ``folder`` or below, or the target of a link there."""
     if not is_file(path):
         return False
     own = path.stat()

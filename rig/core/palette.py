@@ -1,6 +1,6 @@
 """Colours of every report and figure, on white; rig/show/viewer/style.py has the same hues for a dark ground.
 
-Red is for what failed or went wrong, orange for a fault that acts, yellow for a suspect; no line has these colours.
+Red marks a failure or an error, orange an active fault, yellow a suspect channel; no line has these colours.
 Four channels differ by their dashes too.
 """
 
@@ -28,11 +28,11 @@ def series_colour(index: int) -> str:
 
 
 def series_dash(index: int) -> str:
-    """Return how the line ``index`` is dashed where there are more lines than colours."""
+    """Return the dashes of the line ``index``, if there are more lines than colours."""
     return DASHES[index // len(SERIES) % len(DASHES)]
 
 
 def faint(colour: str, opacity: float) -> str:
-    """Return a ``colour`` that lets through what is below it."""
+    """Return a ``colour`` with transparency."""
     red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return f"rgba({red}, {green}, {blue}, {opacity:g})"

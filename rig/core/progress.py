@@ -1,4 +1,4 @@
-"""How far a long piece of work is: the library tells it, the command that was asked for the work shows it."""
+"""Progress of long work: the library reports it, and the command shows it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 def tell(what: str, done: int = 0, total: int = 0) -> None:
-    """Tell whoever listens in this context that ``done`` of ``total`` parts of ``what`` are done; nobody may."""
+    """Report to the listener of this context, if any, that ``done`` of ``total`` parts of ``what`` are done."""
     listener = _listener.get()
     if listener is not None:
         listener(what, done, total)
@@ -19,7 +19,7 @@ def tell(what: str, done: int = 0, total: int = 0) -> None:
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Give ``listener`` what is told within."""
+    """Pass the reports of the block to ``listener``."""
     before = _listener.set(listener)
     try:
         yield

@@ -1,7 +1,7 @@
-"""The names of before 1.0 and those of now: the one table that tells old files and reads old logs.
+"""The table of names before 1.0 and present names.
 
-A file of a user with an old name is refused in one line that says the new one.  What the rig itself has written before,
-a log or a campaign's folder, is read by this table.
+The rig refuses a user's file with an old name, in one line that gives the new name.  It reads files that it wrote
+itself, logs and folders of campaigns, by this table.
 """
 
 from __future__ import annotations
@@ -87,17 +87,17 @@ _WORD: Final = re.compile(r"\w+")
 
 
 def in_layout(text: str) -> str:
-    """Return a text of names of a unit's records with those of then."""
+    """Return a text with the present names of a unit's records replaced by the old ones."""
     return _WORD.sub(lambda word: IN_LAYOUT.get(word[0], word[0]), text)
 
 
 def of_layout(text: str) -> str:
-    """Return a text of names of a unit's records of then with those of now."""
+    """Return a text with the old names of a unit's records replaced by the present ones."""
     return _WORD.sub(lambda word: _FROM_LAYOUT.get(word[0], word[0]), text)
 
 
 def now_called(old: str, new: str) -> str:
-    """Return what is said of an old name."""
+    """Return the line on an old name."""
     return f"{old} is now called {new}"
 
 
@@ -110,12 +110,12 @@ def field_now(name: str) -> str:
 
 
 def key_now(key: str) -> str:
-    """Return the present name of a dotted key of what the rig wrote before: a scenario's, a campaign's."""
+    """Return the present name of a dotted key in a file that the rig wrote: of a scenario, of a campaign."""
     return ".".join(part if part in _OF_UNITS else KEYS.get(part, part) for part in key.split("."))
 
 
 def data_now(data: Any, key: str = "") -> Any:
-    """Return what the rig wrote before, as plain data, with the present names; ``key``: whose value it is."""
+    """Return plain data that the rig wrote, with the present names; ``key``: the key of the data."""
     if isinstance(data, dict):
         return {key_now(str(name)): data_now(value, str(name).rpartition(".")[2]) for name, value in data.items()}
     if isinstance(data, list):
@@ -128,7 +128,7 @@ def data_now(data: Any, key: str = "") -> Any:
 
 
 def formula_now(text: str) -> str:
-    """Return a formula that the rig kept before, with the present names."""
+    """Return a formula that the rig stored, with the present names."""
     for old, new in QUANTITIES.items():
         text = text.replace(old, new)
     return text

@@ -1,4 +1,4 @@
-"""Runs of equal values, clusters of frames: arithmetic that assessments and tables share."""
+"""Runs of equal values and clusters of frames: arithmetic of assessments and tables."""
 
 from __future__ import annotations
 
@@ -22,5 +22,5 @@ def runs_where(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 
 def cluster_starts(frames: NDArray[np.integer[Any]], gap: int = 1) -> NDArray[np.intp]:
-    """Return the places in ``frames`` (n,), which rise, at which a cluster begins: more than ``gap`` after the last."""
+    """Return the places in rising ``frames`` (n,) at which a cluster begins: more than ``gap`` after the last frame."""
     return np.flatnonzero(np.diff(frames, prepend=frames[:1] - gap - 1) > gap)

@@ -1,8 +1,8 @@
-"""Files under a checksum of their own bytes: tables in Parquet, and JSON.
+"""Files with a checksum of their bytes: tables in Parquet, and JSON.
 
 A sealed file holds ``rig.sha256=`` and the SHA-256 of all its bytes, with zeros in the place of these 64 digits: in the
-metadata of a table, or under the last key of a JSON object.  It is one file, which a kill leaves whole or not at all.
-Beside it stands the place for which it was written: a file that was copied to another place is refused there.
+metadata of a table, or under the last key of a JSON object.  It is one file, complete or absent after a kill.
+It also holds the place for which it was written: a copy at another place is refused.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _MARK: Final = b"rig.sha256="
 _DIGITS: Final = 64
 _BLANK: Final = _MARK.decode() + "0" * _DIGITS
 _SEAL, _PLACE, _ROWS = "seal", "place", "rows"  # keys
-DAMAGED: Final = "its bytes are not those that were written"
+DAMAGED: Final = "its bytes were changed after it was written"
 NO_SEAL: Final = "it has no checksum"
-ELSEWHERE: Final = "it was written for another place: a copy"
+ELSEWHERE: Final = "it was written for another place, so it is a copy"
 
 
 def table(frame: pl.DataFrame, place: str) -> bytes:
@@ -37,7 +37,7 @@ def table(frame: pl.DataFrame, place: str) -> bytes:
 
 
 def fault_of_table(data: bytes, place: str) -> tuple[str, int]:
-    """Return what is wrong with the bytes of a table at ``place``, "" if nothing, and the number of its rows."""
+    """Return the fault of the bytes of a table at ``place``, "" if none, and the number of its rows."""
     import polars as pl
 
     if wrong := fault(data):
@@ -47,9 +47,9 @@ def fault_of_table(data: bytes, place: str) -> tuple[str, int]:
 
 
 def read_table(path: Path, place: str, remedy: str, under_seal: bool = True) -> pl.DataFrame:
-    """Read a table.  BadInput: it is no file, it cannot be read, or it is not the one that was written at ``place``.
+    """Read a table.  BadInput: it is no file, cannot be read, or is not the table that was written at ``place``.
 
-    remedy : follows what is wrong;  under_seal : False for one of an earlier version, which has no checksum
+    remedy : end of the error's line;  under_seal : False for a table of an earlier version, without a checksum
     """
     import polars as pl
 
@@ -80,7 +80,7 @@ def read_json(path: Path, remedy: str, place: str = "", formats: tuple[int, int]
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{path}: cannot be read: {' '.join(str(error).split())[:120]}; {remedy}") from None
     if not isinstance(content, dict):
-        raise BadInput(f"{path}: is damaged: it is no table; {remedy}")
+        raise BadInput(f"{path}: is damaged: it is not a table; {remedy}")
     if formats is not None:
         if content.get("format") not in formats:
             raise BadInput(f"{path}: is damaged, or not of this version of the rig; {remedy}")
@@ -93,7 +93,7 @@ def read_json(path: Path, remedy: str, place: str = "", formats: tuple[int, int]
 
 
 def identity(*parts: bytes) -> str:
-    """Return a short hash of what a folder is of, for the places of its files."""
+    """Return a short hash of the content of a folder, for the places of its files."""
     digest = hashlib.sha256()
     for part in parts:
         digest.update(hashlib.sha256(part).digest())
@@ -106,7 +106,7 @@ def _sealed(data: bytes) -> bytes:
 
 
 def fault(data: bytes) -> str:
-    """Return what is wrong with the bytes of a file under a checksum, "" if nothing."""
+    """Return the fault of the bytes of a file with a checksum, "" if none."""
     at = data.rfind(_MARK) + len(_MARK)
     if at < len(_MARK):
         return NO_SEAL

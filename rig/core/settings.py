@@ -1,9 +1,8 @@
-"""Settings: strict models read from TOML, every fault of them one clear line.
+"""Settings: strict models read from TOML; every error is one clear line.
 
-Unknown keys, wrong types, NaN and infinity are refused; a whole number is accepted where a
-real one is asked for.  Times and counts have an upper limit even where a field names none, so that
-they fit into frames.  Each stage owns its own ``Config`` derived from ``Settings``; ``record`` makes of it what the
-stage's kernels read.
+The models refuse unknown keys, wrong types, NaN and infinity; they accept a whole number for a real one.  Times and
+counts always have an upper limit, so that they fit into frames.  Each stage has a ``Config`` derived from ``Settings``;
+``record`` turns it into the record that the stage's kernels read.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from rig.core.errors import BadInput, RigError
 from rig.core.files import read_bytes
 from rig.core.frame import to_frame
 from rig.core.renamed import KEYS, VALUES, now_called
-from rig.core.text import LONGEST_LIST, choices, nearest, quoted, shorten
+from rig.core.text import LONGEST_LIST, choices, must_be, nearest, quoted, shorten
 
 M = TypeVar("M", bound="Settings")
 LONGEST_S: Final = 1e6  # eleven days
@@ -48,7 +47,7 @@ class Settings(BaseModel):
         validate_default=True,
         defer_build=True,  # no command needs all models
     )
-    keys_are_in: ClassVar[str] = ""  # where all keys are listed, for who mistypes one
+    keys_are_in: ClassVar[str] = ""  # the command or page that lists all keys, for the error of an unknown one
     _limits: ClassVar[dict[str, float]] = {}  # of fields that name no upper limit themselves
 
     @classmethod
@@ -57,7 +56,7 @@ class Settings(BaseModel):
         cls._limits = dict(_limits(cls))
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
-        """Return the settings themselves, which are frozen: those that are defaults are not copied for each reader."""
+        """Return the settings themselves, which are frozen: readers share the defaults."""
         return self
 
     @model_validator(mode="after")
@@ -89,16 +88,16 @@ def _leaves(annotation: Any) -> set[Any]:
 
 
 class NotToml(BadInput):
-    """A text that is no TOML."""
+    """A text that is not TOML."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the TOML document at ``path``; BadInput when it is missing or does not parse."""
+    """Return the TOML document at ``path``.  BadInput: it is missing or not valid."""
     return parse_toml(toml_text(path), str(path))
 
 
 def toml_text(path: Path) -> str:
-    """Return the text of the TOML document at ``path``; BadInput when it is missing, too large or not UTF-8."""
+    """Return the text of the TOML document at ``path``.  BadInput: it is missing, too large or not UTF-8."""
     try:
         return read_bytes(path, LARGEST_TOML).decode("utf-8")
     except UnicodeDecodeError as error:
@@ -106,15 +105,15 @@ def toml_text(path: Path) -> str:
 
 
 def read_own(path: Path) -> dict[str, Any]:
-    """Return the TOML document of the rig's own file at ``path``; RigError when it cannot be read: it is not input."""
+    """Return the TOML document of a bundled file at ``path``.  RigError: it cannot be read, as it is not input."""
     try:
         return read_toml(path)
     except BadInput as error:
-        raise RigError(f"{error}: a file of the rig, which is not installed as a whole") from None
+        raise RigError(f"{error}: the installation of the rig is incomplete") from None
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; BadInput names ``source``: it does not parse, or is nested too deep."""
+    """Return the tables of a TOML text.  BadInput names ``source``: it is not valid, or nested too deep."""
     try:
         tables: dict[str, Any] = pickle.loads(_parsed(text)) if len(text) <= _KEPT else tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -151,7 +150,7 @@ def _refuse_deep(data: dict[str, Any], source: str) -> None:
 
 
 def refuse_what_is_no_setting(data: Any, source: str, key: str = "") -> None:
-    """Refuse plain data with a number that is infinite or none, or a date; BadInput names ``source`` and its key."""
+    """Refuse plain data with an infinite number, NaN or a date; BadInput names ``source`` and the key."""
     if isinstance(data, float) and not math.isfinite(data):
         raise BadInput(f"{source}: {key}: must be a finite number, got {data}")
     if isinstance(data, date | time):  # TOML has them, JSON and our settings do not
@@ -163,7 +162,7 @@ def refuse_what_is_no_setting(data: Any, source: str, key: str = "") -> None:
 def build(model: type[M], data: dict[str, Any], source: str, context: object = None) -> M:
     """Return ``data`` as a ``model``; BadInput names ``source`` and the first offending key.
 
-    context : what its validators are given besides
+    context : additional input of the validators
     """
     try:
         return model.model_validate(data, context=context)
@@ -185,15 +184,14 @@ def _first_line(model: type[Settings], error: ValidationError, data: dict[str, A
         tag, name = str(context["tag"]), context["discriminator"].strip("'")
         allowed = re.findall(r"'([^']*)'", context["expected_tags"])
         return f"{key}.{name}: unknown {name} {quoted(tag)}, {choices(tag, allowed, model.keys_are_in)}"
-    message = detail["msg"].removeprefix("Value error, ").replace("\n", " ")
     given = detail.get("input")
     shown = f", got {quoted(given)}" if isinstance(given, (str, int, float, bool)) else ""
     where = f"{key}: " if key else ""
-    return f"{where}{message[0].lower()}{message[1:]}{shown}"
+    return f"{where}{must_be(detail['msg'])}{shown}"
 
 
 def _renamed(model: type[Settings], detail: Any) -> str:
-    """Return what a key or a value of before is called now, to stand behind its place; "" of what is none."""
+    """Return the present name of an old key or value, to follow its place; "" for another error."""
     *above, key = detail["loc"] or [""]
     if detail["type"] == "extra_forbidden":
         new = KEYS.get(str(key))
@@ -207,7 +205,7 @@ def _renamed(model: type[Settings], detail: Any) -> str:
 
 
 def _instead(model: type[Settings], location: tuple[int | str, ...]) -> str:
-    """Name the key that was meant: all that are allowed, or of many the nearest; and where all of them are."""
+    """Return the allowed keys, or the nearest of many, and the place that lists all of them."""
     allowed = _fields(model, location[:-1])
     where = f"; all keys: {model.keys_are_in}" if model.keys_are_in else ""
     if not allowed:
@@ -261,7 +259,7 @@ def _keys(location: tuple[int | str, ...], data: Any, missing: bool) -> list[str
 def record(dtype: np.dtype[Any], *models: BaseModel, **derived: Any) -> NDArray[Any]:
     """Return settings as the record of a kernel, (1,): each field from ``derived``, else from a model by its name.
 
-    TypeError: a field that nothing fills, or a derived value that has no field.
+    TypeError: a field without a value, or a derived value without a field.
     """
     made = np.zeros(1, dtype)
     fill(made[0], *models, **derived)
@@ -294,17 +292,17 @@ def _places(names: tuple[str, ...], models: tuple[type[BaseModel], ...]) -> tupl
 
 
 def share_in_frame(time_constant_s: float, rate_hz: float) -> float:
-    """Return the share of a new sample that passes a first-order lag in one frame; all of it without a lag."""
+    """Return the share of a new sample that passes a first-order lag in one frame; 1 without a lag."""
     return 1.0 - math.exp(-1.0 / (rate_hz * time_constant_s)) if time_constant_s > 0.0 else 1.0
 
 
 def refuse_both(settings: Settings, *names: str) -> None:
-    """Raise ValueError when a setting is given in frames, ``<name>``, and in seconds, ``<name>_s``."""
+    """Raise ValueError if a setting is given both in frames, ``<name>``, and in seconds, ``<name>_s``."""
     for name in names:
         if getattr(settings, f"{name}_s") is not None and name in settings.model_fields_set:
-            raise ValueError(f"{name} and {name}_s are the same setting, give one of them")
+            raise ValueError(f"{name} and {name}_s are the same setting, give only one")
 
 
 def in_frames(frames: int, seconds: float | None, rate_hz: float) -> int:
-    """Return ``frames``, or of a time that was given instead the frames that last at least as long, one or more."""
+    """Return ``frames``, or for a time given instead the frames that last at least as long, at least one."""
     return frames if seconds is None else max(1, to_frame(seconds, rate_hz))

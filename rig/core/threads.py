@@ -1,4 +1,4 @@
-"""Work on several threads, in order, that ends soon after an error or an interruption."""
+"""Work on several threads, in order, which ends soon after an error or an interruption."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ _HERE: Final = threading.local()  # ``ended``, the event of the work that this t
 
 
 class Ended(Exception):  # no error: nobody waits for the result any more
-    """The work that this thread is part of has ended."""
+    """The work of this thread has ended."""
 
 
 def cores() -> int:
-    """Return how many this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def on_threads(items: Sequence[Item], work: Callable[[Item], Result], threads: int) -> Generator[Result, None, None]:
-    """Yield what ``work`` returns for each item, in order; results do not depend on the number of threads.
+    """Yield the result of ``work`` for each item, in order; results do not depend on the number of threads.
 
-    Where one raises, or the caller is interrupted meanwhile or closes it (``contextlib.closing``), nothing more is
-    begun, and what runs ends where it next calls ``heed``.
+    If one raises, or the caller is interrupted or closes it (``contextlib.closing``), no further item is started, and
+    running work ends at its next call of ``heed``.
     """
     ended = threading.Event()
 
@@ -47,7 +47,7 @@ def on_threads(items: Sequence[Item], work: Callable[[Item], Result], threads: i
 
 
 def heed() -> None:
-    """Raise Ended on a thread of ``on_threads`` whose work has ended; elsewhere nothing."""
+    """Raise Ended on a thread of ``on_threads`` whose work has ended; do nothing elsewhere."""
     ended: threading.Event | None = getattr(_HERE, "ended", None)
     if ended is not None and ended.is_set():
         raise Ended

@@ -1,7 +1,7 @@
-"""Whose code may run: a manager class that a file names is imported only with permission.
+"""Permission to run code: a manager class that a file names is imported only with permission.
 
 A log, a scenario, a campaign or a vote configuration may name code (``module:name``) as its manager.  The
-option ``--allow-code`` (``allow_code=True`` in Python) permits what a file names; a class named on the command
+option ``--allow-code`` (``allow_code=True`` in Python) permits the code of a file; a class named on the command
 line itself, ``--set redundancy.manager=module:name``, needs no other permission.
 """
 
@@ -14,9 +14,9 @@ from rig.core.errors import BadInput
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """What may be imported for settings, and which file they are from.
+    """Permission to import code for settings, and the file of the settings.
 
-    It travels with the settings and is no part of them: any two compare equal.
+    It accompanies the settings and is no part of them: any two compare equal.
     """
 
     source: str = field(default="the scenario", compare=False)  # the file that a refusal names
@@ -24,7 +24,7 @@ class Trust:
     named: str | None = field(default=None, compare=False)  # the class named on the command line
 
     def require(self, manager: str) -> None:
-        """Refuse a class that may not be run; BadInput names it, its file and the option.
+        """Refuse a class without permission; BadInput names it, its file and the option.
 
         manager : a setting ``redundancy.manager``; the built-in ones need no permission
         """
@@ -35,5 +35,5 @@ class Trust:
             )
 
     def allowing(self, allow_code: bool) -> Trust:
-        """Return the same trust, which permits any class if ``allow_code``."""
+        """Return the same trust, or one that permits any class if ``allow_code``."""
         return replace(self, allow_code=self.allow_code or allow_code)

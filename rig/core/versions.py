@@ -1,4 +1,4 @@
-"""Which versions fly: recorded in every log."""
+"""Versions of all packages, recorded in every log."""
 
 from __future__ import annotations
 

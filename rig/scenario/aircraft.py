@@ -1,8 +1,8 @@
-"""An aircraft is a folder: ``aircraft.toml`` (airframe, sensors, monitors), and what was designed from it:
+"""An aircraft is a folder: ``aircraft.toml`` (airframe, sensors, monitors), and the files of its design:
 ``gains.toml`` (control law) and ``references.toml``.
 
-``defaults.toml`` beside the bundled aircraft holds what they share; an aircraft's own file says what
-differs.  Tables are merged as plain data here and checked once, by scenario.py.  ``sensor_classes.toml`` holds
+``defaults.toml`` beside the bundled aircraft holds their common values; the file of an aircraft holds the
+differences.  This module merges tables as plain data; scenario.py checks them once.  ``sensor_classes.toml`` holds
 the data-sheet classes that a sensor may name.
 """
 
@@ -34,12 +34,12 @@ def names() -> list[str]:
 
 
 def own_names() -> list[str]:
-    """Return the aircraft in the present folder: its folders with an aircraft.toml, in alphabetical order."""
+    """Return the aircraft in the current folder: its folders with an aircraft.toml, in alphabetical order."""
     return sorted(str(path.parent) for path in Path().glob("*/aircraft.toml"))
 
 
 def folder(name: str) -> Path:
-    """Return the folder of a bundled aircraft, or of one of the user's own given by its path."""
+    """Return the folder of a bundled aircraft, or of a user's aircraft given by its path."""
     for candidate in (bundled("aircraft") / name, Path(name)):
         if is_file(candidate / "aircraft.toml"):
             return candidate
@@ -49,7 +49,7 @@ def folder(name: str) -> Path:
 
 
 def located(name: str, beside: Path) -> str:
-    """Return ``name``, or its path from ``beside`` when an aircraft's folder is there and none by that name."""
+    """Return ``name``, or its path from ``beside`` if only that is the folder of an aircraft."""
     if not any(is_file(home / name / "aircraft.toml") for home in (bundled("aircraft"), Path())):
         path = os.path.normpath(beside / name)
         if is_file(Path(path) / "aircraft.toml"):
@@ -58,12 +58,12 @@ def located(name: str, beside: Path) -> str:
 
 
 def tables(name: str) -> dict[str, Any]:
-    """Return all tables of an aircraft: defaults, its own, its designed gains and references."""
+    """Return all tables of an aircraft: defaults, its file, its designed gains and references."""
     merged = own_tables(name)
     for kind in ("gains", "references"):
         path = folder(name) / f"{kind}.toml"
         if not is_file(path):
-            raise BadInput(f"{path}: no such file, write it with: rig aircraft design {name}")
+            raise BadInput(f"{path}: no such file; write it with: rig aircraft design {name}")
         merged = merge(merged, {kind: read_toml(path)})
     return merged
 
@@ -75,12 +75,12 @@ def default_stale_frames() -> dict[str, int]:
 
 
 def default_boxes() -> dict[str, list[str]]:
-    """Return the sets of signals that one unit of each channel measures, as all aircraft share them."""
+    """Return the sets of signals that one unit of each channel measures, common to all aircraft."""
     return read_own(bundled("aircraft") / "defaults.toml")["redundancy"]["boxes"]
 
 
 def own_tables(name: str) -> dict[str, Any]:
-    """Return an aircraft's tables before anything is designed: the defaults and its own."""
+    """Return an aircraft's tables without its design: the defaults and its file."""
     path = folder(name) / "aircraft.toml"
     return lay_over(read_own(bundled("aircraft") / "defaults.toml"), read_toml(path), str(path))
 
@@ -94,7 +94,7 @@ def sensor_classes() -> dict[str, SensorClass]:
 def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:
     """Merge, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``.
 
-    What is designed from healthy samples goes where ``above`` has other sensors, or other thresholds beside it.
+    Values designed from healthy samples are dropped if ``above`` has other sensors or other thresholds.
     """
     below = without_designed(below, above)
     wanted, present = above.get("sensors"), below.get("sensors")
@@ -115,7 +115,7 @@ def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, 
 
 
 def _redesigned(above: dict[str, Any], sensors: Collection[str]) -> Collection[str]:
-    """Return the signals that ``above`` gives other errors or thresholds; at a lower rate, all of them."""
+    """Return the signals for which ``above`` has other errors or thresholds; at a lower rate, all of them."""
     rate_hz = above.get("rate_hz")
     if isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ:
         return INDEX
@@ -124,7 +124,7 @@ def _redesigned(above: dict[str, Any], sensors: Collection[str]) -> Collection[s
 
 
 def _tables(data: Any, key: str) -> dict[str, dict[str, Any]]:
-    """Return the tables in the table ``key`` of ``data``; none where anything else is there."""
+    """Return the tables in the table ``key`` of ``data``; none if it is not a table."""
     inner = data.get(key) if isinstance(data, dict) else None
     return {name: table for name, table in inner.items() if isinstance(table, dict)} if isinstance(inner, dict) else {}
 

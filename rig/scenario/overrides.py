@@ -23,7 +23,7 @@ _DIGITS: Final = re.compile("[0-9]{1,9}")
 
 
 def named_manager(sets: Iterable[tuple[str, Any]]) -> str | None:
-    """Return the ``redundancy.manager`` that dotted keys with their values name, if any: permission in itself."""
+    """Return the ``redundancy.manager`` that dotted keys with their values name, if any; naming it permits its code."""
     data: dict[str, Any] = {}
     for key, value in sets:
         if key.partition(".")[0] == "redundancy":
@@ -36,7 +36,7 @@ def named_manager(sets: Iterable[tuple[str, Any]]) -> str | None:
 def override(data: dict[str, Any], text: str, given: str = OPTION) -> dict[str, Any]:
     """Return ``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0.
 
-    given : how a message names what set it
+    given : name of the origin of the override in messages
     """
     key, value = parse_set(text, given)
     return set_key(data, key, value, f"{given}{shorten(text)}")
@@ -57,7 +57,7 @@ def set_key(data: dict[str, Any], key: str, value: Any, source: str) -> dict[str
     """
     keys = key.split(".")
     if len(keys) > DEEPEST:
-        raise BadInput(f"{source}: {quoted(key)}: a key of more than {DEEPEST} parts")
+        raise BadInput(f"{source}: {quoted(key)}: must have at most {DEEPEST} parts")
     return _set(data, keys, value, source)
 
 
@@ -69,11 +69,11 @@ def _set(node: Any, keys: list[str], value: Any, source: str, within: str = "") 
         return _set_every(node, rest, value, source, within)
     if isinstance(node, list):
         if not _DIGITS.fullmatch(key) or int(key) >= len(node):
-            allowed = f"must be an index from 0 to {len(node) - 1}" if node else "counts into an empty list"
+            allowed = f"must be an index from 0 to {len(node) - 1}" if node else "is an index into an empty list"
             raise BadInput(f"{source}: {quoted(key)} {allowed}")
         return [_set(item, rest, value, source) if i == int(key) else item for i, item in enumerate(node)]
     if node is None and _DIGITS.fullmatch(key):
-        raise BadInput(f"{source}: {quoted(key)} counts into an empty list{f', {within}' if within else ''}")
+        raise BadInput(f"{source}: {quoted(key)} is an index into an empty list{f', {within}' if within else ''}")
     table = node if isinstance(node, dict) else {}
     return {**table, key: _set(table.get(key), rest, value, source, f"{within}.{key}" if within else key)}
 
@@ -84,13 +84,13 @@ def _set_every(node: Any, rest: list[str], value: Any, source: str, within: str)
         return [_set(item, rest, value, source) for item in node]
     if within not in _OF_SIGNALS:
         allowed = ", ".join((*(f"{table}.*" for table in _OF_SIGNALS), "lists that are not empty"))
-        raise BadInput(f"{source}: {within or 'the file'}: * stands for every item; allowed: {allowed}")
+        raise BadInput(f"{source}: {within or 'the file'}: * is allowed only for {allowed}")
     table = node if isinstance(node, dict) else {}
     return {**table, **{signal.name: _set(table.get(signal.name), rest, value, source) for signal in SIGNALS}}
 
 
 def _parse(value: str, source: str) -> Any:
-    """Return a TOML value; anything else is taken as a bare string."""
+    """Return a TOML value; other text is a string."""
     try:
         return parse_toml(f"value = {value}", source)["value"]
     except NotToml:
@@ -98,14 +98,14 @@ def _parse(value: str, source: str) -> Any:
 
 
 def override_texts(overrides: Overrides) -> tuple[str, ...]:
-    """Return overrides as texts ``key=value``; BadInput names the key of a value that no file could hold."""
+    """Return overrides as texts ``key=value``.  BadInput names the key of a value that no file could hold."""
     if not isinstance(overrides, Mapping):
         return tuple(overrides)
     return tuple(f"{key}={_inline(plain_data(value, key))}" for key, value in overrides.items())
 
 
 def _inline(value: Any) -> str:
-    """Return plain data as TOML in one line; a text that is read as nothing else stands bare."""
+    """Return plain data as TOML in one line; an unambiguous text is not quoted."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{json.dumps(key)} = {_quoted(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
@@ -119,7 +119,7 @@ def _quoted(value: Any) -> str:
 
 
 def plain_data(value: Any, key: str) -> Any:
-    """Return what a program gives for a key as a file would hold it: settings, paths and numpy's numbers too."""
+    """Return a value from Python as a file would hold it, also settings, paths and numbers of numpy."""
     if isinstance(value, Settings):
         return value.model_dump(exclude_none=True)
     if isinstance(value, Mapping):

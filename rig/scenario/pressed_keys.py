@@ -1,4 +1,4 @@
-"""What the keys of a flight did: as its log holds it, and laid on its scenario, which then is an ordinary one."""
+"""Effects of the keys in a flight: from its log, and as part of its scenario, which then needs no keys."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from rig.scenario.scenario import Scenario
 
 @dataclass
 class Pressed:
-    """Effects of the keys, by frame: the faults' first and last (excluded), and resets of all channels."""
+    """Effects of the keys, by frame: the faults' first and last (excluded) frames, and resets of all channels."""
 
     faults: dict[str, list[int]] = field(default_factory=dict)  # by their labels
     resets: list[int] = field(default_factory=list)
 
     def to_json(self) -> str:
-        """Return it as the log's result holds it."""
+        """Return the effects as in the log's result."""
         return json.dumps({"faults": self.faults, "resets": self.resets})
 
 
 def pressed(scenario: Scenario, result: Mapping[str, str] | None, source: str) -> Scenario:
-    """Return the scenario as the keys of its flight made it; ``result`` of its log.  BadInput naming ``source``."""
+    """Return the scenario with the effects of the keys; ``result`` of its log.  BadInput names ``source``."""
     if result is None or "keys" not in result:
         return scenario
     try:
@@ -35,7 +35,7 @@ def pressed(scenario: Scenario, result: Mapping[str, str] | None, source: str) -
         times, every = [frame / scenario.rate_hz for frame in keys["resets"]], (*SIGNALS, *DISCRETES)
         resets = [Reset(at_s=at_s, signal=signal.name) for at_s in times for signal in every]
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError):
-        raise BadInput(f"{source}: what its keys did is damaged") from None
+        raise BadInput(f"{source}: the record of its keys is damaged") from None
     redundancy = scenario.redundancy.model_copy(update={"resets": [*scenario.redundancy.resets, *resets]})
     made = scenario.model_copy(update={"faults": faults, "redundancy": redundancy})
     return made.trusted(scenario.trust)

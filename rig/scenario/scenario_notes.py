@@ -1,4 +1,4 @@
-"""Notes on a scenario that can be flown, and that hardly anyone means as it is: told, not refused."""
+"""Notes on a valid scenario that is probably not as intended."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SAME: Final = 0.02  # of a dynamic pressure: within it, a point is where it was
 
 
 def notes(scenario: Scenario) -> list[str]:
-    """Return a line for each: a flight point that was not designed, a trigger whose condition can never hold."""
+    """Return a line for each flight point without a design, and for each trigger whose condition can never hold."""
     never = [
         f"faults.{i}.when: {comparison}; numbers are in SI units"
         for i, fault in enumerate(scenario.faults)
@@ -27,7 +27,7 @@ def notes(scenario: Scenario) -> list[str]:
 
 
 def _undesigned(scenario: Scenario) -> Iterator[str]:
-    """Yield a line where the control law or the references fly with the numbers of other points."""
+    """Yield a line if the control law or the references use the values of other flight points."""
     point = scenario.airframe.point(scenario.flight_point)
     here = f"flight point {point.name}"
     remedy = f"rig aircraft design {scenario.aircraft}"
@@ -49,7 +49,7 @@ def _undesigned(scenario: Scenario) -> Iterator[str]:
 
 
 def _beyond(point: FlightPoint, points: Sequence[Point]) -> str:
-    """Say which numbers are flown with at a point, by its dynamic pressure."""
+    """Return the source of the values at a point, by its dynamic pressure."""
     low, high = points[0].dynamic_pressure_pa, points[-1].dynamic_pressure_pa
     at = _pressure(point)
     if low <= at <= high:

@@ -1,9 +1,9 @@
-"""A frame over to the unit and its answer back, in compiled code: what a frame nearly always is.
+"""A frame to the unit and its answer back, in compiled code: the usual case.
 
-A library of this process is called; to a socket the record is sent, and the answer awaited for some microseconds.
-Whatever is not the usual answer in that time is left to Python: ``try_exchange`` returns PENDING, and keeps how far it
-came.  C functions are called by their addresses: one compiled kernel serves every library, as an address is a number
-among its data, not a part of its code.
+The code calls a library of this process, or sends the record to a socket and waits some microseconds for the answer.
+Python handles everything except the usual answer in that time: ``try_exchange`` returns PENDING, and stores its
+progress.  It calls C functions by their addresses, so that one compiled kernel serves every library: an address is
+data, not code.
 """
 
 from __future__ import annotations
@@ -50,19 +50,19 @@ STATE: Final = np.dtype([(name, "i8") for name in _NAMES])
 
 
 class Patience(NamedTuple):
-    """The time for which both sides look for a message before they sleep: to be woken takes longer than most waits."""
+    """Time for which both sides look for a message before they sleep: waking takes longer than most waits."""
 
     spin_ns: int  # of the rig, for an answer
     looks: int  # of the unit's process, for the next frame: about 0.2 ms, more than a frame of the loop and its log
 
 
 def patience(crowded: bool) -> Patience:
-    """Return none where the other side has no core to run on meanwhile; ``crowded``: other flights want the cores."""
+    """Return no patience if the other side has no core to run on; ``crowded``: other flights use the cores."""
     return Patience(0, 0) if crowded or cores() < 2 else Patience(50_000, 400)
 
 
 class CompiledExchange(NamedTuple):
-    """All that compiled code needs to reach the unit."""
+    """Data with which compiled code reaches the unit."""
 
     state: NDArray[Any]  # (1,) STATE
     into: NDArray[np.uint8]  # where the next message goes
@@ -86,12 +86,12 @@ def new_exchange(
 
 
 def to_library(exchange: CompiledExchange, step: Any) -> None:
-    """Hand frames over by a call of ``step``."""
+    """Pass frames by a call of ``step``."""
     exchange.state["step"] = _address(step)
 
 
 def to_socket(exchange: CompiledExchange, fd: int, spin_ns: int, sums: bool = False) -> None:
-    """Hand frames over through the socket ``fd``, from the first on or after the unit was started again.
+    """Pass frames through the socket ``fd``, from the first frame on or after a restart of the unit.
 
     sums : with a checksum
     """
@@ -102,7 +102,7 @@ def to_socket(exchange: CompiledExchange, fd: int, spin_ns: int, sums: bool = Fa
 
 
 def clear(exchange: CompiledExchange) -> None:
-    """Have nothing pending."""
+    """Clear the pending exchange."""
     exchange.state["sent"] = exchange.state["code"] = exchange.state["count"] = 0
 
 
@@ -152,9 +152,9 @@ def _address(function: Any) -> int:
 
 @kernel
 def try_exchange(port, exchange, until_ns):
-    """Hand port.out over; return ANSWERED once the answer is in its place in port.back, else PENDING.
+    """Pass port.out to the unit; return ANSWERED when the answer is in port.back, or PENDING.
 
-    until_ns : of the clock, when a wait ends; what is read later is left to Python, too
+    until_ns : end of the wait, by the clock; Python handles a later answer
     """
     state = exchange.state[0]
     began = now(state)
@@ -200,7 +200,7 @@ def send(port, state):
 
 @kernel
 def await_answer(port, exchange, state, patient_ns, until_ns):
-    """Look for a message until then; return True if it is in time and the usual answer to the frame: then copied."""
+    """Wait for a message until then; return True for the usual answer to the frame in time, which is then copied."""
     end_ns = min(patient_ns, until_ns)
     count = long_of_four(state["receive"], state["fd"], state["into_at"], state["into_bytes"], _AT_ONCE)
     looked = 0  # times; now and then somebody else may have the core
@@ -222,7 +222,7 @@ def await_answer(port, exchange, state, patient_ns, until_ns):
 
 @kernel
 def is_usual(exchange, sent, count):
-    """Return True if the message has head and tail of all answers of the session, and the frame that was sent."""
+    """Return True if the message has head and tail of an answer of the session, and the frame that was sent."""
     message, template, usual = exchange.into, exchange.template, True
     for i in range(_HEAD):
         usual = usual and message[i] == template[i]
@@ -234,7 +234,7 @@ def is_usual(exchange, sent, count):
 
 
 def _tables() -> NDArray[np.int64]:
-    """Return (8, 256): what a byte does to the sum, with so many bytes behind it."""
+    """Return (8, 256): the contribution of a byte to the sum, by the number of bytes behind it."""
     tables = np.zeros((8, 256), np.int64)
     tables[0] = np.arange(256)
     for _ in range(8):

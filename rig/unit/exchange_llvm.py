@@ -1,7 +1,7 @@
-"""The frames that a library's child answers in compiled code: read, step, reply, without Python between them.
+"""Frames that the child process of a library answers in compiled code: read, step, reply, without Python between them.
 
-A child that has slept wakes with cold caches: its interpreter costs a frame several times what it costs warm.
-llvmlite alone is imported, which numba needs anyhow: a tenth of a second, where numba takes a whole one.
+A child that has slept wakes with cold caches: its interpreter then takes several times as long for a frame.
+The module imports only llvmlite, in a tenth of a second; an import of numba takes a second.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ _DAMAGED: Final = (zipfile.BadZipFile, OSError, RuntimeError, ValueError, EOFErr
 
 
 class FmuLink(SocketLink):
-    """The child in which an FMU is stepped, and the folder that the FMU was unpacked into."""
+    """The child process that steps an FMU, and the folder of the unpacked FMU."""
 
     def __init__(self, unit: Unit, folder: TemporaryDirectory[str], looks: int, unsaid: tuple[str, ...]) -> None:
         """Start the child.  BadInput."""
@@ -54,7 +54,7 @@ class FmuLink(SocketLink):
 
 
 def child(unit: Unit, looks: int) -> FmuLink:
-    """Start an FMU in a child process; BadInput when it is none that can be flown.  looks : as of UnitProcess"""
+    """Start an FMU in a child process.  BadInput: the file is no FMU that can be flown.  looks : as in UnitProcess"""
     if find_spec("fmpy") is None:
         raise BadInput(f"{unit.source}: transport fmu needs FMPy: pip install 'jsbsim-rig[fmi]'")
     folder = TemporaryDirectory(prefix="rig-fmu-")
@@ -71,7 +71,7 @@ def child(unit: Unit, looks: int) -> FmuLink:
 def _unpacked(file: Path, folder: Path, named: str) -> ElementTree.Element:
     """Unpack the FMU into ``folder``; return its description.
 
-    Not by fmpy.read_model_description: it raises plain Exceptions, and none of them names the cause in one line.
+    fmpy.read_model_description is not used: it raises plain Exceptions, which do not name the cause in one line.
     """
     try:
         with zipfile.ZipFile(file) as archive:
@@ -89,7 +89,7 @@ def _unpacked(file: Path, folder: Path, named: str) -> ElementTree.Element:
 
 
 def _beyond(entries: list[zipfile.ZipInfo]) -> str:
-    """Return what is beyond the limits of an archive; of a file no more is unpacked than its entry states."""
+    """Return the limit that an archive exceeds, if any; a file is unpacked only up to the size in its entry."""
     if len(entries) > _MOST_FILES:
         return f"it has {len(entries)} files, at most {_MOST_FILES} are allowed"
     size = sum(entry.file_size for entry in entries)
@@ -98,18 +98,18 @@ def _beyond(entries: list[zipfile.ZipInfo]) -> str:
     for entry in entries:
         name = entry.filename.replace("\\", "/")
         if name.startswith("/") or ".." in name.split("/") or re.match("[A-Za-z]:", name):
-            return f"{entry.filename!r} is a path outside of it"
+            return f"{entry.filename!r} is a path outside the archive"
         if stat.S_ISLNK(entry.external_attr >> 16):
             return f"{entry.filename!r} is a link"
     return ""
 
 
 def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str, Any]:
-    """Return what the child needs.  BadInput: the FMU was not made for these records, and is not mapped to them."""
+    """Return the plan of the child.  BadInput: the FMU was not made for these records, and has no mapping."""
     fmi_version = description.get("fmiVersion", "unknown")
     version = next((version for version in get_args(Version) if fmi_version.startswith(f"{version}.")), None)
     if version is None:
-        raise BadInput(f"{named} is of FMI version {fmi_version}; 2.0 and 3.0 can be flown")
+        raise BadInput(f"{named} has FMI version {fmi_version}; must be 2.0 or 3.0")
     token = description.get("guid" if version == "2" else "instantiationToken", "")
     co_simulation = description.find("CoSimulation")
     if co_simulation is None:
@@ -141,9 +141,9 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
 
 
 def _steps(description: ElementTree.Element, co_simulation: ElementTree.Element, named: str) -> dict[str, str]:
-    """Return the step that the FMU makes inside, and the only one that it can be asked for; 0 for any, s.  BadInput.
+    """Return the internal step of the FMU, and the only step that it accepts, s; 0: any.  BadInput.
 
-    As they are written: their digits tell what was rounded.
+    Both as written: their digits show the rounding.
     """
     experiment = description.find("DefaultExperiment")
     usual = "0" if experiment is None else experiment.get("stepSize", "0")
@@ -160,9 +160,9 @@ def _steps(description: ElementTree.Element, co_simulation: ElementTree.Element,
 
 
 def _runs(version: Version, known: dict[str, Described], records: int, named: str) -> list[dict[str, Any]]:
-    """Return runs of variables of one type that lie side by side in a record: each is one call of FMI.
+    """Return runs of adjacent variables of one type in a record: each is one call of FMI.
 
-    records : the version of them that the FMU was made for
+    records : the version of the records for which the FMU was made
     """
     runs: list[dict[str, Any]] = []
     for variable in variables(version):

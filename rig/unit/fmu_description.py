@@ -1,8 +1,8 @@
 """The records of unit_records.py as the variables of an FMU, FMI 2.0 or 3.0, co-simulation: ``rig unit header --fmu``.
 
 CONFIG becomes fixed parameters, INPUT inputs, OUTPUT outputs.  FMI 2.0 has a scalar for each element, FMI 3.0 arrays.
-A value reference says where the variable is, so that a unit needs no table of them: from the lowest bit 14 bits first
-byte, 10 bits elements, 2 bits type (Base), 2 bits record (Place), 1 bit more of the type.
+A value reference encodes the place of the variable, so that a unit needs no table: from the lowest bit 14 bits first
+byte, 10 bits elements, 2 bits type (Base), 2 bits record (Place), 1 more bit of the type.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ TOKEN: Final = next(iter(TOKENS))
 
 
 class Place(IntEnum):
-    """The record that a variable is in."""
+    """The record of a variable."""
 
     CONFIG = 0
     INPUT = 1
@@ -131,7 +131,7 @@ def _fields(
 
 
 def _about(name: str, shape: tuple[int, ...], index: tuple[int, ...]) -> str:
-    """Return which signal, discrete or surface an element is of."""
+    """Return the signal, discrete or surface of an element."""
     field = FIELD.get(name)
     if field is not None and field.elements:
         return field.elements[index[0]]

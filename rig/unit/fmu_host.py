@@ -1,9 +1,9 @@
-"""The child process in which an FMU is stepped: messages of a socket to the functions of FMI and back.
+"""The child process that steps an FMU: from messages of a socket to functions of FMI, and back.
 
     python -I guard.py PARENT fmu_host.py FD FOLDER BLANK NAME=SIZE ...   (processes.py starts it)
 
-FOLDER has the FMU unpacked and the plan that fmu.py has written.  Arrays of value references and of values are made
-once a session and kept, and FMPy's raw functions are called with them: several times as fast as its methods with lists.
+FOLDER has the unpacked FMU and the plan that fmu.py has written.  The host makes arrays of value references and values
+once per session and passes them to FMPy's raw functions, several times as fast as FMPy's methods with lists.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _SAME_STEP: Final = 1e-6  # of a frame
 
 
 class Fmu(ABC):
-    """An FMU with what the host calls of a library: ``open``, ``step``, ``close``."""
+    """An FMU with the functions that the host calls: ``open``, ``step``, ``close``."""
 
     kind: str  # its text about itself
     machine: str  # how its standard calls the folder of this machine's libraries
@@ -70,30 +70,30 @@ class Fmu(ABC):
 
     @abstractmethod
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
-        """Return what sets or gets the variables of ``run`` in the record at ``address``."""
+        """Return a function that sets or gets the variables of ``run`` in the record at ``address``."""
 
     @abstractmethod
     def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:
-        """Return what sets or gets ``count`` values of the FMI type ``kind``, and where they are: a ctypes array."""
+        """Return a function that sets or gets ``count`` values of the FMI type ``kind``, and their ctypes array."""
 
     @abstractmethod
     def _do_step(self, time_s: float) -> None:
         """Make one step from ``time_s`` on."""
 
     def _wants_to_end(self) -> bool:
-        """Return True if a step was discarded because the unit wants to end."""
+        """Return True if a step was discarded because the unit requests its end."""
         return False
 
     def bind(self, source: int, target: int) -> None:
-        """Keep where the input and output records of all frames are."""
+        """Store the addresses of the input and output records of all frames."""
         self._input, self._output = source, target
         self._time = ctypes.c_double.from_address(source + self._plan["time_s"])
         self._said = ctypes.c_uint8.from_address(target + self._plan["said"])
 
     def open(self, config: int) -> None:
-        """Begin afresh with the record at the address ``config``; Refused when the unit will not.
+        """Start a session with the record at the address ``config``.  Refused: the unit refuses.
 
-        A new instance each time: not every FMU that claims it can be reset.
+        Each session has a new instance, because not every FMU that declares a reset can be reset.
         """
         self.close()
         if self._fatal:
@@ -104,7 +104,7 @@ class Fmu(ABC):
         try:
             self.fmu.instantiate(loggingOn=True)
         except Exception as error:  # noqa: BLE001 # FMPy's own
-            raise Refused(f"the FMU was not instantiated, is its library of this layout? {error}") from None
+            raise Refused(f"the FMU was not instantiated; its library may have another layout: {error}") from None
         try:
             self._initialize(config)
         except FMICallException as error:
@@ -117,7 +117,7 @@ class Fmu(ABC):
         inner, only, frame = self._plan["inner_step_s"], self._plan["only_step_s"], f"a frame has {self._step_s:.9g} s"
         if float(only) > 0.0 and not makes_a_frame(only, 1, rate_hz):
             why = "canHandleVariableCommunicationStepSize is false"
-            raise Refused(f"the FMU can only be asked for steps of {float(only):.9g} s ({why}), {frame}")
+            raise Refused(f"the FMU accepts only steps of {float(only):.9g} s ({why}), {frame}")
         if (inner_s := float(inner)) > 0.0 and not makes_a_frame(inner, max(1, round(self._step_s / inner_s)), rate_hz):
             raise Refused(f"the FMU makes steps of {inner_s:.9g} s (fixedInternalStepSize), {frame}, no multiple of it")
 
@@ -143,7 +143,7 @@ class Fmu(ABC):
         self._function("FreeInstance")(instance)
 
     def step(self, source: int, target: int) -> int:
-        """Fly one frame; a step that is discarded leaves an answer without any group.  Refused: the unit has failed."""
+        """Fly one frame; a discarded step leaves an answer without any group.  Refused: the unit has failed."""
         try:
             for put in self._puts:
                 put()
@@ -159,7 +159,7 @@ class Fmu(ABC):
     def _failed(self, error: FMICallException) -> str:
         self._runs, self._fatal = False, error.status == FATAL
         if error.status == DISCARD and self._wants_to_end():
-            return f"{error.function}: the FMU asks for the end of the simulation"
+            return f"{error.function}: the FMU requests the end of the simulation"
         return f"{error.function} returned {STATUS[error.status] if error.status < len(STATUS) else error.status}"
 
     def _calls(self, record: int, address: int, verb: str) -> list[Call]:
@@ -168,7 +168,7 @@ class Fmu(ABC):
         return [self._call(run, address, verb) for run in self._plan["runs"] if run["record"] == record]
 
     def _mapped(self, record: int, address: int, verb: str) -> list[Call]:
-        """Return the calls of a mapping (fmu_mapping.py); the last one of OUTPUT writes what no variable says."""
+        """Return the calls of a mapping (fmu_mapping.py); the last one fills OUTPUT without variables."""
         views = views_of(address, self._plan["bytes"][str(record)])
         calls = [self._mapped_call(run, views, verb) for run in self._plan[("", "inputs", "outputs")[record]]]
         if record == INPUT:
@@ -186,14 +186,14 @@ class Fmu(ABC):
         return [self._mapped_call(run, views, "Set once") for run in self._plan.get(f"{causality}s once", ())]
 
     def _text(self, run: dict[str, Any], address: int) -> Any:
-        """Return the texts of a run, which all have the same room."""
+        """Return the texts of a run, which have equal lengths."""
         count = len(run["references"])
         room = (run["end"] - run["first"]) // count
         return (ctypes.c_char_p * count)(*(ctypes.string_at(address + run["first"] + i * room) for i in range(count)))
 
 
 class Fmi2(Fmu):
-    """By FMI 2.0: scalars, and one type of integers."""
+    """An FMU of FMI 2.0: scalars, and one type of integers."""
 
     kind, machine, prefix, slave = "FMI 2.0", fmpy.platform, "fmi2", FMU2Slave
 
@@ -215,7 +215,7 @@ class Fmi2(Fmu):
 
     @staticmethod
     def _integers(call: Callable[..., Any], field: Any, verb: str) -> Call:
-        """Return ``call`` by way of integers of FMI 2.0, which have 32 bits."""
+        """Return ``call`` with conversion to integers of FMI 2.0, which have 32 bits."""
         held = (ctypes.c_int * len(field))()
         wide = np.ctypeslib.as_array(held)
 
@@ -252,7 +252,7 @@ class Fmi2(Fmu):
 
 
 class Fmi3(Fmu):
-    """By FMI 3.0: arrays, set and got where they are in the records."""
+    """An FMU of FMI 3.0: arrays, set and read in place in the records."""
 
     kind, machine, prefix, slave = "FMI 3.0", fmpy.platform_tuple, "fmi3", FMU3Slave
 
@@ -283,18 +283,18 @@ class Fmi3(Fmu):
         where = event, end, early, self._reached
         self.fmu.fmi3DoStep(self.fmu.component, time_s, self._step_s, True, *map(ctypes.byref, where))
         if end.value:
-            raise Refused("fmi3DoStep: the FMU asks for the end of the simulation")
+            raise Refused("fmi3DoStep: the FMU requests the end of the simulation")
 
 
 def makes_a_frame(step_s: str, count: int, rate_hz: float) -> bool:
-    """Return True if ``count`` steps are a frame, as far as the digits of step and rate tell: 0.0166667 is 1/60."""
+    """Return True if ``count`` steps are a frame, within the digits of step and rate: 0.0166667 is 1/60."""
     steps = 1.0 / (rate_hz * float(step_s))
     rounded = slack(step_s, steps / float(step_s)) + slack(rate_hz, steps / rate_hz)
     return abs(count - steps) <= max(_SAME_STEP * steps, rounded)
 
 
 class FmuHost(Host):
-    """Answers the messages of the rig by calls of an FMU."""
+    """A host that answers the messages of the rig by calls of an FMU."""
 
     def __init__(self, channel: ReplyChannel, library: Any) -> None:
         super().__init__(channel, library)
@@ -308,7 +308,7 @@ class FmuHost(Host):
 
 
 def load(folder: str, layouts: Sequence[int]) -> Any:
-    """Load the FMU that was unpacked into ``folder``; Refused.  Its token has been compared before."""
+    """Load the FMU that was unpacked into ``folder``; fmu.py has compared its token.  Refused."""
     plan = json.loads(Path(folder, "rig-unit.json").read_text())
     return (Fmi2 if plan["version"] == "2" else Fmi3)(Path(folder), plan, layouts[0])
 

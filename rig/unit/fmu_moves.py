@@ -39,9 +39,9 @@ def views_of(address: int, size: int) -> Views:
 
 
 def moving(run: dict[str, Any], views: Views, call: Call, held: Any, verb: str) -> Call:
-    """Return what moves variables of one type between a record and ``held``, and sets or gets them by ``call``.
+    """Return a function that moves variables of one type between a record and ``held``, by ``call``.
 
-    verb : Get, Set, or Set once, which refuses a number that the type has not
+    verb : Get, Set, or Set once, which refuses a number outside the type
     """
     values = np.ctypeslib.as_array(held)
     values[:] = run["start"]
@@ -63,7 +63,7 @@ def moving(run: dict[str, Any], views: Views, call: Call, held: Any, verb: str) 
         for _, first, _, base, address in run["pairs"]:
             number = views[base][first // views[base].itemsize]
             if not low <= number <= high:
-                raise Refused(f"{address} is {number}, of type {run['type']} it can be {low:g} to {high:g}")
+                raise Refused(f"{address} is {number}, must be from {low:g} to {high:g} for type {run['type']}")
         put()
 
     return {"Get": get, "Set": put, "Set once": put_once}[verb]
@@ -79,7 +79,7 @@ def _moves(run: dict[str, Any], views: Views) -> list[_Move]:
 
 
 def _whole(said: Any, dtype: Any) -> Any:
-    """Return what a variable of any type says as numbers of ``dtype``; the largest, in no enum, where it has none."""
+    """Return the value of a variable as numbers of ``dtype``; the largest number, in no enum, if it has none."""
     most, numbers = np.iinfo(dtype).max, np.asarray(said, float)
     return np.where((numbers >= 0) & (numbers < most), np.rint(numbers), most)
 

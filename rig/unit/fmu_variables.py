@@ -29,7 +29,7 @@ class Described(NamedTuple):
 
 
 def described(description: ElementTree.Element, version: Version, named: str) -> dict[str, Described]:
-    """Return the variables of an FMU by name.  BadInput: one that is none."""
+    """Return the variables of an FMU by name.  BadInput: an invalid variable."""
     declared = {
         one.get("name", ""): inner.get("unit", "")
         for one in description.findall("TypeDefinitions/*")
@@ -48,7 +48,7 @@ def described(description: ElementTree.Element, version: Version, named: str) ->
 def _described(
     node: ElementTree.Element, version: Version, declared: dict[str, str], nodes: dict[str, ElementTree.Element]
 ) -> Described:
-    """Return one variable; ValueError: what should be a number is none."""
+    """Return one variable.  ValueError: a value is not a number."""
     kind = next((inner for inner in node if inner.tag in REAL + WHOLE or inner.tag == "String"), node)
     kind = kind if version == "2" else node
     shape = tuple(_extent(inner, nodes) for inner in node.findall("Dimension"))

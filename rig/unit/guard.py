@@ -1,12 +1,12 @@
-"""The process between the rig and a unit: all that the unit starts ends with it, and with the rig.
+"""The process between the rig and a unit: all processes of the unit end with it, and with the rig.
 
     python -I guard.py PARENT exec COMMAND ...      becomes the command
     python -I guard.py PARENT FILE ARGUMENT ...     runs a host: host.py, fmu_host.py
 
-The unit runs in a child of the guard.  What that leaves behind, in sessions of its own too, the kernel hands to the
-guard as their nearest subreaper, so that it can be found and killed.  The guard ends as the unit has ended: with its
-exit status, or by its signal.  SIGTERM, which the kernel sends when the rig is gone, asks the unit to end; END_S
-later it is killed.
+The unit runs in a child of the guard.  The kernel gives processes that the unit leaves behind, also in other sessions,
+to the guard as their nearest subreaper, so that it can find and kill them.  The guard ends as the unit has ended: with
+its exit status, or by its signal.  The kernel sends SIGTERM when the rig is gone; the guard passes it to the unit, and
+kills the unit END_S later.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _LOOKS = 2000  # for what is left, a millisecond each
 
 
 def main(arguments: list[str]) -> None:
-    """Run the unit in a child and guard it; returns in the child alone, when a host has ended."""
+    """Run the unit in a child and guard it; return only in the child, when a host has ended."""
     parent, kind, *rest = arguments
     _set_process(_PR_SET_CHILD_SUBREAPER, 1)
     _set_process(_PR_SET_PDEATHSIG, signal.SIGTERM)

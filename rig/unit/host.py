@@ -1,8 +1,8 @@
-"""The child process in which a library runs: messages of a socket to its three functions and back.
+"""The child process that runs a library: from messages of a socket to its three functions, and back.
 
     python -I guard.py PARENT host.py FD PATH BLANK NAME=SIZE ...   (processes.py starts it)
 
-Nothing heavy is imported: a child must answer within a fifth of a second.
+It imports only small modules, because a child must answer within 0.2 s.
 """
 
 from __future__ import annotations
@@ -28,28 +28,28 @@ FUNCTIONS = ("rig_unit_open", "rig_unit_step", "rig_unit_close")
 
 
 def looks() -> int:
-    """Return how often to look for a message before sleeping: waking takes longer, but others may need the core."""
+    """Return the number of looks for a message before sleeping: waking takes longer, but others may need the core."""
     return int(os.environ.get(LOOKS, "0"))
 
 
 class Refused(Exception):
-    """Why a library cannot be flown."""
+    """Reason why a library cannot be flown."""
 
 
 class Library:
-    """The three functions of a shared library, and the frames stepped since it was opened."""
+    """The three functions of a shared library, and the number of frames since its opening."""
 
     kind = "library"  # its text about itself
 
     def __init__(self, path: str, layouts: Sequence[int]) -> None:
-        """Refused: no library, without its functions, or built for other records than ``layouts``, the newest first."""
+        """Load a library.  Refused: none, missing functions, or records not in ``layouts`` (newest first)."""
         try:
             self._library = ctypes.CDLL(str(Path(path).resolve()))
         except OSError as error:
-            raise Refused(f"{path} is not a library that can be loaded: {error}") from None
+            raise Refused(f"{path} cannot be loaded as a library: {error}") from None
         missing = [name for name in FUNCTIONS if not hasattr(self._library, name)]
         if missing:
-            raise Refused(f"{path} has no function {missing[0]}; a unit has {', '.join(FUNCTIONS)}")
+            raise Refused(f"{path} has no function {missing[0]}; a unit needs {', '.join(FUNCTIONS)}")
         self.layout = layouts[0]
         with suppress(ValueError):  # not every language writes it
             self.layout = ctypes.c_uint64.in_dll(self._library, "rig_unit_layout").value
@@ -63,28 +63,28 @@ class Library:
         self._opened = False
 
     def open(self, config: int) -> None:
-        """Begin afresh with the record at the address ``config``; Refused when the unit will not."""
+        """Start a session with the record at the address ``config``.  Refused: the unit refuses."""
         self.close()
         if code := self._open(config):
             raise Refused(f"rig_unit_open returned {code}")
         self._opened = True
 
     def close(self) -> None:
-        """End what ``open`` began."""
+        """End the session."""
         if self._opened:
             self._opened = False
             self._close()
 
 
 class ReplyChannel:
-    """Sends what the child replies, in records of the sizes that the rig has given it."""
+    """Sender of the child's replies, in records of the sizes that the rig has given."""
 
     def __init__(self, connection: socket.socket, blank: bytes, sizes: dict[str, int]) -> None:
-        """``blank``: an answer with nothing in it but its head and length."""
+        """Take ``blank``: an answer with only its head and length."""
         self.socket, self.blank, self.sizes = connection, blank, sizes
 
     def reply(self, kind: int, request: bytes | memoryview, text: str, greeting: bool = False) -> None:
-        """Send READY or REFUSED to ``request``; a greeting has no session: it says 'I am here'."""
+        """Send READY or REFUSED to ``request``; a greeting has no session, it only reports the unit."""
         magic, version, _, layout, *_ = HEAD.unpack_from(self.blank)
         *_, session, frame, time_s = HEAD.unpack_from(request)
         session = 0 if greeting else session
@@ -94,7 +94,7 @@ class ReplyChannel:
 
 
 class Host:
-    """Answers the messages of the rig by calls of a library."""
+    """A host that answers the messages of the rig by calls of a library."""
 
     def __init__(self, channel: ReplyChannel, library: Library) -> None:
         self._channel, self._library = channel, library
@@ -105,13 +105,13 @@ class Host:
         self._state = (ctypes.c_int64 * 2)()  # frames stepped since CONFIG, code of the last step
 
     def serve(self) -> None:
-        """Answer until the other side is gone."""
+        """Answer until the connection ends."""
         message = memoryview(self._message)
         while self._answer(message):
             self._handle(message)
 
     def _answer(self, message: memoryview) -> int:
-        """Answer the frames of the session; return the bytes of another message, 0 when the other side is gone."""
+        """Answer the frames of the session; return the bytes of another message, 0 when the connection has ended."""
         size = self._channel.sizes["input"]
         while (count := self._receive(message)) == size and message[:USUAL_BYTES] == self._usual:
             self._step(message)
@@ -170,7 +170,7 @@ class Host:
 
 
 class LibraryHost(Host):
-    """Steps a library in compiled code."""
+    """A host that steps a library in compiled code."""
 
     def __init__(self, channel: ReplyChannel, library: Library) -> None:
         super().__init__(channel, library)
@@ -206,7 +206,7 @@ _held: list[object] = []
 
 
 def serve(arguments: list[str], load: Callable[[str, Sequence[int]], Library], host: type[Host] = Host) -> None:
-    """Answer for what ``load`` finds at the path of ``arguments``, until the other side is gone.  fmu_host.py too."""
+    """Serve the unit that ``load`` returns for the path of ``arguments``, until the connection ends; also for FMUs."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # one that the library raises is no Ctrl-C, which is the rig's
     fd, path, blank, *sizes = arguments
     named = {name: int(size) for name, _, size in (text.partition("=") for text in sizes)}

@@ -1,4 +1,4 @@
-"""What a unit says of itself: its status, fault word and output discretes, as events and for the flight's result."""
+"""Status, fault word and output discretes of a unit, as events and in the flight's result."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _READY: Final = (0, 0, 0)
 
 
 class News:
-    """Changes that compiled code has kept in a port (port.note_status), told once each."""
+    """Changes that compiled code has stored in a port (port.note_status); each is reported once."""
 
     def __init__(self, back: Inbound) -> None:
         self._back, self._told = back, 0
 
     def until(self, frame: int) -> list[Event]:
-        """Return the events of changes up to ``frame`` that have not been returned before."""
+        """Return the new events of changes up to ``frame``."""
         events: list[Event] = []
         while self._told < self._kept and self._back.changes[self._told, 0] <= frame:
             events += self._events(self._told)
@@ -52,12 +52,12 @@ class News:
         return events
 
     def still_starting(self, start_s: float) -> str:
-        """Return why a unit in power-up or self-test is not waited for; "" for any other."""
+        """Return the reason why the rig stops waiting for a unit in power-up or self-test; "" in other states."""
         starting, last = self._back.counts[STARTING] > 0, self._at(self._kept - 1)
         return f"is in {_name(last[0])} after start_s = {start_s:g} s" if starting else ""
 
     def result(self) -> dict[str, Any]:
-        """Return its last words, and how many changes there were."""
+        """Return the last status, fault word and outputs, and the number of changes."""
         status, word, outputs = self._at(self._kept - 1)
         of_itself = {"status": _name(status), "fault_word": word, "output_discretes": _bytes(outputs)}
         return {**of_itself, "status_changes": int(self._back.counts[CHANGES])}

@@ -1,8 +1,8 @@
-"""What a unit that was built for an older version of the records is told, and what it cannot be told.
+"""Configuration of a unit that was built for an older version of the records, and its limits.
 
-A setting that is on and has no field there refuses the flight.  What a scenario did not ask for is flown without it: a
-value that all aircraft share (stale samples, boxes by sets, giving up a split), and what follows from the references
-that are configured (whether the trend is asked beside them, which of them count as two).
+The rig refuses the flight if a setting is on that has no field in that version.  It flies without settings that the
+scenario did not choose: values that all aircraft share (stale samples, boxes by sets, giving up a split), and
+consequences of the configured references (the use of the trend beside them, and which of them count as two).
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ _SWITCHES: Final = (
 
 
 def config_for(interface: Interface, config: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return the bytes of CONFIG (1,) as a unit of a version of the records reads them.
+    """Return the bytes of CONFIG (1,) in the format of a version of the records.
 
-    UnitStopped: a setting was asked for that the version has no field for
+    UnitStopped: the scenario chose a setting for which the version has no field
     """
     config["version"], config["layout"] = interface.version, interface.layout
     if interface == INTERFACE:
@@ -71,7 +71,7 @@ def config_for(interface: Interface, config: NDArray[Any]) -> NDArray[np.uint8]:
 def asked_since(interface: Interface, config: NDArray[Any], without: Unasked = MappingProxyType({})) -> str:
     """Return the key of the first setting of CONFIG (1,) that is on and not in a version; empty for none.
 
-    without : what is flown without; a conformance test asks for that, too, and gives nothing here
+    without : settings that a flight may lack; a conformance test needs them too, and passes none
     """
     for part, field, key, of_all, off in _SWITCHES:
         value = config[0][part][field]
@@ -82,7 +82,7 @@ def asked_since(interface: Interface, config: NDArray[Any], without: Unasked = M
 
 
 def unasked(config: NDArray[Any]) -> Unasked:
-    """Return what a flight of CONFIG (1,) has without that its scenario asked for it."""
+    """Return the settings of CONFIG (1,) that its scenario did not choose."""
     stale, rules = default_stale_frames(), config[0]["rules"]
     unresolved_s = Config.model_fields["unresolved_s"].default
     return {
@@ -95,7 +95,7 @@ def unasked(config: NDArray[Any]) -> Unasked:
 
 
 def _asks_for_sets(config: NDArray[Any], without: Unasked) -> bool:
-    """Return True if channels are to be failed by boxes that an older unit, to which all is one box, does not know."""
+    """Return True if CONFIG isolates channels by sets of boxes; an older unit has only one box."""
     box, signals = config[0]["rules"]["box"], int(config["box_signals"][0])
     if signals == 0 or _is_one(box):
         return False

@@ -1,6 +1,6 @@
-"""A row of the frame into the record that a unit reads, and its answer into the row.
+"""From a row of the frame to the record that a unit reads, and from its answer to the row.
 
-What a frame means does not depend on the transport: all of them move the bytes that are written and read here.
+A frame does not depend on the transport: all transports move the bytes that this module writes and reads.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Outbound(NamedTuple):
 
 
 class Inbound(NamedTuple):
-    """Records from the unit, and those that wait to be flown."""
+    """Records from the unit, and records that wait to be flown."""
 
     records: NDArray[Any]  # (4 + latency_frames,) OUTPUT: RECEIVED, BLANK, ASSUMED, FLOWN and those that will be
     bytes: NDArray[np.uint8]  # the same, (records, bytes)
@@ -95,9 +95,9 @@ def new_port(
 ) -> Port:
     """Return the port of one flight.
 
-    trim : (4,) surfaces that are flown until the unit has filled others
-    fitted : (S,) channels of each signal, four when not given
-    unsaid : of ``state`` and ``level``, the one that it does not mean when it fills their group
+    trim : (4,) surface positions that are flown until the unit fills others
+    fitted : (S,) channels of each signal, four if not given
+    unsaid : which of ``state`` and ``level`` the unit does not fill in their group
     """
     sent = blank(INPUT, TO_UNIT, Kind.FRAME, session, interface)
     records = np.repeat(blank(OUTPUT, FROM_UNIT, Kind.REPLY, session), 4 + latency_frames)
@@ -121,7 +121,7 @@ def new_port(
 
 
 def _moves(groups: dict[str, Any], source: np.dtype[Any], target: np.dtype[Any]) -> Moves:
-    """Return how fields get from a record to another; those of a group that follow each other in both are one move."""
+    """Return the moves of fields between two records; consecutive fields of a group are one move."""
     moves: list[list[int]] = []
     for field in walk(source):
         if field.name not in groups:
@@ -194,16 +194,16 @@ def move(source, target, moves):
 
 @kernel
 def fill(raw, k, frame, port):
-    """Write row k of a block, raw (n, bytes), into the record that is sent; port : Outbound."""
+    """Write row k of a block, raw (n, bytes), into the record for the unit; port : Outbound."""
     port.sent[0]["frame"], port.sent[0]["time_s"] = frame, frame / port.rate_hz
     move(raw[k], port.sent_bytes, _OUT)
 
 
 @kernel
 def take(raw, k, port, status):
-    """Write what is flown in frame k into its row: the answer just received if ``status`` says so and it is allowed.
+    """Write the flown values of frame k into its row: the new answer if its ``status`` and content allow it.
 
-    Return the status that the frame comes to: REFUSED in place of ANSWERED for an answer that no unit may give.
+    Return the status of the frame: REFUSED in place of ANSWERED for an invalid answer.
     port : Inbound
     """
     answers = status == UnitStatus.ANSWERED or status == UnitStatus.RESTARTED
@@ -223,7 +223,7 @@ def take(raw, k, port, status):
 
 @kernel
 def fly_trim(fcc, trim):
-    """Hold the surfaces where the flight began, while the unit tests itself."""
+    """Hold the surfaces at their first positions during the unit's self-test."""
     for i in range(len(trim)):
         fcc["surface"][i] = trim[i]
     fcc["law"] = _EXTERNAL
@@ -231,9 +231,9 @@ def fly_trim(fcc, trim):
 
 @kernel
 def conclude(bus, fcc, said, data):
-    """Keep the unit's votes for the next references, and vote the discretes unless it has ``said`` them.
+    """Store the unit's votes for the next references, and vote the discretes unless the unit has filled them.
 
-    Without patterns nobody watches the references: none is usable.  data : has references and discretes
+    Without patterns no monitor checks the references, so none is usable.  data : has references and discretes
     """
     remember(bus, fcc, data.references)
     if said & ON_PATTERNS == 0:
@@ -251,7 +251,7 @@ def is_starting(status):
 
 @kernel
 def note_status(port):
-    """Keep what the answer says of the unit itself, if it is not what it said last, and count frames of its start."""
+    """Store a changed status of the unit, and count the frames of its start."""
     received, kept = port.records[RECEIVED], port.counts[CHANGES]
     last = port.changes[min(kept, MOST_CHANGES) - 1]  # all zero as long as there is none: ready
     outputs = np.int64(0)
@@ -268,7 +268,7 @@ def note_status(port):
 
 @kernel
 def is_allowed(port):
-    """Return True if the answer fills what its role needs, and every state, level and pattern of it is one."""
+    """Return True if the answer fills the groups of its role, and its states, levels and patterns are valid."""
     said, received = port.records[RECEIVED]["said"], port.bytes[RECEIVED]
     if is_starting(port.records[RECEIVED]["status"]):
         return True
@@ -288,10 +288,10 @@ def copy(records, source, target):
 
 @kernel
 def complete(port):
-    """Write into the answer just received what stands for the groups that it has not filled.
+    """Write default values for groups that the answer has not filled.
 
-    Beside votes all fitted channels are in use; without them nothing is known.  Of level and states a unit may mean
-    one alone.  Surfaces without a law of ours, and 0 is one, are by a law of its own.
+    With votes, all fitted channels are in use; without votes, states are unknown.  A unit may fill level or states
+    alone.  Surfaces without a law of the rig (0 is such a law) have the unit's law.
     """
     received, assumed = port.records[RECEIVED], port.records[ASSUMED]
     said = received["said"]
@@ -313,7 +313,7 @@ def complete(port):
 
 @kernel
 def accept(port):
-    """Take the answer in behind those that still wait to be flown; the first one of a flight fills all places."""
+    """Append the answer to those that wait to be flown; the first answer of a flight fills all places."""
     received, last = port.records[RECEIVED], port.records.shape[0] - 1
     for j in range(FLOWN, last):
         copy(port.bytes, j + 1, j)

@@ -1,4 +1,4 @@
-"""The process that the rig starts for a unit: what it printed and how it ended; nothing is left behind."""
+"""The process that the rig starts for a unit: its output and its end; no process is left behind."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class UnitProcess:
         folder: Path | None = None,
         looks: int = 0,
     ) -> None:
-        """Start the host of ``kind`` or, by "exec", the command ``arguments``; BadInput when the system cannot.
+        """Start the host of ``kind`` or, for "exec", the command ``arguments``.  BadInput: the system cannot start it.
 
-        fds : that it inherits; folder : in which it runs; looks : for a message, before it sleeps
+        fds : descriptors that it inherits; folder : its working folder; looks : for a message, before it sleeps
         """
         self._is_command = kind == "exec"
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the process
@@ -58,7 +58,7 @@ class UnitProcess:
             raise BadInput(f"the unit's process cannot be started: {error.strerror}") from None
 
     def how_it_ended(self, wait_s: float = 0.0) -> str | None:
-        """Return how it ended, None while it runs."""
+        """Return the kind of its end, None while it runs."""
         try:
             code = self._process.wait(wait_s) if wait_s else self._process.poll()
         except subprocess.TimeoutExpired:
@@ -70,9 +70,9 @@ class UnitProcess:
         return f"exited with status {code}"
 
     def stop(self) -> str:
-        """End it and all that it has started; return how it ended if not as it was told to, else an empty text.
+        """End it and all its processes; return the kind of its end if it is not the requested one, otherwise "".
 
-        The host of a library sees that its socket is closed; a command that waits for a datagram does not.
+        The host of a library detects that its socket is closed; a command that waits for a datagram does not.
         """
         ended = self.how_it_ended(_AFTER_END_S if self._is_command else END_S)
         if ended is None:
@@ -86,16 +86,16 @@ class UnitProcess:
         return "" if ended in _AS_TOLD else ended
 
     def printed(self) -> str:
-        """Return the end of what it has written to its standard output and error."""
+        """Return the end of its standard output and error."""
         size = self._output.seek(0, os.SEEK_END)
         self._output.seek(max(0, size - MOST_SHOWN))
         return self._output.read().decode(errors="replace")
 
     def forget(self) -> None:
-        """Let go of what it printed."""
+        """Discard its output."""
         self._output.close()
 
     def last_line(self) -> str:
-        """Return the last line that it printed, for a message."""
+        """Return the last line of its output, for an error."""
         lines = [line for line in self.printed().splitlines() if line.strip()]
         return one_line(lines[-1]) if lines else ""

@@ -1,4 +1,4 @@
-"""READY and REFUSED of a unit, and what is wrong with a message that should be one."""
+"""READY and REFUSED of a unit, and the check of a message that should be one of them."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _BODY: Final = place(READY, "length")[1]
 
 
 class UnitStopped(Exception):
-    """The unit will not answer, and why."""
+    """A unit that stops answering, and the reason."""
 
 
 class Ready(NamedTuple):
-    """A READY or REFUSED; ``wrong`` says why a message is neither, its other fields then mean nothing."""
+    """A READY or REFUSED; ``wrong`` is the reason why a message is neither, the other fields are then undefined."""
 
     kind: int
     session: int
@@ -41,7 +41,7 @@ class Ready(NamedTuple):
 
 
 def read_ready(message: bytes | memoryview) -> Ready:
-    """Return what a unit says before its first answer.  UnitStopped: it was built for other records."""
+    """Return the READY or REFUSED of a unit.  UnitStopped: it was built for other records."""
     wrong = _wrong(bytes(message))
     if wrong:
         return Ready(0, 0, "", wrong)
@@ -51,14 +51,14 @@ def read_ready(message: bytes | memoryview) -> Ready:
 
 
 def _wrong(message: bytes) -> str:
-    """Return what is wrong with READY or REFUSED, an empty text for nothing."""
+    """Return the fault of a READY or REFUSED, "" if none."""
     if not message:
         return "an empty message"
     magic = int.from_bytes(message[:4], "little")
     if message[:4] == FROM_UNIT.to_bytes(4, "big"):
-        return "a message in big-endian byte order, records are little-endian"
+        return "a message in big-endian byte order, must be little-endian"
     if magic == TO_UNIT:
-        return "a message with the rig's own magic RIGI: a unit's is RIGO"
+        return "a message with the magic RIGI of the rig, must be RIGO"
     if magic != FROM_UNIT:
         return f"{len(message)} bytes without the magic RIGO of a unit"
     if len(message) < HEAD.size:
@@ -74,14 +74,14 @@ def _wrong(message: bytes) -> str:
 
 
 def _wrong_size(message: bytes, name: str) -> str:
-    """Return what is wrong with length and checksum."""
+    """Return the fault of length and checksum, "" if none."""
     if len(message) != READY.itemsize:
-        return f"{name} of {len(message)} bytes, it has {READY.itemsize}"
+        return f"{name} of {len(message)} bytes, must be {READY.itemsize}"
     length, crc = (int.from_bytes(message[at : at + 4], "little") for at in (_BODY, _BODY + 4))
     if length != _BODY:
-        return f"{name} with length {length} before its checksum, it has {_BODY}"
+        return f"{name} with length {length} before its checksum, must be {_BODY}"
     if crc not in (0, zlib.crc32(message[:_BODY])):
-        return f"{name} with checksum {crc:08x}, its bytes have {zlib.crc32(message[:_BODY]):08x}"
+        return f"{name} with checksum {crc:08x}, must be {zlib.crc32(message[:_BODY]):08x}"
     return ""
 
 

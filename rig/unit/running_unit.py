@@ -1,4 +1,4 @@
-"""The unit under test: one that runs, from flight to flight."""
+"""A running unit under test, from flight to flight."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class UnitUnderTest:
     def __init__(self, unit: Unit, crowded: bool = False) -> None:
         """Start the unit, or connect to it.  BadInput.
 
-        crowded : other flights want the cores, on which neither side should then poll for a message
+        crowded : other flights use the cores, so that neither side should poll for a message
         """
         self.unit, self.role, self._patience = unit, _ROLES[unit.role], patience(crowded)
         self.lane: str | None = unit.lane  # of several computers
@@ -72,7 +72,7 @@ class UnitUnderTest:
         self._into = self._message.data
 
     def begin(self, config: NDArray[Any], deadline: Deadline | None = None, stop: Stop | None = None) -> None:
-        """Bring it to its first frame, whatever it did before.  UnitRefused.
+        """Bring the unit to its first frame, from any state.  UnitRefused.
 
         config : (1,) CONFIG; deadline : of a paced flight, None in lockstep; stop : requests the end of the flight
         """
@@ -85,7 +85,7 @@ class UnitUnderTest:
             raise UnitRefused(f"{self.unit.source} {self._explained(str(reason))}") from None
 
     def _prepare(self, interface: Interface) -> None:
-        """Make what the flight is exchanged with; interface : that the unit was built for."""
+        """Make the exchange of the flight; interface : the unit's version of the records."""
         config, unit = self._config[0], self.unit
         trim, rate_hz, fitted = config["trim_surface"], float(config["rate_hz"]), config["signal"]["fitted"]
         known = self.role, self._session, unit.latency_frames, trim, rate_hz
@@ -103,7 +103,7 @@ class UnitUnderTest:
         return int(self._config["session"][0])
 
     def _open(self) -> Interface:
-        """Begin the session; return the version of the records that the unit was built for."""
+        """Begin the session; return the unit's version of the records."""
         if isinstance(self.link, LibraryLink):
             self.link.open(self._config)
             return self.interface
@@ -111,7 +111,7 @@ class UnitUnderTest:
         return self.interface
 
     def _connect(self) -> None:
-        """Have compiled code reach the unit."""
+        """Connect compiled code with the unit."""
         if isinstance(self.link, LibraryLink):
             to_library(self.compiled, self.link.step)
             self._try = bind(try_exchange, self.port, self.compiled, 0)
@@ -119,17 +119,19 @@ class UnitUnderTest:
             to_socket(self.compiled, self.link.fd, self._patience.spin_ns, sums=not self.link.reliable)
 
     def end(self) -> None:
-        """End the session.  RigError: a library in this process has changed how it calculates."""
+        """End the session.  RigError: a library in this process has changed its floating-point rounding."""
         if not isinstance(self.link, LibraryLink):
             self._count_late(self.link)
             end_session(self.link, self._session)
             return
         self.link.close()
         if self.link.environment.restored():
-            raise RigError(f"{self.unit.source} changed the rounding of this process: its flight does not count")
+            raise RigError(
+                f"{self.unit.source} changed the floating-point rounding of this process: the flight is not valid"
+            )
 
     def _count_late(self, link: SocketLink) -> None:
-        """Count the answers that have come after the last frame: late, not lost."""
+        """Count the answers after the last frame as late, not lost."""
         with suppress(Disconnected):
             for _ in range(_MOST_LATE if self.replies.awaits_late and not self.dead else 0):
                 if not (count := link.receive(self._into, clock())):
@@ -137,7 +139,7 @@ class UnitUnderTest:
                 self.replies.is_answer(self._into[:count], _NO_FRAME)
 
     def close(self) -> None:
-        """End the unit; no process of it is left behind.  What went wrong in its end goes with what it printed."""
+        """End the unit and all its processes; append a fault of its end to its output."""
         process = self.link.process
         self.end_wrong = self.link.close()
         if process is not None:
@@ -148,7 +150,7 @@ class UnitUnderTest:
 
     @property
     def interface(self) -> Interface:
-        """Version of the records that it was built for, once a session has begun."""
+        """The unit's version of the records, after the start of a session."""
         return self.link.interface or INTERFACE
 
     @property
@@ -158,17 +160,17 @@ class UnitUnderTest:
 
     @property
     def reply_us(self) -> float:
-        """Time of the last frame's answer: from its sending, or of the call of the library alone."""
+        """Reply time of the last frame: from sending it, or of the library's call."""
         return self._took_ns[0] * 1e-3
 
     def until_ns(self, frame: int) -> int:
-        """Return when the wait for the answer to ``frame`` is over, of ``clock``; not for the first of a flight."""
+        """Return the end of the wait for the answer to ``frame``, by ``clock``; not for the first frame of a flight."""
         return FOREVER_NS if self._deadline is None else int(self._deadline(frame, self.unit.deadline) * 1e9)
 
     def exchange(self, frame: int, row: int) -> int:
-        """Hand ``port.out`` over and wait for the answer, or go on where ``try_exchange`` left it; return the status.
+        """Pass ``port.out`` and wait for the answer, or continue after ``try_exchange``; return the status.
 
-        UnitDead when the unit file says that the flight ends with this; ``row`` of its block.
+        UnitDead: the unit file ends the flight here; ``row`` of its block.
         """
         began, spent = clock(), self._took_ns[0] if self.compiled.state["sent"][0] else 0
         try:
@@ -179,21 +181,21 @@ class UnitUnderTest:
             self._took_ns[0] = spent + int((clock() - began) * 1e9)
 
     def send_foreign(self) -> None:
-        """Send the last frame as one of another session, which no unit may step; of a library here, nothing."""
+        """Send the last frame with another session, which no unit may step; not to a library in this process."""
         if not isinstance(self.link, LibraryLink):
             sent = self.port.out.sent.copy()
             sent["session"] ^= 1
             self.link.send(summed(sent.view("u1").data[: len(self._sent)]))
 
     def count_status(self, status: int) -> None:
-        """Count what a frame came to; not needed when it and the one before were answered."""
+        """Count the status of a frame; not needed if it and the one before were answered."""
         self.replies.flown(status in (UnitStatus.ANSWERED, UnitStatus.RESTARTED), status == UnitStatus.REFUSED)
 
     def _step(self, frame: int) -> int:
         if self.replies.run >= self.unit.max_missed:
             raise UnitStopped(
                 self.news.still_starting(self.unit.start_s)
-                or (f"gave no answer that can be flown for max_missed = {self.unit.max_missed} frames in a row")
+                or (f"sent no valid answer for max_missed = {self.unit.max_missed} consecutive frames")
             )
         link, (state,) = self.link, self.compiled.state
         if isinstance(link, LibraryLink):
@@ -231,11 +233,11 @@ class UnitUnderTest:
 
     @property
     def _has_deadline(self) -> bool:
-        """Not the first frame of a flight, nor any in lockstep."""
+        """Return True for a frame with a deadline: not the first one, and none in lockstep."""
         return self._deadline is not None and self.replies.last_frame >= 0
 
     def _until(self, frame: int) -> float:
-        """Return when the wait is over; for the first answer as in lockstep: there is none before it to be held."""
+        """Return the end of the wait; the first answer has no deadline, because there is no earlier one to hold."""
         if self._deadline is not None and self._has_deadline:
             return self._deadline(frame, self.unit.deadline)
         return clock() + (self.unit.timeout_s or _FOREVER)
@@ -243,7 +245,7 @@ class UnitUnderTest:
     def _missed(self, frame: int, too_late: memoryview | None = None) -> int:
         """Count a missed deadline of ``frame``; return the status.  too_late : the message that came after it"""
         if self.replies.restarted:
-            raise UnitStopped("has restarted by itself: it says READY in no session, and answers no frame")
+            raise UnitStopped("has restarted: it sends READY without a session, and answers no frame")
         if not self._has_deadline:
             trouble = "" if isinstance(self.link, LibraryLink) or not self.link.trouble else f": {self.link.trouble}"
             raise UnitStopped(f"has not answered within timeout_s = {self.unit.timeout_s:g} s{trouble}")
@@ -251,24 +253,24 @@ class UnitUnderTest:
         if too_late is not None:
             self.replies.is_answer(too_late, _NO_FRAME)
         if self.unit.on_miss == "end":
-            raise UnitStopped(f"missed its deadline, {self.unit.deadline:g} of the frame")
+            raise UnitStopped(f"missed its deadline of {self.unit.deadline:g} frame")
         return _HELD
 
     def _after_stop(self, reason: str, frame: int, row: int) -> int:
-        """Do what the unit file wants of a unit that stopped; return the frame's status.  UnitDead."""
+        """Handle a stopped unit by ``on_dead`` of its file; return the frame's status.  UnitDead."""
         action, counts, text = self.unit.on_dead, self.replies.counts, self._explained(reason)
         if action == "restart" and counts.restarts < _MOST_RESTARTS:
             try:
                 return self._restart(frame)
             except (Disconnected, UnitStopped, BadInput) as failure:
-                text += f"; started again it {failure}"
+                text += f"; after a restart: {failure}"
         counts.dead_frame, self.dead = frame, True
         if action in ("end", "restart"):
             raise UnitDead(f"{self.unit.source}, frame {frame}: {text}", row, frame)
         return _DEAD
 
     def _restart(self, frame: int) -> int:
-        """Start a new process with CONFIG and the present frame once more: the unit has lost its latches."""
+        """Start a new process with CONFIG and the present frame; the unit has lost its latches."""
         self.close()
         self.replies.counts.restarts += 1
         self.link = _reach(self.unit, self._patience.looks)
@@ -286,15 +288,15 @@ class UnitUnderTest:
         return f"{reason}; it printed: {line}" if line else reason
 
     def metadata(self) -> dict[str, str]:
-        """Return what the log of a flight has of its unit."""
+        """Return the metadata of the unit for the log of a flight."""
         return {"unit": json.dumps({**self.unit.about(), "said": self.said})}
 
     def fly_as(self, metadata: Mapping[str, Any]) -> None:
-        """Be the lane that a log's unit was, which an option may have chosen; metadata : of the log, on the unit."""
+        """Take the lane of a log's unit, which an option may have chosen; metadata : of the log, on the unit."""
         self.lane = metadata.get("lane")
 
     def result(self) -> dict[str, Any]:
-        """Return what became of the exchanges of a flight."""
+        """Return the counts and times of the exchanges of a flight."""
         counts = self.replies.counts
         counts.answered, counts.not_finite = map(int, self.port.back.counts[[ACCEPTED, NOT_FINITE]])
         of_itself = self.news.result()
@@ -309,7 +311,7 @@ def running(unit: None) -> AbstractContextManager[None]: ...
 def running(unit: Unit | Path | str | None) -> AbstractContextManager[UnitUnderTest | None]: ...
 @contextmanager
 def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
-    """Start the unit of a file, or connect to it; it is ended with the context.  BadInput."""
+    """Start the unit of a file, or connect to it; end it with the context.  BadInput."""
     settings = read_unit(unit) if isinstance(unit, str | Path) else unit
     tested = None if settings is None else UnitUnderTest(settings)
     try:

@@ -1,4 +1,4 @@
-"""A session with a unit: what the flight is flown with, and which message is the answer to a frame."""
+"""A session with a unit: the configuration of the flight, and the check of answers."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def configuration(
 ) -> NDArray[Any]:
     """Return the (1,) CONFIG of a flight.
 
-    params (S,) PARAMS, discretes (D,) DISCRETE_PARAMS, boxes (1,) BOXES : what our own manager is made with
+    params (S,) PARAMS, discretes (D,) DISCRETE_PARAMS, boxes (1,) BOXES : settings of the built-in manager
     trim (4,), limits (4, 2) : of the surfaces; names : of aircraft and flight point
     """
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
@@ -71,7 +71,7 @@ def configuration(
 
 
 def settings_of(config: NDArray[Any]) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return the settings in a (1,) CONFIG, of which our own manager is made: (S,) PARAMS, (D,) DISCRETE_PARAMS."""
+    """Return the settings of the built-in manager in a (1,) CONFIG: (S,) PARAMS, (D,) DISCRETE_PARAMS."""
     params, discretes = np.zeros(S, PARAMS), np.zeros(D, DISCRETE_PARAMS)
     for part, key, records in _settings(params, discretes):
         if key == "tie_break":
@@ -82,7 +82,7 @@ def settings_of(config: NDArray[Any]) -> tuple[NDArray[np.void], NDArray[np.void
 
 
 class BoxRule(TypedDict):
-    """Keywords of our own manager: when a channel is failed as a box."""
+    """Keywords of the built-in manager for the isolation of a box."""
 
     box_signals: int | None
     box_persistence: int
@@ -96,7 +96,7 @@ def box_rule(config: NDArray[Any]) -> BoxRule:
 
 
 def _settings(params: NDArray[np.void], discretes: NDArray[np.void]) -> Iterator[tuple[str, str, NDArray[np.void]]]:
-    """Yield each setting of ours that CONFIG has: in which part of it, its name, and our records."""
+    """Yield each setting of the rig in CONFIG: its part, its name, and the rig's records."""
     for part, keys in SETTINGS.items():
         for key in keys:
             yield part, key, discretes if part == "discrete" else params
@@ -107,7 +107,7 @@ def _settings(params: NDArray[np.void], discretes: NDArray[np.void]) -> Iterator
 
 @dataclass(slots=True)
 class Counts:
-    """Counts of the frames of a flight; all but ``answered`` are of what went wrong."""
+    """Counts of the frames of a flight; all except ``answered`` count faults."""
 
     answered: int = 0  # counted by the port
     missed: int = 0  # frames without an answer by their deadline
@@ -123,13 +123,13 @@ class Counts:
 
     @property
     def reproducible(self) -> bool:
-        """True if nothing depended on the wall clock: every frame flew its own answer."""
+        """True if nothing depended on the wall clock: every frame flew the answer to it."""
         return self.missed == self.late == self.restarts == 0
 
 
 @dataclass(slots=True)
 class _Lost:
-    """Counts of what seems lost of the missed frames between two answers."""
+    """Counts of messages that seem lost between two answers."""
 
     requests: int
     replies: int
@@ -137,7 +137,7 @@ class _Lost:
 
 @dataclass(slots=True)
 class ReplyCheck:
-    """Tells the answers of one session from other messages, and counts both."""
+    """Distinction between the answers of one session and other messages, with counts of both."""
 
     session: int
     counts: Counts
@@ -152,7 +152,7 @@ class ReplyCheck:
     _overtaken: dict[int, _Lost] = field(default_factory=dict)  # missed ones before it, whose answers may still come
 
     def __post_init__(self) -> None:
-        """Work out how an answer of this session begins."""
+        """Compute the head of an answer of this session."""
         self._reply = HEAD.pack(
             FROM_UNIT, self.interface.version, Kind.REPLY, self.interface.layout, self.session, 0, 0.0
         )[:24]
@@ -201,7 +201,7 @@ class ReplyCheck:
         self._stepped, self.last_frame, self.restarted = stepped, frame, False
 
     def _note_late(self, message: memoryview, frame: int) -> None:
-        """Count the answer to a missed frame; one that later answers have overtaken was not lost after all."""
+        """Count the answer to a missed frame; an answer that later ones have overtaken is not lost."""
         self.counts.late += 1
         self._open.discard(frame)
         lost = self._overtaken.pop(frame, None)
@@ -217,11 +217,11 @@ class ReplyCheck:
 
     @property
     def awaits_late(self) -> bool:
-        """Return whether answers to missed frames may still come."""
+        """Return True if answers to missed frames may still come."""
         return bool(self._open or self._overtaken)
 
     def catch_up(self, frame: int, stepped: int) -> None:
-        """Note that compiled code had answers to all frames up to ``frame``."""
+        """Note that compiled code received answers to all frames up to ``frame``."""
         if frame > self.last_frame:
             self.last_frame, self._stepped = frame, stepped
 
@@ -231,7 +231,7 @@ class ReplyCheck:
         self._open.add(frame)
 
     def flown(self, answered: bool, refused: bool) -> None:
-        """Count what the frame came to."""
+        """Count the status of the frame."""
         if answered:
             self.run = 0
             return
@@ -240,7 +240,7 @@ class ReplyCheck:
         self.counts.refused += refused
 
     def begin_again(self) -> None:
-        """Begin with a unit that has been started again."""
+        """Begin with a restarted unit."""
         self.run, self.last_frame, self._stepped, self.restarted = 0, -1, 0, False
         self._open.clear()
         self._overtaken.clear()

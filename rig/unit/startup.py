@@ -1,8 +1,7 @@
-"""How a session begins: HELLO until READY of session 0, CONFIG until READY of the session.
+"""Start of a session: HELLO until READY of session 0, CONFIG until READY of the session.
 
-What may be lost is repeated, and both sides take a repetition for what it is: HELLO goes with every repetition of
-CONFIG, as a unit may have restarted meanwhile.  Each cause of not starting has its own line, with what was received
-last.
+The rig repeats messages that may be lost, and both sides accept a repetition: HELLO goes with every repetition of
+CONFIG, because a unit may have restarted.  Each cause of a failed start has its line, with the last received message.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ _BUSY: Final = "busy"  # how REFUSED begins while another session is open: it en
 
 
 def open_session(link: SocketLink, config: NDArray[Any], start_s: float, stopped: Callable[[], bool]) -> str:
-    """Send HELLO and CONFIG, each until it is answered; return the unit's own text.  UnitStopped.
+    """Send HELLO and CONFIG, each until it is answered; return the unit's text.  UnitStopped.
 
-    config : (1,) CONFIG with its session; start_s : for each of both.  link.interface is then the unit's
+    config : (1,) CONFIG with its session; start_s : limit for each of them.  link.interface is then the unit's
     """
     session = int(config["session"][0])
     hellos = {
@@ -34,17 +33,17 @@ def open_session(link: SocketLink, config: NDArray[Any], start_s: float, stopped
         hellos if link.interface is None else {link.interface: hellos[link.interface]}
     )  # who has said nothing may be an old one
     start = _Start(link, session, start_s, stopped)
-    here = start.send_until_ready([[hello] for hello in asked.values()], (0, session), "while it was loaded")
+    here = start.send_until_ready([[hello] for hello in asked.values()], (0, session), "during loading")
     link.interface = here.interface
     parts = _parts(config, session, here.interface)
     again = [hellos[here.interface], *parts] if here.session == 0 else parts  # once READY of the session was for both
-    ready = start.send_until_ready([parts, again], (session,), "while it began the session")
+    ready = start.send_until_ready([parts, again], (session,), "at the start of the session")
     link.opened = True
     return ready.text
 
 
 class _Start:
-    """The messages of one start, and what was heard that was no answer to them."""
+    """The messages of one start, and the last received message that was no answer to them."""
 
     def __init__(self, link: SocketLink, session: int, start_s: float, stopped: Callable[[], bool]) -> None:
         self._link, self._session, self._start_s, self._stopped = link, session, start_s, stopped
@@ -52,9 +51,9 @@ class _Start:
         self._heard, self._greeted, self._sent, self._may_refuse = "", False, 0, True
 
     def send_until_ready(self, messages: list[list[memoryview]], sessions: tuple[int, ...], when: str) -> Ready:
-        """Send ``messages`` by turns until READY of one of ``sessions``.  UnitStopped.
+        """Send ``messages`` in turn until READY of one of ``sessions``.  UnitStopped.
 
-        What cannot be lost is sent once, to a library that may take long.  when : it must have ended, if it has
+        A reliable link gets them once, because a library may take long.  when : phase of its end, if it has ended
         """
         until = clock() + self._start_s
         self._sent = 0
@@ -70,7 +69,7 @@ class _Start:
                     self._greeted = True
                     return ready
         except Disconnected as ended:
-            when = "after the flight before" if self._link.opened else when if self._link.reliable else "before READY"
+            when = "after the previous flight" if self._link.opened else when if self._link.reliable else "before READY"
             raise UnitStopped(f"{ended} {when}") from None
         raise UnitStopped(f"did not send READY within start_s = {self._start_s:g} s: {self._cause()}")
 
@@ -86,27 +85,27 @@ class _Start:
         return None
 
     def _note(self, ready: Ready) -> None:
-        """Keep what the message says of the cause.  UnitStopped: the unit refuses."""
+        """Store the cause that the message gives.  UnitStopped: the unit refuses."""
         if ready.wrong:
             self._heard = f"last received: {ready.wrong}"
         elif ready.kind == Kind.REFUSED and ready.session in (0, self._session):
             if not ready.text.startswith(_BUSY) and self._may_refuse:
                 raise UnitStopped(f"refuses the flight: {ready.text}")
-            self._heard = f"it says {ready.text!r}" if not ready.text.startswith(_BUSY) else f"it is {ready.text}"
+            self._heard = f"it refuses: {ready.text!r}" if not ready.text.startswith(_BUSY) else f"it is {ready.text}"
         elif ready.session not in (0, self._session):
             name = Kind(ready.kind).name
             self._heard = f"last received: {name} of session {ready.session}, this flight has {self._session}"
 
     def _cause(self) -> str:
-        """Return why there was no READY, as far as it is known."""
+        """Return the known cause of the missing READY."""
         reliable = self._link.reliable
         if self._heard or self._link.trouble:
             return self._heard or self._link.trouble
         if self._greeted and reliable:
-            return "it has been loaded and still begins the session"
+            return "it is loaded, but has not started the session"
         if self._greeted:
-            return f"it has answered HELLO, and CONFIG not once in {self._sent} times"
-        return "it is still being loaded" if reliable else f"nothing has come from {self._link.peer}"
+            return f"it has answered HELLO, but not CONFIG, sent {self._sent} times"
+        return "it is still being loaded" if reliable else f"no message from {self._link.peer}"
 
 
 def _parts(config: NDArray[Any], session: int, interface: Interface) -> list[memoryview]:

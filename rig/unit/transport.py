@@ -42,7 +42,7 @@ clock = time.perf_counter
 
 
 class Disconnected(Exception):
-    """The unit is no longer there, and what is known of its end."""
+    """A unit that is no longer connected, and the known cause."""
 
 
 class SocketLink:
@@ -60,7 +60,7 @@ class SocketLink:
         talk.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", int(LOOK_S), int(LOOK_S % 1 * 1e6)))
 
     def send(self, message: memoryview) -> None:
-        """Hand a message over.  What nobody takes is lost; ``receive`` raises it, after the unit's last messages."""
+        """Send a message.  If no process receives it, ``receive`` raises, after the unit's last messages."""
         try:
             self._talk.send(message)
         except OSError as error:
@@ -84,13 +84,13 @@ class SocketLink:
             return 0
         if count == 0 and self.reliable:
             self._require(2.0)
-            raise Disconnected("has closed the connection, and its process runs on")
-        self.trouble = "" if count else f"an empty message has come from {self.peer}"
+            raise Disconnected("has closed the connection, but its process still runs")
+        self.trouble = "" if count else f"empty message from {self.peer}"
         return count
 
     def _note(self, error: OSError) -> None:
-        """Keep why a message did not get through; of nobody there the system hears by ICMP, a message later."""
-        nobody = f"nobody listens at {self.peer} (port unreachable)"
+        """Store the reason of a lost message; the system reports an unused port by ICMP, one message later."""
+        nobody = f"no program listens at {self.peer} (port unreachable)"
         self.trouble = nobody if isinstance(error, ConnectionRefusedError) else f"{self.peer}: {error.strerror}"
 
     def _require(self, wait_s: float = 0.0) -> None:
@@ -105,18 +105,18 @@ class SocketLink:
         return SocketLink(talk, None, self.peer)
 
     def close(self) -> str:
-        """Close the socket and end the process, if it is the rig's; return how it ended if that was wrong."""
+        """Close the socket and end the process, if the rig started it; return a fault of its end."""
         self._talk.close()
         return "" if self.process is None else self.process.stop()
 
 
 def child(unit: Unit, looks: int) -> SocketLink:
-    """Start a library in a child process; BadInput when it cannot be started.  looks : as of UnitProcess"""
+    """Start a library in a child process.  BadInput: it cannot be started.  looks : as in UnitProcess"""
     return SocketLink(*hosted("library", unit.file, unit.file.parent, looks))
 
 
 def hosted(kind: str, path: Path, folder: Path, looks: int) -> tuple[socket.socket, UnitProcess]:
-    """Start the host of ``kind`` with what is at ``path``, in ``folder``; return a socket to it, too.  BadInput."""
+    """Start the host of ``kind`` with the unit at ``path``, in ``folder``; return it with a socket to it.  BadInput."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     sizes = {
         "config": CONFIG.itemsize,
@@ -164,7 +164,7 @@ def udp(unit: Unit, looks: int) -> SocketLink:
 
 
 def _command(unit: Unit) -> list[str]:
-    """Return the command with its program found.  BadInput: there is none that can be run."""
+    """Return the command with the path of its program.  BadInput: the program is missing or not executable."""
     program, *rest = unit.command or [""]
     where, found = unit.file, shutil.which(program)
     if is_file(where):
@@ -174,13 +174,13 @@ def _command(unit: Unit) -> list[str]:
     if is_folder(where) or is_folder(unit.folder / program):
         raise BadInput(f"{unit.source}: command: {program} is a folder, must be a program")
     if found is None:
-        place = "no such file" if "/" in program else "no such program, neither beside the unit file nor in PATH"
+        place = "no such file" if "/" in program else "no such program beside the unit file or in PATH"
         raise BadInput(f"{unit.source}: command: {program}: {place}")
     return [program, *rest]
 
 
 def _await_first(talk: socket.socket, process: UnitProcess, unit: Unit) -> Interface:
-    """Wait for the unit's first message, from any port; connect to its sender alone, return its interface."""
+    """Wait for the unit's first message, from any port; connect to its sender only, and return its interface."""
     until, heard = clock() + unit.start_s, ""
     while clock() < until:
         ended = process.how_it_ended()
@@ -204,20 +204,22 @@ def _await_first(talk: socket.socket, process: UnitProcess, unit: Unit) -> Inter
 
 
 def _silence(unit: Unit, process: UnitProcess, own: str) -> str:
-    """Return what is known of a program that runs and sends nothing."""
+    """Return the known facts of a running program that sends nothing."""
     unsaid = not any("{address}" in part for part in unit.command or [])
     text = process.last_line()
-    where = "its command has no {address} to send it to" if unsaid else f"it runs, and has sent nothing to {own}"
+    where = (
+        "its command lacks {address}, the address to send to" if unsaid else f"it runs, but has sent nothing to {own}"
+    )
     return where + (f"; it printed: {text}" if text else "")
 
 
 class LibraryLink:
-    """A library in this process: no isolation, and no process of its own."""
+    """A library in this process, without isolation and without a separate process."""
 
     process, unsaid = None, ()
 
     def __init__(self, unit: Unit) -> None:
-        """BadInput: no library, or not one of ours."""
+        """Load the library.  BadInput: no library, or not one of a unit."""
         try:
             self._library = Library(str(unit.file), [layout for _, layout in INTERFACES])
         except Refused as reason:
@@ -234,13 +236,13 @@ class LibraryLink:
         self._library.open(self._config.ctypes.data)
 
     def close(self) -> str:
-        """End the session; nothing can be wrong with its end that this process would survive."""
+        """End the session; return no fault, because this process would not survive one."""
         self._library.close()
         return ""
 
 
 class Environment:
-    """Rounding and traps of this process: a library that changes it would change our own results."""
+    """Rounding and traps of this process: a library that changes them would change the rig's results."""
 
     _SIZE: Final = 64  # at least fenv_t
 
@@ -254,7 +256,7 @@ class Environment:
         return bytes(held)
 
     def restored(self) -> bool:
-        """Return True if it was another one than at first; it is then as at first again."""
+        """Restore the environment; return True if it had changed."""
         now = self._read()
         if self._control(now) == self._control(self._at_first):
             return False

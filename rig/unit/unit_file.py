@@ -1,4 +1,4 @@
-"""A unit file: which flight software is under test, how it is reached, and what counts when it does not answer."""
+"""A unit file: the flight software under test, its transport, and the rules for missing answers."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _NEEDS: Final = {"library": "path", "fmu": "path", "python": "manager"}
 
 
 class FmuMapping(Settings):
-    """Which variable of an FMU each element of the records is: addresses like ``channels.pitch_rate.1``."""
+    """The variable of an FMU for each element of the records, by addresses like ``channels.pitch_rate.1``."""
 
-    keys_are_in: ClassVar[str] = "docs/unit.md"
+    keys_are_in: ClassVar[str] = "rig unit schema"
 
     parameters: dict[str, str] = Field(default_factory=dict)  # elements of CONFIG
     constants: dict[str, float] = Field(default_factory=dict)  # by variable, in its own unit
@@ -37,7 +37,7 @@ class FmuMapping(Settings):
 class Unit(Settings):
     """The settings of one unit under test; times in s, counts in frames."""
 
-    keys_are_in: ClassVar[str] = "docs/unit.md"
+    keys_are_in: ClassVar[str] = "rig unit schema"
 
     name: str = Field(min_length=1, max_length=60)
     role: Literal["redundancy", "flight-computer"] = "redundancy"
@@ -82,17 +82,15 @@ class Unit(Settings):
     def _fits_its_transport(self) -> Unit:
         needed = _NEEDS.get(self.transport)
         if needed is not None and getattr(self, needed) is None:
-            raise ValueError(f"{needed}: the transport {self.transport} needs it")
+            raise ValueError(f"{needed}: missing; the transport {self.transport} needs it")
         if self.transport == "udp" and (self.command is None) == (self.address is None):
-            raise ValueError(
-                "transport udp: give either command, which the rig starts, or the address of what runs already"
-            )
+            raise ValueError("transport udp: needs either command, which the rig starts, or address, of a running unit")
         if self.address is not None and not self.remote and not LOOPBACK.fullmatch(self.host_and_port[0]):
-            raise ValueError(f"address: {self.address} is not of this machine; remote = true permits it")
+            raise ValueError(f"address: {self.address} is not on this machine; remote = true permits it")
         if self.fmu is not None and self.transport != "fmu":
             raise ValueError(f"fmu: the transport {self.transport} has no variables to map")
         if self.on_dead == "restart" and (self.address is not None or self.transport == "python" or not self.isolate):
-            raise ValueError("on_dead: the rig can restart only what it has started itself")
+            raise ValueError("on_dead: the rig can restart only a unit that it has started")
         return self
 
     @property
@@ -108,7 +106,7 @@ class Unit(Settings):
 
     @property
     def folder(self) -> Path:
-        """Of the unit file."""
+        """The folder of the unit file."""
         return self._folder
 
     @property
@@ -127,7 +125,7 @@ class Unit(Settings):
         return program if is_file(program) else Path(self.command[0])
 
     def sha256(self) -> str:
-        """Return the hash of library, FMU or program, in hexadecimal; empty where there is none.  BadInput."""
+        """Return the hash of library, FMU or program, in hexadecimal; empty if there is none.  BadInput."""
         if not self.file.name or not is_file(self.file):
             return ""
         return self._digest(self.file, f"{self.source}: {self.file}").hexdigest()
@@ -137,9 +135,9 @@ class Unit(Settings):
             return hashlib.file_digest(file, "sha256")
 
     def build(self) -> str:
-        """Return what changes with the unit: its hash; of a command also that of the files which it names.  BadInput.
+        """Return the hashes that change with the unit: of its file, and of the files that its command names.  BadInput.
 
-        What the command finds elsewhere, such as an interpreter, is the machine's.
+        Other files of the machine, such as an interpreter, are not included.
         """
         beside = [word for word in (self.command or [])[1:] if is_file(self._folder / word)]
         if not beside:
@@ -150,18 +148,18 @@ class Unit(Settings):
         return digest.hexdigest()
 
     def about(self) -> dict[str, Any]:
-        """Return what a log keeps of it."""
+        """Return the settings for a log."""
         return {**self.model_dump(exclude_none=True), "sha256": self.sha256()}
 
     def identity(self) -> dict[str, Any]:
-        """Return what decides the flights of a campaign: the settings, and its build.  BadInput."""
+        """Return the settings and the build, which decide the flights of a campaign.  BadInput."""
         return {**self.model_dump(exclude_none=True), "sha256": self.build()}
 
 
 def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str:
-    """Return who voted a flight, as every command names it: the ``unit`` under test of this name, else the manager.
+    """Return the voter of a flight, as every command names it: the ``unit`` under test, or without one the manager.
 
-    lane : of several computers, the one that the unit was
+    lane : the lane that the unit replaced, if there are several computers
     """
     if lane is not None:
         return f"manager {manager}, unit {unit} as lane {lane}"
@@ -169,7 +167,7 @@ def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str
 
 
 def voted_by(manager: str, unit: Mapping[str, Any] | None) -> str:
-    """Return who voted, as the column ``manager`` of ``runs`` has it: ``mean``, or ``unit mvs 0a1b2c3d4e5f``.
+    """Return the voter for the column ``manager`` of ``runs``: ``mean``, or ``unit mvs 0a1b2c3d4e5f``.
 
     unit : its settings, and its build as ``sha256``; a box at an address has none
     """
@@ -180,23 +178,21 @@ def voted_by(manager: str, unit: Mapping[str, Any] | None) -> str:
 
 
 def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
-    """Return the settings of a unit that is to be this ``lane``, that of its file when None.  BadInput: it cannot."""
+    """Return the settings of a unit as ``lane``, or as the lane of its file if None.  BadInput: it cannot."""
     if unit is None and lane is None:
         return None
     if unit is None:
-        raise BadInput(f"--lane {lane}: of a unit under test, --unit")
+        raise BadInput(f"--lane {lane}: needs --unit, the unit under test")
     if lane is not None and lane not in COMPUTERS:
         raise BadInput(f"--lane {lane}: must be one of {', '.join(COMPUTERS)}")
     unit = unit if lane is None else unit.model_copy(update={"lane": lane})
     if unit.lane is not None and unit.transport == "python":
-        raise BadInput(
-            f"{unit.source}: lane: a class votes in place of our manager, and cannot be one of several lanes"
-        )
+        raise BadInput(f"{unit.source}: lane: a Python class replaces the manager, and cannot be one of several lanes")
     return unit
 
 
 def read_unit(path: Path | str) -> Unit:
-    """Read the settings of a unit file; BadInput says what is wrong with them."""
+    """Read the settings of a unit file.  BadInput: a wrong setting."""
     path = Path(path)
     unit = build(Unit, read_toml(path), str(path))
     unit._folder, unit._source = path.resolve().parent, str(path)

@@ -1,14 +1,14 @@
-"""Vectors: what a monitor must answer to known inputs, each case with the requirement that it tests.
+"""Vectors: required answers of a monitor to known inputs; each case names the requirement that it tests.
 
-They are made by an independent reading of docs/redundancy.md (tests/tools/unit_vectors.py), not by our manager.
-A file of numpy arrays; a case is a session of its own:
+An independent implementation of the rules makes them (tests/tools/unit_vectors.py), not the built-in manager.
+The file holds numpy arrays; each case is a session:
 
     layout       LAYOUT of the records
     requirement  (cases,) text
     config       (cases,) CONFIG
-    case         (frames,) to which case a frame belongs, in order
+    case         (frames,) case of a frame, in order
     input        (frames,) INPUT
-    expected     (frames,) OUTPUT, of which ``said`` names the groups that count
+    expected     (frames,) OUTPUT; ``said`` names the groups that are compared
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ VOTES_WITHIN: Final = 1e-6  # of a signal's range
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One session: what goes in, and what must come out."""
+    """One session: inputs and required outputs."""
 
     requirement: str
     config: NDArray[Any]  # (1,) CONFIG
@@ -53,7 +53,7 @@ def load(path: Path = FILE) -> list[Case]:
     try:
         with reported(path, what=NOT_WHOLE), path.open("rb") as file, np.load(file) as held:
             if int(held["layout"]) != LAYOUT:
-                raise RigError(f"{path}: vectors of another layout: write them again with tests/tools/unit_vectors.py")
+                raise RigError(f"{path}: vectors of another layout; write them again with tests/tools/unit_vectors.py")
             requirement, config, case = held["requirement"], held["config"].view(CONFIG), held["case"]
             inputs, expected = held["input"].view(INPUT), held["expected"].view(OUTPUT)  # whatever names they had
     except (BadZipFile, KeyError, EOFError) as error:
@@ -78,7 +78,7 @@ def save(cases: list[Case], path: Path = FILE) -> None:
 
 
 def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> NDArray[Any]:
-    """Return the answers of a unit to ``inputs`` (n,) in a session of its own: (n,) OUTPUT.  UnitRefused.
+    """Return the answers of a unit to ``inputs`` (n,) in one session: (n,) OUTPUT.  UnitRefused.
 
     Frames without an answer stay zero, their ``frame`` -1.
     """
@@ -95,7 +95,7 @@ def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -
 def ask(tested: UnitUnderTest, record: Any, k: int) -> bool:
     """Send the body of an INPUT record to a unit as frame k of its session; return True if it was answered.
 
-    What it leaves out is then written into its answer as a flight would take it.
+    Missing groups of its answer are then filled as in a flight.
     """
     port = tested.port.out
     for name in BODY:
@@ -113,9 +113,9 @@ def ask(tested: UnitUnderTest, record: Any, k: int) -> bool:
 
 
 def differences(case: Case, outputs: NDArray[Any]) -> Iterator[str]:
-    """Yield where ``outputs`` (n,) are not those of the case, the earliest first; of each field the first frame.
+    """Yield the differences of ``outputs`` (n,) from the case, the earliest first; for each field its first frame.
 
-    Votes may be off by VOTES_WITHIN of the range.
+    Votes may differ by VOTES_WITHIN of the range.
     """
     ranges = case.config["signal"][0]
     allowed = VOTES_WITHIN * (ranges["high"] - ranges["low"])
@@ -130,14 +130,14 @@ def differences(case: Case, outputs: NDArray[Any]) -> Iterator[str]:
         off = ~(np.abs(expected - answered) <= allowed) if group == Said.VOTED else expected != answered
         for place in np.argwhere((off | unfilled) & counts)[:1]:
             where: tuple[int, ...] = tuple(place.tolist())
-            is_said = "not said" if unfilled[where[0]].any() else answered[where]
+            is_said = "not filled" if unfilled[where[0]].any() else answered[where]
             text = f"{name}{_named(where[1:], expected.shape)} is {is_said}, must be {expected[where]}"
             found.append((where[0], text))
     yield from (f"frame {k}: {text}" for k, text in sorted(found, key=lambda one: one[0]))
 
 
 def _named(index: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """Return which signal or discrete, and which channel, an element of a field is of."""
+    """Return the signal or discrete, and the channel, of an element of a field."""
     items = {len(SIGNALS): SIGNALS, len(DISCRETES): DISCRETES}.get(shape[1] if len(shape) > 1 else 0)
     named = f" {items[index[0]].name}" if items else ""
     return named + (f" channel {index[1] + 1}" if len(index) > 1 else "")

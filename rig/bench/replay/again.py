@@ -1,4 +1,4 @@
-"""The recorded frames of a flight once more, open loop: its computers and the monitors of its servo actuators."""
+"""The recorded frames of a flight in open loop: its computers and the monitors of its servo actuators again."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ WATCHED: Final = ("valve", "valve_differs", "failed_by")  # what the monitors of
 
 
 class Again:
-    """The computers of ``scenario`` and its monitors over recorded frames, which are given in their order.
+    """The computers of ``scenario`` and its monitors over recorded frames, given in order.
 
-    One computer votes again; several do all that they do.  BadInput: several, and another manager or ``unit``.
+    One computer votes again; several lanes run completely.  BadInput: several, and another manager or ``unit``.
     """
 
     def __init__(self, scenario: Scenario, unit: UnitUnderTest | None = None) -> None:
@@ -34,7 +34,7 @@ class Again:
         self.lane_columns = [column for column in LANE_COLUMNS if _written(column)]
 
     def over(self, frames: Table) -> Table:
-        """Copy the next ``frames``, with what is written again."""
+        """Copy the next ``frames`` with the new output."""
         if self._vote is not None:
             frames = Table(self._vote.over(frames.rows), frames.beside, frames.timing)
         if self._lanes is not None and frames.lane is not None:
@@ -47,16 +47,16 @@ def _written(column: LaneColumn) -> bool:
 
 
 class WatchAgain:
-    """The monitors of ``scenario`` over the recorded rows of its servos, which are given in their order.
+    """The monitors of ``scenario`` over the recorded rows of its servos, given in order.
 
-    Open loop: a channel that was shut off in flight has no current afterwards, whatever the monitors say now.
+    Open loop: a channel that was shut off in flight has no current afterwards, also if the monitors now accept it.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self._designed, self._monitors = actuator_monitors(scenario)
 
     def over(self, table: Table) -> Table:
-        """Copy the next frames, of servos with WATCHED as the monitors write them."""
+        """Copy the next frames of servos, with the new WATCHED fields of the monitors."""
         if table.servo is None:
             return table
         again = table.copied_beside(table.parts)

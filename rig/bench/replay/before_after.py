@@ -34,7 +34,7 @@ Part = Callable[[str], NDArray[Any]]  # a column (n,) of some frames by its name
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One file, a block of frames at a time: what its columns are, and the numbers of its frames."""
+    """One file, a block of frames at a time: its columns, and the numbers of its frames."""
 
     path: Path
     rate_hz: float | None
@@ -46,7 +46,7 @@ class Side:
 
 
 def side(path: Path | str) -> Side:
-    """Return the file at ``path``; BadLog in one line when it is none of ours."""
+    """Return the file at ``path``.  BadLog, one line: it is neither a log nor a vote."""
     path = Path(path)
     if _is_voted(path):
         return _voted(path)
@@ -61,7 +61,7 @@ def side(path: Path | str) -> Side:
 
 
 def _is_voted(path: Path) -> bool:
-    """Return whether the file has signals but no flight; what cannot be told here is for LogFile to say."""
+    """Return True if the file has signals but no flight; LogFile reports any other fault."""
     try:
         topics = foreign.topics(path)
     except BadLog:
@@ -70,7 +70,7 @@ def _is_voted(path: Path) -> bool:
 
 
 def _voted(path: Path) -> Side:
-    """Read a vote: of a flight's log by its own scenario only what the flight has too, else all fields."""
+    """Read a vote: all fields, or only the flight's fields for a vote of its log by its scenario."""
     of_flight = {topic: set(map(field_now, fields)) for topic, fields in foreign.fields(path).items()}
     wanted = {
         topic: _fields(message, names, of_flight.get(topic))
@@ -91,14 +91,14 @@ def _voted(path: Path) -> Side:
 
 
 def _fields(message: str, names: Sequence[str], of_flight: set[str] | None) -> set[str]:
-    """Return which ``names`` of a message, as it was written, are fields of ours; of_flight : the fields that count."""
+    """Return which ``names`` of a stored message are fields of the rig; of_flight : the fields that count."""
     sources = {field.name: field.source for field in MESSAGES[message]}
     given = {name: sources.get(field_now(name)) for name in names}
     return {name for name, source in given.items() if source and (of_flight is None or source in of_flight)}
 
 
 def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:
-    """All fields of two files, frame by frame, by number and not by time.  BadInput: a tolerance."""
+    """Compare all fields of two files, frame by frame, by number and not by time.  BadInput: a tolerance."""
     names = list(dict.fromkeys([*a.wraps, *b.wraps]))
     if a.partial or b.partial:
         names = [name for name in names if all(name in side.wraps for side in (a, b) if side.partial)]
@@ -131,7 +131,7 @@ def _remarks(a: Side, b: Side) -> list[str]:
 
 
 def _notes(a: dict[str, str], b: dict[str, str]) -> list[str]:
-    """Return the origins of both logs that are not alike."""
+    """Return the differences in the origins of both logs."""
     keys = [key for key in a if key in b and (key in _SAID or key.startswith("version "))]
     differ = [key for key in keys if a[key] != b[key]]
     of_settings = _settings(a["scenario"], b["scenario"]) if "scenario" in differ else []
@@ -139,7 +139,7 @@ def _notes(a: dict[str, str], b: dict[str, str]) -> list[str]:
 
 
 def _settings(a: str, b: str) -> list[str]:
-    """Return the keys in which two scenarios of logs differ, with both values; the seed is told by itself."""
+    """Return the keys in which two scenarios of logs differ, with both values; without the seed."""
     left, right = (dict(leaves(scenario_of({"scenario": text}, "scenario"))) for text in (a, b))
     keys = [key for key in {**left, **right} if key != "seed" and left.get(key) != right.get(key)]
     shown = [f"{key}: {_value(left, key)} and {_value(right, key)}" for key in keys[:_MOST_KEYS]]
@@ -152,5 +152,5 @@ def _value(settings: dict[str, Any], key: str) -> str:
 
 
 def of_replay(old: dict[str, str], new: dict[str, str]) -> list[str]:
-    """Return the versions that replay a log, where they are not those that flew it."""
+    """Return the versions that differ between the replay and the flight."""
     return _notes(old, new)

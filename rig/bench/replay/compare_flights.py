@@ -37,7 +37,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """All fields of two flights, and what else is not alike, each in one line."""
+    """All fields of two flights, and other differences, one line each."""
 
     frames: int  # compared
     fields: list[Field]
@@ -46,21 +46,21 @@ class Comparison:
 
     @property
     def same(self) -> bool:
-        """Return whether nothing is different or missing; what is within its tolerance is the same."""
+        """Return True if no field is missing or beyond its tolerance."""
         return not self.remarks and all(field.verdict in ("equal", "within") for field in self.fields)
 
     @property
     def identical(self) -> bool:
-        """Return whether everything is equal to the bit."""
+        """Return True if all fields are equal to the bit."""
         return not self.remarks and all(field.verdict == "equal" for field in self.fields)
 
     def counts(self) -> dict[str, int]:
-        """Return how many fields there are of each verdict."""
+        """Return the number of fields of each verdict."""
         counts = Counter(field.verdict for field in self.fields)
         return {name: counts.get(name, 0) for name in ("equal", "within", "different", "missing in A", "missing in B")}
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data; equal fields are counted, not listed."""
+        """Return plain data; equal fields are counted, not listed."""
         unequal = [asdict(field) for field in self.fields if field.verdict != "equal"]
         same = {"same": self.same, "identical": self.identical, "frames": self.frames}
         return {**same, "counts": self.counts(), "remarks": self.remarks, "notes": self.notes, "fields": unequal}
@@ -68,7 +68,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """How far a number may be off: the last pattern that fits its name decides; else 0."""
+    """Tolerances of numbers: the last pattern that fits a name applies; without one 0."""
 
     patterns: tuple[tuple[str, float], ...] = ()
 
@@ -78,7 +78,7 @@ class Tolerances:
 
 
 def tolerances(texts: Sequence[str], names: Iterable[str]) -> Tolerances:
-    """``1e-6`` for all fields, ``pitch_rate.*=0.01`` for some; BadInput names what is wrong."""
+    """Read ``1e-6`` for all fields, ``pitch_rate.*=0.01`` for some.  BadInput: a wrong tolerance."""
     names = list(names)
     patterns: list[tuple[str, float]] = []
     for text in texts:
@@ -89,7 +89,7 @@ def tolerances(texts: Sequence[str], names: Iterable[str]) -> Tolerances:
         except ValueError:
             allowed = math.nan
         if not allowed >= 0 or math.isinf(allowed):
-            raise BadInput(f"--tolerance {text}: must be a number from 0 up, or FIELD=NUMBER")
+            raise BadInput(f"--tolerance {text}: must be 0 or more, or FIELD=NUMBER")
         if not any(fnmatchcase(name, pattern) for name in names):
             raise BadInput(f"--tolerance {text}: no field {pattern!r}; a field is named like pitch_rate.ch_1")
         patterns.append((pattern, allowed))
@@ -124,7 +124,7 @@ def of_column(
     tolerance: float = 0.0,
     wraps: bool = False,
 ) -> Field:
-    """One number (n,) of two flights."""
+    """Compare one number (n,) of two flights."""
     unequal = np.flatnonzero(~_equal(a, b))
     if not len(unequal):
         return Field(name, "equal")

@@ -1,7 +1,7 @@
-"""Decisions: who is suspected, failed, voted by, taken from; and which of them moved between two flights.
+"""Decisions: suspect and isolated channels, deciding rules, sources; and their changes between two flights.
 
 A decision is a number that the redundancy stage or the control law chooses from a few.  Two flights of the same
-frames are compared decision by decision; frames in a row with the same old and the same new value are one entry.
+frames are compared decision by decision; consecutive frames with the same old and new value are one entry.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _FLIGHT: Final = {"law": "control law", "end": "end"}
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """One decision over frames in a row (the last included) in which it is ``new`` and was ``old``."""
+    """One decision over consecutive frames (the last included) in which it is ``new`` and was ``old``."""
 
     decision: str  # state, level, pattern, decided_by, reference_usable, source, voted
     signal: str  # or a discrete
@@ -43,7 +43,7 @@ class Moved:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """A channel whose failure moved: the first frame in which each flight reports it failed, if it does."""
+    """A channel with another isolation: the first frame in which each flight reports it, if any."""
 
     signal: str
     channel: int
@@ -63,14 +63,14 @@ class VoteMoved:
 
 @dataclass(frozen=True, slots=True)
 class Decisions:
-    """What moved from an old flight to a new one over the same channels."""
+    """Changes from an old flight to a new one over the same channels."""
 
     moved: list[Moved]
     failures: list[Failed]
     votes: list[VoteMoved]
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data."""
         return asdict(self)
 
 
@@ -106,14 +106,14 @@ def _decision(column: Column) -> str:
 
 
 def decisions(old: Table, new: Table) -> Decisions:
-    """Return the moves from ``old`` to ``new``: decisions, failures, and how far the votes are apart."""
+    """Return the changes from ``old`` to ``new``: decisions, isolations, and differences of votes."""
     moves = Moves()
     moves.add(old, new)
     return moves.decisions()
 
 
 class Moves:
-    """The decisions that move from an old flight to a new one, gathered block by block."""
+    """The changed decisions from an old flight to a new one, collected block by block."""
 
     def __init__(self) -> None:
         self._moved: dict[Column, list[Moved]] = {}
@@ -140,7 +140,7 @@ class Moves:
             self._failed[column] = before if frames[0] is None else frames[0], after if frames[1] is None else frames[1]
 
     def decisions(self) -> Decisions:
-        """Return what moved: decisions in the order of time, failures at another time, votes."""
+        """Return the changes: decisions in order of time, isolations at another time, votes."""
         moved = sorted(
             (change for changes in self._moved.values() for change in changes), key=lambda change: change.first_frame
         )
@@ -158,7 +158,7 @@ class Moves:
 
 
 def _extend(moves: list[Moved], then: list[Moved]) -> None:
-    """Add the moves of the next rows; one that goes on is one."""
+    """Add the changes of the next rows; a continued one stays one entry."""
     if moves and then and moves[-1].last_frame + 1 == then[0].first_frame:
         last, goes_on = moves[-1], then[0]
         if (last.old, last.new) == (goes_on.old, goes_on.new):
@@ -176,9 +176,9 @@ def _first(there: NDArray[np.bool_], frames: NDArray[np.int64]) -> int | None:
 
 
 def history(rows: Block, fields: tuple[str, ...] = ALL) -> list[str]:
-    """Every decision of a flight as lines of text, in the order of time: frame, whose, what, old, new.
+    """Yield every decision of a flight as a line of text, in order of time: frame, owner, decision, old, new.
 
-    What stands in the first frame is told only when it is not the ordinary: OK, all channels, no rule.
+    Decisions of the first frame are left out if they are usual: OK, all channels, no rule.
     """
     found: list[tuple[int, str]] = []
     for column in decided(fields):

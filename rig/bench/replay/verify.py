@@ -1,4 +1,4 @@
-"""Whether the same code still says the same of a recorded flight."""
+"""Check that the present code repeats the decisions of a recorded flight."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ from rig.unit.running_unit import UnitUnderTest
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """A recording against the present code: every field, and the decisions that moved."""
+    """A recording against the present code: every field, and the changed decisions."""
 
     comparison: Comparison
     decisions: Decisions
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data."""
         return {**self.comparison.as_dict(), "decisions": self.decisions.as_dict()}
 
 
 def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = None) -> Verified:
-    """Replay the computers and the monitors of actuators over what was recorded, or ``fly`` the scenario again.
+    """Replay the computers and the actuator monitors over the recorded inputs, or ``fly`` the scenario again.
 
-    A replay compares what these write; a flight compares the whole frame.  BadInput: a what if was never flown,
-    a unit under test flew it and none is given.
-    unit : that votes in the place of the recorded manager
+    A replay compares their output; a flight compares the whole frame.  BadInput: a what-if log cannot be flown,
+    or a unit under test flew the log and none is given.
+    unit : votes instead of the recorded manager
     """
     scenario, log = recording.scenario, recording.log
     if fly and recording.what_if is not None:
-        raise BadInput(f"{recording.path}: is a what if ({recording.what_if}); it was never flown")
+        raise BadInput(f"{recording.path}: is the log of a what-if run ({recording.what_if}), which was never flown")
     if recording.unit and unit is None:
         name = recording.unit.get("name")
-        raise BadInput(f"{recording.path}: the unit under test {name!r} flew it: replay it with --unit FILE")
+        raise BadInput(f"{recording.path}: flown by the unit under test {name!r}; replay it with --unit FILE")
     if unit is not None and recording.unit:
         unit.fly_as(recording.unit)
     if not fly and unit is not None and unit.lane is not None:
-        raise BadInput(f"{recording.path}: {unit.unit.name} is one lane of several: fly it again, --fly")
+        raise BadInput(f"{recording.path}: {unit.unit.name} is one lane of several; use --fly to fly it again")
     computer = None if fly else Again(scenario, unit)
     again = fly_blocks(scenario, log.frames, unit) if computer is None else map(computer.over, log.blocks())
     fields, moves, frames = list[Field](), Moves(), 0
@@ -57,13 +57,13 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
         fields = [joined(*pair) for pair in zip(fields, compared, strict=True)] if fields else compared
         moves.add(old, new)
         frames += len(new)
-    lengths = [f"recorded {log.frames} frames, flown again {frames}"] if log.frames != frames else []
+    lengths = [f"recorded {log.frames} frames, flown again {frames} frames"] if log.frames != frames else []
     notes = [*of_replay(log.metadata, versions()), *_of_unit(recording, unit)]
     return Verified(Comparison(min(log.frames, frames), fields, lengths, notes), moves.decisions())
 
 
 def _compared(old: Table, new: Table, again: Again | None) -> list[Field]:
-    """Compare what is written ``again``; all fields of a flight."""
+    """Compare the output of ``again``; all fields of a flight."""
     columns = [column for column in COLUMNS if again is None or column.field in (*again.outputs, "acting")]
     chosen = [column for column in chosen_lanes(new) if again is None or column in again.lane_columns]
     return compare(old, new, [*columns, *(chosen if old.parts else ())])
@@ -75,6 +75,6 @@ def _of_unit(recording: Recorded, unit: UnitUnderTest | None) -> list[str]:
         return []
     then, now = recording.unit, unit.unit.about()
     if not then:
-        return [f"unit: flown by our own manager, replayed by {now['name']}"]
+        return [f"unit: flown by the built-in manager, replayed by {now['name']}"]
     same = then.get("sha256") == now["sha256"]
-    return [] if same else [f"unit: {now['name']} is another build than the one that flew"]
+    return [] if same else [f"unit: {now['name']} is another build than in the flight"]

@@ -1,4 +1,4 @@
-"""The recorded frames once more: through the redundancy stage alone, or flown from the first frame."""
+"""The recorded frames again: through the redundancy stage alone, or flown from the first frame."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def vote_again(rows: Block, scenario: Scenario, unit: UnitUnderTest | None = Non
 
 
 class VoteAgain:
-    """The redundancy stage of ``scenario`` over the channels of recorded rows, which are given in their order.
+    """The redundancy stage of ``scenario`` over the channels of recorded rows, given in order.
 
-    Faults on references act again, in the frames in which they did.  Open loop: truth, channels, commands and all
-    else stay those of the rows.  BadInput: the user's manager.
+    Faults on references act again in their recorded frames.  Open loop: truth, channels, commands and all other fields
+    stay as recorded.  BadInput: the user's manager.
 
-    unit : that votes in the place of the manager; one in the form of a flight computer writes SURFACES too
+    unit : votes instead of the manager; a unit in the role of a flight computer writes SURFACES too
     """
 
     def __init__(self, scenario: Scenario, unit: UnitUnderTest | None = None) -> None:
@@ -49,7 +49,7 @@ class VoteAgain:
         )
 
     def over(self, rows: Block) -> Block:
-        """Copy the next ``rows`` (n,), with OUTPUTS written again."""
+        """Copy the next ``rows`` (n,) with new OUTPUTS."""
         again = blank(rows, self._scenario, outputs(self._unit), self._on_references)
         self._faults.prepare(again)
         flown = nested(copied(rows) if self._on_references else again)
@@ -58,7 +58,7 @@ class VoteAgain:
         return again
 
     def _decide(self, again: Block) -> Decide | None:
-        """Return what votes in the place of the manager: a unit, a user's class, or None."""
+        """Return the voter in place of the manager: a unit, a user's class, or None."""
         if self._unit is None:
             return None if self._stage.own is None else by_class(self._stage.own, again, nested(again))
         if self._voter is None:

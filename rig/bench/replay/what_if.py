@@ -1,8 +1,8 @@
-"""What if: another threshold, rule order or manager over the channels that were recorded, or other limits of
+"""What-if run: another threshold, rule order or manager over the recorded channels, or other limits of
 the monitors of servo actuators.
 
-Open loop: the flight stays that of the recording, truth and commands with it.  What the new votes would have
-done to the aircraft only a flight can say.
+Open loop: the flight, its truth and commands stay as recorded.  Only a new flight can show the effect of the new votes
+on the aircraft.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MONITORS: Final = ("monitors", "current", "continuity", "spool", "position", "ra
 
 @dataclass(frozen=True, slots=True)
 class WhatIf:
-    """The answer: its log, and which decisions moved."""
+    """The result: its log, and the changed decisions."""
 
     path: Path
     scenario: Scenario
@@ -46,7 +46,7 @@ class WhatIf:
 
 
 def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scenario:
-    """Return the recorded scenario with another [redundancy]: of a TOML file, then of ``redundancy.key=value``.
+    """Return the recorded scenario with another [redundancy]: from a TOML file, then from ``redundancy.key=value``.
 
     The file has a [redundancy] table, or the keys of one at its top.  BadInput: any other key.
     """
@@ -55,7 +55,7 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
         read_tables = read_toml(file)
         if KEY in read_tables and len(read_tables) > 1:
             other = next(key for key in read_tables if key != KEY)
-            raise BadInput(f"{file}: {other}: only [redundancy] can be changed without flying")
+            raise BadInput(f"{file}: {other}: only [redundancy] can be changed without a flight")
         table = read_tables.get(KEY, read_tables)
         if not isinstance(table, dict):
             raise BadInput(f"{file}: {KEY}: must be a table, got {quoted(table)}")
@@ -65,11 +65,11 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
     for text in sets:
         if _of_monitors(text):
             if not recording.scenario.has_servos:
-                raise BadInput(f"--set {text}: the flight had no servo actuators")
+                raise BadInput(f"--set {text}: the flight has no servo actuators")
             continue
         if not text.startswith(f"{KEY}."):
             raise BadInput(
-                f"--set {text}: only redundancy.* and the monitors in actuators.* can be changed without flying"
+                f"--set {text}: only redundancy.* and the monitors in actuators.* can be changed without a flight"
             )
         above = override(above, text)
     data = merge(without_designed(data, above), given)
@@ -80,7 +80,7 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
 
 
 def _of_monitors(text: str) -> bool:
-    """Return whether ``key=value`` sets a monitor of an actuator, and not what it watches."""
+    """Return True if ``key=value`` sets a monitor of an actuator, and not the actuator."""
     keys = parse_set(text)[0].split(".")
     return keys[0] == "actuators" and keys[1:2] != [] and keys[1] in MONITORS and keys[1:] != ["continuity", "coverage"]
 
@@ -88,7 +88,7 @@ def _of_monitors(text: str) -> bool:
 def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, changes: Sequence[str] = ()) -> WhatIf:
     """Vote the recorded channels by ``scenario``; write the result to ``out``, or beside the recording, numbered.
 
-    ``changes`` says in the new log what is not as it was.  BadInput when ``out`` cannot be made.
+    The new log records ``changes``.  BadInput: ``out`` cannot be made.
     """
     stem = f"{recording.path.stem}.what-if"
     path = out or recording.path.with_name(f"{stem}.mcap")
@@ -103,7 +103,7 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
 
 
 def _voted(recording: Recorded, scenario: Scenario, moves: Moves) -> Iterator[Table]:
-    """Yield the recorded frames as the computers and monitors of ``scenario`` answer them."""
+    """Yield the recorded frames with the output of the computers and monitors of ``scenario``."""
     again = Again(scenario)
     for block in recording.log.blocks():
         voted = again.over(block)
@@ -112,7 +112,7 @@ def _voted(recording: Recorded, scenario: Scenario, moves: Moves) -> Iterator[Ta
 
 
 def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, frames: Iterator[Table]) -> int:
-    """Write the whole log, a second at a time as in flight; how many events it has."""
+    """Write the whole log, a second at a time as in flight; return its number of events."""
     log, findings = recording.log, Findings(scenario)
     for arrays in in_blocks((table.arrays() for table in frames), max(1, int(log.rate_hz))):
         table = Table(*arrays)

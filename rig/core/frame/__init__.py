@@ -1,7 +1,7 @@
 """The frame: every signal's name, unit and range, and the block of frames that all stages share.
 
-signals.py  which signals, discretes and other numbers there are
-enums.py    states, patterns, tie-break rules and what else has one byte
+signals.py  the signals, discretes and other numbers
+enums.py    states, patterns, tie-break rules and other values of one byte
 fields.py   the one table of fields: part, shape, meaning, place in the log
 sig.py      the places of the signals by their symbols, for kernels
 second_row.py  the second row, of flights with servo actuators or several computers

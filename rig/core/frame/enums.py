@@ -1,4 +1,4 @@
-"""Meanings of the one-byte fields of a frame; the members are used in kernels as they are."""
+"""Meanings of the one-byte fields of a frame; kernels use the members directly."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class State(IntEnum):
-    """A channel, as its monitor sees it."""
+    """State of a channel by its monitor."""
 
     OK = 0
     SUSPECT = 1
@@ -27,7 +27,7 @@ class Pattern(IntEnum):
 
     @property
     def label(self) -> str:
-        """As written in tables: ``2:2`` rather than ``P2_2``."""
+        """Text in tables: ``2:2`` for ``P2_2``."""
         return self.name[1:].replace("_", ":") if self.is_split else self.name.lower()
 
     @property
@@ -37,7 +37,7 @@ class Pattern(IntEnum):
 
 
 class DecidedBy(IntEnum):
-    """DecidedBy of a split."""
+    """Rule that decided a split."""
 
     NONE = 0
     ILM = 1
@@ -54,7 +54,7 @@ class DecidedBy(IntEnum):
 
 
 class Ilm(IntEnum):
-    """A channel's in-line monitor: what the sensor says of itself."""
+    """In-line monitor of a channel: the sensor's test of itself."""
 
     BAD = 0
     GOOD = 1
@@ -111,7 +111,7 @@ class SensorFault(IntEnum):
 
 
 class End(IntEnum):
-    """End of a flight; FLYING while it goes on."""
+    """End of a flight; FLYING before it."""
 
     FLYING = 0
     NOT_FINITE = 1
@@ -129,7 +129,7 @@ class End(IntEnum):
 
 
 class ActuatorMonitor(IntEnum):
-    """Who failed a channel of an actuator, in the order of asking."""
+    """Monitor that shut off a channel of an actuator, in the order of evaluation."""
 
     NONE = 0
     CURRENT = 1  # asked and measured
@@ -140,7 +140,7 @@ class ActuatorMonitor(IntEnum):
 
 
 class LinkState(IntEnum):
-    """What a lane has of another's message in a frame."""
+    """State of the message that a lane has from another lane in a frame."""
 
     ABSENT = 0  # it is the lane itself, or not fitted
     FRESH = 1
@@ -150,7 +150,7 @@ class LinkState(IntEnum):
 
 
 class Health(IntEnum):
-    """A lane, as the others and its own tests have it; engaged and suspect ones drive their servo channels."""
+    """Health of a lane by the other lanes and its self-tests; engaged and suspect lanes drive their servo channels."""
 
     ABSENT = 0  # not fitted
     ENGAGED = 1
@@ -161,7 +161,7 @@ class Health(IntEnum):
 
 
 class LaneTest(IntEnum):
-    """What a lane was failed for; the first three by a majority of the others, the next four by itself."""
+    """Test that isolated a lane: the first three are a majority of the other lanes, the next four its self-tests."""
 
     NONE = 0
     COMMANDS = 1

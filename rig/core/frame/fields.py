@@ -1,13 +1,13 @@
-"""The one table of the frame's fields: who writes a field, its shape, its meaning, and where the log has it.
+"""The one table of the frame's fields: writer, shape, meaning, and place in the log.
 
-FRAME (row.py), the log's messages (rig/log/schema.py), its column names and what the viewer shows follow from it.
+FRAME (row.py), the log's messages (rig/log/schema.py), its column names and the contents of the viewer follow from it.
 
-Parts, by who writes a field and who may read it:
+Parts, by the writer of a field and its readers:
 
-    truth      what is so: plant and pilot; never read by the computer
-    bus        what the computer reads: sensors, inertial unit, faults on them, the pilot's commands
-    fcc        what the computer writes
-    actuation  what reaches the surfaces, and which faults act
+    truth      true values of plant and pilot; the computer never reads them
+    bus        input of the computer: sensors, inertial unit, their faults, the pilot's commands
+    fcc        output of the computer
+    actuation  commands at the surfaces, and active faults
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _FORCES: Final = 3  # the last of INERTIAL and of FLIGHT, which came later
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field of the frame; ``message`` and ``stem`` say where the log has it."""
+    """One field of the frame; ``message`` and ``stem`` are its place in the log."""
 
     name: str
     part: Part
@@ -124,7 +124,7 @@ FIELD: Final = {field.name: field for field in FIELDS}
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """One number of a message: its name there, its field of the frame, its index within the message's row of it."""
+    """One number of a message: its name there, its field of the frame, its index within the message's row."""
 
     name: str
     field: str
@@ -134,7 +134,7 @@ class Place:
 
 @cache
 def places(message: str) -> tuple[Place, ...]:
-    """All that a message holds, what came later last; the frame's number is not part of any."""
+    """Return the places of a message, later additions last; no message holds the frame's number."""
     of_message = [place for field in FIELDS if field.message == message for place in _places(field)]
     return tuple(sorted(of_message, key=lambda place: place.since))
 
@@ -151,7 +151,7 @@ def _places(field: Field) -> list[Place]:
 
 
 def elements(field: Field) -> list[tuple[str, tuple[int, ...]]]:
-    """Return name and index of every number of a field that is a message's own; without names they count from 1."""
+    """Return name and index of every number of a field with its own message; without names they count from 1."""
     if not field.shape:
         return [(field.name, ())]
     names = field.elements or tuple(f"{field.name}_{i + 1}" for i in range(field.shape[0]))

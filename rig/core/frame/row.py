@@ -1,9 +1,9 @@
 """The row of a frame, and the block of frames that all stages share.
 
 A block is one plain structured array of about one second of frames.  Each stage writes its own fields of row k in
-place; the log, the stream and the score read the same rows.  What a stage computes *is* what is logged.
+place; the log, the stream and the score read the same rows.  The log holds exactly what a stage computes.
 
-FRAME is nested by who writes a field: kernels are given the parts that they may read and write.  FLAT names the same
+FRAME is nested by the writer of a field: kernels get the parts that they may read and write.  FLAT names the same
 bytes field by field: ``rows["voted"]`` of a FLAT block is ``rows["fcc"]["voted"]`` of its view as FRAME.
 
 Order of writing in one frame (see loop.py):
@@ -43,7 +43,7 @@ _CAPACITIES: Final = ((1, 1), (S, D), (64, 64))
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """A row type: its room for signals and discretes; ``frame`` nested by part, ``flat`` the same bytes by field."""
+    """A row type for a number of signals and discretes; ``frame`` is nested by part, ``flat`` by field."""
 
     signals: int
     discretes: int
@@ -62,10 +62,10 @@ class Rows:
 
 
 def rows(signals: int, discretes: int = 0) -> Rows:
-    """Return the smallest row type with room for so many signals and discretes.
+    """Return the smallest row type with room for these numbers of signals and discretes.
 
-    A flight has S and D.  Kernels see one signal at a time, so they are shared by all types; what loops over rows is
-    compiled for each.  So there are types for 1, 16 and 64 signals, and for multiples of 64.
+    A flight has S and D.  Kernels process one signal at a time, so all types share them; loops over rows are compiled
+    for each type.  So there are types for 1, 16 and 64 signals, and for multiples of 64.
     """
     for room in _CAPACITIES:
         if signals <= room[0] and discretes <= room[1]:
@@ -99,7 +99,7 @@ def _part(part: Part, signals: int, discretes: int) -> np.dtype[Any]:
 
 
 def _shape(field: Field, signals: int, discretes: int) -> tuple[int, ...]:
-    """Return the shape of a field in a row of so many signals and discretes."""
+    """Return the shape of a field in a row with these numbers of signals and discretes."""
     many = {SIGNAL: signals, DISCRETE: discretes}.get(field.message)
     return field.shape if many is None else (many, *field.shape[1:])
 

@@ -2,11 +2,10 @@
 
 Its parts, by name:
 
-    servo     a SERVO record for elevator, aileron and rudder: what the channels of their servos saw and did
-    computer  a COMPUTER record for each of the lanes A to D: what it decided and commanded
+    servo     a SERVO record for elevator, aileron and rudder: measurements and commands of their servo channels
+    computer  a COMPUTER record for each of the lanes A to D: its decisions and commands
 
-Measured numbers are what converters deliver, in single precision; monitors see them so, and so does who repeats their
-decisions from a log.
+Measured numbers are the converters' output, in single precision; monitors, and a replay of a log, read them so.
 """
 
 from __future__ import annotations
@@ -141,7 +140,7 @@ LANE_PARTS: Final[dict[LanePart, np.dtype[Any]]] = {
 
 
 def parts_of(lanes: LaneBlock | None) -> LaneParts:
-    """Return the parts that rows of lanes have."""
+    """Return the parts of rows of lanes."""
     return () if lanes is None else tuple(part for part in LANE_PARTS if part in (lanes.dtype.names or ()))
 
 

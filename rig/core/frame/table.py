@@ -1,12 +1,12 @@
-"""The frames of a flight as one table, in memory while it flies and out of a log.
+"""The frames of a flight as one table, in memory during the flight and when read from a log.
 
-    table["voted"], len(table), table[first:end]    as of an array of rows
+    table["voted"], len(table), table[first:end]    as for an array of rows
     table.servo   (n, 3) SERVO, or None: no servo moves a surface
     table.lane    (n, 4) COMPUTER, or None: there is one computer
     table.timing  (n,) TIMING, or None: not known
-    table.clean   (n,) what the sensors gave before any fault, or None: not kept
+    table.clean   (n,) samples before any fault, or None: not kept
 
-Kernels are given its arrays: ``rows`` and the parts.
+Kernels get its arrays: ``rows`` and the parts.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rig.core.frame.second_row import LANE_PARTS, LaneBlock, LanePart, LaneParts
 
 
 class Table:
-    """Frames that follow each other; a slice is a view."""
+    """Consecutive frames; a slice is a view."""
 
     __slots__ = ("beside", "clean", "rows", "timing")
     rows: Block
@@ -37,7 +37,7 @@ class Table:
         timing: NDArray[Any] | None = None,
         clean: NDArray[Any] | None = None,
     ) -> None:
-        """beside : (n,) servos and lanes as one record a frame, as the loop fills them and the log packs them."""
+        """beside : (n,) servos and lanes as one record per frame, as the loop fills and the log packs them."""
         self.rows, self.beside, self.timing, self.clean = rows, beside, timing, clean
 
     def __len__(self) -> int:
@@ -50,11 +50,11 @@ class Table:
         return self.each(lambda part: part[key])
 
     def each(self, function: Callable[[NDArray[Any]], NDArray[Any]]) -> Table:
-        """Return the table of what ``function`` makes of its rows and of each of its parts."""
+        """Return the table with ``function`` applied to its rows and to each of its parts."""
         return Table(function(self.rows), *[None if part is None else function(part) for part in self.arrays()[1:]])
 
     def arrays(self) -> tuple[Any, ...]:
-        """Return what the table is made of, in the order of its arguments."""
+        """Return the arrays of the table, in the order of its arguments."""
         return self.rows, self.beside, self.timing, self.clean
 
     def part(self, name: LanePart) -> Any:
@@ -77,7 +77,7 @@ class Table:
         return self.part("computer")
 
     def copy(self) -> Table:
-        """Return a table of its own memory."""
+        """Return a copy of the table."""
         return self.each(lambda part: part.copy())
 
     def copied_beside(self, parts: Iterable[LanePart]) -> Table:
@@ -94,6 +94,6 @@ class Table:
 
 
 def stacked(tables: list[Table]) -> Table:
-    """Return tables that follow each other as one."""
+    """Return consecutive tables as one."""
     rows, *parts = zip(*(table.arrays() for table in tables), strict=True)
     return Table(np.concatenate(rows), *[None if part[0] is None else np.concatenate(part) for part in parts])

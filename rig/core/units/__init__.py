@@ -1,1 +1,1 @@
-"""Physical units: angles, the atmosphere, quantities with the units that people read."""
+"""Physical units: angles, the atmosphere, quantities in the units of a reader."""

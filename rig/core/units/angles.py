@@ -1,4 +1,4 @@
-"""Angles on the circle and the ends of a sensor's range: what sensors, faults, voter and assessments share.
+"""Angles on the circle and the ends of a sensor's range, for sensors, faults, voter and assessments.
 
 The short way round has one formula, once for kernels (``wrap``) and once for arrays (``short_way``), to the same bits.
 """
@@ -26,7 +26,7 @@ def wrap(angle):
 
 @kernel
 def within_a_turn(angle):
-    """Return ``angle % TWO_PI``: nearly always it is itself, and a division takes ten times as long as to see that."""
+    """Return ``angle % TWO_PI``; an angle within a turn is returned without the slow division."""
     return angle if 0.0 <= angle < TWO_PI else angle % TWO_PI
 
 
@@ -70,14 +70,14 @@ def near(angles: Floats, base: Floats) -> Floats:
 
 
 def unwrapped(angles: Floats) -> Floats:
-    """Return ``angles`` (n,), rad, without jumps of a turn; the first number and what is no number stay."""
+    """Return ``angles`` (n,), rad, without jumps of a turn; the first number and NaN stay."""
     out, finite = angles.copy(), np.isfinite(angles)
     out[finite] = np.unwrap(angles[finite])
     return out
 
 
 def step_sizes(series: Floats, wraps: bool) -> Floats:
-    """Return how far each of ``series`` (n,) is from the one before, (n - 1,); the short way round for angles."""
+    """Return the distance of each of ``series`` (n,) from the one before, (n - 1,); the short way round for angles."""
     moved = np.abs(np.diff(series))
     return np.minimum(moved, TWO_PI - moved) if wraps else moved
 
@@ -85,9 +85,9 @@ def step_sizes(series: Floats, wraps: bool) -> Floats:
 def unwrap(samples: Floats, vote: Floats, wraps: NDArray[np.uint8]) -> Floats:
     """Return ``samples`` with those of angles moved by whole turns to within half a turn of the last vote.
 
-    So they can be compared, sorted and averaged as plain numbers.
-    samples : (S, 4), NaN where a sample is not to be used; wraps : (S,) flags
-    vote : (S,) the last votes, NaN before the first: then the first sample of the signal that is a number
+    They can then be compared, sorted and averaged as plain numbers.
+    samples : (S, 4), NaN for a sample that is not used; wraps : (S,) flags
+    vote : (S,) the last votes, NaN before the first vote: then the first sample of the signal that is a number
     """
     first = samples[np.arange(len(samples)), np.argmax(np.isfinite(samples), axis=1)]
     base = np.where(np.isfinite(vote), vote, first)[:, None]

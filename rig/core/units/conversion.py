@@ -1,6 +1,6 @@
-"""Units that a user names: how many of the SI unit one of them is, by pint.
+"""Units that a user names: their factors to SI units, by pint.
 
-pint is imported when a unit other than the SI unit is asked for, as that takes about a second.
+pint is imported only for a unit other than the SI unit, because the import takes about a second.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ class Conversion(NamedTuple):
 
 
 def conversion(unit: str, si: str | None = None) -> Conversion:
-    """Return how to convert ``unit`` to ``si``, or to the SI unit of its dimension where that is None.
+    """Return the conversion of ``unit`` to ``si``, or to the SI unit of its dimension if that is None.
 
-    ValueError, with what is allowed: an unknown unit, one of another quantity, one with a zero of its own (degC).
+    ValueError, with the allowed units: an unknown unit, one of another quantity, one with another zero (degC).
     """
     if unit == si or (si is None and unit in USUAL and unit != "g"):
         return Conversion(1.0, unit)
@@ -75,7 +75,7 @@ def _name(base: Any) -> str:
 
 @cache
 def _base(unit: str) -> tuple[float, Any] | None:
-    """Return the factor to base units (rad is one of them) and these; None: no unit, or with a zero of its own."""
+    """Return the factor to base units (rad is one of them) and these; None: not a unit, or one with another zero."""
     import pint
 
     if not _UNIT.fullmatch(unit):

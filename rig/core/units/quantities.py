@@ -1,6 +1,6 @@
-"""Times, durations and quantities as a person reads them: seconds with the frame, milliseconds, degrees.
+"""Times, durations and quantities for people: seconds with the frame, milliseconds, degrees.
 
-Inside the rig and in JSON everything is SI and rad; only text for people is converted here.
+The rig and its JSON use SI units and rad; this module converts text for people only.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ _SMALL: Final = 1e-4  # below it with an exponent
 
 
 def unit_shown(unit: str) -> str:
-    """Return the unit in which a quantity of the SI ``unit`` is shown; "" where it has none."""
+    """Return the unit in which a quantity of the SI ``unit`` is shown; "" if it has none."""
     return _PLAIN.get(unit, unit)
 
 
 def scale_shown(unit: str) -> float:
-    """Return what a quantity of the SI ``unit`` is multiplied by to be in ``unit_shown(unit)``."""
+    """Return the factor from the SI ``unit`` to ``unit_shown(unit)``."""
     return degrees(1.0) if unit.startswith("rad") else 1.0
 
 
 def unit_of_name(name: str) -> str:
-    """Return the SI unit at the end of a setting's or field's ``name``; "" where it has none."""
+    """Return the SI unit at the end of a setting's or field's ``name``; "" if it has none."""
     return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
 
 
@@ -47,7 +47,7 @@ def quantity(value: float, unit: str, signed: bool = False) -> str:
 
 
 def seconds(frame: int, rate_hz: float) -> str:
-    """Return the time of a frame: ``20.07 s``; as many decimals as the rate needs, two at least."""
+    """Return the time of a frame: ``20.07 s``; with the decimals that the rate needs, at least two."""
     return f"{frame / rate_hz:.{max(2, ceil(log10(rate_hz)))}f} s"
 
 
@@ -57,7 +57,7 @@ def moment(frame: int | None, rate_hz: float) -> str:
 
 
 def duration(frames: int | None, rate_hz: float) -> str:
-    """Return the length of so many frames: ``70 ms``, from a second on ``4.85 s``; "" for None."""
+    """Return the duration of ``frames``: ``70 ms``, from a second on ``4.85 s``; "" for None."""
     if frames is None:
         return ""
     length_s = frames / rate_hz
