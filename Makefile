@@ -6,7 +6,7 @@ STAMP := $(VENV)/.stamp
 # Hundreds of processes of the tests would read all sources anew: here Python keeps what it has compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: fly suite test test-all wheel check lint types imports coverage cost measured requirements reference cli golden pages pictures designs replay digests docs setup clean
+.PHONY: fly suite test test-all wheel check lint types imports coverage cost measured requirements reference golden pages pictures designs replay digests docs setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -52,9 +52,8 @@ measured: setup  ## write docs/measured/: figures of this commit on this machine
 requirements: setup  ## write docs/requirements.md from the markers in the tests
 	$(BIN)/python tests/tools/requirements.py
 
-reference: setup  ## write the generated pages of docs/reference/: gallery, faults and signals, ICD, Python API
+reference: setup  ## write the generated pages of docs/reference/: commands, gallery, faults and signals, ICD, Python API
 	$(BIN)/python tests/tools/reference_pages.py
-cli: setup  ## write docs/reference/cli.md from the commands
 	$(BIN)/python tests/tools/cli_page.py
 
 pictures: setup  ## write docs/pictures/: the loop and a fault, drawn from a flight
