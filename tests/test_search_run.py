@@ -92,7 +92,7 @@ def test_a_search_tells_what_it_found(whole: tuple[Path, Ended]):
     )
     assert figures["robustness"] == min(map(robustness, runs["requirements"]))
     assert figures["worst"]["arm"] == "alike" and figures["confirmed"][0] >= 2
-    assert "Plotly.newPlot" in (whole[0] / "search.html").read_text()
+    assert "Plotly.react" in (whole[0] / "search.html").read_text()
 
 
 @pytest.mark.parametrize(("workers", "parts"), [(2, 1), (3, 4)])
