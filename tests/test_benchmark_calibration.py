@@ -61,13 +61,17 @@ def test_a_budget_that_no_level_reaches_is_told_with_what_was_counted():
     healthy = white(0.1, 4, 6000)
     for flight in healthy.flights["pitch_rate"]:
         flight.samples[1000:1500, 2] = 1e6
-    with pytest.raises(BadInput, match=r"--budget 1: cross-voter: pitch_rate: no threshold reaches this rate; 64 still gives 4 "):
+    with pytest.raises(
+        BadInput, match=r"--budget 1: cross-voter: pitch_rate: no threshold reaches this rate; 64 still gives 4 "
+    ):
         calibrate(Entrant("cross-voter", "cross-voter"), white_signal(), healthy, 1.0)
 
 
 def test_too_little_healthy_time_says_how_much_is_needed():
     require_time(0.01, 1.0)
-    with pytest.raises(BadInput, match=r"--healthy: 0.5 h is too short for 0.01 false isolations an hour; record at least 1 h"):
+    with pytest.raises(
+        BadInput, match=r"--healthy: 0.5 h is too short for 0.01 false isolations an hour; record at least 1 h"
+    ):
         require_time(0.01, 0.5)
 
 

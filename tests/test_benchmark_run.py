@@ -167,7 +167,10 @@ def test_what_is_not_a_benchmark_or_too_short_is_refused_before_anything_is_writ
     (tmp_path / "full" / "mine.txt").write_text("x")
     with pytest.raises(BadInput, match="not a benchmark's folder, and not empty"):
         run(small(), asked(healthy), tmp_path / "full")
-    for budget, said in ((1e-4, "is too short for 0.0001 false isolations an hour; record at least 100 h"), (0.0, "--budget")):
+    for budget, said in (
+        (1e-4, "is too short for 0.0001 false isolations an hour; record at least 100 h"),
+        (0.0, "--budget"),
+    ):
         with pytest.raises(BadInput, match=said):
             run(small(), Asked(entrants("cusum"), budget, healthy), tmp_path / "new")
     assert not (tmp_path / "new").exists()
@@ -208,7 +211,11 @@ def faulty(folder: Path, text: str) -> Path:
     [
         ({"--budget": "1e-5"}, "", "is too short for 1e-05 false isolations an hour; record at least 1e+03 h"),
         ({"--budget": "nan"}, "", "--budget: nan false isolations an hour; must be above 0"),
-        ({"--managers": "benchmark_flights:Nameless"}, "", "calibrate = 'gain': the class has no number above 0 of this name"),
+        (
+            {"--managers": "benchmark_flights:Nameless"},
+            "",
+            "calibrate = 'gain': the class has no number above 0 of this name",
+        ),
         ({"--managers": "cross-channel"}, "", "--managers: name one or more besides cross-channel"),
         ({}, "[set]\nfaults = []\n", "no fault to detect"),
         ({}, '[set]\n"redundancy.signals.pitch_rate.equalise_bound" = 9.0\n', "equalise_bound: at most the threshold"),

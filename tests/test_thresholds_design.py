@@ -108,7 +108,7 @@ def test_a_faulty_channel_of_one_flight_is_told():
     flights[4].samples[0, 500:700] = 0.25
     told = suspects(flights, wraps=False, longest=48)
     assert [(one.flight, one.channel) for one in told] == [(2, 2), (3, 3), (4, 1)]
-    assert "48 or more samples" in told[1].why and "repeats one value for 1 s from 5.0 s" in told[2].why
+    assert "48 samples or more" in told[1].why and "repeats one value for 1 s from 5.0 s" in told[2].why
 
 
 def test_a_channel_that_stands_out_in_a_flight_of_ours_without_faults_is_kept():

@@ -126,7 +126,9 @@ def without_faults(path: Path) -> bool:
     scenario = _scenario(path)
     if scenario.get("faults"):
         count = len(scenario["faults"])
-        raise BadInput(f"{path}: the scenario has {count} fault{'s' * (count > 1)}; design on flights without (--set faults=[])")
+        raise BadInput(
+            f"{path}: the scenario has {count} fault{'s' * (count > 1)}; design on flights without (--set faults=[])"
+        )
     return bool(scenario)
 
 

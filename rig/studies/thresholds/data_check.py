@@ -83,7 +83,7 @@ def suspects(flights: Sequence[DataBlock], wraps: bool, longest: int, scale: flo
 def _alone(flight: DataBlock, longest: int) -> Iterator[tuple[int, str]]:
     for c in invalid_runs(flight.samples, longest):
         share = 100.0 * np.isnan(flight.samples[c]).mean()
-        yield c, f"{longest} or more samples in a row are not valid ({share:.3g} % of all): out of range, or no number"
+        yield c, f"{longest} samples or more in a row are not valid ({share:.3g} % of all): out of range, or no number"
     hold = round(HOLD_S * flight.rate_hz)
     same = [_repeats(column, hold) for column in flight.samples]
     if sum(k is not None for k in same) == 1:
