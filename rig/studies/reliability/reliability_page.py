@@ -1,4 +1,4 @@
-"""The report of a reliability: one HTML file that opens without a network, the assumptions at its top."""
+"""The page of a probability per flight hour: one HTML file, with the assumptions at its top."""
 
 from __future__ import annotations
 

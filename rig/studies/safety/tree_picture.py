@@ -16,7 +16,7 @@ from rig.core.palette import INK, SERIES, SOFT, WHITE
 from rig.studies.safety.fault_tree import FaultTree
 
 WIDTH, HEIGHT, COLUMN, ROW, GAP = 150, 46, 186, 58, 14  # of a box; from one to the next
-_NUMBER: Final = re.compile(r"(channel|channels|box of channel|and) \d")
+_NUMBER: Final = re.compile(r"(channel|channels|and) \d")
 CHARACTERS: Final = 24  # of a line in a box
 
 
