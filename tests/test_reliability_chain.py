@@ -141,8 +141,8 @@ def test_transitions_between_the_same_states_add_up(tmp_path: Path):
     [
         ("1e-3", "-1e-3", "transitions.0.per_hour: input should be greater than or equal to 0, got -0.001"),
         ("1e-3", "inf", "transitions.0.per_hour: input should be a finite number, got inf"),
-        ('start = "a"', 'start = "c"', "start: no such state 'c', allowed: a, b"),
-        ('to = "b"', 'to = "a"', "transitions.0: a transition must lead to another state, got 'a' twice"),
+        ('start = "a"', 'start = "c"', "start: no state 'c', allowed: a, b"),
+        ('to = "b"', 'to = "a"', "transitions.0: a transition must lead to another state; 'a' is given twice"),
         ("hours = 1.0", "hours = -1.0", "hours: input should be greater than or equal to 0, got -1.0"),
         ("hours = 1.0", "", "hours: field required"),
         ("per_hour", "per_hours", "transitions.0.per_hour: field required"),

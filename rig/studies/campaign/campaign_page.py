@@ -54,7 +54,7 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
 
 
 def heat_maps(rows: Rows) -> list[go.Figure]:
-    """Draw detection over magnitude and trim point, and over managers if several vote: a map a signal and kind.
+    """Draw detection over magnitude and flight point, and over managers if several vote: a map a signal and kind.
 
     rows : as ``by_place`` of the summary
     """
@@ -126,10 +126,7 @@ def _hover_text(cell: dict[str, Any]) -> str:
 def delay_curves(faults: pl.DataFrame) -> list[go.Figure]:
     """Draw the cumulative share of detections over the delay, by signal, kind and manager, from both starts."""
     detected = faults.filter(pl.col("outcome") == "detected")
-    columns = {
-        "delay_from_exceeded_s": "after the error exceeds the threshold",
-        "delay_from_onset_s": "after the onset",
-    }
+    columns = {"delay_from_exceeded_s": "after the threshold is exceeded", "delay_from_onset_s": "after the onset"}
     return [_curves(detected, column, title) for column, title in columns.items() if len(detected)]
 
 

@@ -78,7 +78,7 @@ class Study:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write to the disk under another name, then rename: the file is complete or absent.  RigError: the disk is full."""
+    """Write to the disk under another name, then rename: the file is complete or absent.  RigError: the disk."""
     try:
         with reported(path):
             path.parent.mkdir(exist_ok=True)

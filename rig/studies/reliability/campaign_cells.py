@@ -131,7 +131,7 @@ def read_trials(folder: Path) -> Cells:
     path = folder / TRIALS
     about = sealed.read_json(path, _REMEDY, formats=(FORMAT, UNSEALED))
     if not isinstance(about.get("manager"), str):
-        raise BadInput(f"{path}: damaged: names no manager; {_REMEDY}")
+        raise BadInput(f"{path}: is damaged: names no manager; {_REMEDY}")
     if about["format"] == UNSEALED:
         note(f"{folder}: written by an earlier version of rig; its tables have no checksum")
     return Cells(about["manager"], *(_table(folder, about, name, columns) for name, columns in TABLES.items()))
@@ -145,7 +145,7 @@ def place(about: dict[str, Any], name: str) -> str:
 def _table(folder: Path, about: dict[str, Any], name: str, columns: dict[str, Any]) -> pl.DataFrame:
     path = folder / f"{name}.parquet"
     if not is_file(path):
-        raise BadInput(f"{path}: missing; {_REMEDY}")
+        raise BadInput(f"{path}: is missing; {_REMEDY}")
     table = sealed.read_table(path, place(about, name), _REMEDY, under_seal=about["format"] != UNSEALED)
     if dict(table.schema) != {name: kind() if isinstance(kind, type) else kind for name, kind in columns.items()}:
         raise BadInput(f"{path}: the columns are not those of trials; {_REMEDY}")

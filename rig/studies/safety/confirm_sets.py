@@ -1,4 +1,4 @@
-"""Confirm minimal cut sets with new seeds: fly every order and every proper subset, on every aircraft and trim point.
+"""Confirm minimal cut sets with new seeds: fly every order and every proper subset, on every aircraft and flight point.
 
 A row is one sequence in one condition on one aircraft.  It agrees unless Fisher's exact test of its counts against
 those of the enumeration is below LEVEL divided by the number of rows (Bonferroni).
@@ -100,7 +100,7 @@ def read_sets(out: Path) -> dict[str, Any]:
     lacking = [key for key, kind in (("flown", dict), ("sets", list)) if not isinstance(data.get(key), kind)]
     lacking += [key for each in data.get("sets", []) for key in SHOWN if not isinstance(each, dict) or key not in each]
     if lacking:
-        raise BadInput(f"{path}: damaged: {lacking[0]} is missing")
+        raise BadInput(f"{path}: is damaged: {lacking[0]} is missing")
     return data
 
 
@@ -109,7 +109,7 @@ def read_rows(out: Path) -> list[dict[str, Any]]:
     path = out / CONFIRMED
     rows = STUDY.read(out, CONFIRMED).get("rows") if is_file(path) else []
     if not isinstance(rows, list) or not all(isinstance(row, dict) and set(_KEYS) <= set(row) for row in rows):
-        raise BadInput(f"{path}: damaged: the rows are not those of rig reliability confirm")
+        raise BadInput(f"{path}: is damaged: the rows are not those of rig reliability confirm")
     return rows
 
 
@@ -119,7 +119,7 @@ def claims(out: Path) -> list[Claim]:
     try:
         return [_claim(each) for each in data["sets"]]
     except (KeyError, TypeError, ValueError, IndexError, StopIteration) as error:
-        raise BadInput(f"{path}: damaged: {' '.join(str(error).split())[:80]}") from None
+        raise BadInput(f"{path}: is damaged: {' '.join(str(error).split())[:80]}") from None
 
 
 def _claim(data: dict[str, Any]) -> Claim:
@@ -140,7 +140,7 @@ def plans(
     seed: int,
     trust: Trust = NO_CODE,
 ) -> dict[str, Plan]:
-    """Return the campaigns by the name of their folder: one a condition, aircraft and trim point."""
+    """Return the campaigns by the name of their folder: one a condition, aircraft and flight point."""
     if seed == asked.seed:
         raise BadInput(f"--seed {seed}: the enumeration has this seed; new flights need another")
     made: dict[str, Plan] = {}

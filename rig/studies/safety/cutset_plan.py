@@ -187,7 +187,7 @@ def read_asked(out: Path) -> Asked:
     path, about = out / CUTSETS, STUDY.read(out)
     for key, kind in _TYPES.items():
         if not isinstance(about.get(key), kind) or isinstance(about.get(key), bool):
-            raise BadInput(f"{path}: damaged: {key} is missing, or not a {kind.__name__}")
+            raise BadInput(f"{path}: is damaged: {key} is missing, or not a {kind.__name__}")
     asked = Asked(**{**{key: about[key] for key in _TYPES}, "conditions": tuple(map(str, about["conditions"]))})
     require(asked, str(path))
     if about["format"] == UNSEALED:
