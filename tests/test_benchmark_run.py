@@ -119,7 +119,7 @@ def test_another_benchmark_in_the_folder_is_refused_and_left_alone(
     whole: tuple[Path, Any], healthy: Path, tmp_path: Path
 ):
     out = shutil.copytree(whole[0], tmp_path / "copy")
-    with pytest.raises(BadInput, match=r"--out .*: holds another benchmark: seed was 0, is 7"):
+    with pytest.raises(BadInput, match=r"--out .*: contains another benchmark: seed was 0, is 7"):
         run(small(), asked(healthy, second=healthy, seed=7), out)
     assert content(out) == content(whole[0])
 
@@ -151,7 +151,7 @@ def test_a_damaged_benchmark_or_its_edited_levels_are_refused_in_one_line(
     edited = data[:at] + str((int(data[at]) + 1) % 10) + data[at + 1 :]  # one digit of a number
     for text in ("[1]", "{}", "1", "[" * 100_000, '{"a": 1e999}', edited):
         path.write_text(text)
-        with pytest.raises(BadInput, match=rf"{name}|holds another benchmark") as error:
+        with pytest.raises(BadInput, match=rf"{name}|contains another benchmark") as error:
             run(small(), asked(healthy, second=healthy), path.parent)
         assert "\n" not in str(error.value)
 
@@ -165,7 +165,7 @@ def test_a_folder_of_a_first_moment_is_a_benchmarks(tmp_path: Path, left: str):
 def test_what_is_not_a_benchmark_or_too_short_is_refused_before_anything_is_written(healthy: Path, tmp_path: Path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("x")
-    with pytest.raises(BadInput, match="not a benchmark's folder, and not empty"):
+    with pytest.raises(BadInput, match="is not empty and not a benchmark's folder"):
         run(small(), asked(healthy), tmp_path / "full")
     for budget, said in (
         (1e-4, "is too short for 0.0001 false isolations an hour; record at least 100 h"),
