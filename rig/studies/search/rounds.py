@@ -42,7 +42,7 @@ def random_count(arms: Sequence[Arm], draws: int, method: Method = "cma") -> int
     if count < EACH * len(arms):
         enough = EACH * len(arms) * (1 if method == "random" else 10)
         raise BadInput(
-            f"--flights: {count} random draws over {len(arms)} arms are fewer than {EACH} each; give at least {enough} draws"
+            f"--flights: {count} random draws over {len(arms)} arms are fewer than {EACH} each; give {enough} or more"
         )
     largest = max(population(arm.dimensions) for arm in arms)
     if method == "cma" and draws < count + largest:
