@@ -218,6 +218,11 @@ def in_series(layer: Layer, hours: float) -> float:
     return float(losses(Given(uncovered, {}, none, 0.0), [alone])[0].sum())
 
 
+def target_text(per_hour: float) -> str:
+    """Return a target per flight hour as text: 1e-7."""
+    return f"{per_hour:.0e}".replace("e-0", "e-")
+
+
 def interval(estimate: Estimate) -> str:
     """Return a probability with its interval, or its upper end if the data give no lower one."""
     if estimate.low is None:
@@ -234,7 +239,10 @@ def decided_by(result: Result) -> str:
 _OF: Final = (Column("manager", type=str), Column("channels", "case.channels"))
 DECIDED: Final = (
     *_OF,
-    *(Column("per hour", "case.per_hour", PLAIN, worth=0), Column("common mode", "case.beta", PLAIN, worth=0)),
+    *(
+        Column("per hour", "case.per_hour", PLAIN, worth=0),
+        Column("common mode", lambda result: _percent(result), worth=0),
+    ),
     Column("decided by", decided_by, type=str),
 )
 
@@ -245,10 +253,8 @@ def numbers(results: Sequence[Result]) -> list[Column]:
     shown = {what: title for what, title in TITLES.items() if any(what in result.estimates for result in results)}
     return [
         *(*_OF, Column("per hour", "case.per_hour", PLAIN)),
-        Column("common", lambda result: f"{100 * result.case.beta:g} %", page=None),
-        Column("checks", lambda result: every(result.case.flights_between_checks), page=None),
-        Column("common mode", "case.beta", PLAIN, worth=0),
-        Column("flights between checks", "case.flights_between_checks", worth=0),
+        Column("common", _percent, page="common mode"),
+        Column("checks", lambda result: every(result.case.flights_between_checks), page="full check"),
         *(
             Column(
                 title.partition(",")[0].removesuffix(" of the signal"),
@@ -259,8 +265,13 @@ def numbers(results: Sequence[Result]) -> list[Column]:
             for i, (what, title) in enumerate(shown.items())
         ),
         Column("perfect", format=".2e", worth=5, page="perfect isolation"),
-        *(Column(name, f"standing.{name}", page=f"{name}, {target}") for name, target in TARGETS.items()),
+        *(Column(name, f"standing.{name}", page=f"{name}, {target_text(target)}") for name, target in TARGETS.items()),
     ]
+
+
+def _percent(result: Result) -> str:
+    """Return the share of common mode of a result."""
+    return f"{100 * result.case.beta:g} %"
 
 
 def _part(of: Contribution) -> str:

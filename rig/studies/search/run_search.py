@@ -145,7 +145,7 @@ def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> d
     if shrunk.violations:
         result.write_scenario(out / result.SCENARIO, plan, shrunk)
     write_whole(out / result.FIGURES, json.dumps(figures, indent=1, allow_nan=False).encode())
-    picture.write(out / result.PICTURE, plan, found, figures)
+    picture.write(out / result.PICTURE, plan, found, figures, shrunk.table)
     return figures
 
 

@@ -28,7 +28,7 @@ from rig.studies.thresholds.slow_fault_limits import (
     stale_frames,
     unbiased,
 )
-from rig.studies.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
+from rig.studies.thresholds.tail import LEAST, Peaks, Tail, draws, fitted, peaks, point, upper
 
 Floats = NDArray[np.float64]
 BESIDE: Final = 1e-4  # of healthy frames beyond an isolation threshold: one beside a transient makes it last longer
@@ -45,6 +45,7 @@ class Threshold:
     point: float
     clusters: int
     shape: float
+    tail: Tail | None = field(default=None, compare=False, repr=False)  # of the choice of channels that counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,7 +306,7 @@ def from_tail(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Gener
     """Return the threshold of a tail at ``level``: the upper value of the bootstrap and the point estimate."""
     middle, shape = point(tail, budget_per_h)
     most = upper(draws(tail, budget_per_h, rng))
-    return Threshold(level, max(most, middle), middle, tail.clusters, shape)
+    return Threshold(level, max(most, middle), middle, tail.clusters, shape, fitted(tail))
 
 
 def rounded_up(value: float, digits: int = 4) -> float:

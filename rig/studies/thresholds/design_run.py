@@ -60,7 +60,8 @@ def run(options: Options) -> dict[str, Any]:
         with reported(options.out):
             part.write_text(_toml(options, raw, data, signals), encoding="utf-8", newline="\n")
         if page is not None:
-            thresholds_page.write(page, result)
+            chosen = {name: each.single for name, signal in signals.items() if (each := signal.design) is not None}
+            thresholds_page.write(page, result, chosen)
     return {"out": str(options.out), **result, "seconds": {"read": read - began, "design": perf_counter() - read}}
 
 

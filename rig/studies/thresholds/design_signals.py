@@ -58,7 +58,12 @@ class Signal:
 
         def in_unit(thresholds: dict[int, Threshold]) -> dict[int, Threshold]:
             return {
-                level: replace(threshold, upper=shown(threshold.upper), point=shown(threshold.point))
+                level: replace(
+                    threshold,
+                    upper=shown(threshold.upper),
+                    point=shown(threshold.point),
+                    tail=None if threshold.tail is None else threshold.tail.in_unit(shown),
+                )
                 for level, threshold in thresholds.items()
             }
 

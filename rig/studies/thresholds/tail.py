@@ -16,8 +16,9 @@ Efron and Tibshirani, An Introduction to the Bootstrap (1993), percentile interv
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,37 @@ class Peaks:
     def clusters(self) -> int:
         """Return the number of clusters."""
         return len(self.excess)
+
+
+class Tail(NamedTuple):
+    """A fitted tail as a page draws it: the clusters' peaks, the hours of the data, and the law above ``u``."""
+
+    peaks: tuple[float, ...]  # in ascending order
+    hours: float
+    u: float
+    scale: float
+    shape: float
+
+    def level(self, budget_per_h: float) -> float:
+        """Return the level of the fit that ``budget_per_h`` clusters an hour exceed."""
+        rate = np.array([len(self.peaks) / self.hours])
+        return float(level(self.u, np.array([self.scale]), np.array([self.shape]), rate, budget_per_h)[0])
+
+    def in_unit(self, shown: Callable[[float], float]) -> Tail:
+        """Return the tail with amounts in another unit."""
+        amounts: dict[str, Any] = {
+            "u": shown(self.u),
+            "scale": shown(self.scale),
+            "peaks": tuple(map(shown, self.peaks)),
+        }
+        return self._replace(**amounts)
+
+
+def fitted(over: Peaks) -> Tail:
+    """Return the tail of ``over`` with its fitted law."""
+    scale, shape = pareto(over.excess)
+    tops = tuple((over.u + over.excess).tolist())
+    return Tail(tops, float(over.hours.sum()), over.u, float(scale[0]), float(shape[0]))
 
 
 def peaks(series: list[Floats], rates_hz: list[float], budget_per_h: float) -> Peaks:
