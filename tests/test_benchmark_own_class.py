@@ -56,7 +56,7 @@ def test_without_a_number_it_is_compared_by_its_vote_alone():
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("benchmark_flights:Nameless", "calibrate = 'gain': must name a number above 0 of a class"),
+        ("benchmark_flights:Nameless", "calibrate = 'gain': the class has no number above 0 of this name"),
         ("benchmark_flights:Absent", "cannot be imported"),
         ("no_such_module:Voter", "cannot be imported"),
     ],

@@ -132,7 +132,7 @@ def test_too_few_or_too_short_recordings_are_one_line(tmp_path: Path):
     with pytest.raises(BadInput, match="--recordings: 1 recording: one half calibrates"):
         benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
     write(tmp_path, 2, seconds=2)
-    with pytest.raises(BadInput, match="--recordings: all are shorter than the 18 s of a trial"):
+    with pytest.raises(BadInput, match="--recordings: every recording is shorter than a trial of 18 s"):
         benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
 
 

@@ -119,7 +119,7 @@ def test_another_benchmark_in_the_folder_is_refused_and_left_alone(
     whole: tuple[Path, Any], healthy: Path, tmp_path: Path
 ):
     out = shutil.copytree(whole[0], tmp_path / "copy")
-    with pytest.raises(BadInput, match=r"--out .*: holds another benchmark: seed was 0, is 7"):
+    with pytest.raises(BadInput, match=r"--out .*: contains another benchmark: seed was 0, is 7"):
         run(small(), asked(healthy, second=healthy, seed=7), out)
     assert content(out) == content(whole[0])
 
@@ -151,7 +151,7 @@ def test_a_damaged_benchmark_or_its_edited_levels_are_refused_in_one_line(
     edited = data[:at] + str((int(data[at]) + 1) % 10) + data[at + 1 :]  # one digit of a number
     for text in ("[1]", "{}", "1", "[" * 100_000, '{"a": 1e999}', edited):
         path.write_text(text)
-        with pytest.raises(BadInput, match=rf"{name}|holds another benchmark") as error:
+        with pytest.raises(BadInput, match=rf"{name}|contains another benchmark") as error:
             run(small(), asked(healthy, second=healthy), path.parent)
         assert "\n" not in str(error.value)
 
@@ -165,9 +165,12 @@ def test_a_folder_of_a_first_moment_is_a_benchmarks(tmp_path: Path, left: str):
 def test_what_is_not_a_benchmark_or_too_short_is_refused_before_anything_is_written(healthy: Path, tmp_path: Path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("x")
-    with pytest.raises(BadInput, match="not a benchmark's folder, and not empty"):
+    with pytest.raises(BadInput, match="is not empty and not a benchmark's folder"):
         run(small(), asked(healthy), tmp_path / "full")
-    for budget, said in ((1e-4, "is too little for a budget of 0.0001 an hour: 100 h are needed"), (0.0, "--budget")):
+    for budget, said in (
+        (1e-4, "is too short for 0.0001 false isolations an hour; record at least 100 h"),
+        (0.0, "--budget"),
+    ):
         with pytest.raises(BadInput, match=said):
             run(small(), Asked(entrants("cusum"), budget, healthy), tmp_path / "new")
     assert not (tmp_path / "new").exists()
@@ -206,9 +209,13 @@ def faulty(folder: Path, text: str) -> Path:
 @pytest.mark.parametrize(
     ("options", "text", "said"),
     [
-        ({"--budget": "1e-5"}, "", "is too little for a budget of 1e-05 an hour: 1e+03 h are needed"),
-        ({"--budget": "nan"}, "", "--budget: false isolations an hour and signal, above 0, got nan"),
-        ({"--managers": "benchmark_flights:Nameless"}, "", "calibrate = 'gain': must name a number above 0"),
+        ({"--budget": "1e-5"}, "", "is too short for 1e-05 false isolations an hour; record at least 1e+03 h"),
+        ({"--budget": "nan"}, "", "--budget: nan false isolations an hour; must be above 0"),
+        (
+            {"--managers": "benchmark_flights:Nameless"},
+            "",
+            "calibrate = 'gain': the class has no number above 0 of this name",
+        ),
         ({"--managers": "cross-channel"}, "", "--managers: name one or more besides cross-channel"),
         ({}, "[set]\nfaults = []\n", "no fault to detect"),
         ({}, '[set]\n"redundancy.signals.pitch_rate.equalise_bound" = 9.0\n', "equalise_bound: at most the threshold"),

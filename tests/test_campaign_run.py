@@ -369,7 +369,7 @@ def test_another_campaign_is_refused_with_the_difference(
     whole: Result, tmp_path: Path, change: tuple[str, str], says: str
 ):
     before = sorted(whole.out.rglob("*"))
-    with pytest.raises(BadInput, match="holds runs of another campaign") as error:
+    with pytest.raises(BadInput, match="contains runs of another campaign") as error:
         run(planned(write(tmp_path, CAMPAIGN.replace(*change))), whole.out)
     assert says in str(error.value)
     assert sorted(whole.out.rglob("*")) == before
@@ -383,7 +383,7 @@ def test_how_it_runs_may_change_under_a_folder(whole: Result, tmp_path: Path):
 def test_a_folder_of_something_else_is_refused(tmp_path: Path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "letter.txt").write_text("mine")
-    with pytest.raises(BadInput, match="not a campaign's folder, and not empty"):
+    with pytest.raises(BadInput, match="is not empty and not a campaign's folder"):
         run(planned(write(tmp_path)), tmp_path / "out")
     with pytest.raises(BadInput, match="not a campaign's folder"):
         open_folder(tmp_path / "out")

@@ -18,14 +18,16 @@ def test_a_folder_is_begun_once_and_gone_on_with_where_the_same_is_asked(tmp_pat
     for _ in range(2):
         with STUDY.held(tmp_path / "s", ABOUT):
             assert STUDY.read(tmp_path / "s") == ABOUT
-    with pytest.raises(BadInput, match=r"--out .*s: holds another study: keys.a.1 was 2, is 3"):
+    with pytest.raises(
+        BadInput, match=r"--out .*s: contains another study: keys.a.1 was 2, is 3; choose another folder or delete it"
+    ):
         STUDY.require(tmp_path / "s", {**ABOUT, "keys": {"a": [1, 3]}})
 
 
 def test_a_folder_of_something_else_is_refused_and_left_as_it_is(tmp_path: Path):
     (tmp_path / "mine.txt").write_text("mine")
     held = STUDY.held(tmp_path, ABOUT)
-    with pytest.raises(BadInput, match="not a study's folder, and not empty"), held:
+    with pytest.raises(BadInput, match="is not empty and not a study's folder"), held:
         pass
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
@@ -41,7 +43,7 @@ def test_a_study_that_another_command_began_meanwhile_is_refused(tmp_path: Path,
 
     monkeypatch.setattr(study_folder, "locked", late)
     held = STUDY.held(tmp_path, ABOUT)
-    with pytest.raises(BadInput, match="holds another study: seed was 2, is 1"), held:
+    with pytest.raises(BadInput, match="contains another study: seed was 2, is 1"), held:
         pass
 
 

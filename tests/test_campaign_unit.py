@@ -84,9 +84,9 @@ def test_a_unit_that_refuses_is_an_outcome_of_its_own(tmp_path: Path):
 def test_a_campaign_goes_on_only_with_the_build_that_it_was_begun_with(tmp_path: Path):
     begun = fly(tmp_path, unit(tmp_path, "first_valid"), "out", runs=2).out
     other = written(tmp_path, {"name": "first_valid", "path": str(library("monitor"))})
-    with pytest.raises(BadInput, match=r"holds runs of another campaign: unit\.path was .*|unit\.sha256 was"):
+    with pytest.raises(BadInput, match=r"contains runs of another campaign: unit\.path was .*|unit\.sha256 was"):
         fly(tmp_path, other, "out")
-    with pytest.raises(BadInput, match="holds runs of another campaign: unit"):
+    with pytest.raises(BadInput, match="contains runs of another campaign: unit"):
         fly(tmp_path, None, "out")
     with pytest.raises(BadInput, match="was flown with the unit under test 'first_valid': give its file by --unit"):
         again(open_folder(begun), 0, tmp_path)

@@ -37,8 +37,8 @@ def space(folder: Path, varied: str = OFFSET) -> str:
 @pytest.mark.parametrize(
     ("varied", "options", "told"),
     [
-        ('[vary]\nturbulence = ["none", "light"]\n', (), "vary: no number varies with none: a search needs a range"),
-        (OFFSET, ("--flights", "25"), "--flights: 25 draws are below 24 at random and a population of 6"),
+        ('[vary]\nturbulence = ["none", "light"]\n', (), "vary: no number varies with none; a search needs a range"),
+        (OFFSET, ("--flights", "25"), "--flights: 25 draws are too few for 24 random ones and a population of 6"),
         (OFFSET, ("--requirement", "vot"), "--requirement 'vot': unknown, "),
         (OFFSET, ("--requirements", "redundanc"), "redundanc: no such file of requirements; bundled: "),
         (OFFSET, ("--against", "redundancy.managr=median"), "--against redundancy.managr=median: redundancy.managr: "),
@@ -61,7 +61,7 @@ def test_a_folder_of_something_else_is_refused(rig_command: Command, tmp_path: P
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "mine.txt").write_text("mine")
     code, _, err = rig_command("search", space(tmp_path), "--requirement", "vote", "--flights", "60", "--out", "s")
-    assert code == 2 and err == "error: --out s: not a campaign's folder, and not empty\n"
+    assert code == 2 and err == "error: --out s: is not empty and not a campaign's folder\n"
     assert [path.name for path in (tmp_path / "s").iterdir()] == ["mine.txt"]
 
 

@@ -128,10 +128,10 @@ def changed(name: str, **columns: Any) -> dict[str, pl.DataFrame]:
             changed("runs", manager=pl.Series(["mean", *["median"] * (len(TRIALS) - 1)])),
             "several managers \\(mean, median",
         ),
-        ({**tables(*TRIALS), "runs": tables(*TRIALS)["runs"].drop("design")}, "its runs have no 'design'"),
-        (changed("faults", id=pl.lit("other")), "no run of it has a fault that is called 'tested'"),
-        (changed("runs", outcome=pl.lit("crashed")), "no flown campaign"),
-        (changed("runs", design=pl.lit("double 4")), "design 'double': must begin with single, near, alike"),
+        ({**tables(*TRIALS), "runs": tables(*TRIALS)["runs"].drop("design")}, "the runs have no 'design'"),
+        (changed("faults", id=pl.lit("other")), "no run has a fault with id = 'tested'"),
+        (changed("runs", outcome=pl.lit("crashed")), "not a flown campaign"),
+        (changed("runs", design=pl.lit("double 4")), "design 'double': must begin with one of single, near, alike"),
     ],
 )
 def test_what_is_no_such_campaign_is_refused_in_one_line(made: dict[str, pl.DataFrame], said: str):

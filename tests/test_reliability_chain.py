@@ -141,8 +141,8 @@ def test_transitions_between_the_same_states_add_up(tmp_path: Path):
     [
         ("1e-3", "-1e-3", "transitions.0.per_hour: must be 0 or more, got -0.001"),
         ("1e-3", "inf", "transitions.0.per_hour: must be a finite number, got inf"),
-        ('start = "a"', 'start = "c"', "start: no such state 'c', allowed: a, b"),
-        ('to = "b"', 'to = "a"', "transitions.0: a transition must lead to another state, got 'a' twice"),
+        ('start = "a"', 'start = "c"', "start: no state 'c', allowed: a, b"),
+        ('to = "b"', 'to = "a"', "transitions.0: a transition must lead to another state; 'a' is given twice"),
         ("hours = 1.0", "hours = -1.0", "hours: must be 0 or more, got -1.0"),
         ("hours = 1.0", "", "hours: missing"),
         ("per_hour", "per_hours", "transitions.0.per_hour: missing"),

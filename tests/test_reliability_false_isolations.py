@@ -48,7 +48,9 @@ def test_biases_give_the_rate_of_quasi_monte_carlo():
 
 def test_few_flights_without_a_tilt_are_refused():
     bench = named("biases, 0.0064 rad/s").bench()
-    with pytest.raises(BadInput, match=r"pitch_rate: threshold 0\.0064: \d+ different sets of errors .*, 20 needed"):
+    with pytest.raises(
+        BadInput, match=r"pitch_rate: threshold 0\.0064: no estimate: \d+ different sets of errors .*, 20 are needed"
+    ):
         estimate_or_bound(bench, effort=Effort(flights=400, excursions=1000, kappas=(1.0,)))
 
 
@@ -112,7 +114,10 @@ def test_the_command_says_what_the_bundled_threshold_gives(rig_command):
         (["pitch_rates"], "unknown signal 'pitch_rates'"),
         (["pitch_rate", "--threshold", "0.1,x"], "must be numbers above 0, separated by commas, got 0.1,x"),
         (["pitch_rate", "--target", "1e-15"], "--target: must be from 1e-12 to 1 false isolations per channel hour"),
-        (["pitch_rate", "--set", "redundancy.manager=median"], "redundancy.manager: 'median': only cross-channel"),
+        (
+            ["pitch_rate", "--set", "redundancy.manager=median"],
+            "redundancy.manager: 'median': must be cross-channel or cross-voter",
+        ),
     ],
 )
 def test_bad_input_is_one_line(rig_command, more: list[str], said: str):

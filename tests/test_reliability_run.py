@@ -80,7 +80,7 @@ def test_a_missing_cell_is_named(rig_command, counted, rates: Path):
 def test_a_missing_kind_is_named(rig_command, counted, rates: Path):
     counted["a"] = Cells("cross-channel", table(kinds=("hardover",)), NO_ALARMS)
     code, _, err = rig_command("reliability", "run", "a", "--rates", str(rates))
-    assert code == 2 and "no trial of drift with" in err
+    assert code == 2 and "no trial of drift, a kind of the rates file, with" in err
 
 
 def test_a_kind_of_a_campaigns_own_is_named_by_the_rates_and_asked_of_the_folders(rig_command, counted, rates: Path):
@@ -88,7 +88,7 @@ def test_a_kind_of_a_campaigns_own_is_named_by_the_rates_and_asked_of_the_folder
     counted["a"] = Cells("cross-channel", table(), NO_ALARMS)
     counted["b"] = Cells("cross-channel", table(bad=100, kinds=("slow drift",)), NO_ALARMS)
     code, _, err = rig_command("reliability", "run", "a", "--rates", str(rates))
-    assert code == 2 and "no trial of slow drift with 1 good channels" in err
+    assert code == 2 and "no trial of slow drift, a kind of the rates file, with 1 good channels" in err
     code, out, err = rig_command("reliability", "run", "a", "b", "--rates", str(rates))
     assert code == 0, err
     assert "hardover 50 %, slow drift 50 %" in out
@@ -154,7 +154,7 @@ def test_the_bundled_rates_of_slow_drifts_take_half_of_the_drifts_for_slow():
     ("old", "new", "said"),
     [
         ('source = "a test"\n', "", "pitch_rate: source: missing"),
-        ("[1e-3]", "[-1e-3]", "pitch_rate: per_hour: rates per hour are above 0 and at most 1, got [-0.001]"),
+        ("[1e-3]", "[-1e-3]", "pitch_rate: per_hour: rates per hour must be above 0 and at most 1, got [-0.001]"),
         ("drift = 0.5", "drift = 0.6", "pitch_rate: kinds: the shares of the kinds must add up to 1, got 1.1"),
         ("drift", "drfit", "pitch_rate: kinds: unknown kind 'drfit'"),
         ("drift", "'slow drfit'", "pitch_rate: kinds: unknown kind 'slow drfit'"),

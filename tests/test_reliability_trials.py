@@ -187,7 +187,7 @@ def test_a_mean_is_bad_after_a_hardover():
 
 @pytest.mark.parametrize("good", [[2], [4, 1], [3, 2, 1]])
 def test_levels_two_and_one_are_refused_with_the_reason(bundled: Plan, good: list[int]):
-    with pytest.raises(BadInput, match=r"--good-before [12]: .* the aircraft moves with the vote .*: fly the campaign"):
+    with pytest.raises(BadInput, match=r"--good-before [12]: .* the aircraft follows the vote .*; fly the campaign"):
         shared_out(bundled, 100, 1, good)
 
 
@@ -195,14 +195,14 @@ def test_two_faults_among_three_good_channels_are_left_to_flights(bundled: Plan,
     """One good channel of three is outvoted, and the aircraft follows the others."""
     assert {planned(bundled, unit.number) for unit in shared_out(bundled, 1000, 1, [3])} == {(3, "single")}
     (tmp_path / "c.toml").write_text(SMALL.replace("single 4, channel 2", "near 3, channel 2"))
-    with pytest.raises(BadInput, match="no case of it has 4 or 3 good channels and leaves two of them good"):
+    with pytest.raises(BadInput, match="no case has 4 or 3 good channels and leaves two of them good"):
         shared_out(Plan(read(tmp_path / "c.toml"), "c.toml"), 100, 1)
 
 
 @pytest.mark.parametrize(
     ("name", "sets", "said"),
     [
-        ("smoke", {}, "no campaign like `reliability`: it has no cases.design"),
+        ("smoke", {}, "not a campaign like `reliability`: it has no cases.design"),
         ("reliability", {"redundancy.manager": "mine:Own"}, "redundancy.manager: 'mine:Own'"),
         ("reliability", {"sensors.pitch_rate.g_sensitivity_tolerance": 0.001}, "sensors.pitch_rate: .* cross-axis"),
     ],
@@ -302,7 +302,7 @@ def test_trials_of_an_earlier_version_are_read_with_a_note(tmp_path: Path, capsy
     for name in ("cells", "false_isolations"):
         pl.read_parquet(out / f"{name}.parquet").write_parquet(out / f"{name}.parquet")
     assert cells(out).counts.equals(before.counts)
-    assert "earlier version of the rig: its tables have no checksum" in " ".join(capsys.readouterr().err.split())
+    assert "earlier version of rig; its tables have no checksum" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

@@ -249,13 +249,13 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(rig_command, gathered,
     rates.write_text(RATES.replace("[1e-3]", "[1e-3, 2e-3]"))
     out = tmp_path / "fmea.csv"
     code, _, err = rig_command("reliability", "fmea", "C", "--rates", str(rates), "--out", str(out))
-    assert code == 2 and "a line has one rate, got 2" in err and not out.exists()
+    assert code == 2 and "an FMEA line needs one rate, got 2" in err and not out.exists()
 
 
 def test_a_campaign_without_single_faults_and_a_foreign_folder_are_refused(
     gathered, rig_command, rates: Path, tmp_path: Path
 ):
-    with pytest.raises(BadInput, match="C: no flight of it has a single fault"):
+    with pytest.raises(BadInput, match="C: no flight has a single fault"):
         gathered({"outcome": "crashed"})
     code, _, err = rig_command("reliability", "run", str(tmp_path), "--rates", str(rates))
     assert code == 2 and "not a campaign's folder" in err
@@ -308,4 +308,4 @@ def test_the_report_closes_the_circle(monkeypatch, rig_command, gathered, rates:
     with STUDY.held(other, Asked("f16", "roll_rate", 1, 2, ("manoeuvre-near",), 0, {}).as_dict()):
         pass
     code, _, err = rig_command(*arguments[:2], str(other), *arguments[3:])
-    assert code == 2 and "cut sets of roll_rate, the tree is of pitch_rate" in err
+    assert code == 2 and "cut sets of roll_rate, but the tree is of pitch_rate" in err

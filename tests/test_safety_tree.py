@@ -330,9 +330,9 @@ def test_the_command_prints_how_far_the_tree_is_from_the_chain(rig_command, flow
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[1e-3]", "[1e-3, 2e-3]", r"pitch_rate.per_hour: a tree is of one value, got 2"),
-        ("[0.01]", "[0.0, 0.01]", r"pitch_rate.beta: a tree is of one value, got 2"),
-        ("[1e-3]", "[-1e-3]", r"per_hour: rates per hour are above 0"),
+        ("[1e-3]", "[1e-3, 2e-3]", r"pitch_rate.per_hour: a tree needs one value, got 2"),
+        ("[0.01]", "[0.0, 0.01]", r"pitch_rate.beta: a tree needs one value, got 2"),
+        ("[1e-3]", "[-1e-3]", r"per_hour: rates per hour must be above 0"),
         ("[1e-3]", "[inf]", r"per_hour"),
         ("[1e-3]", "[nan]", r"per_hour"),
         ('source = "a test"', 'source = "a test"\nbox_per_hour = -1.0', r"box_per_hour"),
@@ -357,7 +357,7 @@ def test_a_name_that_xml_forbids_is_refused(rig_command, flown, tmp_path: Path):
 
 def test_several_managers_are_refused(rig_command, flown):
     code, _, err = rig_command(*flown[:3], "b", *flown[3:])
-    assert code == 2 and err == "error: a, b: a tree is of one manager, got cross-channel, mean\n"
+    assert code == 2 and err == "error: a, b: a tree needs one manager, got cross-channel, mean\n"
 
 
 def test_hours_are_checked(rig_command, flown):

@@ -92,7 +92,7 @@ def test_a_search_tells_what_it_found(whole: tuple[Path, Ended]):
     )
     assert figures["robustness"] == min(map(robustness, runs["requirements"]))
     assert figures["worst"]["arm"] == "alike" and figures["confirmed"][0] >= 2
-    assert "Plotly.newPlot" in (whole[0] / "search.html").read_text()
+    assert "Plotly.react" in (whole[0] / "search.html").read_text()
 
 
 @pytest.mark.parametrize(("workers", "parts"), [(2, 1), (3, 4)])
@@ -151,7 +151,7 @@ def test_the_confirmed_seeds_are_those_of_no_flight_of_the_search(whole: tuple[P
 
 
 def test_a_folder_of_another_search_is_refused(whole: tuple[Path, Ended]):
-    with pytest.raises(BadInput, match=r"holds runs of another campaign: .*seed was 0, is 1"):
+    with pytest.raises(BadInput, match=r"contains runs of another campaign: .*seed was 0, is 1"):
         run(plan(seed=1), whole[0], workers=1)
 
 

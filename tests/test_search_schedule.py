@@ -71,9 +71,9 @@ def test_a_tenth_and_at_least_24_draws_are_random(draws: int, count: int):
 
 
 def test_too_few_flights_for_the_arms_or_for_a_generation_are_refused():
-    with pytest.raises(BadInput, match=r"24 random draws over 8 arms are fewer than 5 each: at least 400"):
+    with pytest.raises(BadInput, match=r"24 random draws over 8 arms are fewer than 5 each; give 400"):
         random_count(cube(8), 200)
-    with pytest.raises(BadInput, match=r"30 draws are below 24 at random and a population of 8"):
+    with pytest.raises(BadInput, match=r"30 draws are too few for 24 random ones and a population of 8"):
         random_count(cube(1), 30)
     assert random_count(cube(8), 40, "random") == 40
 

@@ -93,9 +93,9 @@ def test_a_flight_with_a_fault_is_told_and_left_out(rig_command: Command):
 
 REMARKS = {
     "one flight": (1, 300.0, ["--budget", "20"], "only one flight: split into 16 parts, which differ less"),
-    "few flights": (3, 60.0, ["--budget", "20"], "3 flights: with fewer than 9"),
-    "beyond the data": (10, 30.0, ["--budget", "0.01"], "1.2e+03 times beyond the 0.0833 h of data"),
-    "little data": (2, 10.0, ["--budget", "100"], "events where 40 are wanted"),
+    "few flights": (3, 60.0, ["--budget", "20"], "3 flights; with fewer than 9"),
+    "beyond the data": (10, 30.0, ["--budget", "0.01"], "1.2e+03 times the 0.0833 h of data"),
+    "little data": (2, 10.0, ["--budget", "100"], "events, not 40 or more"),
 }
 
 
@@ -117,7 +117,7 @@ def test_data_to_be_monitored_that_move_more_are_told(rig_command: Command):
     config()
     wanted = ["data", "--config", "c.toml", "--budget", "20", "--out", "o.toml", *QUICK, "--json"]
     notes = json.loads(rig_command("thresholds", *wanted, "--monitored", "other")[1])["notes"]
-    assert any(note.startswith("gyro: 95 % of its motion is") for note in notes)
+    assert any(note.startswith("gyro: 95 % of its motion is within") for note in notes)
     assert json.loads(rig_command("thresholds", *wanted, "--monitored", "data")[1])["notes"] == []
 
 
@@ -142,10 +142,10 @@ def _other_rate() -> None:
 
 BAD: dict[str, tuple[Any, dict[str, Any], list[str], str]] = {
     "no config": (None, {}, ["--config", "none.toml"], "none.toml: no such file"),
-    "no settings": (None, {"time_column": "t"}, [], "c.toml: no signal to design: add [default] or [signal.<name>]"),
+    "no settings": (None, {"time_column": "t"}, [], "c.toml: no signal to design; add [default] or [signal.<name>]"),
     "an unknown signal": (None, {"signal": {"gyr": {}}}, [], "signal 'gyr' is not in the input; allowed: gyro"),
-    "another manager": (None, {"default": {"manager": "mean"}}, [], 'no signal with the manager "cross-channel"'),
-    "an empty folder": (lambda: Path("data").mkdir(), {}, [], "data: no recording in it: neither a file of .csv"),
+    "another manager": (None, {"default": {"manager": "mean"}}, [], 'no signal has the manager "cross-channel"'),
+    "an empty folder": (lambda: Path("data").mkdir(), {}, [], "data: no recording found: neither a file of type .csv"),
     "nothing there": (lambda: None, {}, [], "data: no such file"),
     "no budget": (None, {}, ["--budget", "0"], "--budget: must be 1e-12 or more false isolations per hour, got 0.0"),
     "a budget beyond numbers": (
@@ -164,7 +164,7 @@ BAD: dict[str, tuple[Any, dict[str, Any], list[str], str]] = {
     "a level of one": (None, {}, ["--levels", "4,1"], "--levels: whole numbers from 2 to 4"),
     "a filter of words": (None, {}, ["--filter", "long"], "--filter: seconds from 0 to 1000"),
     "a stretch without align": (None, {}, ["--align-to", "3"], "--align-to and --align-matrix need --align"),
-    "channels that are one": (_same_channels, {}, [], "gyro: its channels do not differ in 0.0167 h"),
+    "channels that are one": (_same_channels, {}, [], "gyro: the channels do not differ in 0.0167 h"),
     "a fault everywhere": (_all_faulty, {}, [], "gyro: a channel stands out in every flight"),
     "flights too short": (lambda: record("data", 2, 0.5), {}, [], "gyro: too few events in 0.000278 h of 2 flights"),
     "another rate": (_other_rate, {}, [], "path_2.parquet: 50 rows a second, data/path_1.parquet has 100"),
@@ -260,7 +260,7 @@ def test_outlier_thresholds_stand_beside_those_that_there_are(limit: float, writ
 def test_outlier_thresholds_need_one_to_stand_beside():
     config(default={"fade_s": 0.1})
     using, raw = start(Path("c.toml"))
-    with pytest.raises(BadInput, match=r"signal\.a: --outlier needs the threshold"):
+    with pytest.raises(BadInput, match=r"signal\.a: --outlier needs a threshold in CONFIG"):
         recorded_toml(raw, {"a": DESIGN}, using.signals(["a"], ""), 100.0, (), [], outlier=True)
 
 
@@ -337,7 +337,7 @@ def test_logs_of_ours_need_no_configuration(rig_command: Command):
     assert written["pitch_rate"]["persistence"] == 2
     assert written["pitch_rate"]["threshold"] == json.loads(out)["signals"]["pitch_rate"]["chosen"]["threshold"]
     code, _, err = rig_command("thresholds", str(faulty.log), "--budget", "20", "--out", "p.toml")
-    assert code == 2 and "its scenario has 1 faults" in err and not Path("p.toml").exists()
+    assert code == 2 and "the scenario has 1 fault;" in err and not Path("p.toml").exists()
 
 
 @pytest.mark.long

@@ -137,7 +137,7 @@ def test_data_that_move_more_are_told():
     design = {"x": Envelope(10.0, 100.0, 1.0)}
     assert beyond(design, {"x": Envelope(10.0 * BEYOND, 100.0 * BEYOND, 9.0), "y": Envelope(99.0, 9.0, 1.0)}) == []
     assert beyond(design, {"x": Envelope(16.0, 90.0, 1.0)}) == [
-        "x: 95 % of its motion is 16, of the design data 10: the thresholds are not made for it"
+        "x: 95 % of its motion is within 16, of the design data within 10; the thresholds are not valid for it"
     ]
     assert "a second" in beyond(design, {"x": Envelope(9.0, 151.0, 1.0)})[0]
 

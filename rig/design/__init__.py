@@ -1,5 +1,7 @@
-"""What is designed before a flight: gains with their margins, references with their thresholds; not imported in flight.
+"""Designs made before a flight: gains with their stability margins, references with their thresholds.
 
 design_gains.py  the gain schedule of an aircraft (requirements, loops, margins, point_gains, backup)
 design_references.py  coefficients and thresholds of the references, from healthy flights
+
+A flight does not import this package.
 """

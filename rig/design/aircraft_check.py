@@ -1,4 +1,4 @@
-"""Check an aircraft: what its model reads, its trims, and the margins of the best design, loop by loop."""
+"""Check an aircraft: the properties of its model, its trims, and the stability margins of its best design by loop."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rig.world.plant.linearise import Trim, trimmed
 
 @dataclass(frozen=True)
 class Property:
-    """A property that the aircraft.toml names, whether the model reads it, and the nearest that it reads."""
+    """A property named in aircraft.toml, whether the model reads it, and the nearest name that the model reads."""
 
     key: str
     name: str
@@ -36,7 +36,7 @@ class Trimmed:
 
 @dataclass(frozen=True)
 class LoopMargin:
-    """The margins of one loop, and what they miss."""
+    """The stability margins of one loop, and the ones that are too small."""
 
     point: str
     law: str
@@ -47,7 +47,7 @@ class LoopMargin:
 
 @dataclass(frozen=True)
 class Check:
-    """What was found; ``gains`` only when every flight point trims and every property is there."""
+    """The result of a check; ``gains`` only if every flight point trims and the model reads every property."""
 
     properties: list[Property]
     reads: list[str]
@@ -57,11 +57,11 @@ class Check:
 
     @property
     def below(self) -> list[str]:
-        """The margins that the best design misses, a line for each loop."""
+        """Return the stability margins that the best design misses, a line for each loop."""
         return [] if self.gains is None else self.gains.below
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the same as plain data."""
+        """Return the result as plain data."""
         return {
             "properties": [asdict(item) for item in self.properties],
             "reads": self.reads,
@@ -75,7 +75,7 @@ class Check:
 
 
 def check(airframe: Airframe, wanted: Requirements | None = None) -> Check:
-    """Look at everything that a design of ``airframe`` needs, then design it.  Some seconds a flight point."""
+    """Check everything that a design of ``airframe`` needs, then design it.  Some seconds a flight point."""
     wanted = wanted or Requirements()
     properties, reads = _properties(airframe)
     if not all(item.read for item in properties):
@@ -90,7 +90,7 @@ def check(airframe: Airframe, wanted: Requirements | None = None) -> Check:
 
 
 def _properties(airframe: Airframe) -> tuple[list[Property], list[str]]:
-    """Return the positions that the surfaces name, compared with the model's; none of a linear aircraft."""
+    """Return the positions named by the surfaces, compared with the model's; none for a linear aircraft."""
     if not isinstance(airframe, Config):
         return [], []
     reads = read(airframe.base_model).reads

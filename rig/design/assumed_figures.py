@@ -1,6 +1,6 @@
-"""Figures that no model of JSBSim gives: actuators, limits of flight; each with its source, for an aircraft.toml.
+"""Values that no JSBSim model gives, for an aircraft.toml: actuators and limits of flight, each with its source.
 
-Kinds as of ``BaseModel.kind``.  All are assumed of the type and marked so in the file; who knows better writes better.
+Kinds are those of ``BaseModel.kind``.  All values are assumed for the type and marked so; replace them by known ones.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ STOP_RAD: Final = 0.35  # of a surface whose stops the model does not give, and 
 
 @dataclass(frozen=True)
 class Figures:
-    """What is assumed of one kind of aircraft; rad, s, g; ``..._source`` stands in the file as a comment."""
+    """The assumed values of one kind of aircraft; rad, s, g; ``..._source`` is a comment in the file."""
 
     lag_s: float
     rate_limit_rad_s: float
@@ -93,7 +93,7 @@ REVOLUTIONS: Final = 0.7  # of a governed propeller, of the way from its least t
 
 
 def held(engines: int, engine: str, blade_angles_deg: tuple[float, float] | None) -> dict[str, float]:
-    """Return the levers that are held beside the throttle: mixture, and revolutions of a governed propeller."""
+    """Return the levers held beside the throttle: mixture, and revolutions of a governed propeller."""
     made: dict[str, float] = {}
     for i in range(engines):
         if engine == "piston":

@@ -1,7 +1,7 @@
-"""The design of what is flown when signals are lost: lift, short period, the back-up law's compensators.
+"""Design the laws for lost signals: lift, short period, and the compensators of the standby law.
 
-A compensator is a linear-quadratic regulator on estimates of a Kalman filter (LQG) for the short period
-with its actuator.  Two bandwidths set it: the regulator's and the observer's.
+A compensator is a linear-quadratic regulator on estimates of a Kalman filter (LQG) for the short period with its
+actuator.  Two bandwidths define it: the regulator's and the observer's.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rig.core.units.constants import GRAVITY
 Matrix = NDArray[np.float64]
 Sensor = Literal["load", "alpha"]
 SENSORS: Final[tuple[Sensor, ...]] = ("load", "alpha")
-# Lost with the pitch rate, so that the back-up law flies on this sensor alone.
+# Lost with the pitch rate, so that the standby law flies on this sensor alone.
 LOST: Final[dict[Sensor, tuple[str, ...]]] = {
     "load": ("pitch_rate", "pitch_angle"),
     "alpha": ("pitch_rate", "pitch_angle", "normal_load_factor"),
@@ -33,7 +33,7 @@ _INTEGRALS: Final = (0.2, 0.05)
 
 @dataclass(frozen=True)
 class Bandwidth:
-    """How fast one compensator is to be."""
+    """The bandwidths of one compensator."""
 
     observer_rad_s: float
     regulator_rad_s: float
@@ -41,7 +41,7 @@ class Bandwidth:
 
 
 def candidates() -> list[Bandwidth]:
-    """Return slow observers, which pass little noise, first, and of these slow regulators, which ask little."""
+    """Return the candidates: slow observers first, which pass little noise, then slow regulators."""
     return [Bandwidth(*x) for x in product(_OBSERVERS_RAD_S, _REGULATORS_RAD_S, _INTEGRALS)]
 
 

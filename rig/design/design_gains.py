@@ -1,10 +1,9 @@
-"""The design: from an aircraft's linear models to its gains.toml.
+"""Design the gains of an aircraft, its gains.toml, from its linear models.
 
-The wanted crossover of each plane starts at a share of the actuator's bandwidth; the attitude loop is
-put a factor below it, and both come down until every margin holds (loop_requirements.py).  Where none does, the
-integral of the rate loops is made stronger: light aircraft damp faster than their actuators let a loop cross, and
-of a lightly damped short period too little is left of a slow rate loop.  What gains follow from the crossovers is
-in point_gains.py.
+The crossover of each plane starts at a share of the actuator's bandwidth.  The attitude loop is a factor below it.
+Both decrease until every gain and phase margin holds (loop_requirements.py).  If none does, the integral of the rate
+loops is made stronger: light aircraft damp faster than their actuators allow a loop to cross, and a slow rate loop
+leaves a lightly damped short period almost unchanged.  point_gains.py computes the gains from the crossovers.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from rig.world.plant.linearise import linearise
 
 MOST_SAID: Final = 3  # loops below the requirement that an error names
 _RATE_SHARES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of the highest crossover
-_QUICK: Final = 3  # so many of them count as quick
+_QUICK: Final = 3  # this many of them count as quick
 _ALPHA_SHARES: Final = (1.0, 0.7, 0.4)  # of the regulator's gain on alpha, in the longitudinal plane
 _ALTITUDE_SHARES: Final = (0.5, 0.35)  # altitude loop's crossover over the attitude loop's
 _ATTITUDE_SHARES: Final = (0.26, 0.22, 0.18, 0.15)  # attitude loop's crossover over the rate loop's
@@ -36,14 +35,14 @@ _DAMPED_ATTITUDES: Final = (0.26, 0.18, 0.12)
 _DAMPED_ALTITUDES: Final = (0.5, 0.35, 0.25)
 _INTEGRALS: Final = (0.6, 0.3, 1.0)  # crossover of the integral alone over the rate loop's
 _AIRSPEEDS: Final = (1.0, 0.6)
-_EVERY: Final = 12  # of the candidates, when none keeps the margins: neighbours differ little
+_EVERY: Final = 12  # of the candidates, if none keeps the margins: neighbours differ little
 _NEARNESS: Final = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4, 0.2)
 
 
 def design(airframe: Airframe, wanted: Requirements | None = None, *, accept: bool = False) -> Gains:
-    """Return gains for every flight point of ``airframe``; PointFault when the margins cannot be had.
+    """Return gains for every flight point of ``airframe``.  PointFault: the stability margins cannot be reached.
 
-    accept : take the gains that come nearest where none keeps the margins; ``Gains.below`` says which
+    accept : take the nearest gains if none keeps the stability margins; ``Gains.below`` lists them
     Pure: the same aircraft and requirements give the same numbers.
     """
     designed = design_points(airframe, wanted)
@@ -56,7 +55,7 @@ def design(airframe: Airframe, wanted: Requirements | None = None, *, accept: bo
 
 @dataclass(frozen=True)
 class Designed:
-    """One flight point: the gains, and what they miss, a line for each loop that keeps less than is required."""
+    """One flight point: the gains, and a line for each loop that misses its stability margins."""
 
     case: Case
     point: Point
@@ -64,7 +63,7 @@ class Designed:
 
 
 def design_points(airframe: Airframe, wanted: Requirements | None = None) -> list[Designed]:
-    """Return the best gains of every flight point, in the order of dynamic pressure, margins kept or not."""
+    """Return the best gains of every flight point, in the order of dynamic pressure, all margins kept or not."""
     wanted = wanted or Requirements()
     cases = [Case(airframe, point, linearise(airframe, point), wanted) for point in airframe.flight_points]
     cases.sort(key=lambda case: case.linear.trim.dynamic_pressure_pa)
@@ -76,7 +75,7 @@ def design_points(airframe: Airframe, wanted: Requirements | None = None) -> lis
 
 
 def _design_point(case: Case) -> Designed:
-    """Take for each plane the first candidate whose margins hold; the planes do not depend on each other."""
+    """Return for each plane the first candidate whose stability margins hold; the planes are independent."""
     first = _candidates()[0]
     chosen = dict.fromkeys(ACTUATORS, first)
     for plane in case.planes:
@@ -94,14 +93,14 @@ def _design_point(case: Case) -> Designed:
 
 
 def _nearest(case: Case, chosen: dict[Plane, Shares], plane: Plane) -> Shares:
-    """Return of every few candidates of one plane the one that keeps the largest share of the margins."""
+    """Return the candidate of one plane, out of every few, that keeps the largest share of the stability margins."""
     return max(
         _candidates()[::_EVERY], key=lambda tried: nearness(case, gains_at(case, {**chosen, plane: tried}), plane)
     )
 
 
 def _candidates() -> list[Shares]:
-    """Return candidates, fast first: the attitude loop gives way before the rate loop loses over a quarter."""
+    """Return the candidates, fast first: the attitude loop slows down before the rate loop loses over a quarter."""
     quick, slow = _RATE_SHARES[:_QUICK], _RATE_SHARES[_QUICK:]
     tried = [Shares(*x) for x in product(quick, _ATTITUDE_SHARES, _ALPHA_SHARES, _ALTITUDE_SHARES)]
     tried.sort(key=lambda x: (-x.altitude, -x.attitude, -x.alpha, -x.rate))
@@ -112,7 +111,7 @@ def _candidates() -> list[Shares]:
 
 
 def _backed_up(case: Case, point: Point, sensor: Sensor) -> Point:
-    """Return ``point`` with the first compensator of ``sensor`` that keeps the margins, else the nearest."""
+    """Return ``point`` with the first compensator of ``sensor`` that keeps the stability margins, or the nearest."""
     best, nearest = 0.0, point
     for candidate in backup.candidates():
         tried = point.model_copy(update=backup_gains(case, sensor, candidate))

@@ -1,9 +1,9 @@
-"""The design of the references: coefficients from the linear model, filters and thresholds from flights.
+"""Design the references: coefficients from the linear model, filters and thresholds from flights.
 
-Healthy aircraft fly manoeuvres on the sticks and on the autopilot, in calm air and in turbulence, at every
-flight point.  Over their rows the references run as in flight; what is left between reference and vote
-chooses the filters, and the worst of it the threshold.  No reference moves a healthy flight, so one set of
-flights measures every source.
+Healthy aircraft fly manoeuvres with the stick and with the autopilot, in calm air and in turbulence, at every trim
+point.  The references run over the rows as in flight.  The difference between reference and vote selects the filters,
+and its largest value gives the threshold.  References do not change a healthy flight, so one set of flights measures
+every source.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _on_the_sticks(*manoeuvres: dict[str, Any]) -> dict[str, Any]:
     return {"duration_s": 20.0, "pilot": {"autopilot_engaged": False, "manoeuvres": list(manoeuvres)}}
 
 
-# Brisk but ordinary: about a third of the load factor and half of the roll rate that the stick can ask.
+# Brisk but ordinary: about a third of the load factor and half of the roll rate that the stick can command.
 FLIGHTS: Final[dict[str, dict[str, Any]]] = {
     "pitch": _on_the_sticks(
         _manoeuvre("3-2-1-1", "stick_pitch", 2.0, 0.3, duration_s=3.5),
@@ -72,9 +72,9 @@ FLIGHTS: Final[dict[str, dict[str, Any]]] = {
 RATE_HZ: Final = 100.0
 RESERVE: Final = 1.2  # threshold over the worst measured error
 SETTLED_S: Final = 0.5  # the start of each flight is not measured
-FILTERS_S: Final = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2)  # no slower: a law may have to fly on it
+FILTERS_S: Final = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2)  # not slower: a law may have to fly on it
 Key = tuple[str, str]  # signal and source; the name of an airspeed error instead of the source
-# What is measured as an equivalent airspeed, too: wind is the error of a speed over ground.
+# Signals also measured as an equivalent airspeed: wind is the error of a speed over ground.
 AS_AIRSPEED: Final[dict[Key, str]] = {("dynamic_pressure", "inertial"): "inertial, equivalent airspeed"}
 Errors = dict[Key, NDArray[np.float32]]
 Summary = dict[str, dict[str, Error]]  # by signal and source
@@ -86,7 +86,7 @@ def cases() -> list[Case]:
 
 
 def label(flight_point: str, case: Case) -> str:
-    """Return a measured flight as references.toml names it."""
+    """Return the name of a measured flight in references.toml."""
     flight, turbulence, seed = case
     return f"{flight_point}, {flight}, turbulence {turbulence}, seed {seed}"
 
@@ -100,9 +100,9 @@ def rounds(keys: Collection[Key] = PARTNERS) -> list[Config]:
     return [build(Config, {s: (of[i:] or ["none"])[0] for s, of in sources.items()}, "references") for i in range(most)]
 
 
-# References without measured thresholds can speak against channels, but not fail them.
+# References without measured thresholds are compared with channels, but do not isolate them.
 _UNMEASURED: Final = {"redundancy": {"common_mode": "report"}}
-# The references that each filter serves: it is chosen for the least of their worst errors in thresholds.
+# The references that each filter serves: it is chosen for the smallest of their largest errors in thresholds.
 _SERVES: Final = {
     "alpha_filter_s": (("pitch_rate", "angle_of_attack"),),
     "attitude_filter_s": (("pitch_rate", "attitude"), ("roll_rate", "attitude"), ("yaw_rate", "attitude")),
@@ -114,21 +114,21 @@ _SERVES: Final = {
     ),
     "unit_filter_s": tuple((f"{axis}_load_factor", "inertial") for axis in ("normal", "lateral", "longitudinal")),
 }
-# Of filters that leave a worst error within this of the least, the quickest.  An unstable aircraft may have to fly on
-# the pitch rate, where every late hundredth of a second tells and the worst errors hardly differ.
+# The quickest filter whose largest error is within this factor of the smallest.  An unstable aircraft may have to fly
+# on the pitch rate, where every hundredth of a second of delay matters and the largest errors hardly differ.
 _NEARLY: Final = {"alpha_filter_s": 1.1}
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One flight point, its filters chosen, and reference less vote of every settled frame of each of ``cases``."""
+    """One flight point, its filters, and reference minus vote in every settled frame of each of ``cases``."""
 
     point: Point
     errors: list[Errors]
 
 
 def design(name: str, gains: Gains) -> Designed:
-    """Return the references of an aircraft; BadInput or RigError when it cannot be flown.
+    """Return the references of an aircraft.  BadInput or RigError: it cannot be flown.
 
     Pure: the same aircraft and gains give the same numbers.  Some seconds for each flight point.
     """
@@ -147,7 +147,7 @@ def _tables(name: str, gains: Gains) -> dict[str, Any]:
 
 
 def split(errors: Summary) -> tuple[Summary, Summary]:
-    """Return errors in the signals' units, and those as equivalent airspeeds under the names of their sources."""
+    """Return errors in the signals' units, and as equivalent airspeeds under the names of their sources."""
     airspeeds: Summary = {}
     for (signal, chosen), name in AS_AIRSPEED.items():
         airspeeds.setdefault(signal, {})[chosen] = errors[signal][name]
@@ -163,8 +163,8 @@ def _designed(airframe: Airframe, points: list[Point], errors: Summary, airspeed
 def coefficients(linear: Linear) -> dict[str, float]:
     """Return the coefficients of a Point, six digits of each, from the small motions about its trim.
 
-    alpha_dot = Z_alpha alpha + Z_q q + Z_elevator elevator, and the same for beta_dot: the surfaces are replaced
-    by what the moment equations say of them, elevator = (q_dot - M_alpha alpha - M_q q) / M_elevator.
+    alpha_dot = Z_alpha alpha + Z_q q + Z_elevator elevator, and the same for beta_dot.  The moment equations replace
+    the surfaces: elevator = (q_dot - M_alpha alpha - M_q q) / M_elevator.
     """
     trim, speed_g = linear.trim, linear.trim.airspeed_m_s / GRAVITY
     pressure = trim.dynamic_pressure_pa
@@ -172,11 +172,11 @@ def coefficients(linear: Linear) -> dict[str, float]:
     tail = b[1, 0] / b[2, 0]  # Z_elevator / M_elevator, s
     lift_slope = -(a[1, 1] - tail * a[2, 1]) * speed_g / pressure
     a_lateral, b_lateral = linear.lateral_a, linear.lateral_b
-    fins, side = np.zeros(2), -lift_slope * pressure / speed_g  # any slope tells that nothing pushes sideways
+    fins, side = np.zeros(2), -lift_slope * pressure / speed_g  # any slope: there is no side force
     if linear.rolls:
         fins = np.linalg.solve(b_lateral[1:3].T, b_lateral[0])  # of aileron and rudder together, s
         side = a_lateral[0, 0] - fins @ a_lateral[1:3, 0]
-        if side >= 0.0:  # the fin's force hides the body's: the sideslip of this model says nothing without the rudder
+        if side >= 0.0:  # the fin's force hides the body's: this model has no sideslip information without the rudder
             fins, side = np.zeros(2), a_lateral[0, 0]
     values = {
         "dynamic_pressure_pa": pressure,
@@ -205,14 +205,14 @@ def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoin
             _refuse_gaps(of_filter[-1], flight_point, case)
     best = _choose(by_filter, tables["redundancy"]["signals"])
     of = {key: best[filter_name] for filter_name, keys in _SERVES.items() for key in keys}
-    # what no filter serves is the same with all of them
+    # references without a filter are the same with all of them
     chosen = [{key: by_filter[of.get(key, 0)][i][key] for key in item} for i, item in enumerate(by_filter[0])]
     filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
     return Measured(tried[0].model_copy(update=filters), chosen)
 
 
 def _refuse_gaps(errors: Errors, flight_point: FlightPoint, case: Case) -> None:
-    """PointFault for a reference that had no value in a healthy flight, for want of a vote that it is made from."""
+    """Raise PointFault for a reference without a value in a healthy flight: a vote that it needs was missing."""
     for (signal, chosen), error in errors.items():
         if not np.isfinite(error).all():
             where = f"in the healthy flight {label(flight_point.name, case)}"
@@ -220,7 +220,7 @@ def _refuse_gaps(errors: Errors, flight_point: FlightPoint, case: Case) -> None:
 
 
 def _point(flight_point: FlightPoint, fixed: dict[str, float], filter_s: float) -> Point:
-    """Return the references of one flight point; PointFault names the coefficient that they cannot work with."""
+    """Return the references of one flight point.  PointFault names a coefficient that they cannot use."""
     data = {"name": flight_point.name, **fixed, **dict.fromkeys(FILTERS, filter_s)}
     try:
         return build(Point, data, f"design of the references of {flight_point.name}")
@@ -229,7 +229,7 @@ def _point(flight_point: FlightPoint, fixed: dict[str, float], filter_s: float) 
 
 
 def try_out(name: str, gains: Gains, point: FlightPoint) -> None:
-    """Fly each manoeuvre in each turbulence at a flight point; PointFault says in which it is lost."""
+    """Fly each manoeuvre in each turbulence at a flight point.  PointFault names the one that loses the aircraft."""
     tell(f"trying out {point.name}")
     tables = _tables(name, gains)
     airframe = parse(tables["airframe"], f"aircraft {name}")
@@ -240,7 +240,7 @@ def try_out(name: str, gains: Gains, point: FlightPoint) -> None:
 
 
 def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, case: Case) -> Block:
-    """Return all rows of one flight; RigError when the healthy aircraft is lost."""
+    """Return all rows of one flight.  RigError: the healthy aircraft is lost."""
     flight, turbulence, seed = case
     own = {"turbulence": turbulence, "seed": seed, "rate_hz": RATE_HZ, **FLIGHTS[flight]}
     own |= {"flight_point": flight_point.name, "references": designed.model_dump()}
@@ -262,10 +262,10 @@ def all_errors(rows: Block, designed: Designed, keys: Collection[Key] = PARTNERS
 
 
 def errors(rows: Block, config: Config, designed: Designed) -> Errors:
-    """Return reference less vote of every settled frame, by signal and source; overwrite ``reference``.
+    """Return reference minus vote of every settled frame, by signal and source; overwrite ``reference``.
 
-    One that remembers its own signal is measured against the channel that is farthest off: the vote it has learned,
-    but a channel is what it may be compared with.
+    A reference that remembers its own signal is measured against the farthest channel: it has learned the vote, but it
+    is compared with a channel.
     """
     run(rows, References(config, designed, RATE_HZ).data)
     settled = rows[round(SETTLED_S * RATE_HZ) :]
@@ -284,14 +284,14 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
 
 @kernel
 def run(rows, data):
-    """Run the references over rows that are voted already, as in flight."""
+    """Run the references over voted rows, as in flight."""
     for k in range(len(rows)):
         refer(rows[k], rows[k], data)
         remember(rows[k], rows[k], data)
 
 
 def _choose(tried: list[list[Errors]], monitors: dict[str, Any]) -> dict[str, int]:
-    """Choose for each filter the place of the candidate that leaves the least worst error, or nearly.
+    """Return for each filter the place of the candidate with the smallest largest error, or nearly so.
 
     tried : for each candidate, quickest first, the errors of every flight
     """
@@ -324,7 +324,7 @@ def _summary(measured: list[Measured]) -> Summary:
 
 
 def _digits(value: float, digits: int) -> float:
-    """Round ``value`` to so many digits, so that the last bits of a machine's arithmetic do not show."""
+    """Return ``value`` rounded to a number of digits, so that the last bits of a computer's arithmetic do not show."""
     if not np.isfinite(value):
         raise RigError("design of references: a number is not finite")
     return float(f"{value:.{digits}g}") + 0.0  # which makes a minus zero plain

@@ -1,4 +1,4 @@
-"""The first design of a proposed aircraft: flight points that turn out not to serve give way to others."""
+"""The first design of a proposed aircraft: flight points that turn out to be unsuitable are replaced."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from rig.design.new_aircraft import NewAircraft, at_points, rewrite
 from rig.design.propose import flight_points
 from rig.world.plant.airframe import FlightPoint
 
-_MOST_LEFT_OUT: Final = 3  # flight points of a proposal, until those that serve must do
+_MOST_LEFT_OUT: Final = 3  # flight points of a proposal, until the suitable ones must be enough
 
 
 def designed(new: NewAircraft, folder: Path) -> tuple[NewAircraft, Gains, Designed]:
-    """Write a proposal, design it and fly it; flight points that do not serve give way to others.
+    """Write a proposal, design it and fly it; replace unsuitable flight points.
 
-    Returns what was written in the end, its gains and references.  Raises BadInput when no flight point serves.
+    Return the proposal as written, its gains and its references.  BadInput: no flight point is suitable.
     """
     serve: dict[str, Point] = {}
     while True:
@@ -43,22 +43,22 @@ def designed(new: NewAircraft, folder: Path) -> tuple[NewAircraft, Gains, Design
 
 
 def _served(new: NewAircraft, folder: Path, point: FlightPoint) -> Point:
-    """Return the gains of one flight point that was flown without a fault; PointFault says what fails."""
+    """Return the gains of one flight point that was flown without a fault.  PointFault: the design or flight fails."""
     gains = design(new.airframe.model_copy(update={"flight_points": [point]}))
     references.try_out(str(folder), gains, point)
     return gains.points[0]
 
 
 def _without(new: NewAircraft, fault: PointFault, serve: set[str]) -> NewAircraft:
-    """Propose other flight points in place of one that does not serve; BadInput with all faults when none does."""
+    """Propose other flight points in place of an unsuitable one.  BadInput, with all reasons: none is suitable."""
     left_out = (*new.left_out, fault)
     if not new.given and len(left_out) <= _MOST_LEFT_OUT:
         table = {**new.table, "limits": limits(new.kind)}
-        with suppress(BadInput):  # no other trims: those that serve must do
+        with suppress(BadInput):  # no other trims: the suitable ones must be enough
             return at_points(new, flight_points(table, new.base, new.most, [x.point for x in left_out]), left_out)
     found = [each for each in new.found if each.point.name in serve]
     if not found or new.given:
         faults = "; ".join(dict.fromkeys(str(each) for each in left_out))
         tail = "try --point ALTITUDE_M:MACH, or --no-design and then rig aircraft check"
-        raise BadInput(f"aircraft new {new.name}: no flight point serves: {faults}; {tail}")
+        raise BadInput(f"aircraft new {new.name}: no flight point is suitable: {faults}; {tail}")
     return at_points(new, found, left_out)

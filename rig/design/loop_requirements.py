@@ -1,6 +1,6 @@
-"""What every loop of a design must keep, and whether it does.
+"""The requirements on every loop of a design, and the check that it meets them.
 
-What is checked is the whole sampled loop, with the law as it is coded (loops.py, stability_margins.py).
+The check covers the whole sampled loop, with the control law as coded (loops.py, stability_margins.py).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rig.world.plant.airframe import Airframe, FlightPoint
 from rig.world.plant.linearise import Linear
 
 LAWS: Final[tuple[Law, Law]] = ("stick", "autopilot")
-# Losses whose margins are written down: what is lost at once, no reference left.
+# Losses whose stability margins are written: signals lost together, without a reference.
 LOSSES: Final[dict[Plane, tuple[tuple[str, ...], ...]]] = {
     "longitudinal": (
         ("pitch_rate",),
@@ -38,7 +38,7 @@ LOSSES: Final[dict[Plane, tuple[tuple[str, ...], ...]]] = {
 
 
 class Requirements(Settings):
-    """What every loop must keep, and the ratios that the design starts from."""
+    """The stability margins that every loop must keep, and the ratios from which the design starts."""
 
     rate_hz: float = Field(default=100.0, gt=0.0)
     sensor_lag_s: float = Field(default=0.01, gt=0.0)
@@ -51,7 +51,7 @@ class Requirements(Settings):
     heading_share: float = Field(default=0.25, gt=0.0)  # heading over roll attitude
     yaw_share: float = Field(default=2.5, ge=0.0)  # heading hold by rudder over heading hold by bank
     airspeed_crossover_rad_s: float = Field(default=0.15, gt=0.0)
-    envelope_share: float = Field(default=0.7, gt=0.0, lt=1.0)  # of the departure limits, what the stick may ask
+    envelope_share: float = Field(default=0.7, gt=0.0, lt=1.0)  # of the departure limits, at the stick's stop
 
 
 @dataclass(frozen=True)
@@ -65,16 +65,16 @@ class Case:
 
     @property
     def planes(self) -> list[Plane]:
-        """The planes to design: an aircraft that only moves up and down has no lateral law."""
+        """Return the planes to design: an aircraft without lateral motion has no lateral law."""
         return list(ACTUATORS) if self.linear.rolls else ["longitudinal"]
 
     def loop(self, point: Point, law: Law, plane: Plane, lost: Sequence[str] = ()) -> Loop:
-        """Return the whole loop of one plane with the gains of ``point``, the ``lost`` signals gone."""
+        """Return the whole loop of one plane with the gains of ``point``, without the ``lost`` signals."""
         gains = whole(self.airframe, self.wanted, [point])
         return loops.build(self.airframe, self.point, self.linear, gains, law, plane, lost)
 
     def keeps(self, loop: Loop, actuator: int, share: float = 1.0) -> bool:
-        """Return True if the margins at one actuator are at least a ``share`` of what is wanted."""
+        """Return True if the stability margins at one actuator are at least a ``share`` of the required ones."""
         return holds(loop, actuator, share * self.wanted.gain_margin_db, share * self.wanted.phase_margin_deg)
 
 
@@ -96,7 +96,7 @@ def whole(airframe: Airframe, wanted: Requirements, points: list[Point], below: 
 
 
 def met(case: Case, point: Point, plane: Plane) -> bool:
-    """Return True if every loop of one plane keeps its margins, under the stick and under the autopilot."""
+    """Return True if every loop of one plane keeps its stability margins, with stick and with autopilot."""
     for law in LAWS:
         loop = case.loop(point, law, plane)
         if not all(case.keeps(loop, i) for i, _ in _closed(law, plane)):
@@ -108,7 +108,7 @@ _NEARNESS: Final = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.
 
 
 def nearness(case: Case, point: Point, plane: Plane) -> float:
-    """Return the share of the wanted margins that every loop of one plane keeps; 0 when one is unstable."""
+    """Return the share of the required stability margins that every loop of one plane keeps; 0 if one is unstable."""
     closed: list[tuple[Loop, Law]] = [(case.loop(point, law, plane), law) for law in LAWS]
     best = 0.0
     for share in _NEARNESS:
@@ -119,7 +119,7 @@ def nearness(case: Case, point: Point, plane: Plane) -> float:
 
 
 def missed(case: Case, point: Point) -> list[str]:
-    """Return the margins that ``point`` misses, in words with numbers; empty when all loops keep theirs."""
+    """Return the stability margins that ``point`` misses, as text with numbers; empty if all loops keep theirs."""
     lines = []
     for law, margins_of in (("stick", point.stick_margins), ("autopilot", point.autopilot_margins)):
         for actuator, margin in margins_of.items():
@@ -128,7 +128,7 @@ def missed(case: Case, point: Point) -> list[str]:
 
 
 def short_of(margin: Margin, wanted: Requirements) -> list[str]:
-    """Return those of one loop's margins that are less than ``wanted``."""
+    """Return the stability margins of one loop that are less than ``wanted``."""
     if not margin.phase_deg:
         return ["loop unstable"]
     gain, phase = wanted.gain_margin_db, wanted.phase_margin_deg
@@ -141,7 +141,7 @@ def short_of(margin: Margin, wanted: Requirements) -> list[str]:
 
 
 def with_margins(case: Case, point: Point) -> Point:
-    """Return ``point`` with the margins that it leaves, those of the autopilot with signals lost included."""
+    """Return ``point`` with its stability margins, also those of the autopilot with signals lost."""
     by_law: dict[Law, dict[str, Margin]] = {law: {} for law in LAWS}
     lost_margins: dict[str, dict[str, Margin]] = {}
     for plane in case.planes:
@@ -157,7 +157,7 @@ def with_margins(case: Case, point: Point) -> Point:
 
 
 def _closed(law: Law, plane: Plane) -> Iterator[tuple[int, str]]:
-    """Yield the actuators that the law moves by feedback: with the sticks the throttle is the pilot's."""
+    """Yield the actuators that the law moves by feedback: with the stick the pilot moves the throttle."""
     for i, actuator in enumerate(ACTUATORS[plane]):
         if not (law == "stick" and actuator == "throttle"):
             yield i, actuator

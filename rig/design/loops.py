@@ -1,7 +1,7 @@
-"""The whole loop as a linear system: airframe, actuators, sensors and the control law as it is coded.
+"""The whole loop as a linear system: airframe, actuators, sensors and the control law as coded.
 
-The law is not written down a second time: its kernel is differenced about trimmed flight, so that
-margins are those of the code that flies.
+The law is not written a second time.  Its kernel is differenced about trimmed flight, so the gain and phase margins are
+those of the code that flies.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ ACTUATORS: Final[dict[Plane, tuple[str, str]]] = {
     "longitudinal": ("elevator", "throttle"),
     "lateral": ("aileron", "rudder"),
 }
-# What the law remembers of each plane; the rest of its state does not move in small motions.
+# The law's memory of each plane; the rest of its state does not change in small motions.
 _LATERAL_MEMORY: Final = ("aileron_integral", "rudder_integral", "smooth_roll_angle", "smooth_heading")
 _LEARNED: Final = ("lift_error", "turn_error", "path_error")  # only while no signal is lost, and slowly
 _RESERVE: Final = (*_LEARNED, "smooth_pitch_angle", "backup_alpha", "backup_pitch_rate", "backup_elevator")
@@ -50,7 +50,7 @@ MEMORY: Final[dict[tuple[Law, Plane], tuple[str, ...]]] = {
     ("autopilot", "lateral"): ("aileron_integral", "rudder_integral"),
     ("stick", "lateral"): ("aileron_integral", "rudder_integral"),
 }
-# The same when signals are lost, with elements of arrays; ``measured.`` is what replaces a signal.
+# The same with signals lost, with elements of arrays; ``measured.`` is the substitute of a signal.
 _LOST_MEMORY: Final[dict[Plane, tuple[str, ...]]] = {
     "longitudinal": (
         *(name for name in DYNAMIC if name not in (*_LATERAL_MEMORY, *_LEARNED)),
@@ -60,7 +60,7 @@ _LOST_MEMORY: Final[dict[Plane, tuple[str, ...]]] = {
 }
 _SURFACE_INDEX: Final = {name.removesuffix("_rad"): i for i, name in enumerate(SURFACES)}
 _HEADING: Final = 1.0  # rad, of the linearised flight; any
-# With the sticks nobody holds speed, bank or spiral: a drift that doubles in no less than 14 s is the pilot's.
+# With the stick no law holds speed, bank or spiral: the pilot handles a drift that doubles in 14 s or more.
 PILOT_CATCHES_1_S: Final = 0.05
 
 
@@ -75,7 +75,7 @@ def build(
 ) -> Loop:
     """Return the sampled loop of one plane; actuators' commands in the order of ``ACTUATORS[plane]``.
 
-    ``lost`` signals have no channel and no reference left, and all fades are over.
+    The ``lost`` signals have no channel and no reference, and all fades are over.
     """
     a, b, c, d = _airframe(airframe, linear, point, plane)
     lags = [getattr(airframe, name).lag_s for name in ACTUATORS[plane]]
@@ -114,7 +114,7 @@ def _airframe(
     c[2, 4] = -density * GRAVITY
     c[3, 0] = density * trim.airspeed_m_s
     c[3, 4] = -trim.dynamic_pressure_pa / air * (GRAVITY / GAS_CONSTANT - lapse)
-    # n_z = V (q - alpha rate) / g, plus what the pitch acceleration adds ahead of the centre of gravity.
+    # n_z = V (q - alpha rate) / g, plus the effect of the pitch acceleration ahead of the centre of gravity.
     lever = airframe.accelerometer.x_m / GRAVITY
     c[5] = -trim.airspeed_m_s / GRAVITY * a[1] + lever * a[2]
     c[5, 2] += trim.airspeed_m_s / GRAVITY
@@ -170,7 +170,7 @@ def _step(name: str) -> float:
 
 
 def trimmed(gains: Gains, trim: Trim, point: FlightPoint, law: Law, lost: Sequence[str] = ()) -> tuple[Control, Block]:
-    """Return a control stage in trimmed flight and its block of 2 rows, the ``lost`` signals gone in the second."""
+    """Return a control stage in trimmed flight and its block of 2 rows, the second without the ``lost`` signals."""
     wide = [(-2.0, 2.0)] * len(SURFACES)
     control = Control(Config(source_fade_s=0.0), gains, gains.rate_hz, wide)
     control.reset([trim.elevator_rad, trim.aileron_rad, trim.rudder_rad, trim.throttle])

@@ -1,4 +1,4 @@
-"""Write a new aircraft's folder: aircraft.toml with the source of every figure, as ``rig aircraft new`` does."""
+"""Write the folder of a new aircraft for ``rig aircraft new``: aircraft.toml with the source of every value."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ start_s = 20.0
 
 @dataclass(frozen=True)
 class Answers:
-    """What no model of JSBSim knows; None: the assumed figure of the aircraft's kind."""
+    """Values that no JSBSim model gives; None: the assumed value of the aircraft's kind."""
 
     lag_s: float | None = None  # of every surface's actuator
     rate_limit_rad_s: float | None = None
@@ -60,7 +60,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class NewAircraft:
-    """An aircraft that is proposed: nothing is written yet."""
+    """A proposed aircraft, not yet written."""
 
     name: str
     base: BaseModel
@@ -68,34 +68,34 @@ class NewAircraft:
     table: dict[str, Any]  # [airframe], flight points included
     found: list[Found]
     answers: Answers
-    most: int  # flight points that were asked for
-    given: bool = False  # whether they are the user's own
-    left_out: tuple[PointFault, ...] = ()  # of points that were proposed and do not serve
+    most: int  # number of flight points asked for
+    given: bool = False  # whether the user gave them
+    left_out: tuple[PointFault, ...] = ()  # of points that were proposed and are unsuitable
 
     @property
     def airframe(self) -> Config:
-        """The checked ``[airframe]`` table."""
+        """Return the checked ``[airframe]`` table."""
         return build(Config, self.table, f"aircraft {self.name}")
 
 
 def target(name: str, out: Path) -> Path:
-    """Return the folder to make; BadInput: no folder's name, a bundled aircraft's, or one that exists."""
+    """Return the folder to make.  BadInput: not a name, the name of a bundled aircraft, or an existing folder."""
     if not _NAME.fullmatch(name):
-        raise BadInput(f"aircraft new {quoted(name)}: a name has letters, digits, _ . - and begins with none of . -")
+        raise BadInput(f"aircraft new {quoted(name)}: allowed: letters, digits, _ . - (not . or - at the start)")
     if name in names():
-        raise BadInput(f"aircraft new {name}: a bundled aircraft has this name; give another")
+        raise BadInput(f"aircraft new {name}: a bundled aircraft has this name; choose another")
     if not is_folder(out):
         raise BadInput(f"--out {out}: no such folder")
     folder = out / name
     if os.path.lexists(folder):
-        raise BadInput(f"{folder}: exists already; give another name, or another folder with --out")
+        raise BadInput(f"{folder}: exists already; choose another name, or another folder with --out")
     return folder
 
 
 def propose(name: str, base_model: str, answers: Answers, points: list[tuple[float, float]], most: int) -> NewAircraft:
-    """Propose a whole new aircraft; BadInput when the model cannot be flown, or trims nowhere.
+    """Propose a whole new aircraft.  BadInput: the model cannot be flown, or does not trim.
 
-    points : altitude [m] and Mach number of flight points of the user's own; empty: ``most`` are proposed
+    points : altitude [m] and Mach number of the user's flight points; empty: ``most`` are proposed
     """
     chosen, classes = answers.sensor_class, sensor_classes()
     if chosen is not None and chosen not in classes:
@@ -130,20 +130,20 @@ def _own_points(table: dict[str, Any], base: BaseModel, points: list[tuple[float
 
 
 def write(new: NewAircraft, folder: Path) -> None:
-    """Make the folder with aircraft.toml and a first scenario; BadInput or RigError when it cannot be written."""
+    """Make the folder with aircraft.toml and a first scenario.  BadInput or RigError: it cannot be written."""
     with reported(folder, BadInput):
         folder.mkdir()
     rewrite(new, folder)
 
 
 def rewrite(new: NewAircraft, folder: Path) -> None:
-    """Write the files of a proposal into a folder that is there."""
+    """Write the files of a proposal into an existing folder."""
     write_text(folder / "aircraft.toml", render(new))
     write_text(scenario_file(folder), scenario(new))
 
 
 def scenario_file(folder: Path) -> Path:
-    """Return the file of an aircraft's first scenario; its name is that of the log, so it tells the aircraft."""
+    """Return the file of an aircraft's first scenario; the log takes its name, so it contains the aircraft's."""
     return folder / f"{folder.resolve().name}_hardover.toml"
 
 
@@ -154,7 +154,7 @@ def scenario(new: NewAircraft) -> str:
 
 
 def render(new: NewAircraft) -> str:
-    """Return the text of aircraft.toml: every assumed figure says so, with its source."""
+    """Return the text of aircraft.toml: every assumed value is marked, with its source."""
     blocks = [_head(new), *(_surface(new, surface) for surface in SURFACES), *_rest(new), *_sensors(new)]
     return "\n".join(blocks)
 
@@ -172,12 +172,12 @@ def _head(new: NewAircraft) -> str:
     intro = (
         f"{new.name}: made by rig aircraft new from JSBSim's {new.base.name}, which is read from the installed "
         f"package at run time; {new.base.engines} {new.base.engine} engine{'s' if new.base.engines > 1 else ''}. "
-        f"Figures marked '{ASSUMED}' are of no data of this aircraft: replace them by what you know."
+        f"Values marked '{ASSUMED}' are defaults, not data of this aircraft; replace them by known values."
     )
     list_text = "\n".join(points)
     return (
         f"{_comment(intro)}\n[airframe]\n"
-        f'base_model = "{new.base.name}"\n\n# Proposed where it trims with a reserve of throttle and elevator.\n'
+        f'base_model = "{new.base.name}"\n\n# The aircraft trims here with a reserve of throttle and elevator.\n'
         f"flight_points = [\n{list_text}\n]\n"
     )
 
@@ -193,22 +193,22 @@ def _surface(new: NewAircraft, surface: str) -> str:
 
 def _rest(new: NewAircraft) -> Iterator[str]:
     figures = FIGURES[new.kind]
-    source = f"{ASSUMED}. Of the servo alone; the engine adds its own lag."
+    source = f"{ASSUMED}. The lag is that of the servo alone; the engine adds its own."
     yield f"{_comment(source)}\n{_table('airframe.throttle', new.table['throttle'])}"
     source = f"{ASSUMED}: close to the centre of gravity."
     yield f"{_comment(source)}\n{_table('airframe.accelerometer', new.table['accelerometer'])}"
-    source = f"{ASSUMED}, beyond these it counts as lost. Loads: {figures.limits_source}; angles beyond stall."
+    source = f"{ASSUMED}; beyond them the aircraft counts as lost. Loads: {figures.limits_source}; angles beyond stall."
     if new.table["limits"] != limits(new.kind):
-        source += " Angle of attack: 0.7 of that from which full elevator no longer pitches the nose down."
+        source += " Angle of attack: 0.7 of the value from which full elevator no longer pitches the nose down."
     yield f"{_comment(source)}\n{_table('airframe.limits', new.table['limits'])}"
     if "held" in new.table:
         source = (
             f"{ASSUMED}: mixture for best power near 1500 m; the governor of a constant-speed propeller at "
-            f"{REVOLUTIONS:g} of the way from its least to its most revolutions."
+            f"{REVOLUTIONS:g} of the range from its lowest to its highest revolutions."
         )
         yield f"{_comment(source)}\n{_table('airframe.held', new.table['held'])}"
     if "properties" in new.table:
-        source = "Read by the equations and moved by the flight control that is replaced: they stay where they are."
+        source = "The equations read these properties. The replaced flight control moved them; now they stay fixed."
         yield f"{_comment(source)}\n{_table('airframe.properties', new.table['properties'])}"
 
 
@@ -226,11 +226,9 @@ def _sensors(new: NewAircraft) -> Iterator[str]:
         if table:
             tables[signal.name] = table
     if not tables:
-        yield _comment(
-            f"Sensors {ASSUMED}: the quadruplex set of aircraft/defaults.toml, whose figures are cited there."
-        )
+        yield _comment(f"Sensors {ASSUMED}: the quadruplex set of aircraft/defaults.toml, which cites its sources.")
     else:
-        yield _comment("Sensors as given; all else as aircraft/defaults.toml, whose figures are cited there.")
+        yield _comment("Sensors as given; all other values from aircraft/defaults.toml, which cites their sources.")
         yield tomli_w.dumps({"sensors": tables})
 
 

@@ -1,7 +1,7 @@
-"""The gains of one flight point, from the bandwidths that are wanted there.
+"""Compute the gains of one flight point from its bandwidths.
 
-Inner loops are linear-quadratic regulators with integral action; one number a plane, the wanted
-crossover, sets their weights.  The loops outside these follow by separation of bandwidth.
+Inner loops are linear-quadratic regulators with integral action; one number a plane, the crossover, sets their weights.
+The outer loops follow by separation of bandwidth.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from rig.world.plant.linearise import Linear
 
 @dataclass(frozen=True)
 class Shares:
-    """How fast one plane is to be: shares of the highest crossover, the rate loop's, the alpha gain, the attitude's.
+    """The bandwidths of one plane, as shares: rate loop of the highest crossover, alpha gain, attitude loop.
 
-    integral : crossover of the integral alone over the rate loop's; 0 where ``integral_share`` is enough
+    integral : crossover of the integral alone over the rate loop's; 0 if ``integral_share`` is enough
     airspeed : of the airspeed loop's crossover
     """
 
@@ -39,7 +39,7 @@ class Shares:
 
 def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
     """Return all gains of one flight point."""
-    # The highest rate-loop crossover that is tried [rad/s] is a share of the actuator's bandwidth.
+    # The highest tried crossover of the rate loop [rad/s] is a share of the actuator's bandwidth.
     lags_s = {plane: getattr(case.airframe, actuators[0]).lag_s for plane, actuators in ACTUATORS.items()}
     crossover = {plane: chosen[plane].rate * (case.wanted.actuator_share / lags_s[plane]) for plane in ACTUATORS}
     wanted, linear, trim = case.wanted, case.linear, case.linear.trim
@@ -49,7 +49,7 @@ def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
     path = path_gain(linear, pitch, chosen["longitudinal"].altitude * pitch)[0]
     airspeed = chosen["longitudinal"].airspeed * wanted.airspeed_crossover_rad_s
     throttle = airspeed / linear.longitudinal_b[0, 1]
-    # What the observers know of the aircraft; the back-up law's compensators are designed when the rest is.
+    # The observers' model of the aircraft; the compensators of the standby law are designed after the rest.
     model: dict[str, Any] = {**_short_period(case), **backup.roll_and_yaw(linear.lateral_a, linear.lateral_b)}
     model |= backup.NONE
     return Point(
@@ -76,10 +76,10 @@ def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
 
 
 def _lateral(case: Case, crossover: float, chosen: Shares) -> dict[str, float]:
-    """Return the gains on aileron and rudder, zero where these move nothing."""
+    """Return the gains on aileron and rudder, zero if these have no effect."""
     wanted, linear, airframe = case.wanted, case.linear, case.airframe
     aileron, rudder, command, attitude = np.zeros(2), np.zeros(3), 0.0, 0.0
-    roll_rate = sideslip = math.inf  # what the surfaces reach at rest: of it six tenths, and three tenths
+    roll_rate = sideslip = math.inf  # the steady value at full deflection: six tenths of it, and three tenths
     if linear.rolls:
         a, b = linear.lateral_a, linear.lateral_b
         roll_rate = 0.6 * min(airframe.aileron.max_rad, -airframe.aileron.min_rad) * abs(b[1, 0] / a[1, 1])
@@ -106,7 +106,7 @@ def _lateral(case: Case, crossover: float, chosen: Shares) -> dict[str, float]:
 
 
 def backup_gains(case: Case, sensor: Sensor, chosen: Bandwidth) -> dict[str, float]:
-    """Return the back-up law's gains on one sensor."""
+    """Return the gains of the standby law on one sensor."""
     a, b = case.linear.longitudinal_a[1:3, 1:3], case.linear.longitudinal_b[1:3, 0]
     return backup.compensator(a, b, _short_period(case), sensor, chosen)
 
@@ -119,8 +119,8 @@ def _short_period(case: Case) -> dict[str, float]:
 def pitch_integral_share(linear: Linear, crossover: float, chosen: Shares) -> float:
     """Return the share at which the integral alone crosses at ``chosen.integral`` of ``crossover`` [rad/s].
 
-    Where the airframe damps faster than the loop crosses, a regulator leaves pitch rate to the airframe, and only
-    the integral makes it follow.  Its gain is share crossover^2 / M_elevator, the airframe's is q / elevator at rest.
+    If the airframe damps faster than the loop crosses, a regulator leaves pitch rate to the airframe, and only the
+    integral makes it follow.  Its gain is share crossover^2 / M_elevator, the airframe's is the steady q / elevator.
     """
     a, b = linear.longitudinal_a[1:3, 1:3], linear.longitudinal_b[1:3, 0]
     rest = np.linalg.solve(-a, b)[1]

@@ -1,4 +1,4 @@
-"""Propose an aircraft from a model of JSBSim: its ``[airframe]`` table and flight points that trim."""
+"""Propose an aircraft from a JSBSim model: its ``[airframe]`` table and flight points."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _THROTTLES: Final = (0.1, 0.88)  # between which there is a reserve
 
 @dataclass(frozen=True)
 class Found:
-    """A flight point that trims, with a reserve to fly on."""
+    """A point that trims, with a reserve for manoeuvres."""
 
     point: FlightPoint
     trim: Trim
@@ -44,19 +44,19 @@ class Found:
 
 
 def found_at(airframe: Config, point: FlightPoint) -> Found:
-    """Return a flight point with its trim and what its elevator holds; NoTrim when there is none."""
+    """Return a flight point with its trim and the range that its elevator holds.  NoTrim: there is none."""
     fdm = load(airframe, point, _ANY_STEP_S)
     return Found(point, trim_of(fdm, airframe), alpha_held(fdm, airframe))
 
 
 def limits_at(given: dict[str, Any], found: list[Found]) -> dict[str, Any]:
-    """Return limits with an angle of attack that the elevator still pitches down from, at every flight point."""
+    """Return limits with an angle of attack from which the elevator still pitches down, at every flight point."""
     held = _HELD * min((each.alpha_held_rad for each in found), default=inf)
     return {**given, "angle_of_attack_max_rad": min(given["angle_of_attack_max_rad"], round(held, 3))}
 
 
 def airframe_table(base: BaseModel) -> tuple[dict[str, Any], Kind]:
-    """Return the ``[airframe]`` table without flight points, and the kind whose figures it has."""
+    """Return the ``[airframe]`` table without flight points, and the kind whose values it has."""
     table = _table(base, "transport")
     probe = build(Config, {**table, "flight_points": [_ANYWHERE]}, f"base model {base.name}")
     properties = dict.fromkeys(undeclared(probe), 0.0)
@@ -90,12 +90,12 @@ def _table(base: BaseModel, kind: Kind) -> dict[str, Any]:
 
 
 def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2, without: Collection[str] = ()) -> list[Found]:
-    """Return up to ``most`` flight points that trim, cruise first; BadInput says why none does.
+    """Return up to ``most`` points that trim, cruise first.  BadInput, with the reasons: none does.
 
-    At each altitude speeds are tried by their lift coefficient; a point counts when throttle, elevator and angle of
-    attack keep a reserve.  The second is the one whose dynamic pressure is nearest to 0.72 of the first's.
+    At each altitude speeds are tried by their lift coefficient.  A point counts if throttle, elevator and angle of
+    attack keep a reserve.  The second is the point whose dynamic pressure is nearest to 0.72 of the first's.
 
-    without : names of points that are known not to serve
+    without : names of points that are known to be unsuitable
     """
     airframe = build(Config, {**table, "flight_points": [_ANYWHERE]}, f"base model {base.name}")
     search = _Search(airframe, [each for each in _candidates(airframe, base) if each.point.name not in without])
@@ -122,25 +122,25 @@ def _candidates(airframe: Config, base: BaseModel) -> list[_Candidate]:
 
 
 def _pull_load_factor(airframe: Config) -> float:
-    """Return the load factor [g] of the pull-up that the references are measured in."""
+    """Return the load factor [g] of the pull-up in which the references are measured."""
     return 1.0 + _PULL * (airframe.limits.load_factor_max - 1.0)
 
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A point to try; ``lift`` is the coefficient that it was sought at."""
+    """A point to try; ``lift`` is the lift coefficient of the attempt."""
 
     point: FlightPoint
     lift: float
 
     @property
     def pressure_pa(self) -> float:
-        """The dynamic pressure there."""
+        """Return the dynamic pressure at the point."""
         return 0.5 * density(self.point.altitude_m) * (self.point.mach * speed_of_sound(self.point.altitude_m)) ** 2
 
 
 class _Search:
-    """Points that are tried in order of worth, each once, and why those that do not serve do not."""
+    """The points to try in order of worth, each once, and the reasons why some are unsuitable."""
 
     def __init__(self, airframe: Config, candidates: list[_Candidate]) -> None:
         self._airframe, self._candidates = airframe, candidates
@@ -148,7 +148,7 @@ class _Search:
         self._found: dict[str, Found | str] = {}
 
     def first(self, chosen: list[Found]) -> Found | None:
-        """Return the best point beside those that are chosen: the first is cruise, others slower and well apart."""
+        """Return the best point beside the chosen ones: the first is cruise, others are slower and well apart."""
         apart = [c for c in self._candidates if all(_apart(c.pressure_pa, f.trim.dynamic_pressure_pa) for f in chosen)]
         for candidate in sorted(apart, key=lambda each: self._worth(each, chosen)):
             tell(f"trimming {candidate.point.name}", len(self._found), len(self._candidates))
@@ -158,14 +158,14 @@ class _Search:
         return None
 
     def _worth(self, candidate: _Candidate, chosen: list[Found]) -> tuple[float, float]:
-        """Return how soon a point is tried: cruise lift, high; after the first, another altitude and less pressure."""
+        """Return the priority of a point: cruise lift, high; after the first, another altitude and less pressure."""
         if not chosen:
             return abs(candidate.lift - self._cruise_lift), -candidate.point.altitude_m
         wanted = _SLOWER * chosen[-1].trim.dynamic_pressure_pa
         return candidate.point.altitude_m in {f.point.altitude_m for f in chosen}, abs(candidate.pressure_pa - wanted)
 
     def why_none(self) -> str:
-        """Return in one line why no point serves, the commonest reason first, and what to try."""
+        """Return the reasons why no point is suitable, the most frequent first, and a remedy, in one line."""
         if not self._candidates:
             return f"flies faster than Mach {_FASTEST:g} at every lift coefficient; give a --point ALTITUDE_M:MACH"
         counted = Counter(str(reason) for reason in self._found.values()).most_common()
@@ -173,12 +173,12 @@ class _Search:
         machs = [point.mach for point in points]
         reasons = "; ".join(f"{reason} in {count} of {len(points)} points" for reason, count in counted)
         where = f"{min(p.altitude_m for p in points):.0f} to {max(p.altitude_m for p in points):.0f} m"
-        tail = f"({where}, Mach {min(machs):g} to {max(machs):g}); try one of your own with --point ALTITUDE_M:MACH"
+        tail = f"({where}, Mach {min(machs):g} to {max(machs):g}); try your point with --point ALTITUDE_M:MACH"
         return f"no level trim: {reasons} {tail}"
 
 
 def _try(airframe: Config, candidate: _Candidate) -> Found | str:
-    """Return the trimmed point, or what it lacks."""
+    """Return the trimmed point, or the missing reserve."""
     try:
         found = found_at(airframe, candidate.point)
     except NoTrim as error:
@@ -187,7 +187,7 @@ def _try(airframe: Config, candidate: _Candidate) -> Found | str:
 
 
 def _lacks(airframe: Config, found: Found) -> str:
-    """Return of what a trim has too little reserve to fly on; empty: of nothing."""
+    """Return the reserve that a trim lacks for manoeuvres; empty: none."""
     limit, surface, trim = airframe.limits, airframe.elevator, found.trim
     spare = min(trim.elevator_rad - surface.min_rad, surface.max_rad - trim.elevator_rad)
     if not _THROTTLES[0] <= trim.throttle <= _THROTTLES[1]:

@@ -1,11 +1,10 @@
 """Gain and phase margins of a sampled loop, from the eigenvalues of the closed loop.
 
-The loop is broken at one actuator, all others stay closed: its command is multiplied by the
-complex factor ``g exp(-i phi)``, and the margins are the factors at which an eigenvalue leaves the
-unit circle.  Unlike reading a Bode plot this cannot mislead on a loop that is unstable when open,
-where a *smaller* gain is as dangerous as a larger one.
+The loop is broken at one actuator, and all others stay closed.  The command is multiplied by the complex factor
+``g exp(-i phi)``; the gain and phase margins are the factors at which an eigenvalue leaves the unit circle.  Unlike a
+Bode plot, this also holds for a loop that is unstable when open, where a *smaller* gain is as dangerous as a larger.
 
-The model holds everything between a command and the next one:
+The model contains everything between one command and the next:
 
     command -> one frame of delay -> hold -> actuator lag -> airframe -> sensor lag -> sample
 
@@ -58,7 +57,7 @@ def sampled_loop(
 ) -> tuple[Matrix, Matrix, Matrix]:
     """Return the chain of the module's docstring as (F, G, H): x+ = F x + G u, sampled y = H x.
 
-    a, b, c, d   airframe, its inputs the surface positions, its outputs what the law uses
+    a, b, c, d   airframe; its inputs are the surface positions, its outputs are the inputs of the law
     lags_s       first-order lag of each actuator [s]
     sensor_lag_s first-order lag of every measured output [s]
     """
@@ -74,7 +73,7 @@ def sampled_loop(
     drive = np.vstack([np.zeros((n, m)), rates, np.zeros((p, m))])
     size = n + m + p
     step = np.asarray(expm(np.block([[chain, drive], [np.zeros((m, size + m))]]) * period_s), np.float64)
-    # u enters a one-frame memory, and the chain sees what the memory held.
+    # u enters a one-frame memory, and the chain gets the content of the memory.
     f = np.block([[step[:size, :size], step[:size, size:]], [np.zeros((m, size + m))]])
     g = np.vstack([np.zeros((size, m)), np.eye(m)])
     h = np.hstack([np.zeros((p, n + m)), np.eye(p), np.zeros((p, m))])
@@ -90,7 +89,7 @@ def holds(loop: Loop, actuator: int, gain_db: float, phase_deg: float) -> bool:
 
 
 def margins(loop: Loop, actuator: int) -> Margin:
-    """Return the margins at ``actuator`` (a column of G); all zero when the loop is unstable as it stands."""
+    """Return the stability margins at ``actuator`` (a column of G); all zero if the loop is unstable."""
     if not loop.stable():
         return Margin(gain_increase_db=0.0, gain_decrease_db=0.0, phase_deg=0.0, crossover_rad_s=0.0)
 
@@ -109,7 +108,7 @@ def margins(loop: Loop, actuator: int) -> Margin:
 
 
 def _first_failure(stable: Callable[[float], bool], farthest: float, step: float) -> float:
-    """Return the smallest x up to ``farthest`` where ``stable`` fails: a scan in steps, then bisection to 1e-3."""
+    """Return the smallest x up to ``farthest`` where ``stable`` is false: a scan in steps, then bisection to 1e-3."""
     high = step
     while stable(high):
         if high >= farthest:

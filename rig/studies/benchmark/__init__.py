@@ -1,12 +1,12 @@
-"""Managers at one false-isolation rate: calibrated on the same healthy flights, then given the same faulty trials.
+"""Benchmark of managers at one false-isolation rate: the same healthy flights calibrate, the same faults test them.
 
-entrants.py     who takes part, and which of its settings is calibrated
+entrants.py     the managers that are compared, and the setting of each that is calibrated
 calibration_data.py  the healthy flights, signal by signal
-calibration.py  each entrant's level for the budget; its false isolations in other flights
-benchmark_trials.py  the same draws of faults for all, open loop (reliability/cell_trials.py), and what became of them
-outcome_table.py  the table, and paired differences to ours
-ranking.py      the same in words
-run_benchmark.py  one benchmark in a folder, which goes on where it was interrupted
+calibration.py  the level of each manager at the false-isolation rate; its false isolations in other flights
+benchmark_trials.py  the same open-loop fault draws for all managers (reliability/cell_trials.py), and the outcomes
+outcome_table.py  the table, and paired differences to the built-in manager
+ranking.py      the verdict in sentences
+run_benchmark.py  one benchmark in a folder; an interrupted one resumes there
 
 docs/benchmark.md
 """

@@ -1,4 +1,4 @@
-"""The report of a benchmark, one HTML file that opens without a network: verdict, share over size, delays."""
+"""The report of a benchmark: one HTML file with the verdict, the shares isolated over the size, and the delays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rig.show.pages.page import lay_out, write_page
 from rig.studies.campaign.statistics import proportion
 
 _HEIGHT: Final = 340
-_AT_ONCE: Final = 16  # sentences of the verdict, the worst for ours first; the others fold away
+_AT_ONCE: Final = 16  # sentences of the verdict, losses of the built-in manager first; the others fold away
 Row = dict[str, Any]
 
 

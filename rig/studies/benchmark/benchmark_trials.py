@@ -1,9 +1,8 @@
-"""The same draws of faults for every entrant: open-loop trials of a campaign's combinations, and what became of each.
+"""Open-loop trials of a campaign's combinations: every manager gets the same fault draws; each outcome is recorded.
 
-Trials are those of reliability/cell_trials.py, with three differences: each begins with the flight, so that what
-learns has
-learned; it lasts for AFTER frames from the last onset on, whoever is isolated, so that all entrants see the same
-samples; and a combination needs no groups of that name.
+The trials are those of reliability/cell_trials.py, with three differences.  Each begins at the start of the flight, so
+that a manager that learns has learned.  Each ends AFTER frames after the last onset, whichever channels are isolated,
+so that all managers get the same samples.  A combination needs no groups of that name.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ SCHEMA: Final[dict[str, Any]] = {
 
 
 class Told(NamedTuple):
-    """What a worker needs to know of the calibration."""
+    """The results of the calibration that a worker needs."""
 
     entrants: list[Entrant]
     calibrated: dict[tuple[str, str], Calibrated]  # by entrant and signal
@@ -60,7 +59,7 @@ class Told(NamedTuple):
 
 
 def of_signals(plan: Plan) -> tuple[str, list[OfSignal]]:
-    """Return the aircraft and the tested signals of a campaign.  BadInput: nothing to detect, several aircraft."""
+    """Return the aircraft and the tested signals of a campaign.  BadInput: no detectable fault, or several aircraft."""
     found: dict[str, OfSignal] = {}
     aircraft: set[str] = set()
     for number in combinations(plan):
@@ -69,12 +68,12 @@ def of_signals(plan: Plan) -> tuple[str, list[OfSignal]]:
         fault = made.scenario.faults[made.tested]
         found.setdefault(fault.signal, of_cell(made))
     if len(aircraft) > 1:
-        raise BadInput(f"{plan.source}: flies {', '.join(sorted(aircraft))}: a benchmark is of one aircraft")
+        raise BadInput(f"{plan.source}: flies several aircraft ({', '.join(sorted(aircraft))}); a benchmark needs one")
     return aircraft.pop(), list(found.values())
 
 
 def of_cell(made: Cell) -> OfSignal:
-    """Return the tested signal of a combination."""
+    """Return the signal of a combination whose faults are tested."""
     scenario, name = made.scenario, made.scenario.faults[made.tested].signal
     settings, _ = settings_of(scenario)
     redundancy = scenario.redundancy
@@ -82,7 +81,7 @@ def of_cell(made: Cell) -> OfSignal:
 
 
 def shared_out(plan: Plan, trials: int, seed: int) -> list[Batch]:
-    """Return the units: ``trials`` of each combination, in chunks."""
+    """Return the units of work: ``trials`` of each combination, in chunks."""
     return [
         Batch(number, chunk, min(CHUNK, trials - chunk * CHUNK), seed)
         for number in combinations(plan)
@@ -91,13 +90,13 @@ def shared_out(plan: Plan, trials: int, seed: int) -> list[Batch]:
 
 
 class Runner:
-    """Runs units in a worker."""
+    """Run units of work in a worker process."""
 
     def __init__(self, plan: Plan, told: Told) -> None:
         self._plan, self._told, self._recordings = plan, told, Recordings(plan)
 
     def __call__(self, unit: Batch) -> pl.DataFrame:
-        """Return a row for each trial, state of the reference and entrant; as flown, for other budgets too."""
+        """Return a row for each trial, state of the reference and manager; as flown, also for other rates."""
         made = cell(self._plan, unit.number, named=False)
         signal = of_cell(made)
         condition = str(self._plan.choices[unit.number].get("condition", ""))
@@ -117,7 +116,7 @@ class Runner:
 
 
 def streams_of(unit: Batch) -> list[SeedSequence]:
-    """Return the seeds of a unit's draws: what varies, the noise of sensors, the noise of faults."""
+    """Return the seeds of a unit's draws: varied values, sensor noise, fault noise."""
     return SeedSequence(unit.seed, spawn_key=(unit.number, unit.chunk)).spawn(3)
 
 
@@ -129,7 +128,7 @@ def _fly(
     trials: Trials,
     streams: Sequence[SeedSequence],
 ) -> NDArray[Any]:
-    """Return (T,) RESULT of an entrant; of a manager of the user's own ``failed_at`` and ``peak`` alone."""
+    """Return (T,) RESULT of a manager; for the user's manager only ``failed_at`` and ``peak``."""
     noise, normal = (Generator(SFC64(child)) for child in streams[1:])  # again from their beginning
     if not entrant.is_own:
         told = made._replace(one=made.one._replace(manager=manager(entrant, signal, values)))
@@ -148,7 +147,7 @@ def _fly(
 
 
 def _whole(trials: Trials) -> Trials:
-    """Return trials that begin with the flight and are as long for everybody."""
+    """Return trials that begin with the flight and have one length for all managers."""
     first = np.zeros_like(trials.first)
     last = np.minimum(trials.counted_from + AFTER, len(trials.truth))
     rows = max(ROWS, int(last.max()))
@@ -157,10 +156,11 @@ def _whole(trials: Trials) -> Trials:
 
 
 def with_reference(made: Cell, trials: Trials, state: str, worst: float) -> Trials:
-    """Return the trials with the reference in a state of STATES.
+    """Return the trials with the reference in one of STATES.
 
-    off : by ``worst``, its largest error in healthy flights, towards the fault; jumping : by JUMP thresholds, from
-    BEFORE frames before the onset on, while all are healthy.  A fault without a direction counts as upwards.
+    off : in error by ``worst``, its largest error in healthy flights, towards the fault
+    jumping : in error by JUMP thresholds from BEFORE frames before the onset on, while all channels are healthy
+    A fault without a direction counts as upwards.
     """
     if state == "absent":
         absent = np.full_like(trials.reference, np.nan)

@@ -1,8 +1,9 @@
-"""The level of each entrant for one budget of false isolations, from healthy flights; and what it does in others.
+"""Calibrate each manager to one false-isolation rate on healthy flights, and count its false isolations in others.
 
-Of ours the design of ``rig thresholds``.  Of any other the series is, frame by frame, the largest level of a grid with
-which the manager fails somebody (it begins again after each), given as the next one, which fails nobody; its tail gives
-the level for the budget as that of thresholds does (thresholds/tail.py).  A wide grid finds the range for a fine one.
+For the built-in manager this is the design of ``rig thresholds``.  For any other manager a series is formed: in each
+frame, the largest level of a grid at which the manager isolates a channel, noted as the next level, at which it does
+not.  The manager starts again after each isolation.  The tail of the series gives the level for the rate, as it does
+for thresholds (thresholds/tail.py).  A wide grid finds the range of a fine one.
 """
 
 from __future__ import annotations
@@ -48,13 +49,13 @@ _AMOUNTS: Final = ("threshold", "outlier_threshold", "equalise_bound", "slow_") 
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """What an entrant is told of a signal: settings, how often the data hold what they rest on, and notes."""
+    """The calibrated settings of one manager for one signal, the events in the data that support them, and notes."""
 
     entrant: str
     signal: str
     values: dict[str, Any] = field(default_factory=dict)  # as entrants.manager takes them
     shown: dict[str, float] = field(default_factory=dict)  # in thresholds, or as a baseline manager has them
-    keys: dict[str, Any] = field(default_factory=dict)  # of ours, the table of the signal in a scenario
+    keys: dict[str, Any] = field(default_factory=dict)  # of the built-in manager: the table of the signal in a scenario
     clusters: int | None = None  # events that the tail is fitted to
     shape: float | None = None
     extrapolation: float | None = None  # how many times longer the data would be for one event at the budget
@@ -74,21 +75,21 @@ LEVELS: Final = (
 
 
 def require_time(budget_per_h: float, hours: float) -> None:
-    """Raise BadInput where the budget is further from the data than ``rig thresholds`` goes without a mark."""
+    """Raise BadInput if the rate lies further beyond the data than ``rig thresholds`` accepts without a mark."""
     if extrapolation(budget_per_h, hours) > MARKED:
         needed = 1.0 / (budget_per_h * MARKED)
         raise BadInput(
-            f"--healthy: {hours:.3g} h is too little for a budget of {budget_per_h:g} an hour: "
-            f"{needed:.3g} h are needed, for a budget {MARKED:g} times rarer than what they hold"
+            f"--healthy: {hours:.3g} h is too short for {budget_per_h:g} false isolations an hour; "
+            f"record at least {needed:.3g} h (a rate may be {MARKED:g} times rarer than one event in the data)"
         )
 
 
 def calibrate(
     entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float, others: Sequence[float] = ()
 ) -> Calibrated:
-    """Return an entrant's settings of a signal.  BadInput: no level reaches the budget, or too few events.
+    """Return a manager's settings for a signal.  BadInput: no level reaches the rate, or the data have too few events.
 
-    others : budgets for a curve, which an entrant may miss
+    others : further rates for a curve; a manager may miss them
     """
     flights, given = healthy.flights[signal.name], measured(entrant, signal, healthy)
     signal = with_settings_of(signal, entrant, given)
@@ -111,7 +112,7 @@ def calibrate(
 
 
 def _levels(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
-    """Return the levels of the first budget, and those of the others where all can be told."""
+    """Return the levels at the first rate, and at each other rate for which all levels are known."""
     found = {level.name: _level(entrant, signal, level, healthy, budgets) for level in levels(entrant, signal)}
     others = [
         (budget, {name: of[budget].upper for name, of in found.items()})
@@ -121,7 +122,7 @@ def _levels(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
     at = {name: of[budgets[0]] for name, of in found.items()}
     values, first = {name: of.upper for name, of in at.items()}, next(iter(at.values()))
     clusters = min(of.clusters for of in at.values())
-    where = f"no false isolation in {healthy.hours:.3g} h at the least that it may be"
+    where = f"no false isolation in {healthy.hours:.3g} h even at the lowest level allowed"
     notes = [
         f"{entrant.name}: {signal.name}: {name}: {where}, {of.upper:.3g}" for name, of in at.items() if not of.clusters
     ]
@@ -130,14 +131,14 @@ def _levels(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
 
 
 def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
-    """Return ours as ``rig thresholds`` designs it, with the scenario's persistence and filter."""
+    """Return the built-in manager as ``rig thresholds`` designs it, with the scenario's persistence and filter."""
     made = [_designed(entrant, signal, healthy, budget) for budget in budgets]
     chosen = made[0]
     if chosen is None:
         raise too_few(signal, healthy.hours, 0, entrant.name)
     settings, notes = chosen.settings(signal.given), list[str]()
     if entrant.name == BIASED and not chosen.outliers:
-        notes.append(f"{signal.name}: a channel equalisation does not lower the threshold: without")
+        notes.append(f"{signal.name}: channel equalisation does not lower the threshold; it is off")
     amounts = [(name, value) for name, value in chosen.keys().items() if name.startswith(_AMOUNTS)]
     pairs = zip(budgets[1:], made[1:], strict=True)
     return Calibrated(
@@ -154,10 +155,10 @@ def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
 
 
 def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float) -> Design | None:
-    """Return the last design of a signal, with channel equalisation where they lower the threshold; None: too few
-    events.
+    """Return the last design of a signal; None if the data have too few events.
 
-    With all slow-fault rules it is the one that ``rig thresholds`` chooses.
+    The design has channel equalisation if that lowers the threshold.  With all slow-fault rules it is the design that
+    ``rig thresholds`` chooses.
     """
     flights = healthy.flights[signal.name]
     blocks = [DataBlock(each.name, np.ascontiguousarray(each.samples.T), signal.rate_hz) for each in flights]
@@ -180,16 +181,16 @@ def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h
 
 def too_few(signal: OfSignal, hours: float, clusters: int, entrant: str) -> BadInput:
     """Return the error of data that hold too few events."""
-    needed = f"about {hours * LEAST / clusters:.3g} h are needed" if clusters else "record more"
+    needed = f"record about {hours * LEAST / clusters:.3g} h" if clusters else "record more flights"
     return BadInput(
-        f"--healthy: {entrant}: {signal.name}: {clusters} events in {hours:.3g} h, of {LEAST} at least: {needed}"
+        f"--healthy: {entrant}: {signal.name}: {clusters} events in {hours:.3g} h, at least {LEAST} needed; {needed}"
     )
 
 
 def _level(
     entrant: Entrant, signal: OfSignal, level: Level, healthy: Healthy, budgets: Sequence[float]
 ) -> dict[float, Threshold]:
-    """Return one level by budget: of all choices of so many channels that may be in use the largest."""
+    """Return the level for each rate: the largest over all choices of the given number of channels in use."""
     found: dict[float, list[Threshold]] = {budget: [] for budget in budgets}
     names = zlib.crc32(entrant.name.encode()), zlib.crc32(signal.name.encode())
     for choice, channels in enumerate(in_use(signal.fitted, level.channels)):
@@ -212,15 +213,15 @@ def _level(
 def _fine(
     entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[Flight], hours: float, budget_per_h: float
 ) -> list[Floats]:
-    """Return the series of each flight on a grid between the level that nothing exceeds and one often exceeded."""
+    """Return the series of each flight, on a grid from a level that is often exceeded to one that never is."""
     wide = np.unique(np.maximum(level.default * WIDE, level.least))
     coarse = _series(entrant, signal, level, flights, wide)
     gap = round(GAP_S * signal.rate_hz)
     counts = np.array([sum(len(cluster_starts(np.flatnonzero(each > at), gap)) for each in coarse) for at in wide])
     if counts[-1] > budget_per_h * hours:
         raise BadInput(
-            f"--budget {budget_per_h:g}: {entrant.name}: {signal.name}: no {level.name} reaches it: "
-            f"at {wide[-1]:.3g} there are {counts[-1]} false isolations in {hours:.3g} h"
+            f"--budget {budget_per_h:g}: {entrant.name}: {signal.name}: no {level.name} reaches this rate; "
+            f"{wide[-1]:.3g} still gives {counts[-1]} false isolations in {hours:.3g} h"
         )
     low = int(np.flatnonzero(counts >= CLUSTERS)[-1]) if (counts >= CLUSTERS).any() else 0
     high = int(np.flatnonzero(counts == 0)[0]) if (counts == 0).any() else len(wide) - 1
@@ -229,10 +230,10 @@ def _fine(
 
 
 def _series(entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[Flight], grid: Floats) -> list[Floats]:
-    """Return (n,) of each flight the least level of ``grid`` (rising) that fails nobody in a frame; 0 where none does.
+    """Return for each flight (n,) the lowest level of ``grid`` (rising) that isolates no channel; 0 if none isolates.
 
-    An even split counts as a failure, whatever ``ties`` says: a reference may settle it against the good half.
-    A level with which nobody is failed in a flight ends the search there: one that is larger fails nobody either.
+    An even split counts as an isolation, whatever ``ties`` is set to: a reference may settle it against the healthy
+    half.  The search in a flight ends at a level that isolates no channel: no larger level isolates one.
     """
     found, above = [np.zeros(len(each.samples)) for each in flights], [*grid[1:], grid[-1] * grid[-1] / grid[-2]]
     left = list(range(len(flights)))

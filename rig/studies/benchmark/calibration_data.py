@@ -1,4 +1,4 @@
-"""Healthy flights for a calibration: channels and references of one signal, flight by flight, out of logs."""
+"""Healthy flights for a calibration: the channels and references of one signal, read from logs flight by flight."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 class Flight(NamedTuple):
-    """One signal of a flight."""
+    """One signal of one flight."""
 
     name: str
     samples: Floats  # (n, C), NaN where the manager would not compare a sample
@@ -33,7 +33,7 @@ class Flight(NamedTuple):
 
 
 class Healthy(NamedTuple):
-    """Flights by signal, and what identifies them."""
+    """The flights of each signal, and their checksum."""
 
     flights: dict[str, list[Flight]]
     hours: float
@@ -41,18 +41,18 @@ class Healthy(NamedTuple):
 
 
 def read(folder: Path, aircraft: str, signals: Sequence[OfSignal], option: str = "--healthy") -> Healthy:
-    """Read the logs of ``aircraft`` in ``folder``.  BadInput: a fault in one, another rate, none of the aircraft."""
+    """Read the logs of ``aircraft`` in ``folder``.  BadInput: one has a fault or another rate, or there is none."""
     flights: dict[str, list[Flight]] = {signal.name: [] for signal in signals}
     frames, digest, rate_hz = 0, hashlib.sha256(), signals[0].rate_hz
     for path in recordings([folder], VoteConfig()):
         if not without_faults(path):
-            raise BadInput(f"{option}: {path}: no log of a flight of ours")
+            raise BadInput(f"{option}: {path}: not a flight log of rig")
         flown = recorded(path)
         if flown.scenario.aircraft != aircraft:
             continue
         if abs(flown.scenario.rate_hz - rate_hz) > SAME_RATE * rate_hz:
             raise BadInput(
-                f"{option}: {path}: {flown.scenario.rate_hz:g} frames a second, the campaign has {rate_hz:g}"
+                f"{option}: {path}: flown at {flown.scenario.rate_hz:g} frames a second, the campaign at {rate_hz:g}"
             )
         found = _flights(path, signals)
         frames += len(next(iter(found.values())).samples)
@@ -60,7 +60,7 @@ def read(folder: Path, aircraft: str, signals: Sequence[OfSignal], option: str =
             flights[name].append(flight)
             digest.update(np.ascontiguousarray(flight.samples).tobytes() + flight.references.tobytes())
     if frames == 0:
-        raise BadInput(f"{option} {folder}: no flight of the {aircraft}, which the campaign flies")
+        raise BadInput(f"{option} {folder}: no flight of {aircraft}, the aircraft of the campaign")
     return Healthy(flights, frames / rate_hz / 3600.0, digest.hexdigest())
 
 
@@ -70,17 +70,17 @@ def _flights(path: Path, signals: Sequence[OfSignal]) -> dict[str, Flight]:
         samples = recording.signals[signal.name]
         if len(samples.channels) != signal.fitted:
             count = len(samples.channels)
-            raise BadInput(f"{path}: {signal.name} has {count} channels, in the campaign {signal.fitted}")
-        assert samples.reference is not None and samples.second_reference is not None  # a log of ours has both
+            raise BadInput(f"{path}: {signal.name} has {count} channels, the campaign has {signal.fitted}")
+        assert samples.reference is not None and samples.second_reference is not None  # a log of rig has both
         both = np.column_stack([samples.reference, samples.second_reference])
         found[signal.name] = Flight(path.name, np.ascontiguousarray(columns(samples, signal.given).T), both)
     return found
 
 
 def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy) -> dict[str, Any]:
-    """Return what a baseline manager is told of healthy residuals from the median, thresholds, and its variant.
+    """Return the statistics of healthy residuals from the median, in thresholds, that a baseline manager is given.
 
-    ``spread``: standard deviation within a flight; ``bias``: the largest mean over one; ``rms``: of all
+    ``spread``: standard deviation within a flight; ``bias``: the largest mean over a flight; ``rms``: over all flights
     """
     kind = manager_kind(entrant.manager).settings
     if kind is None:

@@ -1,8 +1,8 @@
-"""Who takes part in a benchmark, and which of its settings a calibration chooses.
+"""The managers that a benchmark compares, and the setting of each that a calibration chooses.
 
-Ours is there four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the same with learned
-biases, with all slow-fault rules, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's
-scenario.
+The built-in manager takes part four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the
+same with channel equalisation, with all slow-fault rules, and as shipped.  Amounts are in thresholds of the signal in
+the campaign's scenario.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Values = Mapping[str, Any]  # of settings by name
 
 
 class Level(NamedTuple):
-    """A setting that a calibration chooses, for so many channels in use; in thresholds or as its manager has it."""
+    """A setting that a calibration chooses for a number of channels in use, in thresholds or in the manager's unit."""
 
     name: str
     channels: int
@@ -54,7 +54,7 @@ class Level(NamedTuple):
 
 
 class Entrant(NamedTuple):
-    """One row of the benchmark."""
+    """One manager with its variant: one row of the benchmark."""
 
     name: str
     manager: str
@@ -62,22 +62,22 @@ class Entrant(NamedTuple):
 
     @property
     def is_ours(self) -> bool:
-        """Return True for each of our rows."""
+        """Return True for each row of the built-in manager."""
         return self.manager == OURS
 
     @property
     def is_own(self) -> bool:
-        """Return True for a class or function of the user's."""
+        """Return True for a class or function of the user."""
         return ":" in self.manager
 
     @property
     def designed(self) -> bool:
-        """Return True if ``rig thresholds`` designs it."""
+        """Return True if ``rig thresholds`` designs the thresholds of this row."""
         return self.is_ours and self.name != SHIPPED
 
 
 class OfSignal(NamedTuple):
-    """A signal of the campaign: how it is monitored before any calibration."""
+    """A signal of the campaign with its settings before any calibration."""
 
     name: str
     params: NDArray[np.void]  # (1,) config.PARAMS
@@ -87,24 +87,24 @@ class OfSignal(NamedTuple):
 
     @property
     def threshold(self) -> float:
-        """Return the threshold that amounts are in, unit of the signal."""
+        """Return the threshold that is the unit of amounts, in the unit of the signal."""
         return float(self.params["threshold"][0])
 
     @property
     def fitted(self) -> int:
-        """Return the number of its channels."""
+        """Return the number of channels of the signal."""
         return int(self.params["fitted"][0])
 
 
 def entrants(managers: str) -> list[Entrant]:
-    """Return the rows for names with commas between, ours always the first.  BadInput: a name, or one twice."""
+    """Return the rows for names with commas between, the built-in manager first.  BadInput: a name, or one twice."""
     names = [name.strip() for name in managers.split(",") if name.strip()]
     for name in names:
         if names.count(name) > 1:
             raise BadInput(f"--managers: {name}: given more than once")
     others = [_entrant(name) for name in names if name != OURS]
     if not others:
-        raise BadInput(f"--managers: name one or more besides {OURS}, of {', '.join(MANAGERS[1:])}, or module:name")
+        raise BadInput(f"--managers: name one or more besides {OURS}: {', '.join(MANAGERS[1:])}, or module:name")
     return [*(Entrant(name, OURS) for name in (OURS, BIASED, SLOW_FAULTS, SHIPPED)), *others]
 
 
@@ -125,7 +125,7 @@ def _entrant(name: str) -> Entrant:
 
 
 def with_settings_of(signal: OfSignal, entrant: Entrant, settings: Values) -> OfSignal:
-    """Return the signal with ``settings`` of a baseline manager in its table; as it is for another manager."""
+    """Return the signal with the ``settings`` of a baseline manager in its table; unchanged for another manager."""
     if entrant.manager not in BASELINES:
         return signal
     own = getattr(signal.baselines, entrant.manager).of(signal.name).model_copy(update=dict(settings))
@@ -134,7 +134,7 @@ def with_settings_of(signal: OfSignal, entrant: Entrant, settings: Values) -> Of
 
 
 def levels(entrant: Entrant, signal: OfSignal) -> list[Level]:
-    """Return the settings to calibrate by false isolations, empty for ours and for who fails nobody."""
+    """Return the settings to calibrate; empty for the built-in manager and for one that isolates no channel."""
     if entrant.is_own:
         number = calibrated_number(entrant.manager)
         return [] if number is None else [Level(number[0], signal.fitted, number[1])]
@@ -155,14 +155,14 @@ def _least(bounds: Sequence[object]) -> float:
 
 
 def fails_nobody(entrant: Entrant, signal: OfSignal) -> bool:
-    """Return True for a manager without a threshold: it is compared by the error of its vote alone."""
+    """Return True for a manager without a threshold, which is compared by its vote error alone."""
     return not entrant.is_ours and not levels(entrant, signal)
 
 
 def manager(entrant: Entrant, signal: OfSignal, values: Values, channels: int | None = None) -> Manager:
-    """Return an entrant that is no class of the user's with calibrated ``values``, for ``channels`` of the signal.
+    """Return a manager, other than the user's, with calibrated ``values``, for ``channels`` of the signal.
 
-    values : as ``levels`` names them; of ours fields of PARAMS, unit of the signal
+    values : by the names of ``levels``; for the built-in manager fields of PARAMS, in the unit of the signal
     """
     params = signal.params.copy()
     params["fitted"] = channels or signal.fitted
@@ -190,9 +190,9 @@ def _keys_of(entrant: Entrant, signal: OfSignal, values: Values) -> dict[str, fl
 def flown_by(
     scenario: Scenario, entrant: Entrant, signal: OfSignal, values: Values, keys: Mapping[str, Any]
 ) -> Scenario:
-    """Return ``scenario`` with an entrant as its manager; other signals than the calibrated one are as they were.
+    """Return ``scenario`` with this manager; signals other than the calibrated one keep their settings.
 
-    keys : of ours as designed, the table of the signal
+    keys : the table of the signal, for the built-in manager as designed
     """
     of = scenario.redundancy
     told: dict[str, Any] = {"manager": entrant.manager}
@@ -210,7 +210,7 @@ def flown_by(
 
 
 def designed_values(signal: OfSignal, settings: RecordedSignal) -> dict[str, float]:
-    """Return what a design of ours changes of PARAMS; references and all else stay the scenario's."""
+    """Return the fields of PARAMS that a design changes; references and all other fields stay those of the scenario."""
     return _params_of(signal, settings, _DESIGNED)
 
 

@@ -1,9 +1,8 @@
-"""The trials' first draws flown in closed loop: each entrant at its level in the same flights with JSBSim.
+"""The first draws of the trials in closed loop: each manager at its level in the same JSBSim flights.
 
-A flight has the onset, the size and whatever else varies of an open-loop trial; its sensors and its seed are its own,
-the same for all entrants.  Only the faulty signal is calibrated: the others are as the scenario, or a baseline's
-defaults,
-have them.
+A flight has the onset, the size and the other varied values of an open-loop trial.  Its sensors and its seed are new,
+and the same for all managers.  Only the faulty signal is calibrated; other signals have the scenario's settings or the
+defaults of the baseline manager.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ _SEED: Final = 4  # spawn key of the flights' seeds
 
 
 class Flier:
-    """Flies units in a worker."""
+    """Fly units of work in a worker process."""
 
     def __init__(self, plan: Plan, told: Told) -> None:
         self._plan, self._told = plan, told
 
     def __call__(self, unit: Batch) -> pl.DataFrame:
-        """Return a row for each flight and entrant."""
+        """Return a row for each flight and manager."""
         made = cell(self._plan, unit.number, named=False)
         signal, rows = of_cell(made), list[dict[str, Any]]()
         values = drawn_values(made, unit.trials, Generator(SFC64(streams_of(unit)[0])))
@@ -63,7 +62,7 @@ class Flier:
 
 
 def shared_out(units: Sequence[Batch], flights: int) -> list[Batch]:
-    """Return units of flights: as many of the first trials of each combination as come to ``flights`` or more."""
+    """Return the units of flights: the first trials of each combination, ``flights`` or more in all."""
     firsts = [unit for unit in units if unit.chunk == 0] if flights else []
     if not firsts:
         return []
@@ -74,7 +73,7 @@ def shared_out(units: Sequence[Batch], flights: int) -> list[Batch]:
 def flight_scenario(
     plan: Plan, unit: Batch, trial: int, values: dict[tuple[int, str], NDArray[np.float64]]
 ) -> Scenario:
-    """Return the scenario of one flight, before anybody's manager."""
+    """Return the scenario of one flight before a manager is set."""
     run = plan[unit.number]
     state = np.random.SeedSequence(unit.seed, spawn_key=(_SEED, unit.number, trial)).generate_state(1, np.uint64)
     data = {**run.data, "seed": int(state[0]) >> 1}
@@ -86,7 +85,7 @@ def flight_scenario(
 
 
 def _absolute(fault: Fault, scenario: Scenario) -> Fault:
-    """Return a fault whose magnitude in thresholds is an amount: an entrant may have another threshold."""
+    """Return a fault with its magnitude in the unit of the signal: a manager may have another threshold."""
     for key in fault.sizes:
         name = in_thresholds(key)
         value = getattr(fault, name, None)
@@ -97,7 +96,7 @@ def _absolute(fault: Fault, scenario: Scenario) -> Fault:
 
 
 def _flown(scenario: Scenario, entrant: Entrant, signal: OfSignal, mine: Calibrated, made: Cell) -> dict[str, Any]:
-    """Fly one flight with one entrant; return what became of it."""
+    """Fly one flight with one manager and return its outcome."""
     told = flown_by(scenario, entrant, signal, mine.values, mine.keys)
     with with_values(entrant.manager, mine.values) if entrant.is_own else nullcontext():
         flight = fly(told)

@@ -1,4 +1,4 @@
-"""Whom an entrant fails in healthy flights: false isolations, levels that some flights exceed, transients."""
+"""Isolations in healthy flights: false isolations, levels that some flights exceed, and transients."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def failing(
     channels: int | None = None,
     guesses: bool = False,
 ) -> list[Frames]:
-    """Return the frames of each flight in which an entrant fails somebody.
+    """Return the frames of each flight in which a manager isolates a channel.
 
-    It begins again after each, with what it has learned; a manager of the user's own goes on, and what it has failed
-    stays failed.
-    channels : of the flights, if fewer than the signal has; guesses : an even split counts as a failure
+    A built-in or baseline manager starts again after each isolation, with what it has learned.  A manager of the user
+    continues, and isolated channels stay isolated.
+    channels : of the flights, if fewer than the signal has; guesses : an even split counts as an isolation
     """
     heed()
     if entrant.is_own:
@@ -70,7 +70,7 @@ def _own(
 
 
 def isolations(entrant: Entrant, signal: OfSignal, values: Values, flights: Sequence[Flight]) -> int:
-    """Return how many false isolations, in clusters, an entrant has in whole flights."""
+    """Return the number of false isolations, in clusters, of a manager in whole flights."""
     gap = round(GAP_S * signal.rate_hz)
     return sum(len(cluster_starts(at, gap)) for at in failing(entrant, signal, values, flights))
 
@@ -85,7 +85,7 @@ def exceeded(
 ) -> tuple[dict[str, Any], int] | None:
     """Return the largest level, ``values`` times a factor, that FLIGHTS flights or more exceed, and their number.
 
-    None where a sixteenth of it is not enough.
+    None if a sixteenth of ``values`` is still too large.
     """
     counts: dict[int, int] = {}
 
@@ -98,9 +98,9 @@ def exceeded(
 
 
 def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
-    """Return the first of the steps 0 to ``last`` at which it is ``enough``; None where it is at none.
+    """Return the first of the steps 0 to ``last`` that is ``enough``; None if there is none.
 
-    In strides first: far below its level a monitor may fail nobody again, where no two channels agree.
+    The search takes strides first: far below its level a monitor may isolate no channel, because no two channels agree.
     """
     low, high = -1, next((step for step in range(0, last + 1, _STRIDE) if enough(step)), None)
     if high is None:
@@ -113,7 +113,7 @@ def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
 
 
 def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dict[str, Any]:
-    """Return the levels times 2^(-step / 16); of ours the thresholds, isolation thresholds and allowance."""
+    """Return the levels times 2^(-step / 16): for the built-in manager thresholds, isolation thresholds, allowance."""
     factor = 2.0 ** (-step / 16.0)
     names = tuple(level.name for level in levels(entrant, signal)) or (
         "threshold",
@@ -126,9 +126,9 @@ def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dic
 def transients(
     entrant: Entrant, signal: OfSignal, values: Values, flights: Sequence[Flight]
 ) -> Iterator[dict[str, Any]]:
-    """Yield, for each burst of so many frames and thresholds, in how many an entrant fails somebody.
+    """Yield for each duration and size of burst how many bursts make a manager isolate a channel.
 
-    A burst every 5 s, on the channels in turn, to either side; what is failed without them does not count.
+    A burst comes every 5 s, on the channels in turn and to either side.  Isolations without bursts do not count.
     """
     some = flights[:_MOST]
     without = [set(at.tolist()) for at in failing(entrant, signal, values, some)]
@@ -169,15 +169,15 @@ SECOND: Final = (
     *(
         Column(title, lambda row, n=n, of=of: None if row[n] is None else f"{row[n]} of {row[of]}", worth=worth)
         for title, n, of, worth in (
-            ("flights over the level of three", "three", "flights", 7),
-            ("of it, calibration", "three_before", "of", 6),
+            ("flights above the calibrating level of three", "three", "flights", 7),
+            ("calibrating flights above it", "three_before", "of", 6),
         )
     ),
 )
 
 
 def counted(rows: Sequence[dict[str, Any]], budget_per_h: float) -> list[dict[str, Any]]:
-    """Return counts in a second campaign, ``counted`` in ``hours`` of each row, pooled over its signals as well."""
+    """Return the counts in a second campaign, ``counted`` in ``hours`` for each row, also pooled over all signals."""
     found: list[dict[str, Any]] = []
     for name in dict.fromkeys(row["entrant"] for row in rows):
         mine = [row for row in rows if row["entrant"] == name]
@@ -200,9 +200,9 @@ def second_counts(
     three: tuple[dict[str, float], int] | None,
     second: tuple[Sequence[Flight], float, int],
 ) -> dict[str, Any]:
-    """Return false isolations in a second campaign, and how many of its flights exceed the level of FLIGHTS flights.
+    """Return the false isolations in a second campaign, and its flights above the level of FLIGHTS calibrating flights.
 
-    second : its flights and hours, and how many flights calibrated
+    second : its flights and hours, and the number of calibrating flights
     """
     flights, hours, before = second
     assert not fails_nobody(entrant, signal)

@@ -1,8 +1,9 @@
-"""A benchmark on recordings: too short for a budget, so everybody is calibrated to fail nobody in the other half.
+"""A benchmark on recordings: each half calibrates every manager to no false isolation, and the other half tests it.
 
-Every second recording calibrates, the others are flown with a fault put into one channel, and the other way round.  A
-piece begins BEFORE_S ahead of the fault, so that what learns has learned; the faults are those of the trade-off of
-``rig thresholds``, of sizes that follow the motion of the signal.  There is no reference.
+Recordings are too short for a false-isolation rate.  Every second recording calibrates; the others are tested with a
+fault in one channel; then the halves change places.  A piece begins BEFORE_S before the fault, so that a manager that
+learns has learned.  The faults are those of the trade-off of ``rig thresholds``; their sizes follow the motion of the
+signal.  There is no reference.
 """
 
 from __future__ import annotations
@@ -53,13 +54,13 @@ Faults = Sequence[tuple[str, Kind, float]]
 
 
 def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
-    """Return levels, false isolations in the halves that did not calibrate, table and differences.
+    """Return the levels, the false isolations in the tested halves, the table and the differences.
 
-    BadInput: fewer than two recordings, or all too short for a piece
+    BadInput: fewer than two recordings, or all are too short for a trial
     """
     if len(data.names) < 2:
         raise BadInput(
-            f"--recordings: {len(data.names)} recording: one half calibrates, the other is tested: 2 or more"
+            f"--recordings: {len(data.names)} recording; give 2 or more: one half calibrates, the other is tested"
         )
     found, told = list[pl.DataFrame](), list[dict[str, Any]]()
     for place, (name, blocks) in enumerate(data.signals.items()):
@@ -74,7 +75,7 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
                 told.append({"signal": name, "half": half, "entrant": entrant.name, "told": levels_of, "false": false})
             found += _trials(entrants, signal, values, tested, 2 * place + half)
     if not found:
-        raise BadInput(f"--recordings: all are shorter than the {BEFORE_S + LATER_S:g} s of a trial")
+        raise BadInput(f"--recordings: every recording is shorter than a trial of {BEFORE_S + LATER_S:g} s")
     trials = pl.concat(found)
     return {"hours": data.hours, "levels": told, "table": table(trials), "differences": differences(trials)}
 
@@ -87,12 +88,11 @@ def _flights(blocks: Sequence[DataBlock]) -> list[Flight]:
 
 
 def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, Any]:
-    """Return what an entrant is told: the least levels with which it fails nobody in ``blocks``, and a margin.
+    """Return a manager's settings: the lowest levels that isolate no channel in ``blocks``, times a factor.
 
-    Of ours with all slow-fault rules also the persistence and the limit of the sums.  Taken is what isolates most in
-    those
-    of ``blocks`` that the levels are not from, each half of them in turn: levels that just fail nobody in some flights
-    tell nothing of others.
+    The built-in manager with all slow-fault rules also gets a persistence and a CUSUM limit.  Each half of ``blocks``
+    gives levels, and the factor is the one that isolates most faults in the other half: levels that just isolate no
+    channel in some flights do not hold for others.
     """
     found = dict(_candidates(entrant, signal, blocks))
     count = dict.fromkeys(found, 0)
@@ -110,7 +110,7 @@ def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> 
 def _candidates(
     entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
-    """Yield what an entrant may be told by ``blocks``, with the margins over its levels and what else it chooses."""
+    """Yield the settings that ``blocks`` allow, with each factor over the levels and each other choice."""
     flights = _flights(blocks)
     if entrant.name == SLOW_FAULTS:
         yield from _slow_faults(entrant, signal, blocks)
@@ -129,12 +129,12 @@ def _candidates(
 
 
 def _bound(signal: OfSignal, blocks: Sequence[DataBlock]) -> float:
-    """Return the bound of biases: the largest mean of a residual over a recording."""
+    """Return the bound of channel equalisation: the largest mean of a residual over a recording."""
     return float(residuals([block.samples for block in blocks], signal.given.wraps).means.max())
 
 
 def _least(entrant: Entrant, signal: OfSignal, given: dict[str, Any], flights: Sequence[Flight]) -> dict[str, Any]:
-    """Return a baseline's least levels of a grid with which it fails nobody."""
+    """Return the lowest levels of a grid at which a baseline manager isolates no channel."""
     highest = {**given, **{level.name: level.default * _HIGHEST for level in levels(entrant, signal)}}
     at = first_enough(lambda step: _fails(entrant, signal, scaled(entrant, signal, highest, step), flights), _STEPS)
     return scaled(entrant, signal, highest, (_STEPS if at is None else at) - 1)
@@ -147,7 +147,7 @@ def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: 
 def _ours(
     entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float = 0.0
 ) -> dict[str, Any]:
-    """Return ours with the least threshold; with biases within ``bound`` the least isolation threshold too."""
+    """Return the built-in manager with the lowest threshold, and within ``bound`` the lowest isolation threshold."""
     if bound > 0.0:
         highest = _ours(entrant, signal, flights, highest)["threshold"]
     none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")
@@ -168,9 +168,9 @@ def _ours(
 def _slow_faults(
     entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
-    """Yield ours with each persistence and limit of the sums, 0 for none, and margins over thresholds and allowance.
+    """Yield the built-in manager with each persistence, CUSUM limit (0: none) and factor over the levels.
 
-    No isolation threshold lies within the noise of single frames, as of ``rig thresholds``.
+    No isolation threshold is within single-frame noise, as with ``rig thresholds``.
     """
     flights, bound = _flights(blocks), _bound(signal, blocks)
     least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, CHANNELS, CHANNELS)
@@ -194,7 +194,7 @@ def _scaled(values: dict[str, Any], names: Sequence[str], factor: float) -> dict
 def _with_sums(
     entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], biased: dict[str, Any]
 ) -> Iterator[tuple[float, dict[str, Any]]]:
-    """Yield ours with stale samples, then where noise dominates with each limit and its least allowance as well."""
+    """Yield the built-in manager with stale samples, then, if noise dominates, with each CUSUM limit and allowance."""
     samples, flights = [block.samples for block in blocks], _flights(blocks)
     of, last = residuals(samples, signal.given.wraps), len(ALLOWANCES) - 1
     plain = {**biased, "stale_frames": stale_frames(samples, signal.rate_hz)}
@@ -213,7 +213,7 @@ def _with_sums(
 def _with_faults(
     cut: Pieces, blocks: Sequence[DataBlock], signal: OfSignal
 ) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Yield the name of each fault and the pieces (R, n, C) with it."""
+    """Yield the name of each fault and the pieces (R, n, C) that have it."""
     motion = envelope(blocks, signal.given.wraps)
     for name, kind, size in _faults(max(motion.value, motion.noise)):
         samples = cut.samples.copy()
@@ -228,7 +228,7 @@ def _trials(
     blocks: Sequence[DataBlock],
     part: int,
 ) -> Iterator[pl.DataFrame]:
-    """Yield the rows of each fault and entrant; part : number of the signal and half."""
+    """Yield the rows of each fault and manager; part : number of the signal and half."""
     cut = pieces(blocks, PIECES, BEFORE_S)
     if cut is None:
         return
@@ -260,7 +260,7 @@ def _faults(motion: float) -> Faults:
 def _became(
     entrant: Entrant, signal: OfSignal, values: dict[str, Any], cut: Pieces, samples: NDArray[np.float64]
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Return (R,) outcome and delay, s, of ``samples`` (R, n, C), the pieces with a fault."""
+    """Return the outcome (R,) and the delay (R,), s, of ``samples`` (R, n, C), the pieces with a fault."""
     if entrant.is_own:
         failed_at = first_failed(voted(entrant.manager, values, signal.params, {"channels": four(samples)})[0])
     else:

@@ -1,4 +1,4 @@
-"""The table of a benchmark: outcomes by entrant, kind and number of faults; paired differences, with intervals."""
+"""The table of a benchmark: outcomes by manager, kind and number of faults; paired differences with intervals."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ OUTCOMES: Final = (
         Column(f"{100 * of:g} %", lambda row, i=i: row["sizes"] and row["sizes"][i]["value"], ".2f", worth=7)
         for i, of in enumerate(SIZES)
     ),
-    *(Column("vote off", "peak_median", ".2f", worth=6), Column("most", "peak_largest", ".3g", worth=5)),
+    *(Column("vote error", "peak_median", ".2f", worth=6), Column("largest", "peak_largest", ".3g", worth=5)),
 )
 LOSSES: Final = (*OUTCOMES, Column("aircraft lost", "lost"))  # of flights in closed loop
 DIFFERENCES: Final = (
     *(Column("signal"), Column("manager", "entrant"), Column("trials")),
-    Column("isolated, less ours", lambda row: 100 * row["value"], "+.1f", "points"),
+    Column("isolated, minus built-in", lambda row: 100 * row["value"], "+.1f", "points"),
     Column("95 %", lambda row: f"{100 * row['low']:.1f} to {100 * row['high']:.1f}"),
 )
 
 
 def table(rows: pl.DataFrame) -> list[dict[str, Any]]:
-    """Return one row for each group and entrant, groups in order, entrants as they were given.
+    """Return one row for each group and manager: groups in order, managers as they were given.
 
-    outcomes are counts; delays of the isolated, s; ``peak``: largest vote error, thresholds, median over the trials;
-    ``lost``: aircraft lost, of flights; ``sizes``: with the reference as flown, see the function
+    Outcomes are counts.  Delays are of isolated faults, s.  ``peak``: largest vote error, thresholds, median over the
+    trials; ``lost``: aircraft lost, in flights; ``sizes``: with the reference as flown, see the function ``sizes``.
     """
     key, by_key = (*GROUP, "entrant"), dict[tuple[Any, ...], Any]()
     if "lost" not in rows.columns:
@@ -62,9 +62,9 @@ def table(rows: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def sizes(rows: pl.DataFrame) -> list[dict[str, Any]] | None:
-    """Return the sizes that are isolated with the probabilities SIZES, thresholds, with 95 % intervals.
+    """Return the sizes, in thresholds, that are isolated with the probabilities SIZES, with 95 % intervals.
 
-    None where all were isolated, or none; a logistic fit over the logarithm (campaign/statistics.py).
+    None if all or none were isolated.  The fit is logistic over the logarithm (campaign/statistics.py).
     """
     isolated = (rows["outcome"] == "isolated").to_numpy()
     fit = detectable(rows["size"].to_numpy(), isolated, SIZES)
@@ -72,7 +72,7 @@ def sizes(rows: pl.DataFrame) -> list[dict[str, Any]] | None:
 
 
 def by_size(rows: pl.DataFrame) -> list[dict[str, Any]]:
-    """Return shares isolated over the size, in bins of the logarithm: the mean size of each, thresholds."""
+    """Return the shares isolated over the size, in bins of its logarithm, with each bin's mean size, thresholds."""
     sized = rows.filter(pl.col("size").is_not_null() & (pl.col("size") > 0.0))
     found: list[dict[str, Any]] = []
     for _, part in sized.group_by(["kind"], maintain_order=True):
@@ -92,7 +92,7 @@ def by_size(rows: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def curve(rows: pl.DataFrame) -> list[dict[str, Any]]:
-    """Return delay and share isolated over the budget, a row for each signal, number of faults, entrant and budget."""
+    """Return delay and share isolated, a row for each signal, number of faults, manager and false-isolation rate."""
     group = ["signal", "faults", "entrant", "budget_per_h"]
     found = rows.group_by(group, maintain_order=True).agg(
         trials=pl.len(),
@@ -129,11 +129,11 @@ def _counts(rows: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def differences(rows: pl.DataFrame, what: pl.Expr = ISOLATED) -> list[dict[str, Any]]:
-    """Return, for each group, its isolated less ours, of every entrant: share, 95 % interval, exact p.
+    """Return for each group and manager its share isolated minus the built-in manager's, 95 % interval and exact p.
 
-    what : what is counted of a trial, true or false; of flights also whether the aircraft is lost
-    ours : the row of ours it is compared with, as designed, with channel equalisation, with all slow-fault rules
-    ``peak_smaller`` and ``peak_larger`` count the trials in which its largest vote error was smaller or larger.
+    what : counted in each trial, true or false; in flights also whether the aircraft is lost
+    ``ours`` names the built-in row of the comparison: as designed, with channel equalisation, with slow-fault rules.
+    ``peak_smaller`` and ``peak_larger`` count the trials in which the largest vote error was smaller or larger.
     """
     counted = rows.with_columns(what.alias("_what"))
     return [row for ours in (OURS, BIASED, SLOW_FAULTS) for row in _differences(counted, ours)]

@@ -1,9 +1,9 @@
-"""A manager of the user's own in a benchmark, named ``module:name``: open loop it votes up to 16 pieces at once.
+"""The user's manager in a benchmark, named ``module:name``: in open loop it votes up to 16 pieces at once.
 
-Each piece is a signal of a flight's rows for it, as in ``rig vote``, where such a manager votes every signal alone.  A
-class with ``calibrate = "limit"`` says which of its numbers a calibration chooses: the benchmark makes it with others
-in that place, so it must read ``self.limit``, and less of it must fail channels sooner.  Without that it is compared by
-the error of its vote alone.
+The manager gets each piece as one signal of a flight's rows, as in ``rig vote``, and votes every signal alone.  A class
+with ``calibrate = "limit"`` names the number that a calibration chooses.  The benchmark sets other values of it, so the
+class must read ``self.limit``, and a lower value must isolate channels sooner.  A class without ``calibrate`` is
+compared by its vote error alone.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _one_at_a_time = threading.RLock()  # numbers of a class are the process's
 
 
 def calibrated_number(name: str) -> tuple[str, float] | None:
-    """Return which number of a manager a calibration chooses, and what it is; None where it fails nobody by one.
+    """Return the name and value of the number that a calibration chooses; None if the manager names none.
 
-    BadInput: it cannot be imported, or names no number of its own.
+    BadInput: the manager cannot be imported, or ``calibrate`` names no number of the class.
     """
     own = _attribute(name)
     key = getattr(getattr(own, "py_func", own), KEY, None)
@@ -44,7 +44,7 @@ def calibrated_number(name: str) -> tuple[str, float] | None:
         return None
     value = getattr(own, key, None) if isinstance(key, str) else None
     if not inspect.isclass(own) or isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-        raise BadInput(f"--managers: {name}: {KEY} = {key!r}: must name a number above 0 of a class, there is none")
+        raise BadInput(f"--managers: {name}: {KEY} = {key!r}: the class has no number above 0 of this name")
     return str(key), float(value)
 
 
@@ -62,7 +62,7 @@ def _attribute(name: str) -> Any:
 
 @contextmanager
 def with_values(name: str, values: Mapping[str, float]) -> Iterator[None]:
-    """Let the class ``name`` have ``values`` in place of its own numbers meanwhile; one thread at a time."""
+    """Set ``values`` in the class ``name`` meanwhile; one thread at a time."""
     with _one_at_a_time:
         own = _attribute(name)
         before = {key: getattr(own, key) for key in values}
@@ -78,11 +78,11 @@ def with_values(name: str, values: Mapping[str, float]) -> Iterator[None]:
 def voted(
     name: str, values: Mapping[str, float], params: NDArray[np.void], read: Mapping[str, NDArray[Any]]
 ) -> tuple[NDArray[np.bool_], Floats]:
-    """Run a manager over pieces: who is failed in each frame, (T, n, 4), and the votes, (T, n).
+    """Run a manager over pieces; return the isolated channels in each frame, (T, n, 4), and the votes, (T, n).
 
     params : (1,) config.PARAMS of the signal
     read : ``channels``, and if given ``valid`` and ``ilm``, (T, n, 4); ``reference``, ``second_reference``, (T, n)
-    BadInput: it raises in a frame, or cannot be made
+    BadInput: the manager raises an error in a frame, or cannot be made
     """
     pieces, frames = read["channels"].shape[:2]
     failed, votes = np.zeros((pieces, frames, CHANNELS), np.bool_), np.zeros((pieces, frames))
@@ -98,9 +98,9 @@ def voted(
 
 
 def _vote(own: OwnManager, read: Mapping[str, NDArray[Any]], failed: NDArray[np.bool_], votes: Floats) -> None:
-    """Vote pieces as signals of a flight's rows, and keep what was voted.
+    """Vote the pieces as signals of a flight's rows, and keep the votes.
 
-    Signals beyond the pieces are the first piece once more.
+    Signals beyond the number of pieces repeat the first piece.
     """
     pieces, frames = votes.shape
     for part, block in blocks(_FLIGHT, frames):

@@ -1,4 +1,4 @@
-"""What comes before the trials: levels by the healthy flights, transients, a second campaign, costs."""
+"""The steps before the trials: levels from the healthy flights, transients, a second campaign, costs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a benchmark is asked for."""
+    """The options of a benchmark."""
 
     entrants: list[Entrant]
     budget_per_h: float
@@ -42,7 +42,7 @@ class Asked:
 def prepare(
     asked: Asked, signals: Sequence[OfSignal], healthy: Healthy, second: Healthy | None, workers: int
 ) -> dict[str, Any]:
-    """Return what ``levels.json`` holds; numbers do not depend on ``workers``, threads.  BadInput as ``calibrate``."""
+    """Return the content of ``levels.json``, the same for any number of ``workers``.  BadInput as ``calibrate``."""
     pairs = [(entrant, signal) for signal in signals for entrant in asked.entrants]
     others = [factor * asked.budget_per_h for factor in CURVE]
     levels = list(
@@ -82,7 +82,7 @@ def _each(pairs: Sequence[Pair], work: Callable[[Pair], Result], what: str, work
 
 
 def worst_reference(signal: OfSignal, healthy: Healthy) -> float:
-    """Return the largest difference of a reference from the median of the channels in healthy flights; 0: none."""
+    """Return the largest difference of a reference from the channels' median in healthy flights; 0 without one."""
     largest = 0.0
     for flight in healthy.flights[signal.name]:
         here = np.isfinite(flight.references[:, 0]) & np.isfinite(flight.samples).all(axis=1)
@@ -95,7 +95,7 @@ def worst_reference(signal: OfSignal, healthy: Healthy) -> float:
 
 
 def told(asked: Asked, prepared: dict[str, Any]) -> Told:
-    """Return what workers need of ``levels.json``."""
+    """Return the part of ``levels.json`` that workers need."""
     names = Calibrated.__dataclass_fields__
     made = [Calibrated(**{key: value for key, value in row.items() if key in names}) for row in prepared["levels"]]
     by_pair = {(each.entrant, each.signal): each for each in made}
@@ -103,7 +103,7 @@ def told(asked: Asked, prepared: dict[str, Any]) -> Told:
 
 
 def costs(asked: Asked, signals: Sequence[OfSignal], calibrated: Told, healthy: Healthy) -> dict[str, float]:
-    """Return microseconds a signal and frame of each entrant, here; no part of the folder."""
+    """Return the microseconds a signal and frame of each manager on this computer; the folder does not keep them."""
     signal = signals[0]
     flight = healthy.flights[signal.name][0]
     found: dict[str, float] = {}

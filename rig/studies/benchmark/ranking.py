@@ -1,4 +1,4 @@
-"""The verdict of a benchmark in words: which manager keeps the budget, and where ours loses and wins."""
+"""The verdict of a benchmark in sentences: which managers keep the budget, which isolate more, by how much."""
 
 from __future__ import annotations
 
@@ -18,18 +18,15 @@ _OURS: Final = (OURS, BIASED, SLOW_FAULTS, SHIPPED)
 
 
 def verdict(result: Mapping[str, Any]) -> list[str]:
-    """Return the sentences on ``result``, as of run_benchmark.py: the losses of ours first, then the manager that
-    takes too long.
+    """Return the sentences on ``result``, as of run_benchmark.py: where a baseline manager isolates more comes first.
 
-    A loss or a lead is one whose 95 % interval leaves out zero.
+    A difference counts if its 95 % interval excludes zero.
     """
     table, differences, silent = result["table"], result["differences"], result["silent"]
     baselines = [
         row for row in differences if row["entrant"] not in (*silent, *_OURS) and UNBOUNDED not in row["entrant"]
     ]
-    lines: list[str] = []
-    for ours in (OURS, BIASED, SLOW_FAULTS):
-        lines += _losses([row for row in baselines if row["ours"] == ours], ours)
+    lines = list(_losses(baselines))
     lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
     plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
     lines += _leads([row for row in plain if row in baselines])
@@ -39,98 +36,126 @@ def verdict(result: Mapping[str, Any]) -> list[str]:
 
 
 def _where(row: Row) -> str:
-    count = f"{row['faults']} fault{'s' if row['faults'] > 1 else ''}"
     kind = "all kinds" if row["kind"] == ALL else row["kind"]
-    return f"{row['signal']}, {kind}, {count}, reference {row['reference']}"
+    return f"{row['signal']}, {kind}, {_count(row['faults'], 'fault')}, reference {row['reference']}"
 
 
-def _alike(rows: Sequence[Row], figures: Callable[[Row], tuple[float, ...]]) -> list[Row]:
-    """Return the rows with one for all states of the reference in which the ``figures`` are the same."""
-    merged: dict[tuple[Any, ...], Row] = {}
-    for row in rows:
-        key = tuple(row.get(name) for name in ("ours", "entrant", "signal", "kind", "faults")) + figures(row)
-        before = merged.get(key)
-        reference = row["reference"] if before is None else f"{before['reference']}, {row['reference']}"
-        merged[key] = {**row, "reference": reference}
-    return list(merged.values())
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' if number != 1 else ''}"
+
+
+def _alike(rows: Sequence[Row], figures: Callable[[Row], tuple[float, ...]], *joined: str) -> list[Row]:
+    """Return the rows, one for all that have the same ``figures`` and differ in one of the keys ``joined`` alone."""
+    for key in joined:
+        merged: dict[tuple[Any, ...], Row] = {}
+        for row in rows:
+            others = (name for name in ("ours", "entrant", "signal", "kind", "faults", "reference") if name != key)
+            place = (*(row.get(name) for name in others), *figures(row))
+            before = merged.get(place)
+            merged[place] = {**row, key: row[key] if before is None else f"{before[key]}, {row[key]}"}
+        rows = list(merged.values())
+    return list(rows)
+
+
+def _interval(row: Row) -> tuple[float, ...]:
+    return row["value"], row["low"], row["high"]
 
 
 def _points(row: Row) -> str:
-    return f"{100 * row['value']:+.1f} points ({100 * row['low']:.1f} to {100 * row['high']:.1f})"
+    """Return the size of a significant difference, whichever manager is better, with its interval."""
+    low, high = sorted(abs(100 * row[end]) for end in ("low", "high"))
+    return f"{100 * abs(row['value']):.1f} points more{{}} than {{}} (95 %: {low:.1f} to {high:.1f})"
 
 
-def _losses(rows: Sequence[Row], ours: str) -> Iterator[str]:
-    """Yield each group in which a baseline manager isolates more, the worst first."""
-    lost = _alike([row for row in rows if row["low"] > 0.0], lambda row: (row["value"], row["low"], row["high"]))
-    for row in sorted(lost, key=lambda row: -row["value"]):
-        yield f"{ours} LOSES to {row['entrant']}: {_where(row)}: it isolates {_points(row)}"
-    if rows and not lost:
-        yield f"{ours} loses in no group: no baseline manager isolates significantly more"
+def _more(name: str, verb: str, row: Row, other: str, what: str = "") -> str:
+    """Return the sentence on how many points more ``name`` isolates, or loses, than ``other``, and where."""
+    verb = verb if ", " in name else f"{verb}s"
+    return f"{name} {verb} {_points(row).format(what, other)}: {_where(row)}"
+
+
+def _losses(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield each group in which a baseline manager isolates more than a built-in one, the largest difference first."""
+    for ours in (OURS, BIASED, SLOW_FAULTS):
+        of_ours = [row for row in rows if row["ours"] == ours]
+        lost = _alike([row for row in of_ours if row["low"] > 0.0], _interval, "reference")
+        for row in sorted(lost, key=lambda row: -row["value"]):
+            yield f"LOSS: {_more(row['entrant'], 'isolate', row, ours)}"
+    of_all = {row["ours"] for row in rows}
+    kept = [ours for ours in of_all if not any(row["low"] > 0.0 for row in rows if row["ours"] == ours)]
+    if kept:
+        names = ", ".join(ours for ours in (OURS, BIASED, SLOW_FAULTS) if ours in kept)
+        yield f"no baseline manager isolates significantly more than {names} in any group"
 
 
 def _leads(rows: Sequence[Row]) -> Iterator[str]:
-    for row in rows:
-        if row["high"] < 0.0:
-            yield f"{row['ours']} is ahead of {row['entrant']}: {_where(row)}: that one isolates {_points(row)}"
+    for row in _alike([row for row in rows if row["high"] < 0.0], _interval, "ours", "entrant"):
+        yield _more(row["ours"], "isolate", row, row["entrant"])
 
 
 def _among(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield how ours as shipped, with equalisation and with all slow-fault rules differ from ours as designed."""
-    for row in rows:
-        if row["ours"] == OURS:
-            yield f"{row['entrant']} against {OURS}: {_where(row)}: it isolates {_points(row)}"
+    """Yield how the built-in manager as shipped and with slow-fault rules differs from the one as designed."""
+    for row in _alike([row for row in rows if row["ours"] == OURS], _interval, "entrant"):
+        if row["high"] < 0.0:
+            yield _more(OURS, "isolate", row, row["entrant"])
+        elif row["low"] > 0.0:
+            yield _more(row["entrant"], "isolate", row, OURS)
+        else:
+            low, value, high = (f"{100 * row[name]:+.1f}" for name in ("low", "value", "high"))
+            difference = f"{value} points isolated (95 %: {low} to {high}), not significant"
+            yield f"{row['entrant']} against {OURS}: {difference}: {_where(row)}"
 
 
 def _wrong(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
     wrong = [row for row in table if row["kind"] == ALL and row["wrong channel"] and row["entrant"] not in silent]
-    for row in _alike(wrong, lambda row: (row["wrong channel"], row["trials"])):
+    for row in _alike(wrong, lambda row: (row["wrong channel"], row["trials"]), "reference", "entrant"):
         share = 100 * row["wrong channel"] / row["trials"]
-        yield f"{row['entrant']} fails a healthy channel for the fault in {share:.2g} % of {_where(row)}"
+        yield f"{row['entrant']}: wrong isolation, of a healthy channel, in {share:.2g} % of trials: {_where(row)}"
 
 
 def _before(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
-    """Yield who fails a healthy channel because a reference jumps."""
+    """Yield which managers isolate a healthy channel because a reference jumps."""
     for row in table:
         if (row["kind"], row["reference"]) == (ALL, "jumping") and row[PRIOR] and row["entrant"] not in silent:
             share = 100 * row[PRIOR] / row["trials"]
-            yield f"{row['entrant']} fails a channel before the fault in {share:.2g} % of {_where(row)}"
+            yield f"{row['entrant']}: false alarm before the fault in {share:.2g} % of trials: {_where(row)}"
 
 
 def _votes(rows: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
-    """Yield how those that fail nobody vote, against ours as designed."""
+    """Yield how managers that isolate no channel vote, against the built-in one as designed."""
     for row in rows:
         if row["entrant"] in silent and row["ours"] == OURS:
             smaller, larger = (100 * row[name] / row["trials"] for name in ("peak_smaller", "peak_larger"))
             yield (
-                f"{row['entrant']} fails nobody: its largest vote error is smaller than that of {OURS} in "
-                f"{smaller:.0f} %, larger in {larger:.0f} % of {_where(row)}"
+                f"{row['entrant']} isolates no channel; its largest vote error is smaller than that of {OURS} in "
+                f"{smaller:.0f} % of trials, larger in {larger:.0f} %: {_where(row)}"
             )
 
 
 def _transients(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield whom bursts shorter than the persistence make fail somebody."""
+    """Yield which managers isolate a channel for bursts shorter than the persistence."""
+    by_manager: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row["failed"]:
-            bursts = (
-                f"{row['failed']} of {row['bursts']} bursts of {row['frames']} frame{'s' if row['frames'] > 1 else ''}"
+            by_manager.setdefault((row["entrant"], row["signal"]), []).append(
+                f"{row['failed']} of {row['bursts']} bursts of {_count(row['frames'], 'frame')} "
+                f"and {row['thresholds']:g} thresholds"
             )
-            yield (
-                f"{row['entrant']} FAILS A CHANNEL FOR A TRANSIENT: {row['signal']}: {bursts} and "
-                f"{row['thresholds']:g} thresholds"
-            )
+    for (entrant, signal), bursts in by_manager.items():
+        yield f"{entrant} ISOLATES A CHANNEL FOR A TRANSIENT: {signal}: {'; '.join(bursts)}"
 
 
 def _lost(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield who loses aircraft more or less often than ours, in closed loop."""
+    """Yield which managers lose more or fewer aircraft than the built-in one in closed loop."""
     for row in rows:
         if row["kind"] == ALL and (row["low"] > 0.0 or row["high"] < 0.0):
-            yield f"{row['entrant']} against {row['ours']}: {_where(row)}: it loses {_points(row)} of the aircraft"
+            names = (row["entrant"], row["ours"]) if row["low"] > 0.0 else (row["ours"], row["entrant"])
+            yield _more(names[0], "lose", row, names[1], " of the aircraft")
 
 
 def _over_budget(second: Sequence[Row]) -> Iterator[str]:
     for row in second:
         if row["counted"] and poisson.sf(row["counted"] - 1, row["expected"]) < OVER:
             yield (
-                f"{row['entrant']} DOES NOT KEEP THE BUDGET: {row['signal']}: {row['counted']} false isolations "
-                f"in the second campaign, {row['expected']:.2g} are allowed"
+                f"{row['entrant']} EXCEEDS THE FALSE-ISOLATION RATE: {row['signal']}: {row['counted']} false "
+                f"isolations in the second campaign, {row['expected']:.2g} expected"
             )

@@ -1,14 +1,13 @@
-"""One benchmark in a folder: calibrate, run the trials on several processes, make the table; it goes on where it
-stopped.
+"""One benchmark in a folder: calibrate, run the trials on several processes, make the table; resume where it stopped.
 
-    benchmark.json               what decides the result: campaign, managers, budget, healthy flights, trials, seed
-    levels.json                  the calibration, transients, and the counts of the second campaign
+    benchmark.json               all that decides the result: campaign, managers, rate, healthy flights, trials, seed
+    levels.json                  the calibration, the transients, and the counts of the second campaign
     units/000000-000000.parquet  trials of a combination, a chunk
     flights/...                  flights of a combination in closed loop
     result.json                  levels, tables, differences and verdict
 
-Each file is written beside and renamed; those that are read again have a checksum.  None depends on the number of
-processes, their order or the time it took.
+Each file is written under another name and renamed.  Files that are read again have a checksum.  No file depends on the
+number of processes, their order or the time they took.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class _BenchmarkFolder(Study):
     """Its mark has no checksum: all of it is compared."""
 
     def read(self, out: Path, name: str = "") -> dict[str, Any]:
-        """Return what was asked of a folder.  BadInput: it cannot be read."""
+        """Return the options that a folder was made with.  BadInput: they cannot be read."""
         path = out / self.mark
         try:
             was = json.loads(read_bytes(path, sealed.MOST_BYTES).decode())
@@ -60,7 +59,7 @@ class _BenchmarkFolder(Study):
         return was if isinstance(was, dict) else {}
 
     def written(self, about: dict[str, Any]) -> bytes:
-        """Return ``benchmark.json``."""
+        """Return the content of ``benchmark.json``."""
         return _json(about)
 
 
@@ -68,12 +67,12 @@ STUDY: Final = _BenchmarkFolder(BENCHMARK, "a benchmark's folder", "another benc
 
 
 def run(plan: Plan, asked: Asked, out: Path, workers: int = 1) -> dict[str, Any]:
-    """Run a benchmark into the folder ``out``, or go on with it; return what ``result.json`` holds, and the costs.
+    """Run a benchmark into the folder ``out``, or resume it; return the content of ``result.json`` and the costs.
 
-    BadInput, nothing written: ``out`` is something else's, or what ``calibrate`` and ``of_signals`` refuse.
+    BadInput, nothing written: ``out`` is not of this benchmark, or ``calibrate`` or ``of_signals`` refuses.
     """
     if not (isfinite(asked.budget_per_h) and asked.budget_per_h > 0.0):
-        raise BadInput(f"--budget: false isolations an hour and signal, above 0, got {asked.budget_per_h:g}")
+        raise BadInput(f"--budget: {asked.budget_per_h:g} false isolations an hour; must be above 0")
     STUDY.require(out)
     aircraft, signals = of_signals(plan)
     tell("reading the healthy flights")
@@ -133,9 +132,9 @@ def _all(
     about: tuple[Any, ...],
     workers: int,
 ) -> pl.DataFrame:
-    """Return the rows of all units, those that ``folder`` holds read, the others run and kept.
+    """Return the rows of all units: those in ``folder`` are read, the others are run and kept there.
 
-    of : the benchmark's identity, with which its files are marked;  worker, about : as of ``pool.by_workers``
+    of : the benchmark's identity, which marks its files;  worker, about : as for ``pool.by_workers``
     """
     if units:
         folder.mkdir(exist_ok=True)

@@ -1,7 +1,7 @@
-"""A campaign file: what varies, and apart from it how it runs.
+"""A campaign file: the varied values, and separately how the campaign runs.
 
-Everything but the ``[run]`` table decides what is flown and so what is in the table.  ``[run]`` decides who
-flies it, how many at a time and which logs stay; it may change between two calls on one folder.
+Everything but the ``[run]`` table decides the flights and so the rows of the table.  ``[run]`` sets the workers, the
+size of a batch and the logs that are kept; it may change between two calls on one folder.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ EXACT: Final = 2**53  # up to which a double holds every whole number
 
 
 class Levels(Settings):
-    """A list of values, each as likely as the others."""
+    """A list of equally likely values."""
 
     values: list[Any] = Field(min_length=1)
 
@@ -38,12 +38,12 @@ class Levels(Settings):
     def _storable(self) -> Levels:
         for value in self.values:
             if isinstance(value, int) and not -(2**63) <= value < 2**63:
-                raise ValueError("values: a whole number must have 64 bits at most")
+                raise ValueError("values: a whole number must have at most 64 bits")
         return self
 
 
 class Range(Settings):
-    """Every value from ``low`` to ``high``, evenly, or evenly in its logarithm."""
+    """A range of values from ``low`` to ``high``, uniform, or uniform in the logarithm."""
 
     low: float
     high: float
@@ -56,7 +56,7 @@ class Range(Settings):
         if self.low >= self.high:
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
         if self.log and self.low <= 0 <= self.high:
-            raise ValueError(f"low ({self.low:g}) must be above 0 on a logarithmic scale, or high below it")
+            raise ValueError(f"low ({self.low:g}) must be above 0 on a logarithmic scale, or high below 0")
         if not math.isfinite(self.high - self.low) or (self.log and not math.isfinite(self.high / self.low)):
             raise ValueError(f"low ({self.low:g}) and high ({self.high:g}) are too far apart for a double")
         if self.whole and max(-self.low, self.high) > EXACT:
@@ -79,7 +79,7 @@ class Distribution(Settings):
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
         low, high = self.shares()
         if not low < high:
-            raise ValueError(f"{self.distribution} has nothing between {self.low:g} and {self.high:g}")
+            raise ValueError(f"{self.distribution} has no probability between {self.low:g} and {self.high:g}")
         return self
 
     def shares(self) -> tuple[float, float]:
@@ -107,7 +107,7 @@ Vary = Levels | Range | Distribution
 
 
 class Case(Settings):
-    """Keys that take their values together, under a name; what it varies itself is varied within it."""
+    """A case: keys that take their values together, under a name, and keys that vary within the case."""
 
     name: str = Field(min_length=1)
     set: dict[str, Any] = {}
@@ -119,12 +119,12 @@ _Logs = re.compile(r"all|failures|none|sample:[1-9][0-9]{0,8}")
 
 def _logs(text: str) -> str:
     if not _Logs.fullmatch(text):
-        raise ValueError("which logs to keep: all, failures, none or sample:N")
+        raise ValueError("logs must be all, failures, none or sample:N")
     return text
 
 
 class How(Settings):
-    """The ``[run]`` table: nothing in it changes a row."""
+    """The ``[run]`` table; no key of it changes a row."""
 
     workers: int = Field(default=2, ge=1, le=1024)
     batch: int = Field(default=10, ge=1)  # flights of one part
@@ -133,7 +133,7 @@ class How(Settings):
 
 
 class Campaign(Settings):
-    """What is flown, and how. ``base`` is the base scenario's own table, read."""
+    """A campaign: the flights, and how they are flown. ``base`` is the table of the base scenario."""
 
     keys_are_in: ClassVar[str] = "docs/campaign.md"
 
@@ -152,18 +152,18 @@ class Campaign(Settings):
     @model_validator(mode="after")
     def _whole(self) -> Campaign:
         if self.sampling != "grid" and self.runs is None:
-            raise ValueError(f"runs: how many, when sampling is {self.sampling!r}")
+            raise ValueError(f"runs: is needed with sampling = {self.sampling!r}")
         keys = [*self.set, *(key for key, _ in self.varied()), *(key for case in self.all_cases() for key in case.set)]
         if "seed" in keys:
-            raise ValueError("seed: each run has its own, from the campaign's seed and the run's number")
+            raise ValueError("seed: must not vary; the campaign's seed and the run's number give each run its seed")
         names = [*self.vary, *self.cases, *{key for case in self.all_cases() for key in case.vary}]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(f"{twice[0]}: varied in two places")
+            raise ValueError(f"{twice[0]}: is varied in two places")
         for name, cases in self.cases.items():
             labels = [case.name for case in cases]
             if not labels or len(set(labels)) < len(labels):
-                raise ValueError(f"cases.{name}: at least one case, each with a name of its own")
+                raise ValueError(f"cases.{name}: needs at least one case, each with a different name")
         if self.sampling == "grid":
             self._check_levels()
         return self
@@ -171,21 +171,21 @@ class Campaign(Settings):
     def _check_levels(self) -> None:
         for key, vary in self.varied():
             if not isinstance(vary, Levels) and vary.levels is None:
-                raise ValueError(f"vary.{key}.levels: how many, in a grid")
+                raise ValueError(f"vary.{key}.levels: is needed in a grid")
         axes = [sum(_points(case.vary) for case in cases) for cases in self.cases.values()]
         if max(axes, default=0) > MOST_RUNS or (self.runs is None and math.prod(axes) * _points(self.vary) > MOST_RUNS):
-            raise ValueError(f"vary: the grid has more than {MOST_RUNS} points: fewer levels, or another sampling")
+            raise ValueError(f"vary: the grid has more than {MOST_RUNS} points; use fewer levels or another sampling")
 
     def all_cases(self) -> list[Case]:
         """Return the cases of all groups."""
         return list(chain(*self.cases.values()))
 
     def varied(self) -> Iterator[tuple[str, Vary]]:
-        """Yield everything that varies on its own, the cases' own included."""
+        """Yield every key that varies by itself, also within cases."""
         return chain(self.vary.items(), *(case.vary.items() for case in self.all_cases()))
 
     def what(self) -> dict[str, Any]:
-        """Return all that decides the table, as plain data; ``from_what`` reads it back."""
+        """Return everything that decides the table as plain data; ``from_what`` reads it back."""
         return self.model_dump(mode="json", exclude={"run"}, exclude_none=True)
 
 
@@ -195,7 +195,7 @@ def _points(vary: dict[str, Vary]) -> int:
 
 
 def find(name: str | Path) -> Path:
-    """Find a campaign's file: the path given, or that name in the bundled ``faults/campaigns``."""
+    """Return the path of a campaign file: the given path, or the name in the bundled ``faults/campaigns``."""
     wanted, home = Path(name), bundled("faults") / "campaigns"
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
         if is_file(candidate):
@@ -211,13 +211,13 @@ def names() -> list[str]:
 
 
 def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
-    """Read the campaign of a file, ``sets`` (dotted keys) laid over its ``[set]``; BadInput says what is wrong."""
+    """Read a campaign file, with ``sets`` (dotted keys) over its ``[set]``.  BadInput: a wrong key or value."""
     path = find(name)
     data = read_toml(path)
     source = str(path)
     base = data.pop("base", None)
     if not isinstance(base, str):
-        raise BadInput(f"{source}: base: the file or the bundled name of a scenario is missing")
+        raise BadInput(f"{source}: base: give the file or the bundled name of a scenario")
     fixed = data.get("set", {})
     if not isinstance(fixed, dict):
         raise BadInput(f"{source}: set: must be a table of keys")
@@ -234,7 +234,7 @@ def _names(given: Any, source: str) -> list[str]:
 
 
 def _requirements(names: list[str], homes: Sequence[Path]) -> list[dict[str, Any]]:
-    """Return the requirements of sets and files, which may also lie in ``homes``, as tables: a campaign keeps them."""
+    """Return the requirements of sets and files, also from the folders ``homes``, as tables that a campaign keeps."""
     from rig.verdict.requirements.requirement import load_requirements
 
     places = (Path(), *homes)
@@ -243,14 +243,14 @@ def _requirements(names: list[str], homes: Sequence[Path]) -> list[dict[str, Any
 
 
 def _base(name: str, path: Path) -> tuple[dict[str, Any], Path]:
-    """Read the base scenario's own table; return it with its folder.
+    """Read the table of the base scenario; return it with its folder.
 
-    It is looked for beside the campaign's file, where the command is given, and among the bundled ones.
+    The search looks beside the campaign file, in the working directory, and among the bundled scenarios.
     """
     from rig.scenario.scenario import find as find_scenario
 
     if not name.isprintable() or max(map(len, map(os.fsencode, Path(name).parts)), default=0) > NAME_BYTES:
-        raise BadInput(f"{path}: base: must be the name of a scenario's file, got {name[:60]!r}")
+        raise BadInput(f"{path}: base: must be the file of a scenario, got {name[:60]!r}")
     beside = path.parent / name
     try:
         file = beside if is_file(beside) else find_scenario(name)
@@ -260,7 +260,7 @@ def _base(name: str, path: Path) -> tuple[dict[str, Any], Path]:
 
 
 def from_what(data: dict[str, Any], source: str) -> Campaign:
-    """Build a campaign from plain data: a file's, or what ``Campaign.what`` gave."""
+    """Build a campaign from plain data, of a file or of ``Campaign.what``."""
     data = dict(data)
     data["vary"] = _varied(data.get("vary", {}), f"{source}: vary")
     cases = data.get("cases", {})
@@ -277,7 +277,7 @@ def _case(data: Any, source: str) -> Any:
 
 
 def _varied(data: Any, source: str) -> dict[str, Vary]:
-    """Return what varies, by dotted key; a key may be written in quotes or as nested tables."""
+    """Return the varied values by dotted key; a key may be in quotes or in nested tables."""
     if not isinstance(data, dict):
         raise BadInput(f"{source}: must be a table of keys")
     return dict(_leaves(data, "", source))

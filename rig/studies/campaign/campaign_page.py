@@ -1,4 +1,4 @@
-"""The report of a campaign: one HTML file with everything in it, for a browser without a network.
+"""The report of a campaign: one HTML file that opens without a network.
 
 Magnitudes are shown in the unit of their signal, angles in degrees.
 """
@@ -30,9 +30,9 @@ Rows = list[dict[str, Any]]
 
 
 def report(folder: Folder, out: Path) -> dict[str, Any]:
-    """Write the report of a campaign to ``out``; return its figures as plain data. BadInput: nothing was flown yet."""
+    """Write the report of a campaign to ``out``; return its figures as plain data. BadInput: no run is done yet."""
     if folder.tables["runs"].is_empty():
-        raise BadInput(f"{folder.path}: no run is done yet, there is nothing to report")
+        raise BadInput(f"{folder.path}: no run is done yet; fly the campaign first")
     results = summary(folder)
     maps = {f"map-{i}": figure for i, figure in enumerate(heat_maps(results["by_place"]))}
     delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables, ["manager"])))}
@@ -54,9 +54,9 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
 
 
 def heat_maps(rows: Rows) -> list[go.Figure]:
-    """Draw detection over magnitude and flight point, and manager where several vote, a map a signal and kind.
+    """Draw detection over magnitude and flight point, and over managers if several vote: a map a signal and kind.
 
-    rows : as summary's ``by_place``
+    rows : as ``by_place`` of the summary
     """
     by_kind: dict[tuple[str, str], Rows] = {}
     for row in rows:
@@ -65,7 +65,7 @@ def heat_maps(rows: Rows) -> list[go.Figure]:
 
 
 def _heat_map(signal: str, kind: str, rows: Rows) -> go.Figure:
-    """Draw the share of the detectable faults as a colour; grey where the error of none left the threshold."""
+    """Draw the share of detected faults as a colour; grey if no fault exceeded the threshold."""
     places = sorted({row["place"] or "" for row in rows}, reverse=True)
     sizes, unit = sorted({row["size"] for row in rows}), magnitude_unit(signal, kind)
     axes = {"x": [magnitude_shown(size, signal, kind) for size in sizes], "y": places, "xgap": 2, "ygap": 2}
@@ -85,7 +85,7 @@ def _heat_map(signal: str, kind: str, rows: Rows) -> go.Figure:
 
 
 def _colours(grid: Sequence[Sequence[dict[str, Any] | None]], detectable: bool) -> dict[str, Any]:
-    """Return shares and hover texts of the cells that are, or are not, ``detectable``; the others stay empty."""
+    """Return shares and hover texts of the cells with, or without, ``detectable`` faults; other cells stay empty."""
     kept = [[cell if cell and bool(cell["detection"]["of"]) == detectable else None for cell in line] for line in grid]
     return {
         "z": [[cell and (cell["detection"]["value"] or 0.0) for cell in line] for line in kept],
@@ -94,7 +94,7 @@ def _colours(grid: Sequence[Sequence[dict[str, Any] | None]], detectable: bool) 
 
 
 def _counts(rows: Rows, signal: str, kind: str) -> dict[str, Any]:
-    """Return the counts as texts at the places of their cells; a heat map would leave out some of its own texts."""
+    """Return the counts as texts at the places of their cells; a heat map would omit some of its own texts."""
     dark = [bool(row["detection"]["of"]) and abs(row["detection"]["value"] - 0.5) > 0.3 for row in rows]
     return {
         "x": [magnitude_shown(row["size"], signal, kind) for row in rows],
@@ -116,24 +116,24 @@ def _hover_text(cell: dict[str, Any]) -> str:
     """Return the hover text of a cell of a heat map."""
     share = cell["detection"]
     never = cell["acted"] - int(share["of"])
-    below = f"{never} undetectable: error below the threshold" if never else ""
+    below = f"{never} undetectable: error within the threshold" if never else ""
     if not share["of"]:
         return below
-    detected = f"detected {_counted(cell)}, 95 % {share['low']:.3f} to {share['high']:.3f}"
+    detected = f"detected {_counted(cell)} (95 %: {share['low']:.3f} to {share['high']:.3f})"
     return f"{detected}<br>{below}" if below else detected
 
 
 def delay_curves(faults: pl.DataFrame) -> list[go.Figure]:
-    """Draw the share of detections that took no longer, by signal, kind and manager, from either beginning."""
+    """Draw the cumulative share of detections over the delay, by signal, kind and manager, from both starts."""
     detected = faults.filter(pl.col("outcome") == "detected")
-    columns = {"delay_from_exceeded_s": "from leaving the threshold", "delay_from_onset_s": "from the onset"}
+    columns = {"delay_from_exceeded_s": "after the threshold is exceeded", "delay_from_onset_s": "after the onset"}
     return [_curves(detected, column, title) for column, title in columns.items() if len(detected)]
 
 
 def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
     figure = go.Figure()
     all_delays = [0.0, *detected[column].drop_nulls().to_list()]
-    begin, end = 1.1 * min(all_delays), 1.1 * max(all_delays)  # below 0: failed before it left the threshold
+    begin, end = 1.1 * min(all_delays), 1.1 * max(all_delays)  # below 0: isolated before that
     managers = ["manager"] if f"{OF_RUN}manager" in detected.columns else []
     for i, (key, part) in enumerate(groups(detected, ["signal", "kind"], managers)):
         counts = part[column].drop_nulls().value_counts().sort(column)
@@ -156,7 +156,7 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
 
 
 def reply_times(replies: dict[str, Any]) -> go.Figure:
-    """Draw how many frames a unit under test answered in which time; ``replies`` as of the summary."""
+    """Draw the reply times of a unit under test over its frames; ``replies`` as in the summary."""
     share = [100.0 * count / max(replies["frames"], 1) for count in replies["counts"]]
     hover = "%{x} µs: %{customdata} frames, %{y:.3g} %<extra></extra>"
     bars = {"x": replies["bins_us"], "y": share, "customdata": replies["counts"], "hovertemplate": hover}
@@ -168,7 +168,7 @@ def reply_times(replies: dict[str, Any]) -> go.Figure:
 
 
 def magnitude_unit(signal: str, kind: str) -> str:
-    """Return the unit that magnitudes of a kind on a signal are shown in: ``deg/s``; "" where they have none."""
+    """Return the unit in which magnitudes of a kind on a signal are shown: ``deg/s``; "" if they have none."""
     unit = _setting(kind)
     if unit not in _SIGNAL:
         return unit_shown(unit)
@@ -182,9 +182,9 @@ def magnitude_shown(value: float | None, signal: str, kind: str) -> str:
 
 
 def level_shown(key: str, level: Any, faults: pl.DataFrame) -> str:
-    """Return a level of what varies, rounded; the magnitude of a fault in the unit of the map of its signal.
+    """Return a level of a varied key, rounded; the magnitude of a fault is in the unit of its signal's map.
 
-    faults : table of the campaign, which says on which signal the fault acted
+    faults : table of the campaign, with the signal on which each fault acted
     """
     if not isinstance(level, float):
         return str(level)
@@ -203,7 +203,7 @@ def _of_signal(signal: str) -> str:
 
 
 def _setting(kind: str) -> str:
-    """Return the unit of the setting that says how large a fault of the kind is."""
+    """Return the unit of the setting that gives the size of a fault of the kind."""
     model = KINDS.get(kind)
     extra = model.model_fields[model.sizes[0]].json_schema_extra if model is not None and model.sizes else None
     return str(extra.get("unit", "")) if isinstance(extra, dict) else ""

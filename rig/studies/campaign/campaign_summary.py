@@ -1,4 +1,4 @@
-"""Figures from the tables of one campaign, every one of its report, and from two on the same seeds; plain data."""
+"""All figures of the report of a campaign, and the comparison of two campaigns on the same seeds; plain data."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ from rig.studies.campaign.varied import by_name, by_varied, varied
 from rig.unit.unit_file import voted_by
 
 WORST: Final = 10
-# By what the worst flights are ranked.
+# The columns that rank the worst flights.
 RANKED: Final = [RUNS[key] for key in ("wrong_isolations", "false_alarms", "missed", "vote_above_threshold_s")]
 # The columns of the tables of a report, by their names in ``summary``.
 TABLES: Final[dict[str, tuple[Column, ...]]] = {
     "by_kind": (
         *(Column("signal", type=str), Column("kind", type=str), Column("of", type=str), Column("acted")),
-        Column("detected of the detectable", "detection", SHARE),
+        Column("detected of detectable", "detection", SHARE),
         Column("correctly isolated", "right_isolation", SHARE),
         Column("wrongly isolated", "wrong_isolation", SHARE),
     ),
@@ -51,15 +51,15 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         Column("wrongly isolated", "wrong_isolation", SHARE),
     ),
     "by_rule": (
-        *(Column("decided by", "decided_by", type=str), Column("faulty failed", "faulty")),
-        *(Column("healthy failed", "healthy"), Column("correct", "right", SHARE)),
+        *(Column("decided by", "decided_by", type=str), Column("faulty isolated", "faulty")),
+        *(Column("healthy isolated", "healthy"), Column("correct", "right", SHARE)),
     ),
     "by_varied": (
-        Column("what varies", "key", type=str, page="key"),
+        Column("varied key", "key", type=str, page="key"),
         *(Column("level", format=LEVEL, type=str), Column("of", worth=8, type=str, page="manager")),
         Column("runs", worth=5),
         Column("detected of acted", "detection_of_all", COUNT),
-        Column("of detectable", "detection", COUNT, page="detected of the detectable"),
+        Column("of detectable", "detection", COUNT, page="detected of detectable"),
         Column("delay, median s", "delay_from_onset_s.median", SECONDS),
         Column("95 %, s", "delay_from_onset_s.p95", SECONDS, worth=0),
         Column("survived", "survival", COUNT, worth=7),
@@ -68,8 +68,8 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
     "false_alarms_by_signal": (Column("what", "kind", type=str), Column("signal", type=str), Column("count")),
     "tie_break": (
         *(Column("decided_by", type=str), Column("pattern", type=str), Column("asked", worth=4)),
-        *(Column("answered", worth=6), Column("correct", "right", worth=7), Column("wrong", worth=8)),
-        *(Column("open", worth=5), Column("answered of asked", "answered_share", SHARE, worth=0)),
+        *(Column("decided", "answered", worth=6), Column("correct", "right", worth=7), Column("wrong", worth=8)),
+        *(Column("open", worth=5), Column("decided of asked", "answered_share", SHARE, worth=0)),
         Column("correct of decided", "right_share", SHARE),
     ),
     "coverage": (
@@ -87,7 +87,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         *(Column("on", "signal", worth=5, type=str), Column("at s", "instant_s", INSTANT, worth=4, page="at, s")),
     ),
     "servos": (
-        *(Column("fault of an actuator", "kind"), Column("acted", worth=4), Column("found", format=SHARE)),
+        *(Column("fault of an actuator", "kind"), Column("acted", worth=4), Column("detected", "found", format=SHARE)),
         *(Column("by", worth=7), Column("median s", format=SECONDS, worth=6)),
         Column("longest s", format=SECONDS, worth=5),
     ),
@@ -101,7 +101,7 @@ _BY_RUN: Final = {
 }
 _BY_FAULT: Final = {
     "fault detected": pl.col("outcome") == "detected",
-    "fault rightly isolated": pl.col("isolation") == "right",
+    "fault correctly isolated": pl.col("isolation") == "right",
 }
 _ALL: Final = "every fault detected"  # of the runs with a fault
 _DETECTABLE: Final = pl.col("outcome") != "undetectable"
@@ -143,7 +143,7 @@ def summary(folder: Folder) -> dict[str, Any]:
 
 
 def headline(tables: Tables) -> dict[str, Any]:
-    """Return the campaign in a few figures."""
+    """Return the headline figures of a campaign."""
     runs, faults = flown(tables), acted(tables)
     exceeded = faults.filter(pl.col("outcome") != "undetectable")
     return {
@@ -166,7 +166,7 @@ def headline(tables: Tables) -> dict[str, Any]:
 
 
 def coverage(runs: pl.DataFrame) -> list[dict[str, Any]]:
-    """Return the voter states that the campaign's flights met together, by signal, of how many a voter has."""
+    """Return the voter states that the campaign's flights reached, by signal, and the number that a voter has."""
     seen: dict[str, dict[str, set[Any]]] = {}
     possible: dict[str, dict[str, int]] = {}  # of the flights whose voter has most
     for text in runs["coverage"].drop_nulls().unique():
@@ -187,7 +187,7 @@ def coverage(runs: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def worst(folder: Folder) -> list[dict[str, Any]]:
-    """Return the flights to look at first: not flown, lost, wrong, alarmed, missed, longest undetected error."""
+    """Return the flights to look at first: not flown, lost, wrong isolation, false alarm, missed, undetected error."""
     runs = folder.tables["runs"]
     order = [
         pl.col("outcome") != "flown",
@@ -204,10 +204,10 @@ def worst(folder: Folder) -> list[dict[str, Any]]:
 
 
 def compare(first: Folder, second: Folder) -> dict[str, Any]:
-    """Pair the outcomes of the runs that both have flown, and of the faults that acted in both.
+    """Pair the outcomes of the runs flown in both campaigns, and of the faults that acted in both.
 
-    A fault counts whether or not its error left the threshold, which may be another in either: every share of faults
-    is of the same faults.  BadInput when the seeds are not the same.
+    A fault counts whether or not its error exceeded the threshold, because the thresholds may differ: every share is
+    of the same faults.  BadInput: the seeds differ.
     """
     (runs, faults), (other_runs, other_faults) = _compared(first), _compared(second)
     runs = runs.join(other_runs, on=["run"], suffix="_second")
@@ -240,7 +240,7 @@ def compare(first: Folder, second: Folder) -> dict[str, Any]:
 
 
 def _differs(first: Folder, second: Folder) -> list[str]:
-    """Return what the two were flown with, where it differs, a line each: campaign, aircraft, rig, code, unit."""
+    """Return the differences of two campaigns, a line each: campaign, aircraft, version of rig, code, unit."""
     was, now = ({key: value for key, value in folder.kept.items() if key not in _KEPT} for folder in (first, second))
     for one, other in ((was, now), (now, was)):
         if "unit" in one and "unit" not in other:
@@ -249,7 +249,7 @@ def _differs(first: Folder, second: Folder) -> list[str]:
 
 
 def _compared(folder: Folder) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Return the runs that were flown and the faults on channels, with the outcomes that are compared."""
+    """Return the flown runs and the faults on channels, with the compared outcomes."""
     runs = flown(folder.tables)
     faults = folder.tables["faults"].filter(pl.col("channel").is_not_null())
     return runs.with_columns(**_BY_RUN), faults.with_columns(**_BY_FAULT, detectable=_DETECTABLE)
@@ -274,7 +274,7 @@ def _paired(pairs: pl.DataFrame, name: str, unit: str) -> dict[str, Any]:
 
 
 def _delay(found: pl.DataFrame, name: str) -> dict[str, Any]:
-    """Return the delays of the faults that both detected: medians, and that of the differences with its interval."""
+    """Return the delays of faults detected in both: the medians, and the median difference with its interval."""
     pairs = found.filter(pl.col(name).is_not_null() & pl.col(f"{name}_second").is_not_null())
     a, b = pairs[name], pairs[f"{name}_second"]
     return {

@@ -1,8 +1,9 @@
-"""Compile what a flight needs in processes of their own: two where two cores are free.
+"""Compile the kernels of a flight in separate processes, in two if two cores are free.
 
-Before, decide and after of a frame (loop.py) cost about a third each, and each kernel is compiled by one process alone
-(kernel_locks.py): one process takes them in the order of a frame, the other begins with the last.  The process that
-asks for it loads what they made.  While it waits it heeds a signal at once, which it could not while LLVM is at work.
+The parts of a frame before, at and after the decision (loop.py) cost about a third each, and one process alone compiles
+each kernel (kernel_locks.py).  One process takes the kernels in the order of a frame, the other begins with the last.
+The calling process loads the results.  While it waits it reacts to a signal at once; during a compilation by LLVM it
+could not.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ _LOCK: Final = "compile ahead"  # one pair of processes for all that share a cac
 
 
 class Ahead:
-    """Has all kernels of a flight compiled when the first is missing; what then is missing the caller compiles.
+    """Compile all kernels of a flight when the first is missing; the caller compiles any that are still missing.
 
     ``compile_missing`` is for ``kernel_cache.before_compiling``.
     """
@@ -52,7 +53,7 @@ class Ahead:
         self._show, self._tried = show, False
 
     def compile_missing(self, function: Callable[..., object], path: Path) -> None:
-        """Have ``path``, the compiled ``function``, made with all others if it belongs to a flight; once."""
+        """Compile ``function`` to ``path``, with all others if it belongs to a flight; once."""
         if self._tried or _name(function) not in _of_flight():
             return
         self._tried, kernels = True, kernel_folder()
@@ -69,7 +70,7 @@ class Ahead:
 
 @cache
 def _of_flight() -> dict[str, Callable[..., object]]:
-    """Return what the frames, the plant and the outcome of a flight reach, by name."""
+    """Return the kernels that the frames, the plant and the outcome of a flight use, by name."""
     roots: tuple[Any, ...] = (loop.compute, write_row, add_rows)
     return {_name(function): function for root in roots for function in reached(root.py_func)}
 
@@ -79,7 +80,7 @@ def _name(function: Callable[..., object]) -> str:
 
 
 def _compile(show: Show) -> None:
-    """Start the processes; show what they have done until they have ended."""
+    """Start the processes and show their progress until they end."""
     wanted, done = _of_flight(), set[str]()
     parts = PARTS if cores() > 1 else PARTS[:1]
     with ExitStack() as stack:
@@ -98,7 +99,7 @@ def _compile(show: Show) -> None:
 
 @contextmanager
 def _child(part: str, writing: int) -> Iterator[None]:
-    """Run a process that compiles a part; it prints nothing and ends with this one, or when this leaves."""
+    """Run a process that compiles a part; it prints nothing and ends with this process, or when the block ends."""
     with reported(sys.executable, RigError, "cannot be started"):
         process = subprocess.Popen(
             [sys.executable, "-P", "-c", _CHILD, part, str(writing)],
@@ -116,14 +117,14 @@ def _child(part: str, writing: int) -> Iterator[None]:
 
 
 def run_child() -> None:
-    """Compile the part that the command line names; tell each kernel that is compiled."""
+    """Compile the part named on the command line; report each compiled kernel."""
     from numba.core import event
 
     part, writing = sys.argv[1], int(sys.argv[2])
 
     class Teller(event.Listener):
         def on_start(self, event: Any) -> None:
-            """Do nothing: it is told when it is compiled."""
+            """Do nothing: a kernel is reported when it is compiled."""
 
         def on_end(self, event: Any) -> None:
             os.write(writing, f"{_name(event.data['dispatcher'].py_func)}\n".encode())
@@ -139,7 +140,7 @@ def _end_with_parent() -> None:
 
 
 def _in_order() -> None:
-    """Compile all that a flight and its score need, in the order of a flight."""
+    """Compile all kernels of a flight and its score, in the order of a flight."""
     from rig.studies.campaign.worker import warm
 
     warm()
@@ -147,7 +148,7 @@ def _in_order() -> None:
 
 
 def _from_the_end() -> None:
-    """Compile the end of a frame, the outcome, then what the other process may have left."""
+    """Compile the end of a frame, the outcome, then all kernels that the other process may have left."""
     scenario = load(None, ["duration_s=0.01", "faults=[]"])
     rig, rows = loop.Rig(scenario, lambda rig: lambda rows, k, data: None, keep_clean=1), loop.new_block(1)
     rig.prepare(rows)
@@ -162,7 +163,7 @@ def _from_the_end() -> None:
 
 
 def _managers_from_the_last(row: Any, data: ManagerData) -> None:
-    """Compile the managers while the other process is at the first one; a flight can be flown by any."""
+    """Compile the managers while the other process is at the first one; a flight may use any of them."""
     compile_inner(select_unit, row["bus"], row["fcc"], 0, len(data.params), data)
     for kind in reversed(KINDS):
         if kind.settings is None:

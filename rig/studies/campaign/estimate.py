@@ -1,4 +1,4 @@
-"""What a campaign will take: measured on the shortest of its first runs, in a process of its own."""
+"""Estimate the time and disk space of a campaign from the shortest of its first runs, flown in a separate process."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ _LOOKED_AT: Final = 200
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Of the runs of a plan that ``runs`` counts."""
+    """The estimate for the first ``runs`` runs of a plan."""
 
     runs: int
     flight_s: float  # simulated, all runs
     workers: int
     wall_s: float
-    logs: int  # kept; of ``failures`` nobody knows before
+    logs: int  # kept; unknown in advance for ``failures``
     disk_bytes: int
     us_per_frame: float  # measured, everything included
 
 
 def estimate(plan: Plan, runs: int | None = None) -> Estimate:
-    """Fly one run twice, the first time to warm up, and reckon from that."""
+    """Fly one run twice, the first time to warm up, and extrapolate from it."""
     count = plan.count(runs)
     how = plan.campaign.run
     durations = _durations(plan, count)
@@ -52,7 +52,7 @@ def estimate(plan: Plan, runs: int | None = None) -> Estimate:
 
 
 def _durations(plan: Plan, count: int) -> list[float]:
-    """Return seconds of every run, built one by one only where they may differ."""
+    """Return the seconds of every run; runs are built one by one only if they may differ."""
     sets = (case.set for case in plan.campaign.all_cases())
     differ = "duration_s" in (*(key for key, _ in plan.campaign.varied()), *chain(*sets))
     return [_duration(plan, number) for number in range(count)] if differ else [_duration(plan, 0)] * count
@@ -64,7 +64,7 @@ def _duration(plan: Plan, number: int) -> float:
 
 
 def _probe(plan: Plan, number: int) -> tuple[float, int]:
-    """Return seconds of one flight, and the size of its log."""
+    """Return the seconds of one flight, and the size of its log."""
     how = plan.campaign.run
     with tempfile.TemporaryDirectory() as folder:
         logs = "none" if how.logs == "none" else "all"

@@ -1,4 +1,4 @@
-"""One flight of a campaign, in memory: rows, events and verdict of ``rig fly``, and its log where that is kept."""
+"""One flight of a campaign in memory: the rows, events and verdict of ``rig fly``, and its log if it is kept."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ class CampaignFlight:
     table: Table
     events: list[Event]
     verdict: Verdict
-    ended: list[Event]  # that only the end shows: faults that did nothing
+    ended: list[Event]  # known only at the end: faults without effect
     coils_failed: dict[str, dict[int, tuple[float, str]]] = field(default_factory=dict)  # as Flight.coils_failed
     unit: dict[str, str] = field(default_factory=dict)  # metadata of its log on the unit under test
 
     @property
     def rows(self) -> Block:
-        """Return its rows alone."""
+        """Return the rows of the flight."""
         return self.table.rows
 
     @property
     def end_reason(self) -> str:
-        """Return why the flight ended."""
+        """Return the reason why the flight ended."""
         return end_reason(self.verdict, Stop(), self.scenario)
 
 
 def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlight:
-    """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory.
+    """Fly a scenario with the digest and events of ``rig fly``; its rows are kept in memory.
 
-    UnitDead, UnitRefused: the unit under test.
+    UnitDead, UnitRefused: of the unit under test.
     """
     rig = loop.Rig(scenario, None if tested is None else UnitComputer(tested), keep_clean=scenario.frames)
     findings, beside, (rows, timing) = Findings(scenario), _Lanes(), loop.new_memory(scenario)
@@ -65,7 +65,7 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlig
 
 
 class _Lanes:
-    """Keeps the rows of lanes, which are given for good."""
+    """Keep the rows of lanes, which are given once."""
 
     def __init__(self) -> None:
         self.blocks: list[NDArray[Any]] = []
@@ -77,7 +77,7 @@ class _Lanes:
 
 
 def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
-    """End the session of a unit; return the metadata of the log.  UnitDead when another flew on in its place."""
+    """End the session of a unit; return the metadata of the log.  UnitDead: another manager took over in flight."""
     if tested is None:
         return {}
     tested.end()
@@ -87,7 +87,7 @@ def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
 
 
 def write_log(flight: CampaignFlight, path: Path) -> None:
-    """Log the flight as ``rig fly`` does, in larger chunks. RigError when the disk does not take it."""
+    """Log the flight as ``rig fly`` does, in larger chunks. RigError: the disk is full."""
     verdict, scenario, frames = flight.verdict, flight.scenario, [event.frame for event in flight.events]
     path.parent.mkdir(parents=True, exist_ok=True)
     header = {**metadata(scenario), **flight.unit}, [("scenario.toml", b"")]

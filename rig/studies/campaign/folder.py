@@ -1,12 +1,12 @@
-"""A campaign's output folder: whose it is, its parts, what is done, what could not be flown, who voted.
+"""The output folder of a campaign: its identity, its parts, the runs done, the runs that could not be flown, the voter.
 
-    campaign.json               the campaign and the rig that flies it
+    campaign.json               the campaign and the version of rig that flies it
     runs/000010-000019.parquet  a part, and the same name in faults/, alarms/, episodes/ and signals/
     logs/run_000012.mcap        the logs that are kept
 
-A part is written beside and renamed, the one in ``runs`` last: a run is done when its row is there.  A run that could
-not be flown has a row that tells why; it does not count as done, and the next command flies it again.
-Every file but the logs has a checksum of its bytes (core/sealed.py); those of format 1, an earlier version, have none.
+A part is written under another name and renamed, the one in ``runs`` last: a run is done when its row is there.  A run
+that could not be flown has a row with the reason; it does not count as done, and the next command flies it again.
+Every file but the logs has a checksum of its bytes (core/sealed.py); files of format 1, an earlier version, have none.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused
 
 class _Campaign(Study):
     def read(self, out: Path, name: str = "") -> dict[str, Any]:
-        """Return ``campaign.json``; BadInput when it is nothing of ours."""
+        """Return ``campaign.json``.  BadInput: it is not of a campaign."""
         content = super().read(out, name)
         if not isinstance(content.get("campaign"), dict):
             raise BadInput(f"{out / self.mark}: is damaged: it has no table 'campaign'; {self.remedy}")
@@ -59,10 +59,10 @@ STUDY: Final = _Campaign(
 
 
 class Folder:
-    """One campaign's output; ``open_folder`` for one that is there, ``Folder.of`` to fly into."""
+    """The output of one campaign; ``open_folder`` opens an existing one, ``Folder.of`` one to fly into."""
 
     def __init__(self, path: Path, plan: Plan, unit: Unit | None = None) -> None:
-        """Hold path and plan; ``unit``: under test, in the place of our manager."""
+        """Hold path and plan; ``unit``: under test, in place of the built-in manager."""
         self.path = path
         self.plan = plan
         self.unit = unit
@@ -76,22 +76,22 @@ class Folder:
     def of(cls, path: Path, plan: Plan, unit: Unit | None = None) -> Folder:
         """Return the folder to fly ``plan`` into: a new one, or one of the same campaign. Writes nothing.
 
-        BadInput: the folder is another campaign's, or something else's; the difference is named.
+        BadInput: the folder is of another campaign, or of something else; the difference is named.
         """
         folder = cls(path, plan, unit)
         if folder.is_begun and folder.kept["format"] == UNSEALED:
-            raise BadInput(f"--out {path}: was flown by an earlier version of the rig; fly into another folder")
+            raise BadInput(f"--out {path}: was flown by an earlier version of rig; choose another folder")
         STUDY.require(path, folder.about)
         return folder
 
     @property
     def is_begun(self) -> bool:
-        """Return whether there is a campaign in the folder."""
+        """Return True if there is a campaign in the folder."""
         return STUDY.is_begun(self.path)
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """Return the content of ``campaign.json`` of what is to be flown."""
+        """Return the content of ``campaign.json`` for the plan."""
         unit = {} if self.unit is None else {"unit": self.unit.identity()}
         return {"format": FORMAT, "rig": rig_identity(), **self.plan.identity(), **unit}
 
@@ -101,7 +101,7 @@ class Folder:
         return STUDY.read(self.path)
 
     def require(self, unit: Unit | None) -> None:
-        """Raise BadInput when the campaign was flown with another unit than ``unit``, or another build of it."""
+        """Raise BadInput if the campaign was flown with a unit other than ``unit``, or another build of it."""
         was = self.kept.get("unit")
         if was is None and unit is not None:
             raise BadInput(f"{self.path}: was flown without a unit under test")
@@ -111,7 +111,7 @@ class Folder:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Make the folder when there is none, and hold it alone; before and after, what was half written is removed."""
+        """Make the folder if there is none, and hold it alone; remove incomplete files before and after."""
         with STUDY.held(self.path, self.about):
             self._sweep()
             yield
@@ -123,7 +123,7 @@ class Folder:
         for name in (*TABLES, "logs"):
             folder = self.path / name
             if folder.is_symlink() and name in TABLES:
-                raise BadInput(f"{folder}: is a link: a campaign's tables are folders of its own")
+                raise BadInput(f"{folder}: is a link; a campaign's tables must be folders in the campaign's folder")
             for path in folder.glob("*"):
                 half = path.suffix in (DRAFT, ".tmp")
                 orphan = name in TABLES and path.suffix == ".parquet" and path.stem not in whole
@@ -131,7 +131,7 @@ class Folder:
                     path.unlink()
 
     def done(self) -> set[int]:
-        """Return the runs that are whole in all tables. BadInput names a part that is not, and the remedy."""
+        """Return the runs that are complete in all tables. BadInput names an incomplete part, and the remedy."""
         return set(self.read()["runs"]["run"].to_list())
 
     def read(self) -> dict[str, pl.DataFrame]:
@@ -140,15 +140,15 @@ class Folder:
 
     @cached_property
     def _identity(self) -> str | None:
-        """Return what the parts of this campaign are marked with; None where they have no checksum."""
+        """Return the mark of the parts of this campaign; None if they have no checksum."""
         about = self.kept
         if about["format"] == UNSEALED:
-            note(f"{self.path}: was flown by an earlier version of the rig: its tables have no checksum")
+            note(f"{self.path}: was flown by an earlier version of rig; its tables have no checksum")
             return None
         return sealed.identity(json.dumps(about, sort_keys=True).encode())
 
     def write(self, rows: Rows) -> None:
-        """Write one part: all tables, ``runs`` last. RigError when the disk does not take it."""
+        """Write one part: all tables, ``runs`` last. RigError: the disk is full."""
         name = f"{parts.name_of([row['run'] for row in rows['runs']])}.parquet"
         for kind in sorted(TABLES, key=lambda kind: kind == "runs"):
             place = f"{self._identity} {kind}/{name}"
@@ -160,10 +160,10 @@ class Folder:
         return self.read()
 
     def take_out(self, below: int) -> set[int]:
-        """Take the runs that were not flown out of the tables, those ``below`` a number; return the runs that stay.
+        """Remove the runs that could not be flown, ``below`` a number, from the tables; return the runs that stay.
 
-        The folder is held.  A part that has others too is written again with the others; a kill between the two costs
-        the time of these.  BadInput as ``done``.
+        The folder is held.  A part that also has other runs is written again with the others; a kill between the two
+        steps costs only the time of these.  BadInput as ``done``.
         """
         tables = self.read()
         runs = tables["runs"]
@@ -178,7 +178,7 @@ class Folder:
         return set(runs["run"].to_list()) - again
 
     def voters(self) -> list[str]:
-        """Return the managers that voted, or a unit under test and its build.  BadInput.
+        """Return the managers that voted, or the unit under test and its build.  BadInput as ``done``.
 
         In an older folder the unit is that of ``campaign.json``.
         """
@@ -190,13 +190,13 @@ class Folder:
 
     @property
     def by(self) -> str:
-        """Return who voted as a line: ``manager mean, median``, ``unit mvs 0a1b2c3d4e5f``.  BadInput."""
+        """Return the voters as a line: ``manager mean, median``, ``unit mvs 0a1b2c3d4e5f``.  BadInput as ``done``."""
         voters = self.voters()
         of_units = any("unit " in name for name in voters)
         return ", ".join(voters) if of_units or not voters else f"manager {', '.join(voters)}"
 
     def status(self) -> dict[str, Any]:
-        """Return how far the campaign is: runs, what is done, the result, the hash of the tables so far."""
+        """Return the state of the campaign: all runs, the runs done, the result, the hash of the tables so far."""
         runs = self.tables["runs"]
         return {
             "folder": str(self.path),
@@ -211,9 +211,9 @@ class Folder:
 
 
 def open_folder(path: Path, allow_code: bool = False) -> Folder:
-    """Open the campaign in a folder. BadInput when there is none.
+    """Open the campaign in a folder. BadInput: there is none.
 
-    allow_code : a manager class that it names may be run
+    allow_code : a manager class that the campaign names may be run
     """
     file = path / CAMPAIGN
     if not STUDY.is_begun(path):
@@ -230,7 +230,7 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
 
 
 def not_flown(runs: pl.DataFrame) -> dict[str, Any]:
-    """Return how many runs of a table were not flown, and of the first its number, outcome and reason."""
-    rows = runs.filter(pl.col("outcome").is_in(NOT_FLOWN)).sort("run")  # an open-loop trial is none
+    """Return how many runs of a table were not flown, with the number, outcome and reason of the first."""
+    rows = runs.filter(pl.col("outcome").is_in(NOT_FLOWN)).sort("run")  # an open-loop trial is no run
     first = None if rows.is_empty() else f"run {rows['run'][0]}: {rows['outcome'][0]}: {rows['reason'][0]}"
     return {"not_flown": len(rows), "first_reason": first}

@@ -26,14 +26,14 @@ _QUANTILES: Final = {"min": 0.0, "median": 0.5, "p95": 0.95, "max": 1.0}
 
 
 def flown(tables: Tables) -> pl.DataFrame:
-    """Return the runs that were flown to an end of their own."""
+    """Return the runs that were flown to their end."""
     return tables["runs"].filter(pl.col("outcome") == "flown")
 
 
 def acted(tables: Tables, names: Sequence[str] = ()) -> pl.DataFrame:
-    """Return the faults that acted on a channel in use, each with its place and the size it is shown under.
+    """Return the faults that acted on a channel in use, each with its place and its displayed size.
 
-    names : columns of ``runs`` that stand beside them, as OF_RUN has them
+    names : columns of ``runs`` shown beside them, with the prefix OF_RUN
     """
     runs, where = tables["runs"], pl.format("{} {}", "aircraft", "flight_point")
     place = pl.format("{}, {}", where, "manager") if runs["manager"].drop_nulls().n_unique() > 1 else where
@@ -43,7 +43,7 @@ def acted(tables: Tables, names: Sequence[str] = ()) -> pl.DataFrame:
 
 
 def sized(faults: pl.DataFrame) -> pl.DataFrame:
-    """Add ``size`` to faults: the magnitude, or the middle of its bin where there are too many to show."""
+    """Add ``size`` to faults: the magnitude, or the middle of its bin if there are too many to show."""
     parts = []
     for _, part in faults.group_by(["signal", "kind"], maintain_order=True):
         magnitudes = part["magnitude"].drop_nulls()
@@ -62,12 +62,12 @@ def _binned(magnitude: pl.Series, values: Any) -> pl.Series:
 
 
 def _counted(count: int, trials: int) -> dict[str, Any]:
-    """Return so many of the trials, with the interval."""
+    """Return the share of the trials, with the interval."""
     return asdict(proportion(count, trials))
 
 
 def share_of(values: pl.Series) -> dict[str, Any]:
-    """Return how many of the values are true, with the interval; what is null is not."""
+    """Return the share of true values, with the interval; null is not true."""
     return _counted(int(values.sum()), len(values))
 
 
@@ -81,8 +81,8 @@ def groups(
 ) -> Iterator[tuple[dict[str, Any], pl.DataFrame]]:
     """Yield the keys and the rows of every group, sorted by the keys.
 
-    names : columns of ``runs`` beside the faults that vary by name, never pooled either: the key ``of`` tells in words
-        which of those that differ in a group
+    names : columns of ``runs`` beside the faults that vary by name, which are never pooled: the key ``of`` names the
+        level of those that differ in a group
     """
     for key, part in rows.sort(by, nulls_last=True).group_by(by, maintain_order=True):
         found = dict(zip(by, key, strict=True))
@@ -96,20 +96,20 @@ def groups(
 
 
 def _level(name: str, value: Any) -> str:
-    """Return a level of what varies, with its name where it does not tell it."""
+    """Return a level of a varied key, with the key's name if the level alone is not clear."""
     return value if isinstance(value, str) and not value.startswith("[") else f"{name} {value}"
 
 
 def rates(faults: pl.DataFrame, by: list[str], names: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Return detection and isolation of every group of faults, with intervals; ``names`` as of ``groups``.
 
-    detection is of the faults whose error left the threshold, detection_of_all of every one that acted.
+    detection counts the faults whose error exceeded the threshold, detection_of_all every fault that acted.
     """
     return [{**key, **fault_rates(part)} for key, part in groups(faults, by, names)]
 
 
 def fault_rates(faults: pl.DataFrame) -> dict[str, Any]:
-    """Return how many faults acted, and detection and isolation of them."""
+    """Return the number of faults that acted, and their detection and isolation."""
     exceeded = faults.filter(pl.col("outcome") != "undetectable")
     return {
         "acted": len(faults),
@@ -121,7 +121,7 @@ def fault_rates(faults: pl.DataFrame) -> dict[str, Any]:
 
 
 def by_rule(tables: Tables) -> list[dict[str, Any]]:
-    """Count channels that were failed, by rule: how many were the faulty ones; none that a rule failed."""
+    """Return the isolated channels by rule, and how many of them were faulty."""
     right = tables["faults"].filter(pl.col("outcome") == "detected")["decided_by"].to_list()
     by_design = pl.col("kind").is_in(BY_DESIGN).fill_null(value=False)
     wrong = tables["alarms"].filter(~by_design)["decided_by"].to_list()
@@ -138,7 +138,7 @@ def by_rule(tables: Tables) -> list[dict[str, Any]]:
 
 
 def delays(faults: pl.DataFrame, names: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """Return delays of detection by signal, kind and ``names``: from the onset, and from leaving the threshold."""
+    """Return detection delays by signal, kind and ``names``: from the onset, and from exceeding the threshold."""
     return [
         {**key, "detected": len(part), **{name: quantiles(part[name].drop_nulls()) for name in DELAYS}}
         for key, part in groups(faults.filter(pl.col("outcome") == "detected"), ["signal", "kind"], names)
@@ -146,12 +146,12 @@ def delays(faults: pl.DataFrame, names: Sequence[str] = ()) -> list[dict[str, An
 
 
 def quantiles(values: pl.Series) -> dict[str, float | None]:
-    """Return the least, the median, the 95 % and the largest of delays; None of none."""
+    """Return the smallest, the median, the 95 % and the largest delay; None without delays."""
     return {name: values.quantile(share, "nearest") for name, share in _QUANTILES.items()}
 
 
 def false_alarms(tables: Tables) -> list[dict[str, Any]]:
-    """Count healthy channels that were failed, by signal."""
+    """Return the number of isolated healthy channels by signal."""
     alarms = tables["alarms"]
     if alarms.is_empty():
         return []
@@ -159,7 +159,7 @@ def false_alarms(tables: Tables) -> list[dict[str, Any]]:
 
 
 def smallest(faults: pl.DataFrame, names: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """Return the smallest detectable magnitude by signal, kind and ``names``, of all faults that acted."""
+    """Return the smallest detectable magnitude by signal, kind and ``names``, over all faults that acted."""
     return [
         {**key, **_smallest(part["magnitude"].to_numpy(), (part["outcome"] == "detected").to_numpy())}
         for key, part in groups(faults.filter(pl.col("magnitude").is_not_null()), ["signal", "kind"], names)
@@ -174,8 +174,8 @@ def _smallest(magnitudes: Any, detected: Any) -> dict[str, Any]:
 def tie_break(episodes: pl.DataFrame) -> list[dict[str, Any]]:
     """Return the truth table of the tie-break rules, over all patterns and for each.
 
-    asked: episodes in which it was asked; answered: in whose last frame its answer stood; right: it failed only
-    faulty channels; wrong: it failed a healthy one; open: no channel was failed before the pattern went away.
+    asked: episodes in which the rule was used; answered: its decision was valid in the last frame; right: it isolated
+    only faulty channels; wrong: it isolated a healthy one; open: the split ended before an isolation.
     """
     rows = []
     for pattern in ["all", *sorted(episodes["pattern"].unique())]:
@@ -199,9 +199,10 @@ def _answers(episodes: pl.DataFrame, name: str, asked: int) -> dict[str, Any]:
 
 
 def by_kind(faults: pl.DataFrame) -> list[dict[str, Any]]:
-    """Return, of each kind of fault of an actuator, how many were found by which monitor, and how soon.
+    """Return, for each kind of fault of an actuator, how many were detected, by which monitor, and after how long.
 
-    One on a shut-off valve is found by ``valve``, which fails no channel; any other when its channel is shut off.
+    ``valve`` detects a fault of a shut-off valve and isolates no channel.  Any other fault is detected when its channel
+    is shut off.
     """
     acted = faults.filter(pl.col("signal").str.starts_with("actuator.") & pl.col("onset_s").is_not_null())
     figures = []
@@ -216,10 +217,9 @@ def by_kind(faults: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def by_requirement(runs: pl.DataFrame, requirements: Sequence[Requirement]) -> list[dict[str, Any]]:
-    """Return, of each requirement, the share of runs that meet it where it applies, and the run with the least
-    robustness.
+    """Return for each requirement the share of applicable runs that meet it, and the run with the least robustness.
 
-    A run meets it where it does on every signal.
+    A run meets a requirement if it meets it on every signal.
     """
     given = [(run, json.loads(text)) for run, text in runs.select("run", "requirements").drop_nulls().rows()]
     figures = []
@@ -246,7 +246,7 @@ def by_requirement(runs: pl.DataFrame, requirements: Sequence[Requirement]) -> l
 
 
 def replies(runs: pl.DataFrame) -> dict[str, Any] | None:
-    """Add up the reply times of a unit under test over all frames of all runs, by its bins; None without one."""
+    """Return the reply times of a unit under test over all frames of all runs, by bins; None without a unit."""
     counted = runs["replies"].drop_nulls()
     if counted.is_empty():
         return None

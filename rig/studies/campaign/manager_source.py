@@ -1,7 +1,7 @@
-"""The source of a manager of the user's own: its file, and the files beside it that it imports or names.
+"""The source of the user's manager: its file, and the files beside it that it imports or names.
 
-Files are found and read as the import would find them; no code of theirs is run here.  Not followed: what is installed,
-but for the package of the manager itself, and what a program imports or reads by a name that it computes.
+Files are found and read as an import would find them, without running their code.  Not followed: installed packages
+other than the manager's own, and files that a program imports or reads by a computed name.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ _INSTALLED: Final = ("stdlib", "platstdlib", "purelib", "platlib")
 
 
 def sources(managers: Iterable[str]) -> dict[str, dict[str, str]]:
-    """Return the SHA-256 of each file by its name, of every manager that is the user's own, sorted.  BadInput."""
+    """Return the SHA-256 of each file by its name, for every manager of the user, sorted.  BadInput as ``require``."""
     return {name: dict(sorted(_files(name))) for name in sorted({*managers}) if ":" in name}
 
 
 def try_import(manager: str) -> None:
-    """Import the module of a manager in a process of its own, as a worker will.  BadInput: it cannot be."""
+    """Import the module of a manager in a separate process, as a worker does.  BadInput: the import fails."""
     ended = subprocess.run(
         [sys.executable, "-P", "-c", _IMPORT, *manager.split(":", 1)],
         stdin=subprocess.DEVNULL,
@@ -61,12 +61,12 @@ def try_import(manager: str) -> None:
 
 @cache
 def first_sources(manager: str) -> dict[str, str]:
-    """Return the files as they were when this process first asked: a class that it has imported is of these."""
+    """Return the files as this process first read them: an imported class comes from these."""
     return sources([manager])[manager]
 
 
 def _files(manager: str) -> Iterator[tuple[str, str]]:
-    """Yield name and SHA-256 of the file of a manager, and of those that it imports.  BadInput: no such module."""
+    """Yield name and SHA-256 of a manager's file, and of the files that it imports.  BadInput: no such module."""
     invalidate_caches()  # a file may be newer than a folder's listing
     module = manager.partition(":")[0]
     top = _spec(module.partition(".")[0], [*([] if "" in sys.path else [""]), *sys.path])
@@ -92,7 +92,7 @@ def _files(manager: str) -> Iterator[tuple[str, str]]:
 
 
 def _spec(name: str, paths: list[str]) -> ModuleSpec | None:
-    """Return where a module without dots is; by an installed finder (an editable installation) when in no folder."""
+    """Return the place of a module without dots; from an installed finder (editable installation) if in no folder."""
     found = PathFinder.find_spec(name, paths)
     if found is None:
         try:
@@ -103,7 +103,7 @@ def _spec(name: str, paths: list[str]) -> ModuleSpec | None:
 
 
 def _root(spec: ModuleSpec) -> Path | None:
-    """Return the folder that a top module is in; None of one without a file."""
+    """Return the folder of a top module; None for a module without a file."""
     folders = list(spec.submodule_search_locations or ())
     if folders:
         return Path(folders[0]).absolute().parent
@@ -116,7 +116,7 @@ def _is_followed(module: str, only: str | None) -> bool:
 
 
 def _on_the_way(module: str, root: Path) -> Iterator[tuple[str, Path, bool]]:
-    """Yield the modules with a file that an import of ``module`` runs: name, file, whether it is a package."""
+    """Yield the modules with a file that an import of ``module`` runs: name, file, and whether it is a package."""
     paths, name = [str(root)], ""
     for part in module.split("."):
         name = f"{name}.{part}" if name else part
@@ -138,7 +138,7 @@ def _read(manager: str, path: Path) -> bytes:
 
 
 def _parsed(source: bytes) -> ast.AST:
-    """Return the tree of a source; an empty one of what is no Python text."""
+    """Return the syntax tree of a source; an empty one if it is no Python text."""
     try:
         return ast.parse(source)
     except (SyntaxError, ValueError, RecursionError):  # a library, say; its import tells what is wrong
@@ -146,7 +146,7 @@ def _parsed(source: bytes) -> ast.AST:
 
 
 def _named(tree: ast.AST, folder: Path) -> Iterator[Path]:
-    """Yield the files in ``folder`` that a source names, such as the weights of what was trained."""
+    """Yield the files in ``folder`` that a source names, such as trained weights."""
     texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
     for text in sorted(text for text in texts if 0 < len(text) <= _LONGEST and "." in text and text == Path(text).name):
         if is_file(folder / text):
@@ -154,7 +154,7 @@ def _named(tree: ast.AST, folder: Path) -> Iterator[Path]:
 
 
 def _imported(tree: ast.AST, package: str) -> Iterator[str]:
-    """Yield every module that a source may import, its package given."""
+    """Yield every module that a source may import, given its package."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

@@ -1,4 +1,4 @@
-"""The runs of a campaign: for each a number, a seed, what varies, and the scenario that is flown; and by which rig."""
+"""The runs of a campaign: number, seed, varied values and scenario of each, and the version of rig that flies them."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from rig.studies.campaign.sampling import Choice, choices, seed_of
 from rig.verdict.requirements.measure import recorder_of
 from rig.verdict.requirements.requirement import Requirement
 
-SOURCES: Final = "sources"  # of an identity: the user's own managers, file by file
+SOURCES: Final = "sources"  # of an identity: the user's managers, file by file
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
-# What looks at flights, or hands them out, decides nothing in them.
+# Files that read flights or hand them out do not change a flight.
 ROOMS = ("bench", "cli", "design", "log/recordings", "show", "studies")
 BESIDE = (*ROOMS, "__main__.py", "flight/cost.py", "scenario/make_fault.py", "world/faults/fault_catalogue.py")
 FLIES = ("studies/campaign/flying.py", "studies/campaign/tables.py", "studies/campaign/worker.py")
@@ -34,7 +34,7 @@ FLIES = ("studies/campaign/flying.py", "studies/campaign/tables.py", "studies/ca
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One flight of a campaign. ``data`` is its scenario's own table; the aircraft's tables come below it."""
+    """One flight of a campaign. ``data`` is the table of its scenario; the aircraft's tables come below it."""
 
     number: int
     choice: Choice
@@ -43,27 +43,27 @@ class Run:
 
     @property
     def aircraft(self) -> str:
-        """Return the aircraft's name. BadInput when it is none."""
+        """Return the aircraft's name. BadInput: it is not a name."""
         name = self.data.get("aircraft", "f16")
         if not isinstance(name, str):
             raise BadInput(f"run {self.number}: aircraft: must be a name, got {name!r}")
         return name
 
     def scenario(self, tables: dict[str, Any] | None = None) -> Scenario:
-        """Build the scenario that is flown; ``tables``: the aircraft's, when they have been read already."""
+        """Build the scenario of the flight; ``tables``: the aircraft's, if they have been read already."""
         below = aircraft.tables(self.aircraft) if tables is None else tables
         return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}").trusted(self.trust)
 
 
 class Plan:
-    """A campaign's runs, each made when asked for."""
+    """The runs of a campaign, each made when needed."""
 
     of_one_draw = 1  # runs that share a seed
 
     def __init__(self, campaign: Campaign, source: str, trust: Trust | None = None) -> None:
-        """Raise BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base.
+        """Raise BadInput, naming ``source``, for a ``[set]`` key that does not fit the base.
 
-        trust : which manager classes may be run; none when not given
+        trust : which manager classes may be run; none if not given
         """
         self.trust = trust or Trust(source)
         self.campaign = campaign
@@ -83,25 +83,25 @@ class Plan:
         return len(self.choices)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how a process that is handed the plan makes it: what is kept at hand stays here."""
+        """Return how another process makes the plan; cached values stay here."""
         return type(self), (self.campaign, self.source, self.trust)
 
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
-        """Return what every run is measured by.  BadInput: a folder's that is no requirement any more."""
+        """Return the requirements of every run.  BadInput: one of the folder is no longer valid."""
         given = self.campaign.requirements or []
         return tuple(build(Requirement, each, f"{self.source}: requirements") for each in given)
 
     def count(self, runs: int | None) -> int:
-        """Return how many runs ``--runs`` asks for; BadInput when the plan has not so many."""
+        """Return how many runs ``--runs`` asks for.  BadInput: the plan has fewer."""
         count = len(self) if runs is None else runs
         if not 1 <= count <= len(self):
-            raise BadInput(f"--runs {count}: must be from 1 to the campaign's {len(self)}")
+            raise BadInput(f"--runs {count}: must be from 1 to {len(self)}, the runs of the campaign")
         return count
 
     @cached_property
     def choices(self) -> list[Choice]:
-        """Return what each run varies."""
+        """Return the varied values of each run."""
         return choices(self.campaign)
 
     def __getitem__(self, number: int) -> Run:
@@ -113,7 +113,7 @@ class Plan:
         return seed_of(self.campaign, number - number % self.of_one_draw)
 
     def value_types(self) -> dict[str, set[type]]:
-        """Return the types of all values of each key that varies."""
+        """Return the types of all values of each varied key."""
         types: dict[str, set[type]] = {}
         for choice in self.choices:
             for key, value in choice.items():
@@ -134,7 +134,7 @@ class Plan:
         return data
 
     def check(self) -> None:
-        """Build the scenarios; BadInput names the file, the first bad run and its key."""
+        """Build the scenarios.  BadInput names the file, the first wrong run and its key."""
         for number in sorted({*range(min(CHECKED, len(self.choices))), *self._combinations}):
             self._check(self[number])
 
@@ -157,12 +157,12 @@ class Plan:
                 raise BadInput(f"{self.source}: run {run.number}: {error}") from None
 
     def _find(self, manager: str) -> None:
-        """Import a manager of the user's own, once, before the first flight.  BadInput: it cannot be."""
+        """Import the user's manager once, before the first flight.  BadInput: the import fails."""
         if ":" in manager:
             try_import(manager)
 
     def identity(self) -> dict[str, Any]:
-        """Return all that decides the table: the campaign, the tables of every aircraft in it, the user's own code."""
+        """Return everything that decides the table: campaign, tables of all its aircraft, and the user's code."""
         names = sorted({self[number].aircraft for number in self._combinations})
         texts = {name: json.dumps(self._tables(name), sort_keys=True) for name in names}
         hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
@@ -171,7 +171,7 @@ class Plan:
 
     @cached_property
     def sources(self) -> dict[str, dict[str, str]]:
-        """Return the files of every manager of the user's own that is flown, each with its hash.  BadInput."""
+        """Return the files of every manager of the user that is flown, with their hashes.  BadInput: one is missing."""
         return sources(map(self.manager, self._named))
 
     def manager(self, number: int) -> str:
@@ -187,7 +187,7 @@ class Plan:
 
     @cached_property
     def _combinations(self) -> list[int]:
-        """Return the first run of every combination of what varies by name."""
+        """Return the first run of every combination of values that vary by name."""
         listed = {key for key, vary in self.campaign.varied() if isinstance(vary, Levels)} | {*self.campaign.cases}
         firsts: dict[Any, int] = {}
         for number, choice in enumerate(self.choices):
@@ -198,9 +198,9 @@ class Plan:
 
 
 def read_plan(name: str | Path, sets: Iterable[str] | None = None, allow_code: bool = False) -> Plan:
-    """Return the plan of a campaign's file or bundled name.  BadInput says what is wrong.
+    """Return the plan of a campaign file or bundled name.  BadInput: a wrong key or value.
 
-    sets : KEY=VALUE, laid over the file's own; a manager class that they name may be run, others with ``allow_code``
+    sets : KEY=VALUE over the keys of the file; a manager class that they name may be run, others with ``allow_code``
     """
     given, source = dict(map(parse_set, sets or ())), str(find(name))
     return Plan(read(name, given), source, Trust(source, allow_code, named_manager(given.items())))
@@ -208,7 +208,7 @@ def read_plan(name: str | Path, sets: Iterable[str] | None = None, allow_code: b
 
 @cache
 def rig_identity() -> str:
-    """Return versions and a hash of the sources that decide a row, as one line."""
+    """Return the versions, and a hash of the sources, that decide a row, as one line."""
     home = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for path in sorted(home.rglob("*.py")):

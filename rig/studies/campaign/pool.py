@@ -1,7 +1,7 @@
-"""Where batches are flown: processes of this machine, or the workers of a Dask cluster.
+"""The workers that fly batches: processes of this computer, or the workers of a Dask cluster.
 
-Both are a ``concurrent.futures.Executor``.  A task that its executor cannot bring to an end because a worker
-died raises one of ``lost``; the campaign then flies its runs alone.
+Both are a ``concurrent.futures.Executor``.  A task whose worker stopped before its end raises one of ``lost``; the
+campaign then flies its runs alone.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from rig.core.interrupt import interruptible
 ANSWER_S: Final = 5.0  # how long a scheduler may take to answer
 _METHOD: Final = "forkserver" if sys.platform == "linux" else "spawn"
 _SETTINGS: Final = {
-    # One flight uses one core: libraries that would start threads of their own only get into each other's way.
+    # One flight uses one core: further threads of libraries would only compete.
     **{f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "NUMBA", "POLARS")},
     # glibc gives a flight's memory back after each and fetches it again for the next: 4 % of a short flight's time.
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 30),
     "PYTHONSAFEPATH": "1",  # no module of the present folder
 }
-_AHEAD: Final = 4  # parts for each worker that are handed out before they are asked for
+_AHEAD: Final = 4  # parts for each worker that are handed out in advance
 _LOOK_S: Final = 0.2  # between two looks whether the process is to end
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
 def get_ready() -> None:
-    """Start the process that workers are forked from, where the system forks; a second call does nothing.
+    """Start the process that workers are forked from, if the system forks; a second call has no effect.
 
-    It imports and compiles what a flight needs while its caller goes on, so that a new worker costs little.
+    The process imports and compiles everything for a flight while its caller continues, so a new worker costs little.
     """
     if _METHOD != "forkserver":
         return
     forkserver.set_forkserver_preload(["rig.studies.campaign.warmed"])
-    # The tracker tidies up after a kill -9, and would say so.
+    # The tracker cleans up after a kill -9, and would print a warning.
     with _environment({**_SETTINGS, "PYTHONWARNINGS": "ignore:resource_tracker"}):
         resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
     theirs = {signal.SIGINT, signal.SIGHUP}  # the parent's to handle; a mask is inherited
@@ -65,7 +65,7 @@ def get_ready() -> None:
 
 
 class Local:
-    """Processes of this machine: ``size`` tasks at a time, and one dead worker takes all tasks with it."""
+    """Processes of this computer: ``size`` tasks at a time; if one worker stops, all tasks are lost."""
 
     lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
     breaks = True
@@ -78,11 +78,11 @@ class Local:
         get_ready()
         try:
             return ProcessPoolExecutor(self.size, mp_context=multiprocessing.get_context(_METHOD), initializer=_begin)
-        except (OSError, ImportError, NotImplementedError) as error:  # a system without semaphores, or none for us
+        except (OSError, ImportError, NotImplementedError) as error:  # a system without semaphores, or none left
             raise RigError(f"no workers can be started: {error}") from None
 
     def submit(self, function: Any, *arguments: Any) -> Future[Any]:
-        """Hand out one task; one that cannot be taken any more fails as lost."""
+        """Hand out one task; a task that is no longer accepted fails as lost."""
         try:
             with _environment(_SETTINGS):
                 return self._executor.submit(function, *arguments)
@@ -95,12 +95,12 @@ class Local:
         """Do nothing: a worker of this machine has what this process has."""
 
     def renew(self) -> None:
-        """Replace the executor after a worker died."""
+        """Replace the executor after a worker stopped."""
         self._executor.shutdown(wait=True, cancel_futures=True)
         self._executor = self._new()
 
     def close(self, kill: bool = False) -> None:
-        """End the workers; ``kill`` does not wait for tasks under way."""
+        """End the workers; ``kill`` does not wait for running tasks."""
         if kill:
             for process in list((self._executor._processes or {}).values()):  # it has no public way
                 process.kill()
@@ -113,9 +113,9 @@ class Cluster:
     breaks = False
 
     def __init__(self, address: str) -> None:
-        """Raise BadInput when the scheduler does not answer, or has no worker."""
+        """Raise BadInput if the scheduler does not reply or has no worker."""
         if not address.strip():
-            raise BadInput("--scheduler: must be the address of a scheduler, got nothing")
+            raise BadInput("--scheduler: must be the address of a scheduler, got an empty text")
         try:
             from distributed import Client
             from distributed.scheduler import KilledWorker
@@ -125,7 +125,7 @@ class Cluster:
             with _quiet():
                 self._client = Client(address, timeout=ANSWER_S, set_as_default=False)
         except (OSError, ValueError, RuntimeError) as error:
-            raise BadInput(f"--scheduler {address}: no answer: {str(error).strip() or type(error).__name__}") from None
+            raise BadInput(f"--scheduler {address}: no reply: {str(error).strip() or type(error).__name__}") from None
         threads: Any = self._client.nthreads()
         self.size = sum(threads.values())
         if self.size == 0:
@@ -139,7 +139,7 @@ class Cluster:
         return self._executor.submit(function, *arguments)
 
     def everywhere(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Call a function on every worker, before there is work for it.  RigError: it raises, or is not there."""
+        """Call a function on every worker before there is work for it.  RigError: it raises an error, or is missing."""
         try:
             with _quiet():
                 self._client.run(function, *arguments)
@@ -153,7 +153,7 @@ class Cluster:
         """Do nothing: the cluster replaces its workers itself."""
 
     def close(self, kill: bool = False) -> None:
-        """Leave the cluster as it was."""
+        """Leave the cluster unchanged."""
         with _quiet():
             self._executor.shutdown(wait=not kill)
             self._client.close()
@@ -165,10 +165,11 @@ Pool = Local | Cluster
 def each(
     function: Callable[[Item], Result], items: Sequence[Item], workers: int, chunk: int = 1, **begin: Any
 ) -> Iterator[Result]:
-    """Yield ``function`` of every item, in their order, from several processes; an interruption begins no more of them.
+    """Yield ``function`` of every item, in order, from several processes; after an interruption no more begin.
 
-    It is heeded between two looks: one that tore the executor's queues would leave a lock held, and waiting threads.
-    Workers leave interruptions to this process and end by SIGTERM, as the executor asks them to where one of them died.
+    The interruption takes effect between two checks: inside the executor's queues it could leave a lock held and
+    threads waiting.  Workers leave interruptions to this process and end by SIGTERM, as the executor asks them to when
+    one of them stopped.
     begin : ``initializer``, ``initargs`` and ``mp_context`` of a worker, as of ProcessPoolExecutor
     """
     begin["initargs"] = (begin.pop("initializer", None), *begin.get("initargs", ()))
@@ -196,9 +197,9 @@ def by_workers(
     workers: int,
     chunk: int = 1,
 ) -> Iterator[Result]:
-    """Yield what ``worker(*about)`` makes of every item, in their order, by several processes or, for one, by this.
+    """Yield the result of ``worker(*about)`` for every item, in order, from several processes, or from this one alone.
 
-    Each process makes its worker once.  None inherits a lock that a thread of this process holds, as polars'.
+    Each process makes its worker once.  No process inherits a lock that a thread of this process holds, as of polars.
     """
     if workers == 1 or len(items) < 2:
         return map(worker(*about), items)
@@ -220,7 +221,7 @@ def _work(item: Any) -> Any:
 
 
 def _every(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
-    """Do in a worker what is handed out at once."""
+    """Run in a worker the items that are handed out together."""
     return [function(item) for item in items]
 
 
@@ -232,7 +233,7 @@ def leave_interrupts_to_parent() -> None:
 
 
 def _begin(then: Callable[..., None] | None = None, *arguments: Any) -> None:
-    """Begin a worker, which ends with its parent: without it there is nothing to do; ``then`` its caller's way."""
+    """Begin a worker that ends with its parent; ``then`` is the caller's own initializer."""
     leave_interrupts_to_parent()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
@@ -249,7 +250,7 @@ def _end_with(sentinel: int) -> None:
 
 @contextmanager
 def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set environment variables for the processes that are started within; those that are set already stay."""
+    """Set environment variables for the processes started within; variables that are already set do not change."""
     new = {name: value for name, value in values.items() if name not in os.environ}
     os.environ.update(new)
     try:
@@ -261,7 +262,7 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence Dask, which logs what it tries; our one line reports the result."""
+    """Silence the log of Dask; one line of rig reports the result."""
     logger = logging.getLogger("distributed")
     level = logger.level
     logger.setLevel(logging.CRITICAL)

@@ -1,7 +1,7 @@
-"""Fly a campaign: hand out the runs that are missing, write each batch when it comes back.
+"""Fly a campaign: hand out the missing runs, write each batch when it returns.
 
-A worker's death costs only time: what was in flight is flown again, alone (worker.py).  Ctrl-C, SIGTERM and SIGHUP
-let the batches under way come in; a second Ctrl-C leaves them.
+A worker that stops costs only time: its runs are flown again, alone (worker.py).  Ctrl-C, SIGTERM and SIGHUP wait for
+the running batches; a second Ctrl-C abandons them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rig.unit.unit_file import Unit
 from rig.verdict.of_log import FlightConclusion
 
 AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
-PATIENCE: Final = 10  # workers that may die in a row without a single batch coming in
+PATIENCE: Final = 10  # workers that may stop in a row without a single finished batch
 
 Batch = Callable[[Sequence[Run], Orders], Rows]
 Task = tuple[Batch, list[int]]
@@ -37,7 +37,7 @@ Task = tuple[Batch, list[int]]
 
 @dataclass
 class Progress:
-    """How far a campaign is."""
+    """The progress of a campaign."""
 
     runs: int
     done: int
@@ -53,7 +53,7 @@ class Progress:
 
     @property
     def told_per_s(self) -> float:
-        """Return the rate of this call, of runs that could not be flown too."""
+        """Return the rate of this call, including runs that could not be flown."""
         return (self.flown + self.not_flown) / max(time.perf_counter() - self.began, 1e-9)
 
     def count(self, runs: list[dict[str, Any]]) -> None:
@@ -71,10 +71,10 @@ Report = Callable[[Progress], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ending:
-    """How a call that flies many runs ended."""
+    """The end of a call that flies many runs."""
 
     interrupted: bool = False
-    signal: int = 0  # that interrupted it
+    signal: int = 0  # the signal that interrupted it
     not_flown: int = 0  # of all runs in the tables, and why the first was not
     first_reason: str | None = None
 
@@ -119,10 +119,10 @@ def run(
 ) -> Result:
     """Fly the runs of ``plan`` (the first ``runs`` of them) that ``out`` does not hold yet.
 
-    workers, logs : in place of the campaign file's; scheduler : a Dask scheduler's address
-    unit : under test; each worker has one of its own
+    workers, logs : instead of the campaign file's; scheduler : the address of a Dask scheduler
+    unit : under test; each worker has its own
     Runs that could not be flown before are flown again.
-    BadInput before anything is written; RigError when the disk is full or workers keep dying.
+    BadInput before anything is written; RigError: the disk is full, or workers keep stopping.
     """
     count = plan.count(runs)
     pool = pool_of(plan, workers, scheduler, unit)  # first: workers get ready during the checks
@@ -147,14 +147,14 @@ def run(
 
 
 def pool_of(plan: Plan, workers: int | None, scheduler: str | None, unit: Unit | None = None) -> Pool:
-    """Return where batches are flown; ``workers`` in place of the campaign file's.  BadInput as ``run``."""
+    """Return the pool that flies batches; ``workers`` instead of the campaign file's.  BadInput as ``run``."""
     if scheduler is not None:
         return Cluster(scheduler)
     return Local(_workers(unit, workers) or plan.campaign.run.workers)
 
 
 def orders_of(folder: Folder, logs: str | None = None) -> Orders:
-    """Return how the flights of a folder are flown; ``logs`` in place of the campaign file's."""
+    """Return how the flights of a folder are flown; ``logs`` instead of the campaign file's."""
     plan, unit, how = folder.plan, folder.unit, folder.plan.campaign.run
     return Orders(
         logs=logs or how.logs,
@@ -171,23 +171,23 @@ def orders_of(folder: Folder, logs: str | None = None) -> Orders:
 
 
 def _workers(unit: Unit | None, workers: int | None) -> int | None:
-    """Return how many workers may fly: a box at an address is one.
+    """Return how many workers may fly: only one with a unit at an address.
 
-    BadInput: more are asked for; a class is no unit in a campaign.
+    BadInput: more are asked for, or the unit is a class, which a campaign does not allow.
     """
     if unit is None:
         return workers
     if unit.transport == "python":
-        raise BadInput(f"{unit.source}: in a campaign a class is named by --set redundancy.manager={unit.manager}")
+        raise BadInput(f"{unit.source}: a campaign needs a class as --set redundancy.manager={unit.manager}")
     if unit.address is None:
         return workers
     if workers is not None and workers > 1:
-        raise BadInput(f"--workers {workers}: the unit at {unit.address} is one, and flies one flight at a time")
+        raise BadInput(f"--workers {workers}: must be 1; the unit at {unit.address} flies one flight at a time")
     return 1
 
 
 def again(folder: Folder, number: int, out: Path, unit: Unit | None = None) -> tuple[Flight, str | None]:
-    """Fly a run once more, alone, with its full log in ``out``; return the digest that the table has of it, if any."""
+    """Fly a run again, alone, with its full log in ``out``; return its digest from the table, if there is one."""
     if number >= len(folder.plan):
         raise BadInput(f"--run {number}: must be from 0 to {len(folder.plan) - 1}")
     folder.require(unit)
@@ -198,7 +198,7 @@ def again(folder: Folder, number: int, out: Path, unit: Unit | None = None) -> t
 
 @dataclass
 class Flying:
-    """Batches on their way through a pool."""
+    """The batches in a pool."""
 
     plan: Plan
     pool: Pool
@@ -210,7 +210,7 @@ class Flying:
     batch: Batch = fly_batch
 
     def fly(self, missing: Sequence[int], size: int, stop: Stop, report: Report | None) -> None:
-        """Hand out and take in until nothing waits, or, asked to stop, nothing is under way, or at once."""
+        """Hand out and collect batches until none waits; after a stop until none runs, or at once."""
         waiting: deque[Task] = deque(
             (self.batch, list(missing[first : first + size])) for first in range(0, len(missing), size)
         )
@@ -223,7 +223,7 @@ class Flying:
             if lost:
                 self.deaths += 1
                 if self.deaths > PATIENCE:
-                    raise RigError("workers keep dying before any batch comes in")
+                    raise RigError("workers keep stopping before a batch is finished")
                 if not stop.requested:
                     self.pool.renew()
                 waiting.extendleft((fly_alone, numbers) for numbers in reversed(lost))
@@ -237,7 +237,7 @@ class Flying:
             self.out[self.pool.submit(function, runs, self.orders)] = numbers
 
     def _take_in(self) -> list[list[int]]:
-        """Write the batches that have come in; return the runs of those that are lost with their worker."""
+        """Write the finished batches; return the runs of the batches that are lost with their worker."""
         came = wait(self.out, timeout=0.5, return_when=FIRST_COMPLETED).done
         if self.pool.breaks and any(isinstance(future.exception(), self.pool.lost) for future in came):
             came = wait(self.out).done  # none of the others will be flown either
@@ -261,7 +261,7 @@ class Flying:
 
 
 def _result(folder: Folder, count: int, progress: Progress, before: set[int], stop: Stop) -> Result:
-    """Return the outcome of the call, from the tables on the disk. RigError when a run is not in them any more."""
+    """Return the outcome of the call, from the tables on the disk. RigError: a flown run is no longer in them."""
     try:
         tables = folder.tables
     except BadInput as error:

@@ -1,7 +1,7 @@
-"""Which values a run gets: points of the unit cube, or of a grid, mapped to the values of the varied keys.
+"""Choose the values of each run: points of the unit cube, or of a grid, mapped to the values of the varied keys.
 
-Every key of ``vary`` and every group of cases is one dimension; what cases vary within them shares the
-dimensions behind their group's.
+Every key of ``vary`` and every group of cases is one dimension; keys that vary within cases share the dimensions
+after that of their group.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ Valuer = Callable[[float], Any]
 
 
 def seed_of(campaign: Campaign, run: int) -> int:
-    """Return the seed of one run's flight: from the campaign's seed and the run's number alone."""
+    """Return the seed of one run's flight, from the campaign's seed and the run's number alone."""
     state = SeedSequence(campaign.seed, spawn_key=(_RUNS, run)).generate_state(1, np.uint64)
     return int(state[0]) >> 1
 
 
 def choices(campaign: Campaign) -> list[Choice]:
-    """Return what each run varies, in the order of the runs."""
+    """Return the varied values of each run, in the order of the runs."""
     if campaign.sampling == "stratified":
         return _stratified(campaign)
     if campaign.sampling != "grid":
@@ -72,7 +72,7 @@ def levels(vary: Vary) -> list[Any]:
 
 
 def valuer(vary: Vary) -> Valuer:
-    """Return the value below which a share (0 to 1, excluded) of what varies lies."""
+    """Return the quantile of a varied key for a share (0 to 1, excluded)."""
     if isinstance(vary, Levels):
         values, count = vary.values, len(vary.values)
         return lambda share: values[int(share * count)]
@@ -102,7 +102,7 @@ def _sampled(campaign: Campaign) -> list[Choice]:
 
 
 def _stratified(campaign: Campaign) -> list[Choice]:
-    """Choose every combination of the cases in turn, the last group fastest; what varies is drawn for each run."""
+    """Choose every combination of the cases in turn, the last group fastest; draw the other keys for each run."""
     turns = [[case.name for case in cases] for cases in campaign.cases.values()]
     count = math.prod(map(len, turns))
     valuers = {id(vary): valuer(vary) for _, vary in campaign.varied()}
@@ -124,7 +124,7 @@ def _in_order(campaign: Campaign, points: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def _of_cases(campaign: Campaign, points: NDArray[np.float64], valuers: dict[int, Valuer]) -> list[Choice]:
-    """Map points of the unit cube to choices, where there are cases."""
+    """Map points of the unit cube to choices, if there are cases."""
     depths = [_depth(cases) for cases in campaign.cases.values()]
     return [_at(campaign, point, depths, valuers) for point in points.tolist()]
 

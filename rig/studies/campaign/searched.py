@@ -1,4 +1,4 @@
-"""The plan of a folder that a search wrote: its choices are those of the table, not those of the campaign's draws."""
+"""The plan of a folder that a search wrote: the values come from the table, not from the campaign's draws."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class SearchedPlan(Plan):
     """A campaign whose runs a search chose."""
 
     def __init__(self, campaign: Campaign, source: str, trust: Trust, search: Any) -> None:
-        """BadInput: a folder of open-loop trials or of confirming flights, whose runs are no flights of the campaign.
+        """Raise BadInput for a folder of open-loop trials or confirming flights, whose runs are not the campaign's.
 
         search : of ``campaign.json``
         """
         super().__init__(campaign, source, trust)
         if not isinstance(search, dict) or search.get("bench") or search.get("confirms"):
-            raise BadInput(f"{source}: holds open-loop trials or confirming flights of a search: rig search reads them")
+            raise BadInput(f"{source}: contains open-loop trials or confirming flights; only rig search reads them")
         against = search.get("against")
         self._against = {} if against is None else dict([parse_set(against)])
         self.of_one_draw = 2 if self._against else 1
@@ -36,7 +36,7 @@ class SearchedPlan(Plan):
         return self._types
 
     def choose(self, runs: pl.DataFrame) -> None:
-        """Take the choices out of the table of runs; those that are not flown yet are empty."""
+        """Return the choices from the table of runs; runs that are not flown yet have empty ones."""
         keys = [key for key in self._types if key in runs.columns]
         flown = {row["run"]: row for row in runs.select("run", *keys).iter_rows(named=True)}
         listed = {key: vary.values for key, vary in self.campaign.varied() if isinstance(vary, Levels)}
@@ -49,7 +49,7 @@ class SearchedPlan(Plan):
 
 
 def types_of(campaign: Campaign, against: Mapping[str, Any]) -> dict[str, set[type]]:
-    """Return the types of each key's values in the order of the campaign, then of what every second flight has."""
+    """Return the types of each key's values in the order of the campaign, then of the key of every second flight."""
     types: dict[str, set[type]] = {group: {str} for group in campaign.cases}
     for key, vary in campaign.varied():
         listed = {*map(type, vary.values)} if isinstance(vary, Levels) else set()
@@ -59,5 +59,5 @@ def types_of(campaign: Campaign, against: Mapping[str, Any]) -> dict[str, set[ty
 
 
 def _value(held: Any, listed: Sequence[Any], kind: Any) -> Any:
-    """Return a value of the file by the cell that it became."""
+    """Return the value of the file from its cell in the table."""
     return next((value for value in listed if table.cell(value, kind) == held), held)

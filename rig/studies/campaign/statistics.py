@@ -1,4 +1,4 @@
-"""Exact intervals, the smallest detectable magnitude, a paired comparison. Plain numbers in, plain numbers out.
+"""Exact intervals, the smallest detectable magnitude, and a paired comparison, on plain numbers.
 
 Sources: Clopper and Pearson, Biometrika 26 (1934); Garwood, Biometrika 28 (1936), for Poisson counts; McNemar,
 Psychometrika 12 (1947), in its exact conditional form; Thompson, Annals of Mathematical Statistics 7 (1936), for a
@@ -25,7 +25,7 @@ _FARTHEST: Final = log(1e3)  # an interval's end is looked for within this facto
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """``count`` of ``of``, with an interval; of trials a probability, of hours a rate an hour."""
+    """A share ``count`` of ``of`` with its interval: a probability for trials, a rate an hour for hours."""
 
     count: int
     of: float
@@ -48,7 +48,7 @@ def at_most(count: int, trials: int, confidence: float = CONFIDENCE) -> float:
 
 
 def jeffreys(count: int, trials: int) -> tuple[float, float]:
-    """Return Jeffreys' 95 % interval of a probability, 0 and 1 included at the ends: of an estimate with his prior."""
+    """Return Jeffreys' 95 % interval of a probability, with 0 and 1 included at the ends."""
     of, others = count + 0.5, trials - count + 0.5
     low = 0.0 if count == 0 else float(scipy.stats.beta.ppf(_TAIL, of, others))
     return low, 1.0 if count == trials else float(scipy.stats.beta.ppf(1.0 - _TAIL, of, others))
@@ -66,7 +66,7 @@ def poisson(count: int, hours: float, confidence: float = CONFIDENCE) -> Rate:
 
 @dataclass(frozen=True, slots=True)
 class Magnitude:
-    """The magnitude that is detected with a probability; an end is None where the data do not bound it."""
+    """The magnitude that is detected with a given probability; an end is None if the data do not bound it."""
 
     probability: float
     value: float
@@ -81,7 +81,7 @@ class Detectable:
     trials: int
     detected: int
     slope: float | None  # per unit of ln magnitude; None when the trials are separated
-    separated: bool  # every magnitude above some value was detected, none below: only the gap is known
+    separated: bool  # all magnitudes above some value were detected, and none below: only the gap is known
     magnitudes: list[Magnitude]
 
 
@@ -91,13 +91,13 @@ def detectable(
     probabilities: tuple[float, ...] = (0.5, 0.99),
     confidence: float = CONFIDENCE,
 ) -> Detectable | None:
-    """Fit the smallest detectable magnitude to trials (n,) of magnitudes above 0 and whether each was detected.
+    """Fit the smallest detectable magnitude to trials (n,): magnitudes above 0, and whether each was detected.
 
         logit P(detected) = slope (ln magnitude - ln m50)
 
-    Maximum likelihood, rising slopes only; intervals by profile likelihood.  When the trials are separated the
-    likelihood has no maximum: the value is then the middle of the gap (in the logarithm).  None when all were
-    detected or none was: then there is nothing to fit.
+    The fit has maximum likelihood, rising slopes only; intervals are by profile likelihood.  If the trials are
+    separated, the likelihood has no maximum, and the value is the middle of the gap (in the logarithm).  None if all
+    trials were detected, or none.
     """
     x, n, k = _grouped(magnitudes, detected)
     if k.sum() in (0, n.sum()) or len(x) < 2:
@@ -120,7 +120,7 @@ def _grouped(magnitudes: NDArray[np.float64], detected: NDArray[np.bool_]) -> tu
 
 
 class _Logistic:
-    """The likelihood of (x, ln slope), x being where a given probability is reached."""
+    """The likelihood of (x, ln slope), with x where a given probability is reached."""
 
     def __init__(self, x: NDArray[np.float64], n: NDArray[np.float64], k: NDArray[np.float64]) -> None:
         self.x, self.n, self.k = x, n, k
@@ -147,7 +147,7 @@ class _Logistic:
 
 
 def _least(function: Callable[[float], float], grid: NDArray[np.float64], **options: float) -> Any:
-    """Find the minimum of a function that may have several: a coarse look over ``grid`` first."""
+    """Return the minimum of a function that may have several, after a coarse search over ``grid``."""
     near = int(np.argmin([function(at) for at in grid]))
     bounds = (grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)])
     return scipy.optimize.minimize_scalar(function, bounds=bounds, method="bounded", options=options)
@@ -181,7 +181,7 @@ def _crossing(above: Callable[[float], float], inside: float, outside: float) ->
 
 @dataclass(frozen=True, slots=True)
 class McNemar:
-    """Pairs of runs that came out differently under two managers, and how likely that is by chance."""
+    """The pairs of runs with different outcomes under two managers, and the probability of this by chance."""
 
     both: int
     only_first: int
@@ -192,7 +192,7 @@ class McNemar:
 
 
 def mcnemar(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> McNemar:
-    """Make an exact paired comparison of two outcomes (n,) of the same trials."""
+    """Compare two outcomes (n,) of the same trials in exact pairs."""
     b, c = int((first & ~second).sum()), int((~first & second).sum())
     p = 1.0 if b + c == 0 else float(scipy.stats.binomtest(b, b + c, 0.5).pvalue)
     both, neither = int((first & second).sum()), int((~first & ~second).sum())
@@ -210,7 +210,7 @@ class Difference(NamedTuple):
 def paired_difference(
     first: NDArray[np.bool_], second: NDArray[np.bool_], confidence: float = CONFIDENCE
 ) -> Difference:
-    """Return the share of the first outcome (n,) less that of the second on the same trials.
+    """Return the share of the first outcome (n,) minus that of the second on the same trials.
 
     The interval is Wald's with half a trial more in each of the four cells; Agresti and Min, Statistics in Medicine
     24 (2005), section 2.
@@ -223,7 +223,7 @@ def paired_difference(
 
 
 class Median(NamedTuple):
-    """A median, and its interval; None where there are too few values for one."""
+    """A median and its interval; None if there are too few values for an interval."""
 
     value: float
     low: float | None
@@ -233,7 +233,7 @@ class Median(NamedTuple):
 def median_interval(values: NDArray[np.float64], confidence: float = CONFIDENCE) -> Median:
     """Return the median of values (n,), n above 0, with the interval between two of them; at 95 % from six values on.
 
-    It holds whatever the distribution: so many of n values lie below its median as of n throws of a coin.
+    The interval does not depend on the distribution: the number of n values below the median is that of n coin tosses.
     """
     ordered = np.sort(values)
     first = int(scipy.stats.binom.ppf((1.0 - confidence) / 2.0, len(ordered), 0.5))

@@ -1,8 +1,8 @@
-"""The folder of a study, of whatever kind: whose it is, who writes into it, files that are whole or not there.
+"""The folder of a study of any kind: its identity, its lock, and files that are complete or absent.
 
-One file of it, its mark, holds what was asked, and by which version of the rig: a folder is gone on with where that is
-the same, and refused where it is not.  Every file is written beside and renamed; those that are read again have a
-checksum of their bytes (core/sealed.py) and, but for the mark, are marked with the study that they belong to.
+One file, the mark, holds the options and the version of rig.  A command resumes in a folder with the same mark, and
+refuses a folder with another.  Every file is written under another name and renamed.  Files that are read again have a
+checksum of their bytes (core/sealed.py) and, except the mark, carry the identity of their study.
 One command writes into a folder at a time, on every system: it holds the file ``lock``.
 """
 
@@ -28,45 +28,45 @@ _FLAGS: Final = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)  # no chil
 
 @dataclass(frozen=True)
 class Study:
-    """A kind of study, in the words that refuse a folder."""
+    """A kind of study, with the words of its error messages."""
 
-    mark: str  # the file that holds what was asked
-    folder: str  # it is none of
-    other: str  # it holds instead
-    busy: str  # another command is
+    mark: str  # the file that holds the options
+    folder: str  # the folder is not this
+    other: str  # the folder contains this instead
+    busy: str  # another command does this
     remedy: str = ""  # where a file is damaged
     beside: tuple[str, ...] = ()  # files whose drafts are swept out of a begun folder too; none: of all
 
     def is_begun(self, out: Path) -> bool:
-        """Return whether a folder holds a study of this kind."""
+        """Return True if a folder holds a study of this kind."""
         return is_file(out / self.mark)
 
     def read(self, out: Path, name: str = "") -> dict[str, Any]:
-        """Return what was asked of a folder, or its file ``name``.  BadInput: it is damaged, or of another version."""
+        """Return the options of a folder, or its file ``name``.  BadInput: it is damaged, or of another version."""
         return sealed.read_json(out / (name or self.mark), self.remedy, formats=(FORMAT, UNSEALED))
 
     def written(self, about: dict[str, Any]) -> bytes:
-        """Return the mark of what is asked."""
+        """Return the mark for the options ``about``."""
         return sealed.to_json(about)
 
     def differences(self, was: dict[str, Any], now: dict[str, Any]) -> list[str]:
-        """Return what two questions differ in, a line each."""
+        """Return the differences of two sets of options, a line each."""
         return difference(was, now)
 
     def require(self, out: Path, about: dict[str, Any] | None = None) -> None:
-        """Raise BadInput unless a folder is new, empty, or of this kind and, where given, was asked ``about``.
+        """Raise BadInput unless a folder is new, empty, or of this kind and, if given, of the options ``about``.
 
         Writes nothing.
         """
         if self.is_begun(out):
             if about is not None and (differs := self.differences(self.read(out), about)):
-                raise BadInput(f"--out {out}: holds {self.other}: {differs[0]}")
+                raise BadInput(f"--out {out}: contains {self.other}: {differs[0]}; choose another folder or delete it")
         elif not is_unused(out):
-            raise BadInput(f"--out {out}: not {self.folder}, and not empty")
+            raise BadInput(f"--out {out}: is not empty and not {self.folder}")
 
     @contextmanager
     def held(self, out: Path, about: dict[str, Any]) -> Iterator[None]:
-        """Make the folder when there is none, hold it alone, sweep it, and mark it.  BadInput as ``require``."""
+        """Make the folder if there is none, hold it alone, sweep it, and mark it.  BadInput as ``require``."""
         self.require(out, about)
         with locked(out, self.busy):
             self.require(out, about)  # another command may have been faster
@@ -78,7 +78,7 @@ class Study:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write beside, onto the disk, and rename: after any interruption all of it is there or nothing.  RigError."""
+    """Write to the disk under another name, then rename: the file is complete or absent.  RigError: the disk."""
     try:
         with reported(path):
             path.parent.mkdir(exist_ok=True)
@@ -91,7 +91,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def difference(was: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """Return what two identities differ in, a line each."""
+    """Return the differences of two identities, a line each."""
     before, after = dict(_flat(was)), dict(_flat(now))
     return [
         f"{key} was {_shown(before, key)}, is {_shown(after, key)}"
@@ -121,8 +121,8 @@ def _flat(data: Any, above: str = "") -> Iterator[tuple[str, Any]]:
 def locked(folder: Path, busy: str) -> Iterator[None]:
     """Make the folder and hold its file ``lock``, which is not written to, and not followed when it is a link.
 
-    busy : what another command that holds it is doing
-    The system releases the lock of a process that ends, whatever ends it.
+    busy : what another command that holds the lock is doing
+    The system releases the lock of a process that ends for any reason.
     BadInput: another process holds the lock, it is a link, or the folder is not writable.
     """
     file = _opened(folder, folder / LOCK)
@@ -150,13 +150,13 @@ def _opened(folder: Path, path: Path) -> int:
             return os.open(path, _FLAGS, 0o666)
     except OSError as error:
         raise BadInput(f"--out {folder}: cannot be written: {error.strerror}") from None
-    raise BadInput(f"{path}: is a link, and is not followed: remove it")
+    raise BadInput(f"{path}: is a link and is not followed; remove it")
 
 
 def _lock(file: int, hold: bool) -> None:
-    """Lock the file for this descriptor, at once or not at all, or unlock it. OSError: somebody holds it.
+    """Lock the file for this descriptor, at once or not at all, or unlock it. OSError: another process holds it.
 
-    Closing the descriptor unlocks it too, but on Windows only some time later.
+    Closing the descriptor also unlocks the file, but on Windows only some time later.
     """
     if sys.platform == "win32":
         import msvcrt

@@ -1,6 +1,6 @@
 """A suite file: scenarios, logs and campaigns with the requirements that each must meet, and their reference decisions.
 
-The decisions, who failed, when and by whom, stand in a file beside: ``NAME.decisions.toml`` of ``NAME.toml``.
+The decisions (which channel was isolated, when, by which rule) are in a file beside: ``NAME.decisions.toml``.
 """
 
 from __future__ import annotations
@@ -25,41 +25,41 @@ _KINDS: Final = ("scenario", "log", "campaign")
 class Case(Settings):
     """One flight, log or campaign of a suite."""
 
-    name: str = Field(default="", max_length=80)  # that of its file when not given
+    name: str = Field(default="", max_length=80)  # if not given, that of its file
     scenario: str | None = None  # a file, also from the suite's folder, or a bundled name; of all three
     log: str | None = None
     campaign: str | None = None
-    runs: int | None = Field(default=None, ge=1)  # of a campaign; all when not given
+    runs: int | None = Field(default=None, ge=1)  # of a campaign; all if not given
     set: dict[str, Any] = {}  # dotted keys laid over the scenario or campaign
     seed: int | None = Field(default=None, ge=0, lt=2**63)  # of a scenario
-    requirements: list[str] | None = None  # those of the suite when not given
+    requirements: list[str] | None = None  # if not given, those of the suite
     without: list[str] = []  # ids that are not measured here
-    may_not_act: bool = False  # a fault that is not executed is no failure
+    may_not_act: bool = False  # a fault that does not act is no failure
     _path: Path = PrivateAttr(default=Path())
 
     @model_validator(mode="after")
     def _one(self) -> Case:
         given = [kind for kind in _KINDS if getattr(self, kind) is not None]
         if len(given) != 1:
-            raise ValueError("a case has one of scenario, log, campaign")
+            raise ValueError("a case needs exactly one of scenario, log, campaign")
         for key, kinds in (("runs", ("campaign",)), ("seed", ("scenario",)), ("set", ("scenario", "campaign"))):
             if getattr(self, key) not in (None, {}) and given[0] not in kinds:
-                raise ValueError(f"{key}: is for {' and '.join(kinds)}")
+                raise ValueError(f"{key}: is allowed only for {' and '.join(kinds)}")
         return self
 
     @property
     def kind(self) -> str:
-        """The key that says what it is: scenario, log or campaign."""
+        """Return the kind of the case: scenario, log or campaign."""
         return next(kind for kind in _KINDS if getattr(self, kind) is not None)
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """Return the file of the case."""
         return self._path
 
     @property
     def called(self) -> str:
-        """Its name."""
+        """Return the name of the case."""
         return self.name or self._path.stem
 
 
@@ -72,27 +72,27 @@ class _File(Settings):
 
 
 class Suite:
-    """A suite that was read: its cases, what each must meet, and the decisions that are kept beside it."""
+    """A suite: its cases, the requirements of each, and the reference decisions beside it."""
 
     def __init__(self, path: Path, file: _File) -> None:
-        """BadInput: a file that a case names is missing, or two cases have one name."""
+        """Raise BadInput if a file of a case is missing, or two cases have one name."""
         self.path, self.title, self.cases = path, file.title or path.stem, file.cases
         self._shared = file.requirements
         for case in self.cases:
             case._path = self._find(case)
         names = [case.called for case in self.cases]
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise BadInput(f"{path}: cases: {twice[0]}: two cases of this name; give one another name")
+            raise BadInput(f"{path}: cases: {twice[0]}: two cases have this name; rename one")
         self.requirements = {case.called: self._requirements(case) for case in self.cases}
 
     @property
     def decisions_file(self) -> Path:
-        """The file of reference decisions."""
+        """Return the file of reference decisions."""
         return self.path.with_suffix(".decisions.toml")
 
     @property
     def inputs(self) -> list[Path]:
-        """All files that are read."""
+        """Return all files of the suite."""
         asked = dict.fromkeys(name for case in self.cases for name in self.names_of(case))
         return [self.path, self.decisions_file, *(case.path for case in self.cases), *map(Path, asked)]
 
@@ -106,7 +106,7 @@ class Suite:
         loaded = load_requirements(self.names_of(case))
         ids = {each.id for each in loaded}
         if strange := [id_ for id_ in case.without if id_ not in ids]:
-            raise BadInput(f"{self.path}: {case.called}: without: no requirement {strange[0]!r} among its own")
+            raise BadInput(f"{self.path}: {case.called}: without: the case has no requirement {strange[0]!r}")
         return tuple(each for each in loaded if each.id not in case.without)
 
     def _find(self, case: Case) -> Path:
@@ -121,7 +121,7 @@ class Suite:
             raise BadInput(f"{self.path}: cases: {case.kind}: {error}") from None
 
     def decisions(self) -> dict[str, list[str]] | None:
-        """Return the reference decisions by case; None where none are kept."""
+        """Return the reference decisions by case; None if there is no file."""
         if not is_file(self.decisions_file):
             return None
         tables = read_toml(self.decisions_file)
@@ -142,7 +142,7 @@ def _find_log(name: str) -> Path:
 
 
 def read_suite(name: Path | str) -> Suite:
-    """Return the suite of a file, or of a bundled name.  BadInput."""
+    """Return the suite of a file or of a bundled name.  BadInput: it is missing or wrong."""
     wanted, home = Path(name), bundled("faults") / "suites"
     for path in (wanted, home / f"{wanted.name}.toml"):
         if is_file(path):

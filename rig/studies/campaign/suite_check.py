@@ -1,6 +1,6 @@
-"""A suite checked: every case flown or read, its requirements measured, its decisions compared with the reference.
+"""Check a suite: fly or read every case, measure its requirements, compare its decisions with the reference.
 
-The results are also written as JUnit XML, which continuous integration reads.
+The results are also written as JUnit XML for continuous integration.
 """
 
 from __future__ import annotations
@@ -42,30 +42,30 @@ DECISIONS: Final = "decisions"
 FAULTS: Final = "faults"
 _TOLD: Final = 3  # faults of a case that were not executed, by name
 TIMEOUT_S: Final = 300.0  # of one flight of a campaign
-# Names of the events that are decisions: who was failed, when and by whom.
+# Names of the events that are decisions: which channel was isolated, when, by which rule.
 _DECIDED: Final = ("channel failed", "actuator channel failed", "shut-off valve", "lane failed")
 
 
 class Checked(NamedTuple):
-    """One test: a requirement of a case on one signal, its decisions, or that its faults acted where one did not."""
+    """One test: a requirement of a case on one signal, the decisions of a case, or a fault that did not act."""
 
     case: str
     id: str  # of the requirement; DECISIONS, FAULTS
     signal: str
     result: Result
     robustness: float | None
-    text: str  # why
+    text: str  # the reason
     command: str  # that shows the same
 
     @property
     def good(self) -> bool:
-        """Return whether a suite passes with it."""
+        """Return True if a suite passes with this test."""
         return self.result in GOOD
 
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """The tests of a case, what was decided in it, and how long it took."""
+    """The tests of a case, its decisions, and its duration."""
 
     name: str
     tests: list[Checked]
@@ -80,10 +80,10 @@ class _Outcome(NamedTuple):
 
 
 def check(suite: Suite, unit: Unit | None, tell: Callable[[str], None] = lambda _: None) -> Iterator[CaseResult]:
-    """Yield the result of each case of a suite, in its order; tell : given the name of the case that is begun.
+    """Yield the result of each case of a suite, in order; tell : called with the name of each case when it begins.
 
     unit : under test, which flies scenarios and campaigns
-    BadInput: a case that cannot be flown or read at all.
+    BadInput: a case cannot be flown or read.
     """
     reference = suite.decisions()
     for case in suite.cases:
@@ -126,17 +126,17 @@ def _of_log(path: Path, requirements: tuple[Requirement, ...]) -> _Outcome:
 
 
 def _decided(events: list[Event], rate_hz: float) -> list[str]:
-    """Return the decisions among events: when, who, by whom."""
+    """Return the decisions among events: time, channel and rule."""
     return [f"{seconds(event.frame, rate_hz)} {event.text}" for event in events if event.name in _DECIDED]
 
 
 def _idle(events: list[Event]) -> list[str]:
-    """Return the faults that were not executed, and why."""
+    """Return the faults that did not act, with the reasons."""
     return [event.text for event in events if event.name == NOT_EXECUTED]
 
 
 def _of_campaign(case: Case, requirements: tuple[Requirement, ...], unit: Unit | None) -> _Outcome:
-    """Fly the runs of a campaign; of each requirement the run with the least robustness counts."""
+    """Fly the runs of a campaign; for each requirement the run with the least robustness counts."""
     plan = Plan(config.read(case.path, case.set), str(case.path))
     plan.check()
     build = "" if unit is None else unit.build()
@@ -169,7 +169,7 @@ def _told(fields: dict[str, Any]) -> Verdict:
 
 
 def _before(one: Verdict, other: Verdict) -> bool:
-    """Return True if ``one`` counts before ``other``: the less robustness, and any before none."""
+    """Return True if ``one`` counts before ``other``: less robustness first, none last."""
     if not isfinite(one.robustness):
         return False
     return not isfinite(other.robustness) or (one.robustness, one.status == "met") < (
@@ -179,28 +179,28 @@ def _before(one: Verdict, other: Verdict) -> bool:
 
 
 def _decided_in(number: int, rows: dict[str, list[dict[str, Any]]]) -> list[str]:
-    """Return the decisions of a run: faulty channels that were failed, and healthy ones."""
+    """Return the decisions of a run: isolated channels, faulty and healthy."""
     failed = [(each["failed_s"], each) for each in rows["faults"] if each["failed_s"] is not None]
     failed += [(each["time_s"], each) for each in rows["alarms"]]
-    named = [(at_s, f"{each['signal']}.{each['channel']} failed by {each['decided_by']}") for at_s, each in failed]
+    named = [(at_s, f"{each['signal']}.{each['channel']} isolated by {each['decided_by']}") for at_s, each in failed]
     return [f"run {number}: {at_s:.3f} s {text}" for at_s, text in sorted(named)]
 
 
 def _idle_in(number: int, rows: dict[str, list[dict[str, Any]]]) -> list[str]:
-    """Return the faults of a run that were not executed on any of their channels."""
+    """Return the faults of a run that did not act on any of their channels."""
     acted = {each["fault"] for each in rows["faults"] if each["outcome"] != "not executed"}
     idle = {each["fault"]: each["id"] for each in rows["faults"] if each["fault"] not in acted}
     return [f"run {number}: {name}" for name in idle.values()]
 
 
 def _acted(case: Case, idle: list[str], command: str) -> list[Checked]:
-    """Return the test that a case has whose faults were not all executed: a flight without its fault shows nothing."""
+    """Return the test of a case in which a fault did not act: a flight without its fault proves nothing."""
     if not idle:
         return []
     more = f" and {len(idle) - _TOLD} more" if len(idle) > _TOLD else ""
-    text = f"not executed: {'; '.join(idle[:_TOLD])}{more}"
+    text = f"fault without effect: {'; '.join(idle[:_TOLD])}{more}"
     if case.may_not_act:
-        return [Checked(case.called, FAULTS, "", "not applicable", None, f"{text}; it may not act", command)]
+        return [Checked(case.called, FAULTS, "", "not applicable", None, f"{text}; permitted by may_not_act", command)]
     return [Checked(case.called, FAULTS, "", "did not act", None, f"{text}; may_not_act = true permits it", command)]
 
 
@@ -228,7 +228,7 @@ def _compared(case: str, decided: list[str], reference: dict[str, list[str]] | N
 
 
 def difference(before: list[str], after: list[str]) -> list[str]:
-    """Return what is decided no more, ``-``, and what is decided now, ``+``."""
+    """Return the missing decisions, ``-``, and the new decisions, ``+``."""
     gone, new = ([line for line in one if line not in other] for one, other in ((before, after), (after, before)))
     return [*(f"- {line}" for line in gone), *(f"+ {line}" for line in new)]
 

@@ -1,7 +1,7 @@
 """The parts of a campaign's tables, read and checked: every run exactly once, in all tables.
 
-A part is five files of one name, runs/000010-000019.parquet and the same in the folders of the
-other tables.  Runs are flown again when their part in ``runs`` is removed, so that every fault of a part has a remedy.
+A part is five files of one name: runs/000010-000019.parquet, and the same name in the folders of the other tables.
+Runs are flown again if their part in ``runs`` is removed, so every damage of a part has a remedy.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def name_of(numbers: list[int]) -> str:
 def read(folder: Path, plan: Plan, identity: str | None) -> dict[str, pl.DataFrame]:
     """Read all tables of a folder, in the order of the runs.
 
-    identity : of the campaign, with which its parts are marked; None for parts that have no checksum
-    BadInput names the file that is damaged, missing, another campaign's or a copy, and the remedy.
+    identity : of the campaign, which marks its parts; None for parts without a checksum
+    BadInput names a file that is damaged, missing, of another campaign or a copy, and the remedy.
     """
     parts = names(folder)
     files = {name: _tables(folder, name, parts, plan, identity) for name in TABLES}
@@ -62,7 +62,7 @@ def read(folder: Path, plan: Plan, identity: str | None) -> dict[str, pl.DataFra
 
 
 def _tables(folder: Path, name: str, parts: list[str], plan: Plan, identity: str | None) -> list[pl.DataFrame]:
-    """Read the files of one table and check their columns: at once where nothing is wrong, a quarter of the time."""
+    """Read the files of one table and check their columns, all at once if possible, in a quarter of the time."""
     held = [_bytes(folder, name, part, identity) for part in parts]
     expected, counts = table.schema(plan, name), [count for _, count in held]
     if parts and identity is not None:
@@ -75,7 +75,7 @@ def _tables(folder: Path, name: str, parts: list[str], plan: Plan, identity: str
 
 
 def _bytes(folder: Path, name: str, part: str, identity: str | None) -> tuple[bytes, int]:
-    """Return the bytes of a file, as they were written, and the number of its rows; 0 without a checksum."""
+    """Return the bytes of a file as written, and the number of its rows; 0 without a checksum."""
     path = folder / name / f"{part}.parquet"
     if not is_file(path):
         raise _again(folder, path, part, "is not a file" if os.path.lexists(path) else "is missing")
@@ -87,14 +87,14 @@ def _bytes(folder: Path, name: str, part: str, identity: str | None) -> tuple[by
     except (OSError, KeyError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise _unreadable(folder, path, part, error) from None
     if fault == sealed.ELSEWHERE and name == "runs":
-        raise BadInput(f"{path}: {fault}? It is removed by: {_remove(path)}")
+        raise BadInput(f"{path}: {fault}? To remove it: {_remove(path)}")
     if fault:
         raise _again(folder, path, part, fault)
     return data, count
 
 
 def _with_names_of_now(frame: pl.DataFrame) -> pl.DataFrame:
-    """Return a table that an earlier version may have written, with the present names."""
+    """Return a table, possibly of an earlier version, with the present names."""
     named = frame.rename(lambda column: renamed.COLUMNS.get(column, renamed.key_now(column)))
     if named.columns == frame.columns or "requirements" not in named.columns:
         return named
@@ -117,7 +117,7 @@ def _table(folder: Path, name: str, part: str, plan: Plan, data: bytes) -> pl.Da
     schema = frame.schema
     for column in {**expected, **schema}:
         if schema.get(column) != expected.get(column):
-            raise _again(folder, path, part, f"column {column[:60]!r} is not as in this campaign's tables")
+            raise _again(folder, path, part, f"column {column[:60]!r} is not that of this campaign's tables")
     if not all(map(_is_finite, frame)):
         raise _again(folder, path, part, "a number is not finite")
     return frame if frame.columns == list(expected) else frame.select(list(expected))
@@ -128,24 +128,24 @@ def _unreadable(folder: Path, path: Path, part: str, error: Exception) -> BadInp
 
 
 def _is_finite(column: pl.Series) -> bool:
-    """Return True if all numbers of a column are finite; those that are not there do not count."""
+    """Return True if all numbers of a column are finite; missing ones do not count."""
     return not column.dtype.is_float() or int((~np.isfinite(column.to_numpy())).sum()) == column.null_count()
 
 
 def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: dict[int, str]) -> None:
-    """Raise BadInput unless the runs of a part are those of its name, of the plan, and in no part before it."""
+    """Raise BadInput unless the runs of a part match its name and the plan, and are in no earlier part."""
     path, numbers = folder / "runs" / f"{part}.parquet", runs["run"].to_list()
     if not numbers or None in numbers or part != name_of(numbers):
-        raise BadInput(f"{path}: its name is not that of the runs in it: a copy? It is removed by: {_remove(path)}")
+        raise BadInput(f"{path}: the name does not match its runs; if it is a copy, remove it: {_remove(path)}")
     if not all(map(_is_coverage, runs["coverage"].drop_nulls().unique())):
-        raise _again(folder, path, part, "a coverage is not that of a flight")
+        raise _again(folder, path, part, "a coverage cannot be of a flight")
     if not all(len(bins) == BINS and min(bins) >= 0 for bins in map(list, runs["replies"].drop_nulls())):
-        raise _again(folder, path, part, "reply times are not counted in the bins of this version")
+        raise _again(folder, path, part, "reply times have other bins than this version")
     if len(set(numbers)) < len(numbers) or not 0 <= min(numbers) <= max(numbers) < len(plan):
-        raise _again(folder, path, part, f"a run twice, or none of the campaign's {len(plan)}")
+        raise _again(folder, path, part, f"a run is there twice, or is not one of the campaign's {len(plan)}")
     for number in numbers:
         if number in seen:
-            raise _again(folder, path, part, f"run {number} is in runs/{seen[number]}.parquet too")
+            raise _again(folder, path, part, f"run {number} is also in runs/{seen[number]}.parquet")
         seen[number] = part
 
 
@@ -160,7 +160,7 @@ def _is_coverage(text: str) -> bool:
 
 
 def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl.DataFrame) -> None:
-    """Raise BadInput unless a table has as many rows of every run as ``runs`` says."""
+    """Raise BadInput unless a table has as many rows of every run as ``runs`` counts."""
     numbers: NDArray[Any] = np.sort(rows["run"].to_numpy())
     if name in _COUNTS:
         counted = runs.select("run", count=pl.sum_horizontal(_COUNTS[name])).sort("run")
@@ -175,18 +175,18 @@ def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl
         agree &= int((rows["decided_by"] == "unresolved").sum()) == int(runs["unresolved"].sum())
     if not agree:
         path = folder / name / f"{part}.parquet"
-        raise _again(folder, path, part, f"its rows are not those that runs/{part}.parquet counts")
+        raise _again(folder, path, part, f"the rows do not match the counts of runs/{part}.parquet")
 
 
 def _again(folder: Path, path: Path, part: str, what: str) -> BadInput:
-    """Return the refusal of a part whose runs are to be flown again."""
+    """Return the error for a part whose runs must be flown again."""
     runs = folder / "runs" / f"{part}.parquet"
     remove = _remove(runs, *([path] if is_folder(path) and path != runs else []))
     out = shlex.quote(str(folder))
-    return BadInput(f"{path}: {what}; its runs are flown again by: {remove} && rig campaign run FILE --out {out}")
+    return BadInput(f"{path}: {what}; to fly its runs again: {remove} && rig campaign run FILE --out {out}")
 
 
 def _remove(*paths: Path) -> str:
-    """Return the command that removes files, or folders that have their place."""
+    """Return the command that removes files, or folders in their place."""
     option = "-r " if any(map(is_folder, paths)) else ""
     return f"rm {option}{shlex.join(map(str, paths))}"

@@ -1,8 +1,8 @@
-"""The tables of a campaign: every column once, with its type and where its value comes from; parts as one, the hash.
+"""The tables of a campaign: every column once, with its type and the source of its value; joined parts; the hash.
 
 runs      one row a run
 faults    one row a fault and channel of a run
-alarms    one row a healthy channel that was failed in a run
+alarms    one row a healthy channel that was isolated in a run
 episodes  one row a stretch of a run in which a signal had one split
 signals   one row a signal of a run
 """
@@ -46,7 +46,7 @@ SUSPECTS: Final = "suspect_channels"
 
 
 class Source(NamedTuple):
-    """What a row is made of: the run's flight and score, and what of it the row is ``of``."""
+    """The source of a row: the run's flight and score, and the item ``of`` the row."""
 
     number: int
     scenario: Scenario
@@ -68,7 +68,7 @@ def _time(name: str, path: str, **more: Any) -> Column:
 
 
 def _same(where: str, **types: Any) -> list[Column]:
-    """Return columns that are called as in the score."""
+    """Return columns with the names of the score."""
     return [Column(name, f"{where}.{name}", type=type_) for name, type_ in types.items()]
 
 
@@ -195,7 +195,7 @@ OF_SIGNALS: Final = _named(
 
 
 class Table(NamedTuple):
-    """A table: its columns, what of a score its rows are of, and their order."""
+    """A table: its columns, the items of a score that are its rows, and their order."""
 
     columns: dict[str, Column]
     of: Callable[[Score], Iterable[Any]]
@@ -227,19 +227,19 @@ def _finite(peaks: Peaks, name: str) -> float | None:
 
 
 def measured(verdicts: Sequence[Verdict]) -> Row:
-    """Return the columns of ``runs`` that requirements have, where there are any."""
+    """Return the columns of ``runs`` for requirements, if there are any."""
     source: Any = Source(0, *(None, None), verdicts=verdicts)  # pyright: ignore[reportArgumentType]  # not read
     return {name: column.of(source) for name, column in RUNS.items() if column.hashed is None} if verdicts else {}
 
 
 def _verdicts(source: Source) -> list[Row]:
-    """Return verdicts as JSON has them, each with its robustness, that of a state too: to be compared with others."""
+    """Return verdicts for JSON, each with its robustness, also of a state, for comparisons."""
     of = lambda each: {**plain(each), "robustness": each.robustness if math.isfinite(each.robustness) else None}  # noqa: E731
     return [{name: value for name, value in of(each).items() if name != "values"} for each in source.verdicts]
 
 
 def _coverage(scored: Score) -> str:
-    """Return as JSON, without the signals of which nothing but normal was seen."""
+    """Return the coverage as JSON, without the signals that were always normal."""
     seen = {name: asdict(c) for name, c in scored.coverage.items() if len(c.patterns) > 1 or len(c.levels) > 1}
     return json.dumps({**seen, "overall": asdict(scored.coverage["overall"])}, sort_keys=True)
 
@@ -256,9 +256,9 @@ def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
 
 
 def magnitude(fault: Fault, scenario: Scenario) -> float | None:
-    """Return how large a fault is, without its sign: by its setting, of a scale its distance from 1.
+    """Return the size of a fault without its sign: its setting, or for a scale its distance from 1.
 
-    A size in thresholds is told in the unit of the signal, as any other; not that of a link, which is of all signals.
+    A size in thresholds is in the unit of the signal, as any other; not for a link, which carries all signals.
     """
     size = fault.magnitude
     if size is None or not size.thresholds or site(fault.signal) == "ccdl":
@@ -267,8 +267,9 @@ def magnitude(fault: Fault, scenario: Scenario) -> float | None:
 
 
 def shut_off(scenario: Scenario, coils: Coils, unit_lane: str | None = None) -> tuple[int, int] | None:
-    """Return how many channels of servos were shut off, and of these without a fault on them or on what they share.
+    """Return the number of servo channels that were shut off, and of healthy ones among them.
 
+    A channel is healthy without a fault on it or on a shared part.
     coils : as Flight.coils_failed; unit_lane : the lane that is a unit under test, whose channels are not healthy
     None: a flight without servos
     """
@@ -291,7 +292,7 @@ def _shut_off(source: Source) -> tuple[int, int] | None:
 
 
 def varied_columns(plan: Plan) -> dict[str, Any]:
-    """Return the columns of what varies: a key of the scenario or a group of cases each, typed by all their values."""
+    """Return the varied columns: one for each key of the scenario or group of cases, typed by all its values."""
     return {key: _type(types) for key, types in plan.value_types().items() if key not in RUNS}
 
 
@@ -303,7 +304,7 @@ def _type(types: set[type]) -> Any:
 
 @lru_cache(maxsize=16)
 def schema(plan: Plan, table: str) -> dict[str, Any]:
-    """Return column names and types of one table; ``runs`` has what varies behind its number and seed."""
+    """Return column names and types of one table; ``runs`` has the varied columns after number and seed."""
     types = _types(table)
     return types if table != "runs" else {"run": pl.Int64, "seed": pl.Int64, **varied_columns(plan), **types}
 
@@ -313,7 +314,7 @@ def _types(table: str) -> dict[str, Any]:
 
 
 def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
-    """Build a typed table of rows, what varies written beside them."""
+    """Build a typed table of rows, with the varied columns beside them."""
     columns = schema(plan, table)
     if table == "runs":
         rows = [{**plan.choices[row["run"]], **row} for row in rows]
@@ -321,7 +322,7 @@ def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
 
 
 def cell(value: Any, kind: Any) -> Any:
-    """Convert a value of a column; one that varies may be of several kinds, and is then written as JSON."""
+    """Convert a value of a column; a varied one may have several types, and is then JSON."""
     as_it_is = value is None or isinstance(value, str) or kind != pl.String
     return value if as_it_is else json.dumps(value, sort_keys=True)
 
@@ -334,7 +335,7 @@ def joined(table: str, frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
 
 
 def sha256(tables: dict[str, pl.DataFrame]) -> str:
-    """Compute one hash of all tables: sorted rows, every number exactly; what is ``hashed``."""
+    """Return one hash of the ``hashed`` columns of all tables: sorted rows, exact numbers."""
     digest = hashlib.sha256()
     for name in TABLES:
         columns, given = OF[name].columns, tables[name]

@@ -1,4 +1,4 @@
-"""What varies between the runs of a campaign, and what becomes of faults and runs at each level of it."""
+"""The keys that vary between the runs of a campaign, and the outcomes of faults and runs at each level."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rig.studies.campaign.group_rates import (
 )
 from rig.studies.campaign.plan import Plan
 
-# Whose settings are told apart even where they are numbers or lists: what is flown, not what befalls it.
+# Settings of the flown system are told apart even if they are numbers or lists; settings of faults are not.
 _FLOWN: Final = ("redundancy.", "control.", "actuators.", "computers.")
 _TOLD: Final = ("aircraft", "flight_point", "manager")  # columns of every run
 _OF_FAULTS: Final = ("signal", "kind", "id")  # settings of a fault that its row has
@@ -32,7 +32,7 @@ def varied(plan: Plan) -> list[str]:
 
 
 def by_name(plan: Plan, runs: pl.DataFrame) -> list[str]:
-    """Return the columns of ``runs`` of what varies by name, whose flights are not one population."""
+    """Return the columns of ``runs`` that vary by name, whose flights are not one population."""
     types, chosen = plan.value_types(), varied(plan)
     names = [key for key in chosen if _is_name(key, types.get(key, set())) and key in runs.columns]
     if "redundancy.manager" in names:
@@ -42,7 +42,7 @@ def by_name(plan: Plan, runs: pl.DataFrame) -> list[str]:
 
 
 def _is_name(key: str, types: set[type]) -> bool:
-    """Return True for a key whose values are names, or settings of what is flown."""
+    """Return True for a key whose values are names, or settings of the flown system."""
     first, _, last = key.rpartition(".")
     if first.startswith("faults") and last in _OF_FAULTS:
         return False
@@ -50,11 +50,11 @@ def _is_name(key: str, types: set[type]) -> bool:
 
 
 def by_varied(tables: Tables, plan: Plan) -> list[dict[str, Any]]:
-    """Return detection, delay, survival and false alarms at every level of what varies by name or by few numbers.
+    """Return detection, delay, survival and false alarms at every level of a key that varies by name or few numbers.
 
-    Of several managers each has its own rows: ``of``.
-    detection is of the faults whose error left the threshold, which a manager may choose; detection_of_all of every
-    one that acted, the same faults for each level where the campaign is a grid.
+    Each of several managers has its rows: ``of``.
+    detection counts the faults whose error exceeded the threshold, which depends on the manager; detection_of_all
+    counts every fault that acted, the same faults at each level if the campaign is a grid.
     """
     runs, named = flown(tables), by_name(plan, tables["runs"])
     columns = dict.fromkeys([*named, *(key for key in varied(plan) if key != "redundancy.manager")])

@@ -15,7 +15,7 @@ _parent = os.getppid()
 
 
 def _end_with_parent(done: int, total: int) -> None:
-    """End this process when nobody needs its workers any more."""
+    """End this process when its workers are no longer needed."""
     if os.getppid() != _parent:
         os._exit(1)
 

@@ -1,11 +1,11 @@
-"""What a worker does: fly runs of a campaign, one after the other, and suspects in a process of their own.
+"""A worker of a campaign: it flies runs one after the other, and suspects in a separate process.
 
-A row does not depend on who flies it: all that decides it is in the run's scenario, and nothing but the tables of an
-aircraft, compiled kernels and a unit under test is kept from one flight to the next.
+A row does not depend on the worker: the run's scenario decides it, and a worker keeps only the tables of an aircraft,
+compiled kernels and a unit under test from one flight to the next.
 
-A suspect is a run of a batch whose worker died.  The batch is flown again by a child process, which reports after every
-flight.  When it dies, the run that it was at is flown once more, alone, and when the process dies again the run is
-recorded as crashed, or as timed out.
+A suspect is a run of a batch whose worker stopped.  A child process flies the batch again and reports after every
+flight.  If it stops, its present run is flown once more, alone.  If the process stops again, the run is recorded as
+crashed, or as timed out.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _one_at_a_time = threading.Lock()  # a cluster's worker may have several threads
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """How every worker flies: which logs to keep and where, how long a flight may take."""
+    """The orders of every worker: the logs to keep, their folder, and the time limit of a flight."""
 
     logs: str  # all, failures, none, or sample:N
     runs: int  # of the campaign, for the sample
@@ -69,12 +69,12 @@ class Orders:
     sources: Mapping[str, dict[str, str]] = field(default_factory=dict)  # of managers of the user's own, by file
 
     def voter(self, manager: str) -> str:
-        """Return who votes flights of this manager: it, or the unit under test with the beginning of its build."""
+        """Return the voter of flights with this manager: the manager, or the unit under test and its build."""
         return voted_by(manager, None if self.unit is None else {**self.unit.model_dump(), "sha256": self.unit_build})
 
 
 def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
-    """Fly runs one after the other: their rows by table. RigError when this is another version of the rig."""
+    """Fly runs one after the other; return their rows by table. RigError: this is another version of rig."""
     check_rig(orders)
     with _one_at_a_time:
         return _joined([fly_run(run, orders) for run in runs])
@@ -85,24 +85,24 @@ def _joined(parts: Sequence[Rows]) -> Rows:
 
 
 def check_rig(orders: Orders) -> None:
-    """Raise RigError when what flies here is not what the campaign is flown with: rig, unit, or the user's managers."""
+    """Raise RigError if this worker has another rig, unit or manager of the user than the campaign."""
     if rig_identity() != orders.rig:
-        raise RigError("a worker flies another version of the rig than this one; install the same everywhere")
+        raise RigError("a worker has another version of rig than this command; install the same version everywhere")
     if orders.unit is not None and orders.unit.build() != orders.unit_build:
         source = orders.unit.source
-        raise RigError(f"{source}: a worker has another build of it than this one; install the same everywhere")
+        raise RigError(f"{source}: a worker has another build than this command; install the same everywhere")
     for manager, files in orders.sources.items():
         try:
             here = first_sources(manager)
         except BadInput as error:
-            raise RigError(f"a worker cannot fly it: {error}; start the workers where it is found") from None
+            raise RigError(f"a worker cannot fly it: {error}; start the workers in a folder with the manager") from None
         for name in sorted(name for name in {*files, *here} if files.get(name) != here.get(name)):
             what = f"another {name} of {manager!r} than this command"
             raise RigError(f"a worker has {what}; install the same everywhere, and start the workers again")
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:
-    """Fly, score and perhaps log one run: its rows by table. An exception of its flight is its outcome."""
+    """Fly, score and perhaps log one run; return its rows by table. An exception in the flight is its outcome."""
     warm()
     began = time.perf_counter()
     try:
@@ -127,13 +127,13 @@ def fly_run(run: Run, orders: Orders) -> Rows:
 
 
 def not_flown(run: Run, outcome: str, reason: str) -> Rows:
-    """Return the rows of a run that has no flight to show."""
+    """Return the rows of a run without a flight."""
     row = {"run": run.number, "seed": run.data["seed"], "outcome": outcome, "reason": reason}
     return {**{table: [] for table in TABLES}, "runs": [row]}
 
 
 def _troubled(row: dict[str, Any]) -> bool:
-    """Return True for a flight to look at: lost, a fault missed, a healthy channel failed, a requirement violated."""
+    """Return True for a failure: aircraft lost, fault missed, healthy channel isolated, or requirement violated."""
     return not row["survived"] or any(
         row.get(name) for name in ("missed", "false_alarms", "wrong_isolations", "violated")
     )
@@ -147,13 +147,13 @@ def keeps(orders: Orders, number: int, in_trouble: bool) -> bool:
 
 
 def log_path(folder: Path, number: int) -> Path:
-    """Return the log of a run: the same name whoever flies it, so that a second try replaces the first."""
+    """Return the log file of a run, the same for every worker, so that a second try replaces the first."""
     return folder / f"run_{number:06d}.mcap"
 
 
 @cache
 def warm() -> None:
-    """Compile the kernels, or load them, before the first clock runs."""
+    """Compile the kernels, or load them, before the first time limit starts."""
     short = load(None, ["duration_s=0.01", "faults=[]"])
     flight = fly(short)
     score(short, flight.table)
@@ -163,10 +163,10 @@ def warm() -> None:
 
 @contextmanager
 def _limit(timeout_s: float) -> Iterator[None]:
-    """Let the system end this process when the block takes longer, even inside compiled code.
+    """Let the system end this process if the block takes too long, even inside compiled code.
 
-    Who supervises it sees a worker die and flies the suspects alone.  Without such a timer (Windows) a thread of the
-    interpreter's own ends the process with exit code 1, and the run counts as crashed.
+    The supervising process then flies the suspects alone.  On a system without such a timer (Windows) a thread of the
+    interpreter ends the process with exit code 1, and the run counts as crashed.
     """
     if not hasattr(signal, "setitimer"):
         with open(os.devnull, "w") as nowhere:  # noqa: PTH123 # a device, not a path
@@ -185,9 +185,9 @@ def _limit(timeout_s: float) -> Iterator[None]:
 
 @contextmanager
 def flown_with(unit: Unit | None) -> Iterator[UnitUnderTest | None]:
-    """Give the unit under test to one flight: started with the first, kept from one to the next.
+    """Give the unit under test to one flight: it starts with the first and is kept from one to the next.
 
-    One that died, or that is not to be used again, is ended with the flight.
+    A unit that stopped, or that must not be used again, is ended with the flight.
     """
     if unit is None:
         yield None
@@ -214,7 +214,7 @@ def _end_units() -> None:
 
 
 def fly_alone(runs: Sequence[Run], orders: Orders) -> Rows:
-    """Fly runs in a child process, whatever becomes of it: their rows by table."""
+    """Fly runs in a child process, even if it stops; return their rows by table."""
     check_rig(orders)
     waiting, flown = list(runs), []
     while waiting:
@@ -238,7 +238,7 @@ def _died(code: int, orders: Orders) -> tuple[str, str]:
 
 
 def _child(runs: Sequence[Run], orders: Orders) -> tuple[list[Rows], int]:
-    """Return the rows of what a fresh process flew of ``runs`` before it ended, and its exit code."""
+    """Return the rows of the ``runs`` that a fresh process flew before it ended, and its exit code."""
     ended = subprocess.run(
         [sys.executable, "-P", "-c", _CHILD],  # -P: no module of the present folder
         input=pickle.dumps((list(runs), orders)),
@@ -267,7 +267,7 @@ def fly_for_parent() -> None:
     """Fly as the child of ``fly_alone``: runs and orders from standard input, rows to standard output."""
     leave_interrupts_to_parent()
     out = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever a flight prints is no row
+    os.dup2(2, 1)  # the prints of a flight are no rows
     runs, orders = pickle.load(sys.stdin.buffer)  # our own parent
     _send(out, READY)
     try:

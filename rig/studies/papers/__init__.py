@@ -1,7 +1,7 @@
-"""Studies: published results computed again by the rig's own code, and our answer to them.
+"""Studies: published results reproduced with the code of rig, and the laws and servos of rig compared with others.
 
-ding2015.py   the numbers of Ding, Xiao and Jiang 2015: gains, error system, the whole loop flown
+ding2015.py   the numbers of Ding, Xiao and Jiang (2015): gains, error system, the complete loop
 ding2015_figures.py  its three figures, as one page and one picture
-tolerant.py   the fault-tolerant law against the plain one, flown
-rate_bias_study.py  the two laws under biased rates and attitudes, of a grid and drawn at random, flown and counted
+tolerant.py   the fault-tolerant law against the plain law, in flights
+rate_bias_study.py  the two laws under biased rates and attitudes, on a grid and drawn at random
 """

@@ -1,4 +1,4 @@
-"""Ding, Xiao and Jiang 2015 as printed, and the experiment that it leaves out.
+"""Ding, Xiao and Jiang (2015) as printed, and the complete experiment.
 
 A B707 in cruise, x = (v, alpha, q, theta), u = (throttle, elevator), one sensor y = F theta with F = 1, then 0.5
 from 5 s on.  An observer x^' = A x^ + B u + H (y - C x^); tracking error e = x^ - x_r and observation error
@@ -7,7 +7,7 @@ x2 = x - x^ are stacked to eight states, for which a linear-quadratic regulator 
     (e, x2)' = Atilde(F) (e, x2) + Bbar (u - u_r) + (F - 1) (H C x_r, -H C x_r)
     Atilde(F) = [[A - (1 - F) H C, F H C], [(1 - F) H C, A - F H C]],  Bbar = (B, 0)
 
-The paper drops the last term.  The complete experiment keeps it: it flies aircraft, sensor and observer.
+The paper drops the last term.  The complete experiment keeps it: it simulates aircraft, sensor and observer.
 Source: Journal of Shanghai Institute of Technology 15 (2015) 167-172, doi 10.3969/j.issn.1671-7333.2015.02.014.
 """
 
@@ -61,38 +61,38 @@ STACKED: Final = np.array(  # Atilde(0.5), with it the observer's gain
 H: Final = np.array([[0.0], [-20.616], [24.134], [8.952]])  # (A - STACKED) / 0.5, the fourth column
 
 PERTURBED: Final = (0.9, 1.0, 1.1)  # of A, B and C each
-BAND: Final = 0.02  # of a unit step: settled within
+BAND: Final = 0.02  # of a unit step: the band of a settled response
 STEP_S: Final = 0.01
 SHOWN_S: Final = 20.0
-LONG_S: Final = 60.0  # for what the complete experiment comes to
+LONG_S: Final = 60.0  # for the final value of the complete experiment
 _N: Final = 4
 
 
 @dataclass(frozen=True)
 class Run:
-    """A response from rest to y_r = 1, and the fault at 5 s; angles of a unit step."""
+    """A response from rest to y_r = 1, with the fault at 5 s; angles for a unit step."""
 
     time_s: Matrix  # (n,)
     pitch: Matrix  # (n,) true pitch angle
-    followed: Matrix  # (n,) what the loop takes for it: measured, or in the error system estimated
+    followed: Matrix  # (n,) the value that the loop uses for it: measured, or estimated in the error system
     elevator: Matrix  # (n,) rad, from u_r
 
 
 @dataclass(frozen=True)
 class Design:
-    """What our own code makes of the printed A, B, C, H, Q and R."""
+    """The gains that rig computes from the printed A, B, C, H, Q and R."""
 
     stacked: Matrix  # (8, 8) at F = 0.5
     k1_left: Matrix  # (2, 4) of the four states alone
     k2: Matrix  # (2, 8)
-    stabilisable_without_fault: bool  # the pair (Atilde(1), Bbar), which K1 would be designed for
+    stabilisable_without_fault: bool  # the pair (Atilde(1), Bbar), for which K1 would be designed
     observer_poles: NDArray[np.complex128]  # (4,)
     speed_is_observable: bool
 
 
 @dataclass(frozen=True)
 class Study:
-    """Everything that the page shows."""
+    """All results that the page shows."""
 
     design: Design
     error_system: Run  # as the paper computes it
@@ -100,7 +100,7 @@ class Study:
     settling_s: tuple[float, float, float]  # of the tracking error: nominal, fastest and slowest of all
     settling_with_x2_s: tuple[float, float, float]  # the same, of the true pitch angle: the observation error added
     complete: Run
-    with_truth: Run  # complete, and the law given the observation error that nobody can measure
+    with_truth: Run  # complete, with the observation error, which cannot be measured, given to the law
     complete_pitch: float  # where the true pitch angle comes to rest
     with_truth_pitch: float
 
@@ -133,13 +133,13 @@ def stacked(effectiveness: float, a: Matrix = A, c: Matrix = C) -> Matrix:
 
 
 def regulator(a: Matrix, b: Matrix) -> Matrix:
-    """Return K = R^-1 B' P of the Riccati equation; scipy's LinAlgError when it has no stabilising solution."""
+    """Return K = R^-1 B' P of the Riccati equation; scipy's LinAlgError: it has no stabilising solution."""
     p = solve_continuous_are(a, b, Q * np.eye(len(a)), R * np.eye(b.shape[1]))
     return b.T @ p / R
 
 
 def design() -> Design:
-    """Compute the gains by our own code, and why the others cannot be had."""
+    """Return the gains computed by rig, and the reason why the others do not exist."""
     bbar = np.vstack([B, np.zeros_like(B)])
     return Design(
         stacked=stacked(EFFECTIVENESS),
@@ -159,7 +159,7 @@ def _stabilisable(a: Matrix, b: Matrix) -> bool:
 
 
 def _observes_speed() -> bool:
-    """Return True if the speed, the first state, shows in the pitch angle or in any of its derivatives."""
+    """Return True if the speed, the first state, affects the pitch angle or any of its derivatives."""
     rows = [C @ np.linalg.matrix_power(A, i) for i in range(_N)]
     return bool(np.vstack(rows)[:, 0].any())
 
@@ -182,7 +182,7 @@ def _march(before: Matrix, after: Matrix, start: Matrix, duration_s: float) -> t
 def error_system(design: Design, a: float = 1.0, b: float = 1.0, c: float = 1.0) -> Run:
     """Run the paper's simulation: (e, x2)' = (Atilde - Bbar K)(e, x2) from e = (0, 0, 0, -1), x2 = 0; K1, then K2.
 
-    a, b, c : factors on A, B and C.  While x2 = 0 the right half of K1 does nothing, so zeros stand there.
+    a, b, c : factors on A, B and C.  While x2 = 0 the right half of K1 has no effect, so it is zero here.
     """
     bbar, k1 = b * np.vstack([B, np.zeros_like(B)]), np.hstack([design.k1_left, np.zeros((2, _N))])
     closed = [stacked(f, a * A, c * C) - bbar @ k for f, k in ((1.0, k1), (EFFECTIVENESS, design.k2))]
@@ -193,9 +193,9 @@ def error_system(design: Design, a: float = 1.0, b: float = 1.0, c: float = 1.0)
 
 
 def complete(design: Design, feedback: Feedback, duration_s: float) -> Run:
-    """Simulate aircraft, sensor and observer in full, nothing dropped.
+    """Simulate aircraft, sensor and observer completely.
 
-    "estimate": u = u_r - K_left (x^ - x_r), all that a computer on board can know.
+    "estimate": u = u_r - K_left (x^ - x_r), which an onboard computer can compute.
     "truth":    u = u_r - K (x^ - x_r, x - x^), the printed law, which needs the true state.
     """
     x_r, u_r = reference()
@@ -218,7 +218,7 @@ def complete(design: Design, feedback: Feedback, duration_s: float) -> Run:
 
 
 def settling(time_s: Matrix, response: Matrix) -> float:
-    """Return the time [s] from which a response stays within 2 % of the step; RigError when it does not."""
+    """Return the time [s] from which a response stays within 2 % of the step; RigError: it does not settle."""
     outside = np.flatnonzero(np.abs(response - 1.0) > BAND)
     if not len(outside):
         return float(time_s[0])
@@ -232,7 +232,7 @@ def _spread(times: list[float]) -> tuple[float, float, float]:
 
 
 def study() -> Study:
-    """Design, simulate, compare: some seconds."""
+    """Design, simulate and compare, in some seconds."""
     gains = design()
     nominal = error_system(gains)
     runs = [error_system(gains, *factors) for factors in product(PERTURBED, repeat=3) if factors != (1.0, 1.0, 1.0)]

@@ -1,4 +1,4 @@
-"""The three figures of the study, as the paper draws them and as they truly are: one page, one picture."""
+"""The three figures of the study, as in the paper and from the complete experiment: one page, one picture."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Line:
 
 
 def _panels(study: Study) -> list[list[_Line]]:
-    """Return the lines of the three figures, from below to above."""
+    """Return the lines of the three figures, from bottom to top."""
     paper, complete, truth = study.error_system, study.complete, study.with_truth
     t, one = paper.time_s, np.ones_like(paper.time_s)
     off = "the paper's error system, A, B, C off by 10 %"
@@ -62,7 +62,7 @@ def _panels(study: Study) -> list[list[_Line]]:
 
 
 def write(study: Study, folder: Path) -> list[Path]:
-    """Write ding2015.html (needs no network) and ding2015.png in ``folder``, which exists; RigError when that fails."""
+    """Write ding2015.html (needs no network) and ding2015.png in the existing ``folder``; RigError: a write fails."""
     page, picture = folder / "ding2015.html", folder / "ding2015.png"
     require_apart({page.name: page, picture.name: picture})
     refused = reported(folder, what="the figures cannot be written")

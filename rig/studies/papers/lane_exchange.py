@@ -1,13 +1,13 @@
-"""The exchange of four lanes under every fault: all placings of faulty lanes, and all that these may say.
+"""The sample exchange of four lanes, checked exhaustively: all placements and all behaviours of faulty lanes.
 
-A lane's word passes between lanes that know nothing of other words, so each word is looked at by itself:
+The words of different lanes do not affect each other, so each word is checked alone:
 
-    asymmetric  tells each lane what it likes: the right word, one of two wrong ones, that it is missing, or no relay
-    symmetric   the same, but to all lanes the same
-    benign      tells all lanes the right word, or none
-    omissive    tells each lane the right word or none; beyond the model of Lincoln and Rushby
+    asymmetric  sends each lane any of: the correct word, two wrong words, a note that it is missing, no relay
+    symmetric   sends any of these, but the same to all lanes
+    benign      sends all lanes the correct word, or none
+    omissive    sends each lane the correct word or none; beyond the model of Lincoln and Rushby
 
-Agreement: all good lanes hold the same.  Validity: of a good lane's word they hold that word.
+Agreement: all good lanes hold the same word.  Validity: they hold the word that a good lane sent.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rig.computer.lanes.exchange import NOBODY, Said, exchange
 from rig.core.frame import COMPUTERS
 from rig.core.kernels import bind
 
-# Combinations of faults, and how many rounds: those that hold by the bound, then those that do not.
+# Combinations of faults with the number of rounds: those within the bound, then those beyond it.
 CASES: Final = (
     *((2, faults) for faults in ("", "a", "s", "b", "bb", "o")),
     *((1, faults) for faults in ("", "a", "s", "b")),
@@ -34,11 +34,11 @@ _DIRECT: Final = (_RIGHT, "y", "z", _MISSING)  # a direct word that does not com
 _RELAYED: Final = (*_DIRECT, _NOTHING)
 _ALL: Final = range(len(COMPUTERS))
 
-Words = tuple[str, ...]  # told to some lanes, one after the other
+Words = tuple[str, ...]  # sent to some lanes, one after the other
 
 
 class _Behaviour(NamedTuple):
-    """What is told of one word in one frame: by its sender, and by each relay."""
+    """The messages on one word in one frame: from its sender, and from each relay."""
 
     direct: dict[int, str]  # by receiver
     relayed: dict[tuple[int, int], str]  # by receiver and relay
@@ -46,20 +46,20 @@ class _Behaviour(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One combination of faults, summed over its placings and all that the faulty lanes may say."""
+    """One combination of faults, summed over its placements and all behaviours of the faulty lanes."""
 
     rounds: int
     faults: str  # a letter for each faulty lane, "" for none
     placings: int
     behaviours: int
-    hold: int  # placings in which nothing breaks
+    hold: int  # placements without a violation
     agreement_broken: int  # behaviours
     validity_broken: int
-    counterexample: str  # the first; "" where there is none
+    counterexample: str  # the first violation; "" if there is none
 
 
 def study(cases: Sequence[tuple[int, str]] = CASES) -> list[Row]:
-    """Return a row for each number of rounds with a combination of faults."""
+    """Return a row for each number of rounds and combination of faults."""
     return [_row(rounds, faults) for rounds, faults in cases]
 
 
@@ -69,7 +69,7 @@ def as_dict(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def placings(faults: str) -> list[dict[int, str]]:
-    """Return the faults by lane in every placing; lanes of the same fault are not told apart."""
+    """Return the faults by lane in every placement; lanes with the same fault are interchangeable."""
     found = [dict(zip(lanes, faults, strict=True)) for lanes in permutations(_ALL, len(faults))]
     return [one for i, one in enumerate(found) if one not in found[:i]]
 
@@ -92,7 +92,7 @@ def _row(rounds: int, faults: str) -> Row:
 
 
 def behaviours(sender: int, faulty: dict[int, str]) -> Iterator[_Behaviour]:
-    """Yield all that may be told of the word of ``sender``; one behaviour where no fault can touch it."""
+    """Yield all behaviours on the word of ``sender``; only one if no fault can affect it."""
     to = [lane for lane in _ALL if lane != sender]
     good = [lane for lane in to if lane not in faulty]
     for direct in _told(faulty.get(sender, ""), _DIRECT, _RIGHT, len(to)):
@@ -108,7 +108,7 @@ def behaviours(sender: int, faulty: dict[int, str]) -> Iterator[_Behaviour]:
 
 
 def _told(fault: str, alphabet: Words, right: str, lanes: int) -> list[Words]:
-    """Return all that a lane with a fault may tell so many lanes of a word that is ``right``."""
+    """Return all messages on the word ``right`` that a lane with a fault may send to a number of lanes."""
     nothing = alphabet[-1]
     if fault == "a":
         return list(product(alphabet, repeat=lanes))
@@ -120,7 +120,7 @@ def _told(fault: str, alphabet: Words, right: str, lanes: int) -> list[Words]:
 
 
 class _Held:
-    """Runs the kernel of the exchange on behaviours."""
+    """Run the kernel of the exchange on behaviours."""
 
     def __init__(self, rounds: int) -> None:
         lanes = len(COMPUTERS)
@@ -129,7 +129,7 @@ class _Held:
         self._exchange = bind(exchange, 0, self._words, self._said, rounds, self._held)
 
     def of(self, sender: int, behaviour: _Behaviour) -> list[str]:
-        """Return the word that each lane holds of the one of ``sender``."""
+        """Return the word of ``sender`` that each lane holds."""
         told = {(i, sender): word for i, word in behaviour.direct.items()} | behaviour.relayed
         self._said[:] = Said.NOTHING
         for at, word in told.items():
@@ -143,14 +143,14 @@ class _Held:
 
 
 def verdict(sender: int, faulty: dict[int, str], held: Sequence[str]) -> tuple[bool, bool]:
-    """Return whether the good lanes agree on a word, and whether they hold that of a good sender."""
+    """Return whether the good lanes agree on a word, and whether they hold the word of a good sender."""
     of_good = {held[lane] for lane in _ALL if lane not in faulty}
     return len(of_good) <= 1, sender in faulty or of_good == {_RIGHT}
 
 
 def _in_words(sender: int, faulty: dict[int, str], behaviour: _Behaviour, held: _Held) -> str:
     who = ", ".join(f"{COMPUTERS[lane]} is {fault}" for lane, fault in faulty.items())
-    told = [f"{COMPUTERS[sender]} says {word} to {COMPUTERS[i]}" for i, word in behaviour.direct.items()]
+    told = [f"{COMPUTERS[sender]} sends {word} to {COMPUTERS[i]}" for i, word in behaviour.direct.items()]
     if held.rounds > 1:
         told += [f"{COMPUTERS[k]} relays {word} to {COMPUTERS[i]}" for (i, k), word in behaviour.relayed.items()]
     words = held.of(sender, behaviour)

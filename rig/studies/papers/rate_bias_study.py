@@ -1,9 +1,9 @@
-"""The fault-tolerant law against the plain one under common faults of rates and attitudes.
+"""The fault-tolerant law against the plain law under common faults of rates and attitudes.
 
-Every case is flown by the plain law, by the fault-tolerant one, and once without the fault.  The altitude error is the
-largest difference of the true altitude from the flight without the fault, from the onset on; the two laws fly that
-flight alike, bit for bit.  Within bounds: no more than 1.5 times the plain law's error or 25 m more, whichever is more;
-where the plain law loses the aircraft, no earlier than it.  Flights drawn at random are a check that nothing was tuned
+Each case is flown with the plain law, with the fault-tolerant law, and once without the fault.  The altitude error is
+the largest difference of the true altitude from the flight without the fault, from the onset on.  Both laws fly that
+flight identically, bit for bit.  Within bounds: at most 1.5 times the plain law's error, or 25 m more, whichever is
+larger; if the plain law loses the aircraft, not earlier than it.  Flights drawn at random check that nothing was tuned
 to the grid.
 """
 
@@ -30,7 +30,7 @@ AFTER_S: Final = 60.0  # flown after the onset
 POINTS: Final = {"f16": "20000ft_m06", "b747": "35000ft_m084", "b737": "30000ft_m074"}
 TURBULENCE: Final = ("none", "light", "moderate")
 ONSETS_S: Final = (5.0, 10.0, 20.0, 30.0, 40.0)
-SOME_ONSETS_S: Final = (10.0, 30.0)  # of what is not the bias of all four channels
+SOME_ONSETS_S: Final = (10.0, 30.0)  # of faults other than a bias of all four channels
 BIASES_RAD_S: Final = (0.002, 0.004, 0.005, 0.01, 0.02, 0.035, 0.05)
 SOME_BIASES_RAD_S: Final = (0.01, 0.02, 0.04)
 RAMP_S: Final = 20.0
@@ -54,7 +54,7 @@ AXES: Final = {"heading": 0.6, "altitude": 120.0, "airspeed": 8.0}  # largest ch
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A flight without its law and its fault; ``manoeuvres`` are inline tables of the pilot."""
+    """A flight before its law and its fault; ``manoeuvres`` are inline tables of the pilot."""
 
     aircraft: str
     flight_point: str
@@ -66,7 +66,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault without its onset: what it is called, how large it is, and its keys."""
+    """A fault before its onset: name, size and keys."""
 
     kind: str
     size: float
@@ -78,7 +78,7 @@ CaseFaults = tuple[Case, list[Fault]]
 
 @dataclass(frozen=True, slots=True)
 class LawComparison:
-    """One fault flown by both laws."""
+    """One fault flown with both laws."""
 
     case: Case
     fault: Fault
@@ -87,11 +87,11 @@ class LawComparison:
     plain_survived: bool
     tolerant_survived: bool
     within: bool
-    blamed: bool  # the pitch-angle sensor, which is good: corrected, or said to be off
+    blamed: bool  # the pitch-angle sensor, which is healthy: corrected, or reported as faulty
     answered_after_s: float | None  # a rate is biased
     early: bool  # reported before the onset
     identical: bool  # both laws gave the same surface commands, bit for bit
-    command: str  # flies it again
+    command: str  # command that flies it again
 
 
 def biases(kind: str, sizes: Sequence[float], channels: str, more: str = "") -> list[Fault]:
@@ -134,7 +134,7 @@ def grid(seeds: Sequence[int]) -> list[CaseFaults]:
 
 
 def drawn(number: int, seed: int) -> list[CaseFaults]:
-    """Draw ``number`` flights with one fault each; each depends on ``seed`` and its own number only."""
+    """Draw ``number`` flights with one fault each; each depends only on ``seed`` and its number."""
     return [_draw(np.random.default_rng(SeedSequence(seed, spawn_key=(i,))), i) for i in range(number)]
 
 
@@ -149,7 +149,7 @@ def _draw(rng: Generator, number: int) -> CaseFaults:
 
 
 def _manoeuvre(rng: Generator, onset: float) -> str:
-    """Return a change of heading, altitude or airspeed before or after the onset, for good or for a while."""
+    """Return a change of heading, altitude or airspeed before or after the onset, permanent or for a time."""
     axis = str(rng.choice(list(AXES)))
     keys = f'axis="{axis}",start_s={rng.uniform(1.0, onset + 40.0):.2f},amplitude={AXES[axis] * rng.uniform(-1, 1):.3f}'
     return (
@@ -175,7 +175,7 @@ def _fault(rng: Generator, kind: str) -> Fault:
 
 
 def study(flights: Sequence[CaseFaults], workers: int = 2) -> list[LawComparison]:
-    """Fly every case with its faults, by both laws."""
+    """Fly every case with its faults and both laws."""
     return [flown for part in each(fly_case, flights, workers) for flown in part]
 
 
@@ -185,7 +185,7 @@ def fly_case(flight: CaseFaults) -> list[LawComparison]:
 
 
 def fly_faults(case: Case, faults: Sequence[Fault]) -> Iterator[LawComparison]:
-    """Fly these faults, each by both laws."""
+    """Fly each of these faults with both laws."""
     healthy = fly(settings(case, None, LAWS[0]), case.seed)
     for fault in faults:
         plain, tolerant = (fly(settings(case, fault, law), case.seed) for law in LAWS)
@@ -232,25 +232,25 @@ def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Bl
 
 
 def _within(plain: Block, tolerant: Block, errors: Sequence[float]) -> bool:
-    """Return True if the fault-tolerant law kept its bound; if the plain one lost the aircraft, flew on longer."""
+    """Return True if the fault-tolerant law is within bounds; if the plain law lost the aircraft, if it flew longer."""
     if not survived(plain):
         return len(tolerant) >= len(plain)
     return survived(tolerant) and errors[1] <= bound(errors[0])
 
 
 def error(rows: Block, healthy: Block, onset: int) -> float:
-    """Return the largest difference of the true altitude [m] from the flight without the fault, as far as both went."""
+    """Return the largest difference of the true altitude [m] from the flight without the fault, over both flights."""
     both = min(len(rows), len(healthy))
     return float(np.abs(rows["flight"][onset:both, _ALTITUDE] - healthy["flight"][onset:both, _ALTITUDE]).max())
 
 
 def bound(plain_m: float) -> float:
-    """Return what the altitude error [m] may be where the plain law's is ``plain_m``."""
+    """Return the bound of the altitude error [m] if the plain law's is ``plain_m``."""
     return max(FACTOR * plain_m, plain_m + MORE_M)
 
 
 def summarise(flown: Sequence[LawComparison]) -> list[dict[str, Any]]:
-    """Summarise by kind of fault and aircraft, and all of them last: counts, shares with exact 95 % intervals."""
+    """Summarise by kind of fault and aircraft, with all of them last: counts, shares with exact 95 % intervals."""
     groups: dict[tuple[str, str], list[LawComparison]] = {}
     for kind, aircraft in product(dict.fromkeys(pair.fault.kind for pair in flown), POINTS):
         group = [pair for pair in flown if (pair.fault.kind, pair.case.aircraft) == (kind, aircraft)]
@@ -275,7 +275,7 @@ def _count(flown: Sequence[LawComparison], name: str) -> int:
 
 
 def worst(flown: Sequence[LawComparison], most: int = 5) -> list[LawComparison]:
-    """Sort by: out of bounds, sensor blamed, error above the plain law's, error."""
+    """Return the sort key: out of bounds, healthy sensor reported, error above the plain law's, error."""
     rank = lambda pair: (pair.within, not pair.blamed, pair.plain_m - pair.tolerant_m, -pair.tolerant_m)  # noqa: E731
     return sorted(flown, key=rank)[:most]
 

@@ -1,8 +1,8 @@
-"""The servo of one surface alone, beside the lags that it takes the place of.
+"""The servo of one surface alone, beside the lags that it replaces.
 
-A small step must be followed as by a first-order lag, a little later: spool and sub-step delay it.  A large one is
-limited in rate, and two ways of writing that are common: the lag's own speed is limited (Stevens and Lewis, Aircraft
-Control and Simulation, section 3.5), or a limit stands behind the lag (JSBSim's actuator), which lags once more.
+The servo must follow a small step like a first-order lag, slightly later: spool and sub-step delay it.  A large step is
+limited in rate.  Two models are common: the speed of the lag is limited (Stevens and Lewis, Aircraft Control and
+Simulation, section 3.5), or a limit follows the lag (JSBSim's actuator), which lags once more.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from rig.world.plant.airframe import Actuator, parse
 Floats = NDArray[np.float64]
 RATES_HZ: Final = (25.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
 FREQUENCIES_HZ: Final = (0.5, 1.0, 2.0, 4.0)
-SMALL: Final = 0.5  # of the largest step that the rate limit leaves alone
+SMALL: Final = 0.5  # of the largest step without rate limiting
 LONGEST_SHIFT_S: Final = 0.02  # that is looked for
 _FINE: Final = 10  # steps of a lag in one of the servo's
 _EXACT: Final = Config(
@@ -48,7 +48,7 @@ _EXACT: Final = Config(
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """One surface's answer to a step at time 0, from the middle of its travel."""
+    """The response of one surface to a step at time 0, from the middle of its travel."""
 
     aircraft: str
     surface: str
@@ -82,7 +82,7 @@ class Compared:
 
 
 def surface_of(aircraft: str, name: str) -> Actuator:
-    """Return a surface's actuator; BadInput: no such aircraft or surface, or one that no servo can move."""
+    """Return a surface's actuator.  BadInput: an unknown aircraft or surface, or one that no servo can move."""
     if name not in MOVED:
         raise BadInput(f"--surface: no servo moves {quoted(name)}, {choices(name, MOVED)}")
     airframe = parse(own_tables(aircraft)["airframe"], f"aircraft {aircraft}")
@@ -94,7 +94,7 @@ def surface_of(aircraft: str, name: str) -> Actuator:
 
 
 def step_response(aircraft: str, surface: str, rate_hz: float, step_rad: float, duration_s: float = 1.0) -> Response:
-    """Return the answer to a step, rad, at ``rate_hz`` frames a second; BadInput as ``surface_of``."""
+    """Return the response to a step, rad, at ``rate_hz`` frames a second.  BadInput as ``surface_of``."""
     actuator = surface_of(aircraft, surface)
     time_s, ram = _move(actuator, rate_hz, duration_s, lambda time_s: np.full(len(time_s), step_rad))
     limited, behind = limited_lag(actuator, time_s, step_rad), lag_then_limit(actuator, time_s, step_rad)
@@ -120,7 +120,7 @@ def _compared(actuator: Actuator, small: Response, large: Response) -> Compared:
 
 
 def _shifted(small: Response) -> tuple[float, float]:
-    """Return the shift of the lag, s, that leaves the least largest difference, and that difference, rad."""
+    """Return the shift of the lag, s, with the smallest largest difference, and that difference, rad."""
     times, lag = small.time_s, small.limited_lag_rad
 
     def off(shift: float) -> float:
@@ -131,7 +131,7 @@ def _shifted(small: Response) -> tuple[float, float]:
 
 
 def frequency_response(actuator: Actuator, rate_hz: float, frequency_hz: float) -> tuple[float, float]:
-    """Return gain over the lag's and delay behind it, s, for a sine below the rate limit, as the frames hold it."""
+    """Return gain relative to the lag and delay behind it, s, for a sine below the rate limit, held by frames."""
     size = SMALL * min(actuator.lag_s, 1.0 / (2.0 * pi * frequency_hz)) * actuator.rate_limit_rad_s
     cycles = max(3.0, np.ceil(5.0 * actuator.lag_s * frequency_hz) + 2.0)
     turn = 2.0 * pi * frequency_hz
@@ -144,12 +144,12 @@ def frequency_response(actuator: Actuator, rate_hz: float, frequency_hz: float) 
     basis = np.column_stack([np.sin(turn * time_s[last]), np.cos(turn * time_s[last])])
     in_phase, quadrature = np.linalg.lstsq(basis, ram[last], rcond=None)[0] / size
     over = complex(in_phase, quadrature) * complex(1.0, turn * actuator.lag_s)
-    held_s = 0.5 / rate_hz  # what holding a command for a frame delays any actuator by
+    held_s = 0.5 / rate_hz  # the delay of any actuator by holding a command for a frame
     return abs(over), -float(np.angle(over)) / turn - held_s
 
 
 def limited_lag(actuator: Actuator, time_s: Floats, step_rad: float) -> Floats:
-    """Return the answer of a lag whose speed is limited, exactly: the limit, then the lag alone."""
+    """Return the exact response of a lag whose speed is limited: the limit, then the lag alone."""
     t, speed = actuator.lag_s, actuator.rate_limit_rad_s
     ramp_s = max(0.0, step_rad / speed - t)
     left = min(step_rad, speed * t)
@@ -157,7 +157,7 @@ def limited_lag(actuator: Actuator, time_s: Floats, step_rad: float) -> Floats:
 
 
 def lag_then_limit(actuator: Actuator, time_s: Floats, step_rad: float) -> Floats:
-    """Return the answer of a rate limit behind a lag, in steps of a tenth of those of ``time_s``."""
+    """Return the response of a rate limit behind a lag, in steps of a tenth of those of ``time_s``."""
     t, speed, step_s = actuator.lag_s, actuator.rate_limit_rad_s, float(time_s[0]) / _FINE
     wanted = step_rad * (1.0 - np.exp(-step_s * np.arange(1, len(time_s) * _FINE + 1) / t))
     y, found = 0.0, np.empty(len(wanted))
@@ -170,7 +170,7 @@ def lag_then_limit(actuator: Actuator, time_s: Floats, step_rad: float) -> Float
 def _move(
     actuator: Actuator, rate_hz: float, duration_s: float, asked_rad: Callable[[Floats], Floats]
 ) -> tuple[Floats, Floats]:
-    """Return times and ram at the ends of all sub-steps; ``asked_rad`` of the times at which frames begin."""
+    """Return times and ram at the ends of all sub-steps; ``asked_rad``: commands at the starts of frames."""
     parts = max(1, int(np.ceil(1.0 / (rate_hz * LONGEST_SUBSTEP_S) - 1e-9)))
     frames = int(np.ceil(duration_s * rate_hz))
     surfaces = dict.fromkeys(MOVED, actuator)

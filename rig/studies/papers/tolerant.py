@@ -1,8 +1,8 @@
-"""The fault-tolerant law against the plain one, flown: pitch-angle sensors that lie alike on all four channels.
+"""The fault-tolerant law against the plain law in flights with the same pitch-angle error on all four channels.
 
-Every case is flown by three: the plain law on the mean of the channels, the plain law behind the voter, the
-fault-tolerant law behind the voter; and once without the fault, from which deviations of the truth are taken.
-The airframe is flown as designed and with its centre of gravity moved, which the law does not know.
+Each case is flown three times: the plain law on the mean of the channels, the plain law behind the voter, and the
+fault-tolerant law behind the voter; and once without the fault, from which deviations of the truth are computed.
+The airframe is flown as designed and with its centre of gravity moved, which the law does not model.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _THETA, _N_Z, _ALTITUDE = INDEX["pitch_angle"], INDEX["normal_load_factor"], FLI
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What is flown but for the law and the fault."""
+    """A flight before its law and its fault."""
 
     aircraft: str
     hold: str
@@ -78,7 +78,7 @@ class FaultFlight:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """All flights of one fault, hold and law: the worst of each figure, shares with their exact 95 % intervals."""
+    """All flights of one fault, hold and law: the worst of each figure, shares with exact 95 % intervals."""
 
     fault: str
     hold: str
@@ -105,7 +105,7 @@ def cases(seeds: Sequence[int]) -> list[Case]:
 
 
 def study(seeds: Sequence[int] = (1,), workers: int = 2) -> tuple[list[FaultFlight], int]:
-    """Fly everything; return the flights with a fault, and the number of all."""
+    """Fly all cases; return the flights with a fault, and the number of all flights."""
     flown = [flight for part in each(fly_case, cases(seeds), workers) for flight in part]
     return flown, len(flown) + len(LAWS) * len(cases(seeds))
 
@@ -156,7 +156,7 @@ def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> Fa
 
 
 def answered_after_s(answers: NDArray[np.bool_], rate_hz: float) -> float | None:
-    """Return when the law's diagnosis first gives an answer after the onset, where ``answers`` (n,) begin."""
+    """Return the time of the law's first diagnosis after the onset, from the starts ``answers`` (n,)."""
     return float(answers.argmax()) / rate_hz if answers.any() else None
 
 

@@ -1,1 +1,1 @@
-"""From rates and measured outcomes to a probability per flight hour."""
+"""Compute a probability per flight hour from failure rates and measured outcomes."""

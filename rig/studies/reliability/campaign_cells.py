@@ -1,8 +1,8 @@
-"""Cells from a folder: of a flown campaign `reliability`, counted here, or of open-loop trials.
+"""Read the cells of a folder: a flown campaign `reliability`, which is counted here, or open-loop trials.
 
-A folder of trials holds what they were drawn from, and what they came to:
+A folder of trials holds the draws and the outcomes:
 
-trials.json               campaign, seed, number, manager, versions; written last: without it there is nothing
+trials.json               campaign, seed, number, manager, versions; written last: a folder without it is unfinished
 cells.parquet             tally.COUNTS
 false_isolations.parquet  tally.FALSE_ISOLATIONS
 """
@@ -38,27 +38,27 @@ from rig.studies.reliability.tally import (
 )
 
 _SUMS: Final = ("trials", *OUTCOMES, "announced", "level", "channel_hours", "events")
-_REMEDY: Final = "the trials are run again into another folder"
+_REMEDY: Final = "run the trials again into another folder"
 TABLES: Final = {"cells": COUNTS, "false_isolations": FALSE_ISOLATIONS}
 
 
 def cells(folder: Path) -> Cells:
-    """Count a flown campaign `reliability`, or read a folder of trials; BadInput says in one line why it is neither."""
+    """Count a flown campaign `reliability`, or read a folder of trials.  BadInput: the folder is neither."""
     return read_trials(folder) if is_file(folder / TRIALS) else of_tables(open_folder(folder).tables, str(folder))
 
 
 def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
-    """Count a campaign's tables; ``source`` names them in a refusal."""
+    """Count the tables of a campaign; an error names ``source``."""
     runs = tables["runs"].filter(pl.col("outcome") == "flown")
     planned = of_kinds(tables["faults"], runs)
     faults = planned.filter((pl.col("outcome") != "not executed") & pl.col("good_before").is_not_null())
     lacking = [column for column in ("design", "condition") if column not in runs.columns]
     if lacking or runs.is_empty() or faults.filter(pl.col("id") == TESTED).is_empty():
-        what = f"its runs have no {lacking[0]!r}" if lacking else "no run of it has a fault that is called 'tested'"
-        raise BadInput(f"{source}: no flown campaign `reliability`: {what}")
+        what = f"the runs have no {lacking[0]!r}" if lacking else "no run has a fault with id = 'tested'"
+        raise BadInput(f"{source}: not a flown campaign `reliability`: {what}")
     managers = runs["manager"].unique().sort().to_list()
     if len(managers) > 1:
-        raise BadInput(f"{source}: runs of several managers ({', '.join(managers)}); a folder must have one")
+        raise BadInput(f"{source}: has runs of several managers ({', '.join(managers)}); a folder must have one")
     counts = _with_planned(counted(_trials(runs, faults, source)), runs, planned)
     return Cells(managers[0], counts, _false_isolations(tables["signals"]))
 
@@ -68,7 +68,7 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
     runs = runs.select("run", "condition", "survived", design=pl.col("design").str.split(" ").list.first())
     unknown = sorted(set(runs["design"].unique().to_list()) - set(DESIGNS))
     if unknown:
-        raise BadInput(f"{source}: design {unknown[0]!r}: must begin with {', '.join(DESIGNS)}")
+        raise BadInput(f"{source}: design {unknown[0]!r}: must begin with one of {', '.join(DESIGNS)}")
     first = [pl.col(name).first() for name in ("signal", "kind", "good_before", "vote_kept")]
     tested, second = (
         faults.filter(pl.col("id") == name)
@@ -92,13 +92,13 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
 
 
 def _settled() -> pl.Expr:
-    """Return the time from the onset to the failure of the last of a fault's channels; null when one was not failed."""
+    """Return the time from the onset to the last isolation of a fault's channels; null if one was not isolated."""
     delay = pl.col("delay_from_onset_s")
     return pl.when(delay.is_null().any()).then(None).otherwise(delay.max())
 
 
 def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame) -> pl.DataFrame:
-    """Add rows of no trial for what was planned and never came to be: earlier faults had ended it."""
+    """Add rows without trials for planned faults that never began, because earlier faults had ended the run."""
     tested = faults.filter(pl.col("id") == TESTED).select("run", "signal", "kind").unique()
     design = pl.col("design").str
     good = design.extract(r"^\w+ (\d)").cast(pl.Int64)
@@ -113,7 +113,7 @@ def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame
 
 
 def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
-    """Build FALSE_ISOLATIONS of a campaign's table ``signals``; sums in the order of the runs."""
+    """Return FALSE_ISOLATIONS of a campaign's table ``signals``; sums are in the order of the runs."""
     levels = range(CHANNELS, 0, -1)
     hours, events = ([f"{name}_level_{n}" for n in levels] for name in ("channel_hours", "false_isolations"))
     parts = [
@@ -127,18 +127,18 @@ def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
 
 
 def read_trials(folder: Path) -> Cells:
-    """Read the cells of a folder of trials.  BadInput names the file that is damaged or missing."""
+    """Read the cells of a folder of trials.  BadInput names a damaged or missing file."""
     path = folder / TRIALS
     about = sealed.read_json(path, _REMEDY, formats=(FORMAT, UNSEALED))
     if not isinstance(about.get("manager"), str):
-        raise BadInput(f"{path}: is damaged: it names no manager; {_REMEDY}")
+        raise BadInput(f"{path}: is damaged: names no manager; {_REMEDY}")
     if about["format"] == UNSEALED:
-        note(f"{folder}: was written by an earlier version of the rig: its tables have no checksum")
+        note(f"{folder}: written by an earlier version of rig; its tables have no checksum")
     return Cells(about["manager"], *(_table(folder, about, name, columns) for name, columns in TABLES.items()))
 
 
 def place(about: dict[str, Any], name: str) -> str:
-    """Return the mark of a table of the trials that ``about`` describes."""
+    """Return the mark of a table of the trials described by ``about``."""
     return f"{sealed.identity(json.dumps(about, sort_keys=True).encode())} {name}"
 
 
@@ -148,7 +148,7 @@ def _table(folder: Path, about: dict[str, Any], name: str, columns: dict[str, An
         raise BadInput(f"{path}: is missing; {_REMEDY}")
     table = sealed.read_table(path, place(about, name), _REMEDY, under_seal=about["format"] != UNSEALED)
     if dict(table.schema) != {name: kind() if isinstance(kind, type) else kind for name, kind in columns.items()}:
-        raise BadInput(f"{path}: its columns are not those of trials; {_REMEDY}")
+        raise BadInput(f"{path}: the columns are not those of trials; {_REMEDY}")
     if absent := [column for column in (*CELL, *_SUMS) if column in columns and table[column].null_count()]:
         raise BadInput(f"{path}: a value of {absent[0]} is missing; {_REMEDY}")
     return table

@@ -1,7 +1,7 @@
-"""Open-loop trials of a campaign's cells that leave two good channels: shared out, run on several processes, added up.
+"""Run open-loop trials of a campaign's cells that leave two good channels, on several processes, and add them up.
 
-A unit is one combination of the campaign's cases, in chunks of at most CHUNK trials.  Each chunk draws from a seed of
-its own, given by the number of its run and its place, so neither workers nor their order decide anything.
+A unit of work is one combination of the campaign's cases, in chunks of at most CHUNK trials.  Each chunk has a seed,
+given by the number of its run and its place, so that workers and their order do not change the result.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from rig.world.faults.fault_records import KEPT, FaultData
 
 CHUNK: Final = 500
 GOOD: Final = (4, 3)
-# Of all trials, by good channels and design: what a chain multiplies with the first power of the rate needs the most.
+# Shares of the trials by good channels and design: terms of first order in the rate need the most.
 SHARES: Final = {(4, "single"): 0.6, (3, "single"): 0.2, (4, "near"): 0.05, (4, "alike"): 0.15}
 _RECORDING, _TRIALS = 0, 1  # spawn keys of the seed
 
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Some trials of one combination of cases: that of run ``number``."""
+    """Some trials of the combination of cases of run ``number``."""
 
     number: int
     chunk: int
@@ -46,26 +46,26 @@ class Batch:
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """Results of a batch; sums of whole numbers, which are the same in any order."""
+    """The results of a batch: sums of whole numbers, which are the same in any order."""
 
     cell: tuple[str, int, str, str, str]
     counts: NDArray[
         np.int64
     ]  # (5, 5): by good channels before: trials, annunciated losses, undetected errors, settled, their frames
-    healthy: NDArray[np.int64]  # (5,) frames of healthy channels by level, and failures of them
+    healthy: NDArray[np.int64]  # (5,) frames of healthy channels by level, and their isolations
     failed: NDArray[np.int64]
     rate_hz: float
 
 
 class Recordings:
-    """Healthy flights of a plan's combinations, each flown once."""
+    """The healthy flights of a plan's combinations, each flown once."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._flown: dict[tuple[int, str, str], Recording] = {}
 
     def __call__(self, unit: Batch, made: Cell, condition: str) -> Recording:
-        """Return that of a unit; whatever of its scenario is no fault decides it."""
+        """Return the healthy flight of a unit, which depends on everything in its scenario but the faults."""
         key = unit.seed, condition, setting_key(self._plan.data(unit.number))
         if key not in self._flown:
             self._flown[key] = recording(made.scenario, recording_seed(unit.seed, condition))
@@ -73,7 +73,7 @@ class Recordings:
 
 
 class TrialRunner:
-    """Runs batches of a plan in a worker."""
+    """Run batches of a plan in a worker process."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
@@ -100,21 +100,21 @@ def _cell(plan: Plan, number: int) -> tuple[Cell, tuple[str, int, str, str, str]
 
 
 def planned(plan: Plan, number: int) -> tuple[int, str]:
-    """Good channels and design of a run, from the name of its case: ``single 4, channel 1``."""
+    """Return the good channels and the design of a run, from the name of its case: ``single 4, channel 1``."""
     choice = plan.choices[number]
     lacking = [group for group in ("design", "condition") if group not in choice]
     if lacking:
-        raise BadInput(f"{plan.source}: no campaign like `reliability`: it has no cases.{lacking[0]}")
+        raise BadInput(f"{plan.source}: not a campaign like `reliability`: it has no cases.{lacking[0]}")
     design, _, rest = str(choice["design"]).partition(" ")
     good = rest.partition(",")[0].strip()
     if design not in DESIGNS or not good.isdigit() or not 1 <= int(good) <= CHANNELS:
-        said = f"must be {', '.join(DESIGNS)} and the number of good channels"
+        said = f"must be one of {', '.join(DESIGNS)} and the number of good channels"
         raise BadInput(f"{plan.source}: cases.design: {choice['design']!r}: {said}, as in 'single 4, channel 1'")
     return int(good), design
 
 
 def leaves_two_good(good: int, design: str) -> bool:
-    """Return whether so many stay good that the faulty ones cannot have the vote, and the aircraft, to themselves."""
+    """Return True if enough channels stay good, so that faulty ones cannot decide the vote and move the aircraft."""
     return good - AT_ONCE[design] >= 2
 
 
@@ -125,12 +125,12 @@ def recording_seed(seed: int, condition: str) -> int:
 
 
 def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> list[Batch]:
-    """Share out ``runs`` trials over the combinations with ``good`` channels, by SHARES.  BadInput: none is left."""
+    """Distribute ``runs`` trials over the combinations with ``good`` channels, by SHARES.  BadInput: there is none."""
     flown = sorted(set(good) - set(GOOD))
     if flown:
         raise BadInput(
-            f"--good-before {flown[0]}: open-loop trials are for 4 and 3 good channels; with 2 or 1 the aircraft "
-            "moves with the vote before the fault is settled: fly the campaign for these"
+            f"--good-before {flown[0]}: open-loop trials allow 4 and 3 good channels; with 2 or 1 the aircraft "
+            "follows the vote before the fault is settled; fly the campaign for these"
         )
     groups: dict[tuple[int, str], list[int]] = {}
     for number in combinations(plan):
@@ -139,7 +139,7 @@ def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> 
             groups.setdefault(place, []).append(number)
     if not groups:
         named = " or ".join(map(str, good))
-        raise BadInput(f"{plan.source}: no case of it has {named} good channels and leaves two of them good")
+        raise BadInput(f"{plan.source}: no case has {named} good channels and leaves two of them good")
     whole = sum(SHARES[place] for place in groups)
     units: list[Batch] = []
     for place, numbers in groups.items():
@@ -149,7 +149,7 @@ def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> 
 
 
 def combinations(plan: Plan) -> list[int]:
-    """Return the first run of every combination of cases."""
+    """Return the first run of each combination of cases."""
     firsts: dict[tuple[Any, ...], int] = {}
     for number, choice in enumerate(plan.choices):
         firsts.setdefault(tuple(choice[group] for group in plan.campaign.cases), number)
@@ -160,7 +160,7 @@ Counts = NDArray[np.int64]
 
 
 def fly_trials(made: Cell, trials: Trials, drawn: Callable[[], object]) -> tuple[NDArray[Any], Counts, Counts]:
-    """Run trials: (T,) RESULT; (5,) frames of healthy channels by level, and failures of them.
+    """Run trials; return (T,) RESULT, and (5,) frames and isolations of healthy channels by level.
 
     drawn : fills the streams of ``trials``; called whenever they are used up
     """
@@ -175,10 +175,10 @@ def fly_trials(made: Cell, trials: Trials, drawn: Callable[[], object]) -> tuple
 def recorded_trials(
     made: Cell, trials: Trials, drawn: Callable[[], object]
 ) -> Iterator[tuple[slice, dict[str, NDArray[Any]]]]:
-    """Yield what a manager would read in trials that all begin with the flight: which, and (T, n, ...) each.
+    """Yield the input of a manager in trials that all begin with the flight: their numbers, and (T, n, ...) each.
 
     drawn : as in ``fly_trials``, and with the same samples
-    Of a trial that ends before the longest its last frame is repeated.
+    A trial that ends before the longest repeats its last frame.
     """
     scratch, at, frames = _scratch(made, trials), len(trials.noise), trials.last - trials.first
     for begin in range(0, len(frames), S):
@@ -228,7 +228,7 @@ def _scratch(made: Cell, trials: Trials) -> Scratch:
 
 
 def tallied(made: Cell, trials: Trials, results: NDArray[Any]) -> NDArray[np.int64]:
-    """Return counts by good channels before, see Tally; a trial whose channels were out already does not count."""
+    """Return the counts by good channels, see Tally; a trial whose channels were isolated before does not count."""
     counted_faults = [made.tested] if made.second is None else [made.tested, made.second]
     columns = made.faults.targets[np.isin(made.faults.targets["fault"], counted_faults)]["column"]
     failed_at = results["failed_at"][:, columns]
@@ -244,7 +244,7 @@ def tallied(made: Cell, trials: Trials, results: NDArray[Any]) -> NDArray[np.int
 
 
 def off_votes(made: Cell, results: NDArray[Any]) -> NDArray[np.bool_]:
-    """(T,) whether the vote was not kept, as in score/windows.py."""
+    """Return (T,) True if the vote was wrong, as in rig/verdict/row_kernel.py."""
     return (results["off"] != 0) | (results["above"] > allowed_frames(made.one.manager.params[0]))
 
 
@@ -255,7 +255,7 @@ def added_up(tallies: Sequence[Tally], manager: str) -> Cells:
     for tally in tallies:
         signal, _, design, kind, condition = tally.cell
         for good in range(1, LEVELS):
-            if not leaves_two_good(good, design):  # healthy channels were failed before
+            if not leaves_two_good(good, design):  # healthy channels were isolated before
                 continue
             place = signal, good, design, kind, condition
             rows[place] = rows.get(place, 0) + tally.counts[good]
@@ -275,7 +275,7 @@ def added_up(tallies: Sequence[Tally], manager: str) -> Cells:
 
 
 def _row(place: tuple[Any, ...], found: NDArray[np.int64], rate_hz: float) -> tuple[Any, ...]:
-    """Return a row of COUNTS; nobody flew, so no aircraft can have been lost."""
+    """Return a row of COUNTS; the trials were open loop, so no aircraft can be lost."""
     trials, known, bad, settled, frames = found.tolist()
     mean = frames / settled / rate_hz if settled else None
     return (*place, trials, trials - known - bad, known, bad, None, None, settled, mean)

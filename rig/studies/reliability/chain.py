@@ -1,12 +1,12 @@
-"""A continuous-time Markov chain of constant rates: the probability of each state after some hours.
+"""A continuous-time Markov chain with constant rates: the probability of each state after some hours.
 
-No number is ever subtracted from another of its size, so the smallest probability keeps its digits beside the largest,
-whatever the spread of the rates.  P(h) = exp(Q h) for a step h in which a state is hardly left is a Taylor series of
-non-negative terms; it is then squared until h is the whole time.  Every row is divided by its sum after each squaring:
-a row is a distribution, and its rounding would double with each squaring otherwise.
+The method never subtracts numbers of similar size, so the smallest probability keeps its digits for any spread of the
+rates.  P(h) = exp(Q h), for a step h in which a state is hardly left, is a Taylor series of non-negative terms.  It is
+squared until h is the whole time.  Each row is a distribution and is divided by its sum after each squaring; otherwise
+its rounding error would double each time.
 Source: docs/reliability.md, 'The chain'; scaling and squaring as in Moler and Van Loan (2003), method 3.
 
-A chain may be given as rates in a TOML file, as published cases are:
+A TOML file may give the rates of a chain, for example of a published case:
 
 hours = 10.0
 start = "4"
@@ -33,8 +33,8 @@ from rig.core.text import choices, quoted
 Floats = NDArray[np.float64]
 LEFT: Final = 1.0 / 16.0  # of a state in one step, at most
 TERMS: Final = 60  # of the series at most: (1 / 16)^60 / 60! is below the smallest double
-SPARSE: Final = 64  # states from which a chain is taken to have few transitions beside its states squared
-LARGE: Final = 1000  # states from which a doubling takes so long that it is told
+SPARSE: Final = 64  # states from which the transitions are taken to be few beside the number of states squared
+LARGE: Final = 1000  # states from which a doubling takes long enough to be reported
 MOST_STATES: Final = 4000  # of a file: a matrix of them takes 128 MB
 
 
@@ -42,15 +42,15 @@ def probabilities(rates: Floats, start: int, hours: float) -> Floats:
     """Return the probability (..., n) of every state ``hours`` after the chain was in state ``start``.
 
     rates : (..., n, n) per hour from the row's to the column's state, none negative, diagonal zero
-    Relative error of each about 1e-14, down to the smallest number that a double holds.
+    The relative error of each is about 1e-14, down to the smallest number of a double.
     """
     return transitions(rates, hours, [start])[..., 0, :]
 
 
 def transitions(rates: Floats, hours: float, rows: Sequence[int] | None = None) -> Floats:
-    """Return the probability (..., k, n) of every state ``hours`` after each of ``rows``, or after each of all.
+    """Return the probability (..., k, n) of every state ``hours`` after each of ``rows``, or after every state.
 
-    rates : as above
+    rates : as in ``probabilities``
     """
     leaving = rates.sum(axis=-1)
     fastest = float(leaving.max(initial=0.0)) * hours
@@ -73,8 +73,8 @@ def transitions(rates: Floats, hours: float, rows: Sequence[int] | None = None) 
 def _series(jumps: Floats, leaving: Floats, rows: NDArray[np.int64]) -> Floats:
     """Return the transitions (..., k, n) from ``rows`` in a step in which a state is left LEFT times or less.
 
-    exp(Q h) = exp(-L) exp(Q h + L I), with L the largest of ``leaving`` (..., n): the first factor is the same for all
-    of a row, whose sum is one.
+    exp(Q h) = exp(-L) exp(Q h + L I), with L the largest of ``leaving`` (..., n).  The first factor is the same for a
+    whole row, whose sum is one.
     """
     identity = np.eye(jumps.shape[-1])
     staying = leaving.max(axis=-1, keepdims=True) - leaving
@@ -96,26 +96,26 @@ def _sparse(matrix: Floats) -> Any:
 
 
 def _distributions(matrix: Floats) -> Floats:
-    """Divide rows by their sums."""
+    """Divide the rows by their sums."""
     return matrix / matrix.sum(axis=-1, keepdims=True)
 
 
 class Transition(Settings):
-    """A way out of a state; several between the same two states add up."""
+    """A transition out of a state; several between the same two states add up."""
 
     from_: str = Field(alias="from", min_length=1)
     to: str = Field(min_length=1)
-    per_hour: float = Field(ge=0, le=1e30)  # sums of them are numbers still
+    per_hour: float = Field(ge=0, le=1e30)  # sums of rates stay finite
 
     @model_validator(mode="after")
     def _elsewhere(self) -> Transition:
         if self.from_ == self.to:
-            raise ValueError(f"a transition must lead to another state, got {quoted(self.to)} twice")
+            raise ValueError(f"a transition must lead to another state; {quoted(self.to)} is given twice")
         return self
 
 
 class ChainFile(Settings):
-    """States are named by the transitions between them; one that nothing leaves is a death state."""
+    """A chain whose states are named by its transitions; a state without a way out is a death state."""
 
     hours: float = Field(ge=0, le=1e12)
     start: str
@@ -125,28 +125,28 @@ class ChainFile(Settings):
     @classmethod
     def _not_too_many(cls, transitions: list[Transition]) -> list[Transition]:
         if len(_names(transitions)) > MOST_STATES:
-            raise ValueError(f"at most {MOST_STATES} states, got {len(_names(transitions))}")
+            raise ValueError(f"{len(_names(transitions))} states, at most {MOST_STATES} are allowed")
         return transitions
 
     @model_validator(mode="after")
     def _begins_somewhere(self) -> ChainFile:
         names = _names(self.transitions)
         if self.start not in names:
-            raise ValueError(f"start: no such state {quoted(self.start)}, {choices(self.start, names)}")
+            raise ValueError(f"start: no state {quoted(self.start)}, {choices(self.start, names)}")
         return self
 
 
 class ChainResult(NamedTuple):
-    """Probability of every state after the hours of the file, in the order in which the file names them."""
+    """The probability of every state after the hours of the file, in the order of the file."""
 
     hours: float
     start: str
     probability: dict[str, float]
-    death: list[str]  # states that nothing leaves
+    death: list[str]  # states without a way out
 
     @property
     def of_death(self) -> float:
-        """Return the probability of all death states together."""
+        """Return the total probability of the death states."""
         return float(sum(sorted(self.probability[name] for name in self.death)))
 
 
@@ -155,7 +155,7 @@ def _names(transitions: list[Transition]) -> list[str]:
 
 
 def solve_file(path: Path) -> ChainResult:
-    """Return the probabilities of the chain in ``path``; BadInput names the file and the key that is wrong."""
+    """Return the probabilities of the chain in ``path``.  BadInput names the file and the wrong key."""
     given = build(ChainFile, read_toml(path), str(path))
     names = _names(given.transitions)
     values = probabilities(_rates(given, names), names.index(given.start), given.hours)

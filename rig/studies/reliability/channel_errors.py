@@ -1,9 +1,9 @@
-"""Errors that a flight's channels keep, drawn so that those which set channels apart are not rare.
+"""Draw constant channel errors of a flight so that errors which set channels apart are frequent (importance sampling).
 
-A tenth of all flights is drawn as the sensors are: bias, gain and skew uniform within their tolerances.  In the others
-some channels are near one end of their tolerances and the rest near the other, one or two against the others, each
-Beta(1, kappa) of the range away from its end.  Each flight has the weight p / q of its errors: how much rarer, or less
-rare, they are in truth.
+A tenth of all flights has errors as in the sensor model: bias, gain and skew uniform within their tolerances.  In the
+other flights some channels are near one end of their tolerances and the rest near the other end, one or two against the
+others, each Beta(1, kappa) of the range away from its end.  Each flight has the weight p / q: the probability density
+of its errors in the sensor model, divided by the density with which they were drawn.
 Source: importance sampling with a defensive mixture, Hesterberg (1995).
 """
 
@@ -28,20 +28,20 @@ KINDS: Final = 3  # bias, gain, skew, as sensors.params.calibrate takes them
 
 
 class Ends(NamedTuple):
-    """The ends at which errors are drawn: +1 and -1 by arrangement, kind and channel; 0 where drawn as they are."""
+    """The ends near which errors are drawn: +1 and -1 by arrangement, kind and channel; 0: as in the sensor model."""
 
     signs: Floats  # (A, 3, 4)
 
     @property
     def any(self) -> bool:
-        """Return True if the sensor has errors that last a flight."""
+        """Return True if the sensor has errors that are constant over a flight."""
         return bool(self.signs.any())
 
 
 def ends(sensor: Sensor, truth: Floats, wraps: bool, least: float = COUNTS_FROM) -> Ends:
-    """Return the arrangements of a sensor on a recorded truth (N,); a single one, of 0, without such errors.
+    """Return the arrangements of a sensor on a recorded truth (N,); a single one of zeros without constant errors.
 
-    least : share of what all kinds of errors can do together from which a kind is drawn near its ends
+    least : share of the total effect of all kinds of errors from which a kind is drawn near its ends
     """
     moved = step_sizes(truth, wraps).max(initial=0.0)
     effects = np.array(
@@ -65,7 +65,7 @@ def ends(sensor: Sensor, truth: Floats, wraps: bool, least: float = COUNTS_FROM)
 def drawn_errors(
     given: Ends, flights: int, rng: Generator, kappas: tuple[float, ...] = KAPPAS
 ) -> tuple[Floats, Floats]:
-    """Draw (3, E, 4) errors within -1 to 1 of their tolerances, and the weight (E,) of each flight."""
+    """Return (3, E, 4) errors within -1 to 1 of their tolerances, and the weight (E,) of each flight."""
     errors = rng.uniform(-1.0, 1.0, (flights, KINDS, CHANNELS))
     signs = given.signs[rng.integers(0, len(given.signs), flights)]
     kappa = rng.choice(kappas, flights)[:, None, None]
@@ -77,7 +77,7 @@ def drawn_errors(
 
 
 def _density(given: Ends, errors: Floats, kappas: tuple[float, ...]) -> Floats:
-    """Return how much more often errors (E, 3, 4) are drawn than they are in truth: (E,)."""
+    """Return (E,) how much more often errors (E, 3, 4) are drawn than they occur in the sensor model."""
     tiny = np.finfo(float).tiny
     flat, signs = errors.reshape(len(errors), -1), given.signs.reshape(len(given.signs), -1)
     high, low = np.log(np.maximum((1.0 + flat) / 2.0, tiny)), np.log(np.maximum((1.0 - flat) / 2.0, tiny))
@@ -88,6 +88,6 @@ def _density(given: Ends, errors: Floats, kappas: tuple[float, ...]) -> Floats:
 
 
 def corners(given: Ends, each: int, rng: Generator) -> Floats:
-    """Draw (3, A x each, 4) errors at the very ends, every arrangement ``each`` times in a row."""
+    """Return (3, A x each, 4) errors exactly at the ends, every arrangement ``each`` times in a row."""
     signs = np.repeat(given.signs, each, axis=0)
     return np.where(signs != 0.0, signs, rng.uniform(-1.0, 1.0, signs.shape)).transpose(1, 0, 2)

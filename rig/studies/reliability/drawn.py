@@ -1,6 +1,6 @@
-"""Trials of one combination of a campaign's cases, drawn: onset, size, whatever else varies, the sensors' errors.
+"""Draw the trials of one combination of a campaign's cases: onset, size, other varied values, and sensor errors.
 
-Records of the faults are those that the stage makes of the scenario, with what varies written over, trial by trial.
+The fault stage makes the records of the faults from the scenario; each trial overwrites the varied values.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from rig.world.faults.trigger import DutyCycle
 from rig.world.sensors.params import calibrate
 
 RUN_IN: Final = 10  # frames of healthy sensors before the first fault
-SETTLING: Final = 30  # frames from an earlier fault that is found at once to the tested one
+SETTLING: Final = 30  # frames from an earlier fault that is isolated at once to the tested one
 ROWS: Final = 8192  # of the streams, at least: what the core's cache holds
-AFTER: Final = 800  # frames from the last onset on, at most; a drift goes on to the end of the flight
+AFTER: Final = 800  # frames from the last onset on, at most; a drift continues to the end of the flight
 _SIZES: Final = tuple(dict.fromkeys(key for model in KINDS.values() if model.trials_draw for key in model.sizes))
 _CONSTANTS: Final = ("frequency_hz", "time_constant_s")
 Values = NDArray[np.float64]
@@ -45,14 +45,14 @@ _tables = cache(aircraft.tables)  # of an aircraft, read once by each worker
 
 
 class Drawn(NamedTuple):
-    """Values by the number of a fault and its key, each (T,)."""
+    """The drawn values by the number of a fault and its key, each (T,)."""
 
     values: dict[tuple[int, str], Values]
     up: NDArray[np.bool_]  # (T, F) for faults whose direction is drawn
 
 
 class Cell(NamedTuple):
-    """What the trials of one combination have in common."""
+    """The common part of the trials of one combination."""
 
     scenario: Scenario
     one: OneSignal
@@ -64,22 +64,22 @@ class Cell(NamedTuple):
 
 
 def cell(plan: Plan, number: int, named: bool = True) -> Cell:
-    """Of the combination of run ``number``.  BadInput: open-loop trials do not know what it has.
+    """Return the common part of the combination of run ``number``.  BadInput: open-loop trials cannot do it.
 
-    named : the tested fault must say so by its id; else, where none does, it is the first
+    named : the tested fault must have the id; if not ``named`` and no fault has it, the first fault is tested
     """
     run = plan[number]
     scenario = run.scenario(_tables(run.aircraft))
     labels = [fault.label for fault in scenario.faults]
     if TESTED not in labels and (named or not labels):
         wanted = f" with id = {TESTED!r}" if named else " to detect"
-        raise BadInput(f"{plan.source}: run {number}: no fault{wanted}")
+        raise BadInput(f"{plan.source}: run {number}: has no fault{wanted}")
     tested = labels.index(TESTED) if TESTED in labels else 0
     second = labels.index(SECOND) if SECOND in labels else None
     name = scenario.faults[tested].signal
     made = faults_of(scenario, name)
     if np.isin(made.schedule["duty_cycle"], (DutyCycle.RANDOM, DutyCycle.TELEGRAPH)).any():
-        raise BadInput(f"{plan.source}: run {number}: open-loop trials know no pulses at random times")
+        raise BadInput(f"{plan.source}: run {number}: open-loop trials do not support pulses at random times")
     earlier = [i for i in range(len(labels)) if i not in (tested, second)]
     alone = one_signal(scenario, name, setting_key(run.data))
     return Cell(scenario, alone, made, _varied(plan, number), tested, second, earlier)
@@ -94,15 +94,13 @@ def _varied(plan: Plan, number: int) -> dict[tuple[int, str], Vary]:
         head, _, rest = key.partition(".")
         place, _, name = rest.partition(".")
         if head != "faults" or not place.isdigit() or isinstance(vary, Levels | Distribution) or name not in KEYS:
-            raise BadInput(
-                f"{plan.source}: vary: {key!r}: open-loop trials draw ranges of {', '.join(KEYS)} of a fault"
-            )
+            raise BadInput(f"{plan.source}: vary: {key!r}: open-loop trials can vary only {', '.join(KEYS)} of a fault")
         found[int(place), name] = vary
     return found
 
 
 def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trials:
-    """So many trials of a cell; the rows of their streams are drawn by ``refill``."""
+    """Hold some trials of a cell; ``refill`` draws the rows of their streams."""
     s = made.one.signal
     values = drawn_values(made, trials, rng)
     drawn = Drawn(values, rng.random((trials, len(made.faults.schedule))) < 0.5)
@@ -146,7 +144,7 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
 
 
 def drawn_values(made: Cell, trials: int, rng: Generator) -> dict[tuple[int, str], Values]:
-    """Return what varies in so many trials, (T,) each: the first that ``draw`` takes of its random numbers."""
+    """Return the varied values of the trials, (T,) each, from the first random numbers that ``draw`` takes."""
     values: dict[tuple[int, str], Values] = {}
     for place, vary in made.varied.items():
         value = valuer(vary)
@@ -161,7 +159,7 @@ def refill(trials: Trials, noise: Generator, normal: Generator) -> None:
 
 
 def records(made: Cell, drawn: Drawn) -> tuple[NDArray[Any], NDArray[Any]]:
-    """(T, F) SCHEDULE and (T, K) TARGET records with what was drawn."""
+    """Return the records (T, F) SCHEDULE and (T, K) TARGET with the drawn values."""
     trials = len(drawn.up)
     schedule = np.repeat(made.faults.schedule[None, :], trials, axis=0)
     targets = np.repeat(made.faults.targets[None, :], trials, axis=0)
@@ -178,7 +176,7 @@ def records(made: Cell, drawn: Drawn) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 class _Patch(NamedTuple):
-    """One varied key of one fault, and the records that it is written to."""
+    """One varied key of one fault, and the records that hold it."""
 
     cell: Cell
     fault: int
@@ -190,11 +188,11 @@ class _Patch(NamedTuple):
     mine: NDArray[np.bool_]
 
     def frames(self, seconds: Values) -> NDArray[np.int64]:
-        """Whole frames, as ``to_frame``."""
+        """Return whole frames, as ``to_frame`` does."""
         return np.vectorize(to_frame, otypes=[np.int64])(seconds, self.cell.scenario.rate_hz)
 
     def other(self, key: str) -> Values:
-        """Another key of the fault: drawn as well, or as the scenario has it."""
+        """Return another key of the fault, drawn or from the scenario."""
         stands = getattr(self.cell.scenario.faults[self.fault], key)
         return self.others.get((self.fault, key), np.full(len(self.values), stands))
 

@@ -1,4 +1,4 @@
-"""Sensors and manager of one signal on the truth of a healthy flight, as splitting takes them."""
+"""The sensors and the manager of one signal on the truth of a healthy flight, in the form that splitting needs."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from rig.world.sensors.params import calibrate
 RUN_IN: Final = 12  # frames
 COUNTED: Final = 48
 _TINY: Final = 1e-300
-_LEAST: Final = 0.05  # of what errors do: no smaller noise decides where windows begin
+_LEAST: Final = 0.05  # of the effect of errors: smaller noise does not decide where windows begin
 # Key of the threshold by fitted channels.
 THRESHOLDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}
 OUTLIERS: Final = {4: "outlier_threshold", 3: "outlier_threshold_triplex"}
 
 
 class Bench:
-    """Sensors and manager of one signal on the truth of a healthy flight.
+    """The sensors and the manager of one signal on the truth of a healthy flight.
 
-    BadInput: a sensor that open-loop trials do not know, a manager that fails nobody for good
+    BadInput: a sensor that open-loop trials do not support, or a manager that does not count to an isolation
     """
 
     def __init__(self, scenario: Scenario, signal: str, recorded: Recording) -> None:
         self._one = one_signal(scenario, signal)
         if not self._one.latches or self._one.manager.baseline is not None:
             manager = scenario.redundancy.manager
-            raise BadInput(f"redundancy.manager: {manager!r}: only cross-channel and cross-voter count to a failure")
+            raise BadInput(f"redundancy.manager: {manager!r}: must be cross-channel or cross-voter")
         s = INDEX[signal]
         self.signal, self.scenario = signal, scenario
         self._sensor = getattr(scenario.sensors, signal)
@@ -47,18 +47,18 @@ class Bench:
         self._wraps = SIGNALS[s].wraps
         if len(self._series[0]) <= self._run_in + COUNTED:
             raise BadInput(
-                f"the flight has {len(self._series[0])} frames: at least {self._run_in + COUNTED + 1} needed"
+                f"the flight has {len(self._series[0])} frames; at least {self._run_in + COUNTED + 1} are needed"
             )
         self.params = self._one.manager.params[0]
 
     @property
     def threshold(self) -> float:
-        """Return the threshold of the comparison with the fitted channels: of an outlier, where the signal has one."""
+        """Return the threshold that compares the fitted channels: the isolation threshold if the signal has one."""
         outlier = OUTLIERS.get(self.channels)
         return float((outlier and self.params[outlier]) or self.params[THRESHOLDS[self.channels]])
 
     def sets(self, threshold: float) -> list[str]:
-        """Return overrides of the scenario that give the comparison another threshold."""
+        """Return overrides of the scenario that set another threshold of the comparison."""
         within, outlier = THRESHOLDS[self.channels], OUTLIERS.get(self.channels)
         key = f"redundancy.signals.{self.signal}"
         if not outlier or not self.params[outlier]:
@@ -72,11 +72,11 @@ class Bench:
         return int(self.params["fitted"])
 
     def arrangements(self, least: float = COUNTS_FROM) -> Ends:
-        """Return ends of the errors; see channel_errors.ends."""
+        """Return the ends of the errors; see channel_errors.ends."""
         return ends(self._sensor, self._series[0], self._wraps, least)
 
     def held(self, errors: NDArray[np.float64]) -> Held:
-        """Build all that particles have in common, with errors (3, E, 4) of E flights."""
+        """Build the common part of the particles, with errors (3, E, 4) of E flights."""
         sensors = np.repeat(self._one.params, errors.shape[1])
         calibrate(sensors, self._sensor, errors)
         return Held(
@@ -96,7 +96,7 @@ class Bench:
         return Windows(first, self._run_in, COUNTED, *np.zeros((2, len(first)), np.int64))
 
     def starts(self, count: int, rng: Generator) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Draw frames in which windows begin, with their weights: half of them where gain and skew do the most."""
+        """Return frames in which windows begin, with weights: half of them at the largest effect of gain and skew."""
         does = self._doing()
         drawn = np.exp((does - does.max()) / max(float(self._one.params["noise_std"][0]), _LEAST * does.max(), _TINY))
         chances = 0.5 / len(does) + 0.5 * drawn / drawn.sum()
@@ -104,7 +104,7 @@ class Bench:
         return first, 1.0 / (len(does) * chances[first])
 
     def _doing(self) -> NDArray[np.float64]:
-        """Return how far gain and skew set channels apart, long enough to fail one, by the first frame of a window."""
+        """Return how far gain and skew separate channels, for the persistence, by the first frame of a window."""
         truth, frames = self._series[0], min(int(self.params["persistence"]), COUNTED)
         moved = step_sizes(truth, self._wraps)
         apart = 2.0 * self._sensor.scale_tolerance * np.abs(truth[1:]) + self._sensor.skew_frames * moved
@@ -117,7 +117,7 @@ class Bench:
         return np.arange(0, len(self._series[0]) - self._run_in - COUNTED + 1, COUNTED)
 
     def particles(self, count: int) -> Particles:
-        """Build places for so many states."""
+        """Build places for ``count`` states."""
         whole = [np.zeros(count, np.int64) for _ in range(4)]
         line = np.zeros((count, *self._one.line.shape))
         return Particles(np.zeros(count, MEMORY), line, np.zeros(count, self._one.manager.state.dtype), *whole)

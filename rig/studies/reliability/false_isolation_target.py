@@ -1,4 +1,4 @@
-"""False-isolation rates of a signal of a scenario: at given thresholds, and at the one that meets a target."""
+"""Estimate the false-isolation rate of a signal at given thresholds, and find the threshold that meets a target."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from rig.studies.reliability.false_isolations import Effort, FalseIsolationRate,
 from rig.studies.reliability.one_signal import recording
 
 CLOSE: Final = 0.01  # of the threshold: the search ends
-NEAR: Final = 0.5  # of the target: it ends too
+NEAR: Final = 0.5  # of the target: the search also ends
 AIM: Final = 0.8  # of the target
 STEP: Final = 0.8  # from a threshold to the next lower one, until one does not meet the target
 MOST_STEPS: Final = 40
 MOST_TRIES: Final = 12
-_LEAST: Final = 1e-30  # whose logarithm is taken in place of a smaller one's
+_LEAST: Final = 1e-30  # a smaller rate is replaced by this one before its logarithm is taken
 
 Benches = Callable[[float], Bench]  # by threshold
 
@@ -35,10 +35,10 @@ def run(
     seed: int,
     effort: Effort,
 ) -> tuple[list[FalseIsolationRate], FalseIsolationRate | None]:
-    """Return the rates at ``thresholds``, the scenario's own when not given, and the one that meets ``target``.
+    """Return the rates at ``thresholds``, by default the scenario's, and the rate at the one that meets ``target``.
 
-    The truth is that of the healthy flight of the scenario as it is, with the overrides ``sets``.
-    BadInput: signal, scenario, a setting, a degenerate estimate, a target that nothing meets.
+    The truth is that of the healthy flight of the scenario, with the overrides ``sets``.
+    BadInput: an unknown signal, a wrong scenario or setting, too few sets of errors, a target that no threshold meets.
     """
     if signal not in INDEX:
         raise BadInput(f"unknown signal {quoted(signal)}, {choices(signal, INDEX, 'rig signals')}")
@@ -62,16 +62,16 @@ def run(
 
 
 def shown(rate: FalseIsolationRate) -> float:
-    """Return what is shown of a channel's flight hour: the upper end of the rate, and failures in the first frames."""
+    """Return the bound for a channel's flight hour: upper end of the rate, plus isolations in the first frames."""
     return rate.high + rate.at_start
 
 
 def threshold_for(benches: Benches, begin: float, target: float, seed: int, effort: Effort) -> FalseIsolationRate:
-    """Return the rate at the lowest threshold that was found to meet ``target``, per hour of one channel.
+    """Return the rate at the lowest threshold found that meets ``target``, per hour of one channel.
 
-    A degenerate estimate tells where to look, and shows nothing.
+    An estimate from too few sets of errors guides the search, but does not meet a target.
     begin : threshold with which to begin
-    BadInput: none meets it, or all do.
+    BadInput: no threshold meets the target, or every threshold does.
     """
     met, missed, tried = _bracket(benches, begin, target, seed, effort)
     for _ in range(MOST_TRIES):
@@ -86,7 +86,7 @@ def threshold_for(benches: Benches, begin: float, target: float, seed: int, effo
 def _bracket(
     benches: Benches, begin: float, target: float, seed: int, effort: Effort
 ) -> tuple[FalseIsolationRate, FalseIsolationRate, list[FalseIsolationRate]]:
-    """Return a threshold that meets the target, the next lower one that does not, and all that were tried."""
+    """Return a threshold that meets the target, the next lower one that does not, and all tried thresholds."""
     tried = [estimate(benches(begin), seed, effort)]
     up = shown(tried[0]) > target or tried[0].few is not None
     for _ in range(MOST_STEPS):
@@ -102,7 +102,7 @@ def _bracket(
 
 
 def _between(missed: FalseIsolationRate, met: FalseIsolationRate, target: float) -> float:
-    """Return a threshold between, by the logarithms of what they show, not too close to either."""
+    """Return a threshold between two, by the logarithms of their bounds, not too close to either."""
     high, low = (log(max(shown(each), _LEAST)) for each in (missed, met))
     share = (high - log(AIM * target)) / (high - low) if high > low else 0.5
     share = min(max(share, 0.1), 0.9)

@@ -1,12 +1,12 @@
-"""False isolations of healthy channels, by multilevel splitting: how often.
+"""Estimate the rate of false isolations of healthy channels by multilevel splitting.
 
-    rate of a channel = crossings from level 0 a frame x product of P(i + 1 before 0 | i) x channels failed / channels
+    rate of a channel = crossings from level 0 a frame x product of P(i + 1 before 0 | i) x channels isolated / channels
 
-A repetition draws the errors of so many flights (channel_errors.py), runs the first frames of each and keeps the states
-in which excursions begin.  From level to level as many excursions are run, from states drawn with replacement; each
-carries the weight of its flight.  Repetitions are independent, and give the interval.
-Where the errors at the very ends of their tolerances set nobody apart, there is nothing to split: then the rate is
-below a bound (``bound``), as a failure takes ``persistence`` such frames in a row and noise has no memory.
+A repetition draws the errors of a number of flights (channel_errors.py), runs the first frames of each and keeps the
+states in which excursions begin.  From each level it runs the same number of excursions, from states drawn with
+replacement; each carries the weight of its flight.  Repetitions are independent and give the interval.
+If errors at the ends of their tolerances separate no channels, there is nothing to split.  The rate is then below a
+bound (``bound``): an isolation takes ``persistence`` miscomparing frames in a row, and noise has no memory.
 Source: docs/reliability.md, 'False isolations'; fixed-effort splitting, Garvels and Kroese (1998).
 """
 
@@ -29,7 +29,7 @@ from rig.studies.reliability.channel_errors import KAPPAS, corners, drawn_errors
 from rig.studies.reliability.false_isolation_bench import COUNTED, Bench
 
 Floats = NDArray[np.float64]
-FLOOR: Final = 1e-12  # per channel hour, below which nothing is resolved
+FLOOR: Final = 1e-12  # per channel hour; smaller rates are not resolved
 FLIGHTS: Final = 4000  # of one repetition, with errors of their own
 EXCURSIONS: Final = 20_000  # of one level
 REPETITIONS: Final = 8
@@ -44,7 +44,7 @@ _CORNERS: Final = 2**31  # spawn key of the seed; below are the repetitions
 
 
 class Effort(NamedTuple):
-    """What is spent on one repetition, and how errors are drawn."""
+    """The size of one repetition, and the way in which errors are drawn."""
 
     flights: int = FLIGHTS
     excursions: int = EXCURSIONS
@@ -54,13 +54,13 @@ class Effort(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FalseIsolationRate:
-    """False isolations at one threshold."""
+    """The false-isolation rate at one threshold."""
 
     threshold: float  # unit of the signal
     per_hour: float | None  # of one channel; None where only the bound is known
     low: float | None  # 95 %
     high: float
-    at_start: float  # chance that a channel is failed in the first frames of a flight
+    at_start: float  # chance that a channel is isolated in the first frames of a flight
     sets: list[int]  # different sets of errors that reached each level, the fewest of all repetitions; [] if none
     carrying: float  # sets of errors that carry the estimate: their number if all had the same part in it (Kish)
     repetitions: int
@@ -68,18 +68,18 @@ class FalseIsolationRate:
 
     @property
     def few(self) -> str | None:
-        """Return why this is no estimate, if it is none."""
+        """Return the reason why there is no estimate; None if there is one."""
         short = [(level, count) for level, count in enumerate(self.sets, 1) if count < LEAST_SETS]
         if short:
             level, count = short[0]
-            return f"{count} different sets of errors reach level {level} of {len(self.sets)}, {LEAST_SETS} needed"
+            return f"{count} different sets of errors reach level {level} of {len(self.sets)}, {LEAST_SETS} are needed"
         if self.sets and self.carrying < LEAST_SETS:
-            return f"{self.carrying:.0f} different sets of errors carry the estimate, {LEAST_SETS} needed"
+            return f"{self.carrying:.0f} different sets of errors carry the estimate, {LEAST_SETS} are needed"
         return None
 
 
 class Repetition(NamedTuple):
-    """One estimate."""
+    """The estimate of one repetition."""
 
     per_hour: float
     at_start: float
@@ -89,21 +89,21 @@ class Repetition(NamedTuple):
 
 
 def estimate_or_bound(bench: Bench, seed: int = 0, effort: Effort | None = None) -> FalseIsolationRate:
-    """Estimate false isolations of one channel an hour; where too few sets of errors carry that, return the bound.
+    """Estimate the false isolations of a channel an hour, or return the bound if too few sets of errors carry that.
 
-    BadInput: too few, and the bound says nothing
+    BadInput: too few sets of errors, and the bound is too high
     """
     estimated = estimate(bench, seed, effort)
     if estimated.few is None:
         return estimated
     highest = bound(bench, seed)
     if highest > USEFUL:
-        raise BadInput(f"{bench.signal}: threshold {bench.threshold:g}: {estimated.few}: no estimate; raise --flights")
+        raise BadInput(f"{bench.signal}: threshold {bench.threshold:g}: no estimate: {estimated.few}; raise --flights")
     return replace(estimated, per_hour=None, low=None, high=highest)
 
 
 def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> FalseIsolationRate:
-    """Estimate as ``estimate_or_bound`` does, degenerate or not."""
+    """Estimate as ``estimate_or_bound`` does, also from too few sets of errors."""
     highest, spent = bound(bench, seed), effort or Effort()
     if highest < FLOOR:
         return FalseIsolationRate(bench.threshold, None, None, highest, 0.0, [], 0.0, 0, 0)
@@ -133,13 +133,13 @@ def _mean(repetitions: Sequence[Repetition]) -> float:
 
 
 def _half_width(repetitions: Sequence[Repetition]) -> float:
-    """Return half the width of the 95 % interval: t over independent repetitions."""
+    """Return half the width of the 95 % interval, by Student's t over independent repetitions."""
     spread = float(np.std([each.per_hour for each in repetitions], ddof=1))
     return float(stdtrit(len(repetitions) - 1, 0.975)) * spread / sqrt(len(repetitions))
 
 
 def repetition(bench: Bench, seeds: SeedSequence, effort: Effort) -> Repetition:
-    """Make one estimate from seeds of its own."""
+    """Make the estimate of one repetition."""
     errors_from, flux_from, levels_from = (Generator(SFC64(child)) for child in seeds.spawn(3))
     given = bench.arrangements()
     errors, weights = drawn_errors(given, effort.flights, errors_from, effort.kappas)
@@ -160,7 +160,7 @@ def repetition(bench: Bench, seeds: SeedSequence, effort: Effort) -> Repetition:
 
 
 def _different(flights: NDArray[np.int64], errors: bool) -> int:
-    """Count flights that have reached a level; where no errors last a flight, how many times it was reached."""
+    """Count the flights that reach a level; without constant errors, count how often it is reached."""
     return len(np.unique(flights)) if errors else len(flights)
 
 
@@ -170,7 +170,7 @@ def effective(parts: Floats) -> float:
 
 
 def excursions_begun(bench: Bench, held: Held, windows: Windows, rng: Generator) -> tuple[Particles, int]:
-    """Return the states in which excursions begin, of as many windows as they have places for; their number."""
+    """Return the states in which excursions begin, of as many windows as there are places, and their number."""
     work, out, n, j = bench.particles(1), bench.particles(_PLACES), 0, 0
     noise = np.empty((_ROWS, 1, CHANNELS), np.float32)
     while j < len(windows.first) and n + COUNTED <= _PLACES:
@@ -182,7 +182,7 @@ def excursions_begun(bench: Bench, held: Held, windows: Windows, rng: Generator)
 def next_level(
     held: Held, begun: Particles, carried: Floats, goal: int, count: int, rng: Generator
 ) -> tuple[Particles, Floats, int]:
-    """Return the states in which ``goal`` is reached, what each carries, and how many excursions were cut off."""
+    """Return the states in which ``goal`` is reached, the weight of each, and the number of excursions cut off."""
     if len(carried) == 0:
         return begun, carried, 0
     drawn = rng.integers(0, len(carried), count)
@@ -197,11 +197,11 @@ def next_level(
 
 
 def bound(bench: Bench, seed: int) -> float:
-    """Bound false isolations of a channel an hour by flights whose errors are all at an end of their tolerances.
+    """Bound the false isolations of a channel an hour by flights whose errors are all at an end of their tolerances.
 
-    With p the chance that somebody disagrees in a frame, at the worst ends and place of the recording, a failure takes
-    ``persistence`` such frames in a row, of ``split_persistence`` in a split.  p is the upper
-    end of its 95 % interval.  Infinite where noise has a memory: with a filter before the comparison.
+    Let p be the probability that a channel miscompares in a frame, at the worst ends and place of the recording.  An
+    isolation takes ``persistence`` such frames in a row, or ``split_persistence`` in a split.  p is the upper end of
+    its 95 % interval.  The bound is infinite if noise has a memory, that is, with a filter before the comparison.
     """
     if bench.params["filter_gain"] > 0.0:
         return np.inf

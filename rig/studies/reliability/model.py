@@ -1,15 +1,15 @@
-"""The chain of one signal with n channels: faults suffered, false isolations, and the two ways to lose the signal.
+"""The Markov chain of one signal with n channels: faults, false isolations, and the two ways to lose the signal.
 
-State (k, announced): k channels are faulty or failed; announced when any of them was failed, so that the ground crew
-will know.  A fault is settled after a mean time tau, during which a second one can come; tau is so short beside a
-flight that the fault's outcome is taken at once, with the chance of a second one within tau in it.
+State (k, announced): k channels are faulty or isolated; announced if any of them was isolated, so that it is repaired
+after the flight.  A fault is settled after a mean time tau, in which a second fault can begin.  Because tau is short
+beside a flight, the model takes the outcome at once, and includes the chance of a second fault within tau.
 
     (k)   -> next fault         (n - k) ((1 - beta) lambda + box + k pair)
     (k)   -> two alike          C(n - k, 2) pair                k <= n - 2
     (k)   -> (k + 1, announced) (n - k) phi                     false isolation; of the last channel: annunciated loss
 
-Common mode hits one of the C(n, 2) fixed pairs of channels: pair = beta lambda / C(n, 2), box is the rate of the box of
-one channel.  A pair with one good channel left is a single fault.
+Common mode hits one of the C(n, 2) fixed pairs of channels: pair = beta lambda / C(n, 2).  box is the failure rate of
+the LRU of one channel.  A pair with one good channel left is a single fault.
 Source: docs/reliability.md, 'The model'.
 """
 
@@ -30,7 +30,7 @@ LOSSES: Final = (KNOWN, KNOWN_LOST, BAD, BAD_LOST)
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """What a chain is made of; arrays have a first axis of draws."""
+    """The inputs of a chain; the first axis of arrays is the draws."""
 
     outcomes: Mapping[CellKey, Floats]  # (draws, OUTCOMES)
     announced: Mapping[CellKey, float]
@@ -39,7 +39,7 @@ class Given:
     box_per_hour: float = 0.0
 
     def of(self, design: str, good: int) -> Floats:
-        """Return a cell's draws; if two faults were not flown, all are undetected errors, shared out as others."""
+        """Return a cell's draws; pairs of faults that were not flown are undetected errors, divided as other cells."""
         if (design, good) in self.outcomes:
             return self.outcomes[design, good]
         single = self.outcomes["single", good]
@@ -49,14 +49,14 @@ class Given:
 
 
 def split(outcome: Floats, loss: int) -> Floats:
-    """Return the shares (draws, 2) of a loss, KNOWN or BAD, that the aircraft survives and that it does not."""
+    """Return the shares (draws, 2) of a loss, KNOWN or BAD, that the aircraft survives and does not survive."""
     both = outcome[:, loss] + outcome[:, loss + 1]
     lost = np.divide(outcome[:, loss + 1], both, out=np.ones_like(both), where=both > 0.0)
     return np.stack([1.0 - lost, lost], axis=-1)
 
 
 def states(n: int) -> dict[tuple[int, bool], int]:
-    """Return the places of the states (faulty channels, announced); the four losses come behind them."""
+    """Return the places of the states (faulty channels, announced); the four losses follow them."""
     pairs = ((k, announced) for k in range(n) for announced in (False, True) if k or not announced)
     return {pair: i for i, pair in enumerate(pairs)}
 
@@ -77,13 +77,13 @@ def rates(n: int, per_hour: float, beta: float, given: Given) -> Floats:
         phi = good * given.false_isolation[good]
         if good >= 2:
             row[:, place[k + 1, True]] += phi
-        else:  # nobody is left
+        else:  # no channel is left
             row[:, len(place) : len(place) + 2] += phi[:, None] * split(given.of("single", 1), KNOWN)
     return matrix
 
 
 def next_fault(given: Given, good: int, per_hour: float) -> Floats:
-    """Return outcomes (draws, OUTCOMES) of the next fault, settled or overtaken by another one before that."""
+    """Return outcomes (draws, OUTCOMES) of the next fault, settled or followed by another fault before that."""
     single = given.of("single", good)
     second = (good - 1) * per_hour * given.settle_h
     overtaken = second / (1.0 + second)
@@ -100,7 +100,7 @@ def _after(
     outcome: Floats,
     given: Given,
 ) -> None:
-    """Add to ``row`` (draws, m) what ``more`` faults in state k lead to, at ``rate`` per hour."""
+    """Add to ``row`` (draws, m) the transitions by ``more`` faults in state k, at ``rate`` per hour."""
     n = 1 + max(faulty for faulty, _ in place)
     losses = outcome[:, list(LOSSES)].copy()
     if k + more < n:
@@ -108,16 +108,16 @@ def _after(
         row[:, place[k + more, True]] += rate * outcome[:, KEPT] * share
         row[:, place[k + more, False]] += rate * outcome[:, KEPT] * (1.0 - share)
     elif more == 1:
-        losses[:, :2] += outcome[:, [KEPT]] * split(outcome, KNOWN)  # the vote was right, but nobody is left
+        losses[:, :2] += outcome[:, [KEPT]] * split(outcome, KNOWN)  # a correct vote, but no channel is left
     else:
-        losses[:, 2:] += outcome[:, [KEPT]] * split(outcome, BAD)  # two alike, and nobody left to contradict them
+        losses[:, 2:] += outcome[:, [KEPT]] * split(outcome, BAD)  # two alike, and no other channel left
     row[:, len(place) :] += rate * losses
 
 
 def one_flight(chain: Floats, n: int, hours: float) -> tuple[Floats, Floats]:
     """Return the outcome of a flight from each latent state: a latent state (draws, k, k), each loss (draws, k, 4).
 
-    What was announced or lost is repaired after the flight, so that the next one begins without a fault.
+    An announced fault or a loss is repaired after the flight, so that the next one begins without a fault.
     """
     place = states(n)
     latent = [i for (_, announced), i in place.items() if not announced]
@@ -131,7 +131,7 @@ def one_flight(chain: Floats, n: int, hours: float) -> tuple[Floats, Floats]:
 def after_flights(flight: tuple[Floats, Floats], hours: float, flights: int) -> Floats:
     """Return the probability (draws, 4) of each loss per flight hour, the mean of ``flights`` between two full checks.
 
-    flight : of ``one_flight``; what was tolerated without a word is found by the check alone
+    flight : from ``one_flight``; only the check finds faults that were tolerated without an announcement
     """
     begins, lost = flight
     now = np.zeros(begins.shape[:2])
@@ -144,5 +144,5 @@ def after_flights(flight: tuple[Floats, Floats], hours: float, flights: int) -> 
 
 
 def perfect(n: int, per_hour: float, hours: float) -> float:
-    """Return the probability per flight hour when every fault but the last is kept: all channels fail in one flight."""
+    """Return the probability per flight hour if every fault but the last is tolerated: all channels fail."""
     return float((-np.expm1(-per_hour * hours)) ** n / hours)

@@ -1,9 +1,9 @@
-"""What the next fault does, from counts: draws of its outcomes for every number of good channels.
+"""Draw the outcomes of the next fault from counts, for every number of good channels.
 
-Counts of a kind give a Dirichlet distribution; the kinds are weighted by their shares in the rates file.  The prior is
-Jeffreys': a half for all that is not kept, spread over all kinds of a cell together (a half for each kind would make an
-empty table look as many times worse as there are kinds), and a half for what is kept.  Kinds without a share count
-nowhere.
+The counts of a kind give a Dirichlet distribution; the shares in the rates file weight the kinds.  The prior is
+Jeffreys': one half for all outcomes that are not correct, spread over all kinds of a cell together, and one half for
+correct.  (One half for each kind would make an empty table worse by the number of kinds.)  Kinds without a share do not
+count.
 Source: docs/reliability.md, 'Intervals'; Jeffreys prior as in Brown, Cai and DasGupta (2001).
 """
 
@@ -31,14 +31,14 @@ WHERE_FLOWN: Final = "lost_aircraft_annunciated", "lost_aircraft_undetected"
 
 @dataclass(frozen=True, slots=True)
 class Outcomes:
-    """Of the cells of one manager and signal."""
+    """The outcomes of the cells of one manager and signal."""
 
     draws: dict[CellKey, Floats]  # (draws, OUTCOMES), rows add up to one
     trials: dict[CellKey, int]
-    seen: dict[CellKey, int]  # of them not kept
-    announced: dict[CellKey, float]  # share of the kept ones whose faulty channel was failed
-    unreached: list[CellKey]  # with a kind of which no trial came to be
-    flown: bool  # whether any told what became of the aircraft
+    seen: dict[CellKey, int]  # of them not correct
+    announced: dict[CellKey, float]  # share of the correct ones whose faulty channel was isolated
+    unreached: list[CellKey]  # with a kind without a single trial
+    flown: bool  # whether any was flown in closed loop
     settle_s: float  # mean time from onset to settled, of single faults by the shares of their kinds
 
 
@@ -52,9 +52,9 @@ def outcomes(
 ) -> Outcomes:
     """Draw the outcomes of every cell in ``counts``, a table of cells of one signal (docs/reliability.md).
 
-    kinds : share of each kind of fault; a cell of single faults must have them all, else BadInput names it
+    kinds : share of each kind of fault; BadInput names a cell of single faults that lacks one
     rng   : None for the mean of every distribution instead of draws
-    level : the chance that no manoeuvre lies between two faults of a flight, 1 where the rates file says nothing
+    level : the chance that no manoeuvre is flown between two faults of a flight, 1 if the rates file gives none
     """
     flown = counts.select(pl.col(WHERE_FLOWN).is_null().all()).row(0) != (True, True)
     settle = settling(counts, kinds)
@@ -78,11 +78,11 @@ def outcomes(
 
 
 def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: CellKey, source: str) -> dict[str, float]:
-    """Return the shares of the kinds of a cell; pairs of faults are flown of some kinds only."""
-    flown = set(cell["kind"])  # or planned: what never came to be is an undetected error
+    """Return the shares of the kinds of a cell; pairs of faults were flown only for some kinds."""
+    flown = set(cell["kind"])  # or planned: a fault that never began is an undetected error
     absent = sorted(set(kinds) - flown)
     if place[0] == "single" and absent:
-        raise BadInput(f"{source}: no trial of {absent[0]} with {place[1]} good channels, which the rates file names")
+        raise BadInput(f"{source}: no trial of {absent[0]}, a kind of the rates file, with {place[1]} good channels")
     shares = {kind: share for kind, share in sorted(kinds.items()) if kind in flown}
     if not shares:
         raise BadInput(
@@ -93,9 +93,9 @@ def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: CellKey, sour
 
 
 def settling(counts: pl.DataFrame, kinds: Mapping[str, float]) -> dict[str, float]:
-    """Return the mean time (s) from onset to settled of single faults of each kind, of all cells by their trials.
+    """Return the mean time (s) from onset to settlement of single faults of each kind, over all cells by their trials.
 
-    A kind of which none was settled has the mean of the others.
+    A kind without a settled fault has the mean of the others.
     """
     settled = counts.filter(pl.col("settle_s_mean").is_not_null() & (pl.col("design") == "single"))
     means = {
@@ -116,9 +116,9 @@ def _conditions(
     draws: int,
     level: float,
 ) -> Floats:
-    """Draw (draws, OUTCOMES) of one cell: with all faults in level flight by the chance of that, else otherwise.
+    """Draw (draws, OUTCOMES) of one cell, with all faults in level flight weighted by the chance of that.
 
-    First faults, and kinds that were not flown in both, are taken together as they were flown.
+    First faults, and kinds that were not flown in both conditions, are taken together as flown.
     """
     latent = pl.col("condition") == LATENT
     parts = cell.filter(latent), cell.filter(~latent)
@@ -140,7 +140,7 @@ def _cell(
     rng: Generator | None,
     draws: int,
 ) -> Floats:
-    """Draw (draws, OUTCOMES) of the kinds in ``shares`` of one cell, conditions taken together; rows sum to shares."""
+    """Draw (draws, OUTCOMES) of the kinds in ``shares`` of one cell over all conditions; rows sum to shares."""
     outcomes = np.zeros((draws, OUTCOMES))
     for kind, share in shares.items():
         of_kind = cell.filter(pl.col("kind") == kind)
@@ -164,7 +164,7 @@ def _dirichlet(counts: tuple[float, ...], rng: Generator | None, draws: int) -> 
 
 
 def _lost_share(counts: pl.DataFrame, rng: Generator | None, draws: int) -> tuple[Floats, Floats]:
-    """Draw the share (draws,) of annunciated losses, and of undetected errors, that lost the aircraft, of all."""
+    """Draw the share (draws,) of annunciated losses, and of undetected errors, that lost the aircraft."""
     shares = []
     for column, outcome in zip(WHERE_FLOWN, ("annunciated_loss", "undetected_error"), strict=True):
         flown = counts.filter(pl.col(column).is_not_null())

@@ -1,7 +1,7 @@
-"""What open-loop trials run on: one signal of a flight on its own, and truth and references of a healthy one, held.
+"""The basis of open-loop trials: one signal alone, on the recorded truth and references of a healthy flight.
 
-Kernels take the fields of a row by name and loop over as many signals as their parameters have, so a row in which
-the tested signal is the only one runs through the same code.
+Kernels take the fields of a row by name and loop over the signals of their parameters, so a row with the tested signal
+alone runs through the same code.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ROW: Final = rows(1).frame
 
 
 class OneSignal(NamedTuple):
-    """What is the same in every trial of a scenario: records of the tested signal, blank ones to begin with."""
+    """The common part of all trials of a scenario: the records of the tested signal, blank to begin with."""
 
     signal: int
     params: NDArray[np.void]  # (1,) sensors.params.PARAMS, channel errors still to be drawn
@@ -36,19 +36,19 @@ class OneSignal(NamedTuple):
     line: NDArray[np.float64]  # (1, 4, frames) the latency's ring
     manager: Manager  # of the signal alone
     threshold: float
-    latches: bool  # whether the manager keeps what it failed out for good
+    latches: bool  # whether the manager keeps isolated channels out for the rest of the flight
 
 
 def setting_key(data: Mapping[str, Any]) -> str:
-    """Return what tells a scenario's table from others, whatever its faults, its title and its seed."""
+    """Return the key of a scenario's table, which its faults, title and seed do not change."""
     given = {key: value for key, value in data.items() if key not in ("faults", "title", "seed")}
     return json.dumps(given, sort_keys=True, default=str)
 
 
 def one_signal(scenario: Scenario, name: str, key: str | None = None) -> OneSignal:
-    """Return the tested signal of a scenario.  BadInput: a manager or sensor that open-loop trials do not know.
+    """Return the tested signal of a scenario.  BadInput: a manager or sensor that open-loop trials do not support.
 
-    key : tells its settings from others, see ``setting_key``; those that are made already are not made again
+    key : of the settings, see ``setting_key``; the same settings are made only once
     """
     params, p = _parameters(scenario, name) if key is None else _kept(_Settings(key, scenario), name)
     chosen = scenario.redundancy.manager
@@ -78,28 +78,28 @@ def _parameters(scenario: Scenario, name: str) -> tuple[NDArray[np.void], NDArra
     """Return PARAMS of the sensors and of the manager of one signal, (1,) each."""
     s, chosen = INDEX[name], scenario.redundancy.manager
     if chosen not in MANAGERS:
-        raise BadInput(f"redundancy.manager: {chosen!r}: open-loop trials run {', '.join(MANAGERS)}")
+        raise BadInput(f"redundancy.manager: {chosen!r}: open-loop trials support {', '.join(MANAGERS)}")
     params = sensors.Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"]).params[s : s + 1].copy()
     for key, what in (("shares", "cross-axis errors"), ("drifts", "drift"), ("alarms", "false alarms of monitors")):
         if params[0][key] != 0:
-            raise BadInput(f"sensors.{name}: open-loop trials know no {what}")
+            raise BadInput(f"sensors.{name}: open-loop trials do not support {what}")
     return params, loop.redundancy(scenario).manager.params[s : s + 1].copy()
 
 
 def faults_of(scenario: Scenario, name: str) -> Faults:
-    """Return a scenario's faults on one signal alone, at the first frame.  BadInput: one sits elsewhere, or waits."""
+    """Return a scenario's faults on one signal, at the first frame.  BadInput: one is elsewhere, or has a trigger."""
     made = loop.faults(scenario)
     for fault in scenario.faults:
         if fault.signal != name or {point.place for point in fault.points} != {name}:
-            raise BadInput(f"faults: {fault.label}: open-loop trials have all faults on channels of one signal")
+            raise BadInput(f"faults: {fault.label}: open-loop trials need all faults on channels of one signal")
         if fault.when is not None or fault.on is not None or fault.rate_per_hour is not None:
-            raise BadInput(f"faults: {fault.label}: in open-loop trials a fault begins at a time, or after another")
+            raise BadInput(f"faults: {fault.label}: in open-loop trials a fault must begin at a time or after another")
     made.targets["row"] = made.targets["source"] = 0
     return made
 
 
 class Recording(NamedTuple):
-    """A healthy flight, of every signal, (N, S), frame by frame."""
+    """A healthy flight: all signals, (N, S), frame by frame."""
 
     truth: NDArray[np.float64]
     reference: NDArray[np.float64]
@@ -107,11 +107,11 @@ class Recording(NamedTuple):
 
 
 def recording(scenario: Scenario, seed: int) -> Recording:
-    """Fly ``scenario`` without its faults, with ``seed``.  BadInput when the aircraft does not last to the end."""
+    """Fly ``scenario`` without its faults, with ``seed``.  BadInput: the aircraft is lost before the end."""
     flown = loop.fly_rows(scenario.model_copy(update={"faults": [], "seed": seed}).trusted(scenario.trust))
     if len(flown) < scenario.frames:
         raise BadInput(
-            f"the healthy flight ends after {len(flown)} of {scenario.frames} frames: nothing to try faults on"
+            f"the healthy flight ends after {len(flown)} of {scenario.frames} frames; trials need the whole flight"
         )
     return of_rows(flown)
 

@@ -1,4 +1,4 @@
-"""Undetected errors, annunciated losses and lost aircraft per flight hour of every manager and number of channels."""
+"""Undetected errors, annunciated losses and lost aircraft per flight hour, for each manager and number of channels."""
 
 from __future__ import annotations
 
@@ -21,13 +21,12 @@ DRAWS: Final = 4000
 SEED: Final = 1
 TARGETS: Final = {"military": 1e-7, "civil": 1e-9}  # per flight hour; Zhang 2023, introduction
 TARGETS_EXPLAINED: Final = (
-    "military, civil: the function is lost at most 1e-7, 1e-9 times per flight hour, by an undetected error or an "
-    "annunciated loss; "
-    "not shown: the interval holds the target, more trials decide"
+    "targets: loss of function, by an undetected error or an annunciated loss, at most 1e-7 (military) or 1e-9 (civil) "
+    "per flight hour; not shown: the target is inside the interval, so more trials are needed"
 )
 WHAT: Final = ("undetected_error", "annunciated_loss", "lost_aircraft")
 TITLES: Final = {
-    "undetected_error": "undetected error, not declared",
+    "undetected_error": "undetected error",
     "annunciated_loss": "annunciated loss of the signal",
     "lost_aircraft": "lost aircraft",
 }
@@ -40,7 +39,7 @@ UNSEEN: Final = 0.5  # of a result from cells in which nothing was seen: above i
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A probability per flight hour; ``low`` is None where the data give no lower end."""
+    """A probability per flight hour; ``low`` is None if the data give no lower end."""
 
     median: float
     low: float | None
@@ -49,7 +48,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Contribution:
-    """What a result would lose if a cell kept everything."""
+    """The share of a result that would vanish if every fault of a cell were tolerated."""
 
     cell: str
     share: float
@@ -70,19 +69,19 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One manager and case."""
+    """The result of one manager and case."""
 
     manager: str
     signal: str
     case: Case
-    estimates: dict[str, Estimate]  # by WHAT; without lost_aircraft where nothing was flown
+    estimates: dict[str, Estimate]  # by WHAT; without lost_aircraft if nothing was flown
     perfect: float
     requirement: dict[str, bool]  # by TARGETS: met by the upper end of the loss of the function
     loss: Estimate  # of the function: undetected error and annunciated loss together
     standing: dict[str, str]  # by TARGETS: met, not shown, not met
     contributions: tuple[Contribution, ...]  # to that loss, the largest first
     layers: tuple[str, ...]  # in series, with given coverages
-    unreached: tuple[str, ...]  # cells in which a kind of fault never came to be, and counts as an undetected error
+    unreached: tuple[str, ...]  # cells in which a kind of fault never began, and counts as an undetected error
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -92,7 +91,7 @@ class Result:
 def results(
     flown: Cells, signal: str, given: SignalRates, cases: Sequence[Case], layers: Sequence[Layer] = ()
 ) -> list[Result]:
-    """Compute one manager in all ``cases``, of one flight time.  BadInput names a kind of fault that was not flown."""
+    """Compute one manager in all ``cases`` of one flight time.  BadInput names a kind of fault that was not flown."""
     counts = flown.counts.filter(pl.col("signal") == signal).sort("design", "good_before", "kind", "condition")
     rng = np.random.default_rng(SEED)
     drawn = outcomes(counts, given.kinds, flown.manager, rng, DRAWS, given.level(cases[0].hours))
@@ -110,13 +109,13 @@ def results(
 
 
 def cases(given: SignalRates, channels: Iterable[int], hours: float, checks: int) -> list[Case]:
-    """Return all channels, rates and shares of common mode, checked after each flight and after ``checks``."""
+    """Return all channels, rates and common-mode shares, checked after each flight and after ``checks`` flights."""
     sweep = product(channels, given.per_hour, given.beta, sorted({1, checks}))
     return [Case(n, rate, beta, hours, flights) for n, rate, beta, flights in sweep]
 
 
 def false_isolations(table: pl.DataFrame, rng: np.random.Generator) -> dict[int, Floats]:
-    """Draw (DRAWS,) false isolations per channel hour, by level: Gamma(events + 1/2, hours); none without hours."""
+    """Draw (DRAWS,) false isolations per channel hour by level: Gamma(events + 1/2, hours); none without hours."""
     draws: dict[int, Floats] = {}
     for level in (4, 3, 2, 1):
         here = table.filter(pl.col("level") == level)
@@ -151,7 +150,7 @@ def _result(
 
 
 def against(loss: Estimate, target: float) -> str:
-    """Return whether a loss meets a target: its whole interval is below it, above it, or neither."""
+    """Return the verdict on a target: the whole interval of a loss is below it, above it, or neither."""
     if loss.high < target:
         return MET
     return NOT_MET if loss.low is not None and loss.low > target else NOT_SHOWN
@@ -165,7 +164,7 @@ def losses(given: Given, cases: Sequence[Case]) -> list[Floats]:
 
 
 def _mean(given: Given) -> Given:
-    """Return the same with one draw, the mean of all."""
+    """Return the same inputs with one draw, the mean of all."""
     return replace(
         given,
         outcomes={cell: u.mean(axis=0, keepdims=True) for cell, u in given.outcomes.items()},
@@ -185,7 +184,7 @@ def _contributions(mean: Given, drawn: Outcomes, cases: Sequence[Case]) -> list[
 
 
 def _without_each(mean: Given, flown: Sequence[CellKey]) -> Given:
-    """Return as many draws: all as it is, without the losses of each cell, without false isolations."""
+    """Return inputs with one draw each: unchanged, without the losses of each cell, without false isolations."""
     draws = len(flown) + 2
     outcomes = {cell: np.repeat(u, draws, axis=0) for cell, u in mean.outcomes.items()}
     for i, cell in enumerate(flown, 1):
@@ -197,7 +196,7 @@ def _without_each(mean: Given, flown: Sequence[CellKey]) -> Given:
 
 
 def _ranked(lost: Floats, flown: Sequence[CellKey], drawn: Outcomes) -> tuple[Contribution, ...]:
-    """Return what each draw of ``_without_each`` lacks of the first one, the largest first."""
+    """Return the difference of each draw of ``_without_each`` from the first one, the largest first."""
     whole = lost[0]
     missing = (whole - lost[1:]) / whole if whole > 0.0 else np.zeros(len(lost) - 1)
     of_cells = (
@@ -210,7 +209,7 @@ def _ranked(lost: Floats, flown: Sequence[CellKey], drawn: Outcomes) -> tuple[Co
 
 
 def in_series(layer: Layer, hours: float) -> float:
-    """Return the probability per flight hour that a layer is lost: a fault not covered, or all of its channels."""
+    """Return the probability per flight hour of losing a layer, by an uncovered fault or by all of its channels."""
     uncovered = {
         ("single", layer.channels - k): np.array([[1.0 - u, 0.0, 0.0, 0.0, u]]) for k, u in enumerate(layer.not_covered)
     }
@@ -219,37 +218,43 @@ def in_series(layer: Layer, hours: float) -> float:
     return float(losses(Given(uncovered, {}, none, 0.0), [alone])[0].sum())
 
 
+def target_text(per_hour: float) -> str:
+    """Return a target per flight hour as text: 1e-7."""
+    return f"{per_hour:.0e}".replace("e-0", "e-")
+
+
 def interval(estimate: Estimate) -> str:
-    """Return a probability with its interval, or its upper end where the data give no lower one."""
+    """Return a probability with its interval, or its upper end if the data give no lower one."""
     if estimate.low is None:
         return f"< {estimate.high:.2e}"
     return f"{estimate.median:.2e} ({estimate.low:.2e} to {estimate.high:.2e})"
 
 
 def decided_by(result: Result) -> str:
-    """Return what makes a result, the largest first, and what would make its interval narrower."""
+    """Return the cells that decide a result, the largest first, and the trials that would narrow its interval."""
     parts = [_part(contribution) for contribution in result.contributions if contribution.share >= WORTH_SAYING]
-    return "; ".join(parts[:MOST]) if parts else "all channels failing"
+    return "; ".join(parts[:MOST]) if parts else "failure of all channels"
 
 
 _OF: Final = (Column("manager", type=str), Column("channels", "case.channels"))
 DECIDED: Final = (
     *_OF,
-    *(Column("per hour", "case.per_hour", PLAIN, worth=0), Column("common mode", "case.beta", PLAIN, worth=0)),
+    *(
+        Column("per hour", "case.per_hour", PLAIN, worth=0),
+        Column("common mode", lambda result: _percent(result), worth=0),
+    ),
     Column("decided by", decided_by, type=str),
 )
 
 
 def numbers(results: Sequence[Result]) -> list[Column]:
-    """Return the columns of results: the case, the estimates that there are, perfect isolation, the targets."""
+    """Return the columns of results: the case, the available estimates, perfect isolation, the targets."""
     every = lambda n: f"every {n}" if n > 1 else "each flight"  # noqa: E731
     shown = {what: title for what, title in TITLES.items() if any(what in result.estimates for result in results)}
     return [
         *(*_OF, Column("per hour", "case.per_hour", PLAIN)),
-        Column("common", lambda result: f"{100 * result.case.beta:g} %", page=None),
-        Column("checks", lambda result: every(result.case.flights_between_checks), page=None),
-        Column("common mode", "case.beta", PLAIN, worth=0),
-        Column("flights between checks", "case.flights_between_checks", worth=0),
+        Column("common", _percent, page="common mode"),
+        Column("checks", lambda result: every(result.case.flights_between_checks), page="full check"),
         *(
             Column(
                 title.partition(",")[0].removesuffix(" of the signal"),
@@ -260,10 +265,17 @@ def numbers(results: Sequence[Result]) -> list[Column]:
             for i, (what, title) in enumerate(shown.items())
         ),
         Column("perfect", format=".2e", worth=5, page="perfect isolation"),
-        *(Column(name, f"standing.{name}", page=f"{name}, {target}") for name, target in TARGETS.items()),
+        *(Column(name, f"standing.{name}", page=f"{name}, {target_text(target)}") for name, target in TARGETS.items()),
     ]
 
 
+def _percent(result: Result) -> str:
+    """Return the share of common mode of a result."""
+    return f"{100 * result.case.beta:g} %"
+
+
 def _part(of: Contribution) -> str:
-    more = f", {of.seen} of {of.trials} not kept, {of.trials_to_halve} more halve the interval" if of.trials else ""
+    if not of.trials:
+        return f"{of.cell} {100 * of.share:.0f} %"
+    more = f", {of.seen} of {of.trials} not correct, {of.trials_to_halve} more trials halve the interval"
     return f"{of.cell} {100 * of.share:.0f} %{more}"

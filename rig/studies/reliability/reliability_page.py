@@ -1,4 +1,4 @@
-"""The report of a reliability: one HTML file that opens without a network, the assumptions at its top."""
+"""The page of a probability per flight hour: one HTML file, with the assumptions at its top."""
 
 from __future__ import annotations
 
@@ -9,9 +9,18 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from rig.core.palette import SERIES, SOFT
+from rig.core.palette import DASHES, SERIES, SOFT, series_colour
 from rig.show.pages.page import lay_out, write_page
-from rig.studies.reliability.per_hour import DECIDED, TARGETS, TARGETS_EXPLAINED, TITLES, WHAT, Result, numbers
+from rig.studies.reliability.per_hour import (
+    DECIDED,
+    TARGETS,
+    TARGETS_EXPLAINED,
+    TITLES,
+    WHAT,
+    Result,
+    numbers,
+    target_text,
+)
 
 
 def write_report(results: Sequence[Result], assumptions: Sequence[str], path: Path) -> None:
@@ -45,23 +54,27 @@ def _picture(results: Sequence[Result], what: str, per_hour: float, beta: float)
     chosen = [each for each in results if (each.case.per_hour, each.case.beta) == (per_hour, beta)]
     chosen = [each for each in chosen if each.case.flights_between_checks == 1 and what in each.estimates]
     figure = go.Figure()
-    for colour, manager in zip(SERIES, dict.fromkeys(each.manager for each in chosen), strict=False):
-        _line(figure, [each for each in chosen if each.manager == manager], what, manager, colour)
+    for i, manager in enumerate(dict.fromkeys(each.manager for each in chosen)):
+        line = {"color": series_colour(i), "dash": DASHES[i % len(DASHES)]}
+        _line(figure, [each for each in chosen if each.manager == manager], what, manager, line)
     ideal = {each.case.channels: each.perfect for each in chosen}
-    line = {"dash": "dash", "color": SERIES[-1]}
+    line = {"dash": "longdash", "color": SERIES[-1]}
     figure.add_scatter(x=list(ideal), y=list(ideal.values()), name="perfect isolation", mode="lines", line=line)
     for name, target in TARGETS.items():
         figure.add_hline(y=target, line={"dash": "dot", "color": SOFT})
         place: dict[str, Any] = {"x": 1.01, "xref": "paper", "xanchor": "left", "y": log10(target)}
-        figure.add_annotation(text=f"{name}, {target:g}", **place, showarrow=False)  # of a log axis: its exponent
-    title = f"{TITLES[what]}: one channel fails {per_hour:g} times an hour, common mode {100 * beta:g} %"
-    lay_out(figure, title, 450, margin={"l": 10, "r": 120, "t": 40, "b": 10})
+        figure.add_annotation(
+            text=f"{name}, {target_text(target)}", **place, showarrow=False
+        )  # of a log axis: its exponent
+    case = f"one channel fails {per_hour:g} times an hour, common mode {100 * beta:g} %"
+    title = f'{TITLES[what]}<br><span style="font-size: 12px">{case}</span>'
+    lay_out(figure, title, 450, margin={"l": 10, "r": 120, "t": 60, "b": 10})
     figure.update_xaxes(title="channels", dtick=1)
     figure.update_yaxes(title="probability per flight hour", type="log", exponentformat="power")
     return figure
 
 
-def _line(figure: go.Figure, points: Sequence[Result], what: str, name: str, colour: str) -> None:
+def _line(figure: go.Figure, points: Sequence[Result], what: str, name: str, line: dict[str, str]) -> None:
     """Draw a manager's medians with their intervals; a point without a lower end is an open triangle."""
     points = sorted(points, key=lambda each: each.case.channels)
     values = [each.estimates[what] for each in points]
@@ -71,6 +84,6 @@ def _line(figure: go.Figure, points: Sequence[Result], what: str, name: str, col
         y=[value.median for value in values],
         error_y={"array": [value.high - value.median for value in values], "arrayminus": below},
         marker={"symbol": ["circle" if value.low is not None else "triangle-down-open" for value in values], "size": 9},
-        line={"color": colour},
+        line=line,
         name=name,
     )

@@ -1,6 +1,6 @@
-"""How many flights or trials a target needs, and what they cost here.
+"""The number of flights or trials that a target needs, and their cost on this computer.
 
-Each number of good channels has half of the budget.  None bad seen in N trials gives a chance below 3 / N with 95 %.
+Each number of good channels has half of the target.  No failure in N trials gives a chance below 3 / N with 95 %.
 Source: docs/reliability.md, 'How many'; the rules of thumb of 'The model' for four channels.
 """
 
@@ -14,35 +14,35 @@ from typing import Final, NamedTuple
 NONE_SEEN: Final = -log(0.05)
 BUDGET: Final = 0.5  # of the target, for one cell
 CAMPAIGN: Final = "reliability"  # of which a trial and a flight are measured
-TRIALS: Final = 60_000  # shared out over all cells, of which some are run
+TRIALS: Final = 60_000  # distributed over all cells, of which some are run
 UNITS: Final = 12  # of them, after one to warm up
 
 
 class Needed(NamedTuple):
-    """What one cell must show."""
+    """The requirement on one cell."""
 
     good_before: int
-    chance: float  # that the fault is not kept, at most; from 1 on any will do
-    trials: int  # without a bad one among them
-    open_loop: bool  # whether trials will do, or flights are needed
+    chance: float  # largest chance that the fault is not tolerated; from 1 on any is enough
+    trials: int  # without a failure among them
+    open_loop: bool  # whether open-loop trials are enough, or flights are needed
 
 
 class Cost(NamedTuple):
-    """Seconds on one core."""
+    """Seconds on one core of this computer."""
 
     trial_s: float
     flight_s: float
 
     def of(self, trials: int, open_loop: bool) -> float:
-        """Return the seconds of so many trials of one kind."""
+        """Return the seconds of a number of trials of one kind."""
         return trials * (self.trial_s if open_loop else self.flight_s)
 
 
 def needed(target_per_hour: float, per_hour: float, channels: int = 4, hours: float = 1.0) -> list[Needed]:
     """Return the cells of a chain of ``channels``, the first fault first.
 
-    In a flight of T hours k + 1 of n channels fail with a chance of C(n, k + 1) (lambda T)^(k + 1); the last of them
-    takes the signal with it when it is not kept.
+    In a flight of T hours k + 1 of n channels fail with a chance of C(n, k + 1) (lambda T)^(k + 1).  The last of them
+    loses the signal if it is not tolerated.
     """
     cells = []
     for k in range(channels - 1):
@@ -54,7 +54,7 @@ def needed(target_per_hour: float, per_hour: float, channels: int = 4, hours: fl
 
 
 def measure() -> Cost:
-    """Run some trials and a flight on one core; the first of each warms up."""
+    """Time some trials and a flight on one core; the first of each warms up."""
     from rig.studies.campaign.campaign_file import find, read
     from rig.studies.campaign.estimate import estimate
     from rig.studies.campaign.plan import Plan

@@ -1,13 +1,13 @@
-"""What the next fault of a signal did, counted by cell.
+"""Count the outcomes of the next fault of a signal, by cell.
 
-A cell is a signal, how many of its channels are good before the fault, a design (single, near, alike), a kind and a
-condition.  Every trial of a cell is one of three, by what follows the onset of its last fault to the end of the run:
+A cell is a signal, the number of good channels before the fault, a design (single, near, alike), a kind and a
+condition.  A trial has one of three outcomes, counted from the onset of its last fault to the end of the run:
 
-    annunciated loss  the signal was declared lost, level 0 at any time, and its vote was kept until then
-    undetected error  the vote was not kept (verdict/scoring.py), before a loss was declared or without one
+    annunciated loss  the signal was declared lost (level 0 at any time), and the vote was correct until then
+    undetected error  the vote was wrong (verdict/scoring.py) before a loss was declared, or without one
     correct           neither
 
-The kind is that of the tested fault, or the name that its campaign's group of cases `kind` gives it: words before the
+The kind is that of the tested fault, or the name that the campaign's group of cases `kind` gives it: words before the
 kind, as in `slow drift`.
 """
 
@@ -24,7 +24,7 @@ from rig.verdict.words import PUBLIC, vote_flags
 
 TESTED, SECOND = "tested", "second"  # ids of the fault that is counted, and of a near one after it
 DESIGNS: Final = ("single", "near", "alike")
-LATENT: Final = "level then manoeuvre"  # condition: all faults in level flight, where a stuck channel is not found
+LATENT: Final = "level then manoeuvre"  # condition: all faults in level flight, where a stuck channel is not detected
 AT_ONCE: Final = {"single": 1, "near": 2, "alike": 2}  # channels that fail
 CELL: Final = ("signal", "good_before", "design", "kind", "condition")
 OUTCOMES: Final = tuple(name.replace(" ", "_") for name in PUBLIC["reliability"].values())
@@ -33,8 +33,8 @@ COUNTS: Final[dict[str, Any]] = {
     "good_before": pl.Int64,
     **dict.fromkeys(("trials", *OUTCOMES), pl.Int64),
     **dict.fromkeys(("lost_aircraft_annunciated", "lost_aircraft_undetected"), pl.Int64),  # null where not flown
-    "announced": pl.Int64,  # kept, and every faulty channel of it failed
-    "settle_s_mean": pl.Float64,  # from the onset to the failure of all faulty channels; null where none was
+    "announced": pl.Int64,  # correct, and every faulty channel isolated
+    "settle_s_mean": pl.Float64,  # from the onset to the isolation of all faulty channels; null if none was isolated
 }
 FALSE_ISOLATIONS: Final[dict[str, Any]] = {
     "signal": pl.String,
@@ -54,7 +54,7 @@ class Cells:
 
 
 def together(manager: str, parts: Sequence[Cells]) -> Cells:
-    """Put the counts of several folders of one manager one below the other."""
+    """Return the counts of several folders of one manager in one table."""
     counts, false_isolations = (
         pl.concat([getattr(part, name) for part in parts], how="diagonal_relaxed")
         for name in ("counts", "false_isolations")
@@ -77,12 +77,12 @@ def of_kinds(faults: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
 
 
 def declared_lost() -> pl.Expr:
-    """Return whether a fault's signal was declared lost with its vote kept until then: what came first counts."""
+    """Return True if the signal of a fault was declared lost while its vote was correct: the first event counts."""
     return (pl.col("lost_s") > 0) & ~pl.col("wrong_vote_first").fill_null(value=False)
 
 
 def counted(trials: pl.DataFrame) -> pl.DataFrame:
-    """Count trials: CELL, ``lost`` and ``off`` (bool), ``survived`` (bool or null), ``settle`` (s or null)."""
+    """Return the counts of trials: CELL, ``lost`` and ``off`` (bool), ``survived`` (bool or null), ``settle`` (s)."""
     kept, known, bad = vote_flags(pl.col("lost"), pl.col("off")).values()
     crashed, flown = ~pl.col("survived"), pl.col("survived").is_not_null().any()
     grouped = trials.group_by(CELL).agg(

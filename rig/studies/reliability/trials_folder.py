@@ -51,24 +51,24 @@ def fly_trials(plan: Plan, out: Path, runs: int, seed: int, workers: int, good: 
         cells = added_up(tallies, manager)
         for name, table in zip(_FILES, (cells.counts, cells.false_isolations), strict=True):
             write_whole(out / _FILES[name], sealed.table(table, place(about, name)))
-        write_whole(out / TRIALS, sealed.to_json(about))  # the last: without it there is nothing
+        write_whole(out / TRIALS, sealed.to_json(about))  # the last: a folder without it is unfinished
     return about
 
 
 def _require_new(out: Path) -> None:
-    """Raise BadInput unless nothing is at ``out``, or what a killed command left: no ``trials.json``."""
+    """Raise BadInput unless ``out`` is free, or holds only the rest of a killed command, without ``trials.json``."""
     if not is_unused(out, _is_left):
-        raise BadInput(f"--out {out}: folder exists and is not empty")
+        raise BadInput(f"--out {out}: the folder exists and is not empty")
 
 
 def _is_left(path: Path) -> bool:
-    """Return True for a table of trials, whole."""
+    """Return True for a whole table of trials."""
     return path.name in _FILES.values() and is_file(path) and not sealed.fault(path.read_bytes())
 
 
 @contextmanager
 def _held(out: Path) -> Iterator[None]:
-    """Make the folder and hold it alone; after an error it is as it was."""
+    """Make the folder and hold it alone; after an error, restore it."""
     with ExitStack() as stack:
         with reported(f"--out {out}", BadInput):
             stack.enter_context(new_folder(out))

@@ -1,1 +1,1 @@
-"""The safety case: sets of faults that are flown, the fault tree, the FMEA, and flights that confirm them."""
+"""The safety case: flown cut sets, the fault tree, the FMEA, and the flights that confirm the cut sets."""

@@ -1,4 +1,4 @@
-"""The safety case as one HTML page: sets, tree beside chain, FMEA, and how the sets were flown again."""
+"""The safety case as one HTML page: cut sets, fault tree beside the chain, FMEA, and confirmation with new seeds."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from rig.studies.safety.tree_result import AT, TreeResult
 
 
 class Flown(NamedTuple):
-    """What a folder of cut sets holds."""
+    """The content of a folder of cut sets."""
 
     of: str  # signal and aircraft
     found: dict[str, Any]
-    again: list[dict[str, Any]]  # empty if they were not flown again
+    again: list[dict[str, Any]]  # empty if they were not confirmed
 
 
 def read_flown(sets: Path, signal: str) -> Flown:
-    """Read a folder of cut sets, confirmed or not.  BadInput: it is not of ``signal``, or not whole."""
+    """Read a folder of cut sets, confirmed or not.  BadInput: it is of another signal, or not complete."""
     asked = read_asked(sets)
     if asked.signal != signal:
-        raise BadInput(f"{sets}: cut sets of {asked.signal}, the tree is of {signal}")
+        raise BadInput(f"{sets}: has cut sets of {asked.signal}, but the tree is of {signal}")
     return Flown(f"{signal}, {asked.aircraft}", read_sets(sets), read_rows(sets))
 
 
 def write_case(sets: Flown, tree: TreeResult, lines: Sequence[Row], assumptions: Sequence[str], out: Path) -> None:
-    """Write the page."""
+    """Write the page of a safety case."""
     flown = ", ".join(
         f"{name}: {of['flights']} flights of {of['sequences']} sequences" for name, of in sets.found["flown"].items()
     )

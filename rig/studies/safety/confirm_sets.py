@@ -1,4 +1,4 @@
-"""Minimal sets flown again with new seeds: every order and every proper subset, on every aircraft and point asked.
+"""Confirm minimal cut sets with new seeds: fly every order and every proper subset, on every aircraft and flight point.
 
 A row is one sequence in one condition on one aircraft.  It agrees unless Fisher's exact test of its counts against
 those of the enumeration is below LEVEL divided by the number of rows (Bonferroni).
@@ -37,7 +37,7 @@ SHOWN: Final = ("modes", "condition", "gap", "lost", "interval", "wrong_vote_fir
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One sequence: what the enumeration counted, and what the new flights lost."""
+    """One sequence: the counts of the enumeration, and the losses in the new flights."""
 
     aircraft: str
     point: str  # "" for the aircraft's own
@@ -51,7 +51,7 @@ class Row:
 
     @property
     def shows(self) -> str:
-        """Return what the new flights show by themselves."""
+        """Return the interval of the probability from the new flights alone."""
         low, high = jeffreys(*self.again)
         return f"p < {high:.2g} only" if self.again[0] == 0 else f"p from {low:.2g} to {high:.2g}"
 
@@ -79,7 +79,7 @@ CONFIRMED_ROWS: Final = (  # of ``as_dict``
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A minimal set as the enumeration wrote it, with the counts of all sequences that it rests on."""
+    """A minimal set of the enumeration, with the counts of all sequences behind it."""
 
     condition: str
     modes: Modes
@@ -87,15 +87,15 @@ class Claim:
 
 
 def write_sets(out: Path, found: dict[str, Any]) -> None:
-    """Write the minimal sets of an enumeration, which ``confirm`` flies again."""
+    """Write the minimal sets of an enumeration, which ``confirm`` flies with new seeds."""
     write_whole(out / SETS, sealed.to_json(found))
 
 
 def read_sets(out: Path) -> dict[str, Any]:
-    """Read the minimal sets of a folder as they were written.  BadInput: they were not, or are damaged."""
+    """Read the minimal sets of a folder.  BadInput: they are missing or damaged."""
     path = out / SETS
     if not is_file(path):
-        raise BadInput(f"{out}: {SETS} is missing: rig reliability cutsets --out {out} was not flown to its end")
+        raise BadInput(f"{out}: {SETS} is missing; finish rig reliability cutsets --out {out} first")
     data = STUDY.read(out, SETS)
     lacking = [key for key, kind in (("flown", dict), ("sets", list)) if not isinstance(data.get(key), kind)]
     lacking += [key for each in data.get("sets", []) for key in SHOWN if not isinstance(each, dict) or key not in each]
@@ -105,16 +105,16 @@ def read_sets(out: Path) -> dict[str, Any]:
 
 
 def read_rows(out: Path) -> list[dict[str, Any]]:
-    """Read how the sets were flown again; none where they were not.  BadInput: the file is damaged."""
+    """Read the rows of the confirmation; none if there was no confirmation.  BadInput: the file is damaged."""
     path = out / CONFIRMED
     rows = STUDY.read(out, CONFIRMED).get("rows") if is_file(path) else []
     if not isinstance(rows, list) or not all(isinstance(row, dict) and set(_KEYS) <= set(row) for row in rows):
-        raise BadInput(f"{path}: is damaged: its rows are not those of rig reliability confirm")
+        raise BadInput(f"{path}: is damaged: the rows are not those of rig reliability confirm")
     return rows
 
 
 def claims(out: Path) -> list[Claim]:
-    """Return the minimal sets of a folder with the counts that they rest on.  BadInput as of ``read_sets``."""
+    """Return the minimal sets of a folder with the counts behind them.  BadInput as of ``read_sets``."""
     path, data = out / SETS, read_sets(out)
     try:
         return [_claim(each) for each in data["sets"]]
@@ -142,7 +142,7 @@ def plans(
 ) -> dict[str, Plan]:
     """Return the campaigns by the name of their folder: one a condition, aircraft and flight point."""
     if seed == asked.seed:
-        raise BadInput(f"--seed {seed}: is the seed of the enumeration: new flights need another one")
+        raise BadInput(f"--seed {seed}: the enumeration has this seed; new flights need another")
     made: dict[str, Plan] = {}
     for name in aircraft:
         for point in points or ("",):
@@ -161,18 +161,18 @@ def plans(
 
 
 def _folder(aircraft: str, point: str, condition: str) -> str:
-    """Return the name of a campaign's folder; an aircraft of one's own is named by its path."""
+    """Return the name of a campaign's folder; the user's aircraft is named by its path."""
     return "-".join(filter(None, (_NO_NAME.sub("_", aircraft), point, condition)))
 
 
 def fly(out: Path, made: dict[str, Plan], workers: int) -> list[Result]:
-    """Fly what is missing of the campaigns, in folders below ``out``/confirm."""
+    """Fly the missing flights of the campaigns, in folders below ``out``/confirm."""
     with locked(out, STUDY.busy):
         return fly_all(made, out / "confirm", workers)
 
 
 def rows(out: Path, signal: str, found: Sequence[Claim], made: dict[str, Plan]) -> list[Row]:
-    """Compare the new flights with the claims; what disagrees first, by its p-value."""
+    """Compare the new flights with the claims; rows that disagree come first, then by p-value."""
     compared = [row for name, each in made.items() for row in _rows(out / "confirm" / name, signal, found, each, name)]
     level = LEVEL / max(len(compared), 1)
     tested = [replace(row, agrees=row.p_value >= level) for row in compared]

@@ -1,7 +1,7 @@
-"""Campaigns that fly sequences of faults: one a condition, in a folder each, begun or gone on with.
+"""Campaigns that fly sequences of faults, one for each condition, each in its folder, new or resumed.
 
-DIR/cutsets.json              what was asked; beside it a campaign's folder a condition
-DIR/<condition>-<gap>/        that campaign (campaign/folder.py)
+DIR/cutsets.json              the options; beside it a campaign's folder for each condition
+DIR/<condition>-<gap>/        the campaign (campaign/folder.py)
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ NO_CODE: Final = Trust("cutsets")
 
 class _Cutsets(Study):
     def differences(self, was: dict[str, Any], now: dict[str, Any]) -> list[str]:
-        """Return what was asked otherwise, by the names of ``Asked``."""
+        """Return the options that differ, by the names of ``Asked``."""
         return [f"{key} was {was.get(key)}, is {value}" for key, value in now.items() if was.get(key) != value]
 
 
@@ -52,13 +52,13 @@ STUDY: Final = _Cutsets(
     folder="a folder of cut sets",
     other="other flights",
     busy="rig reliability command is flying",
-    remedy="the command that wrote it writes it again once it is removed",
+    remedy="remove it, and the command that wrote it writes it again",
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What is enumerated."""
+    """The options of an enumeration."""
 
     aircraft: str
     signal: str
@@ -74,7 +74,7 @@ class Asked:
 
 
 def require(asked: Asked, source: str = "--signal") -> None:
-    """Raise BadInput for a signal or condition that there is not."""
+    """Raise BadInput for an unknown signal or condition."""
     if asked.signal not in INDEX:
         raise BadInput(
             f"{source}: unknown signal {quoted(asked.signal)}, {choices(asked.signal, INDEX, 'rig signals')}"
@@ -101,15 +101,15 @@ def plan(asked: Asked, condition: str, trust: Trust, wanted: Sequence[Modes] | N
 
 
 def _healthy(asked: Asked, when: Condition, trust: Trust) -> Plan:
-    """Return the one flight of a condition without faults."""
+    """Return the flight of a condition without faults."""
     campaign = _campaign(asked, _base(asked, when), [{"name": "healthy"}], when, trust.source)
     return Plan(campaign, trust.source, trust)
 
 
 def refuse_lost(asked: Asked, out: Path, trust: Trust) -> None:
-    """Raise BadInput where a flight without faults loses the signal or the aircraft: every sequence would be a cut set.
+    """Raise BadInput if a flight without faults loses the signal or the aircraft: every sequence would be a cut set.
 
-    A folder that is begun has passed.  RigError: such a flight cannot be flown.
+    An existing folder has passed.  RigError: such a flight cannot be flown.
     """
     if STUDY.is_begun(out):
         return
@@ -121,18 +121,18 @@ def refuse_lost(asked: Asked, out: Path, trust: Trust) -> None:
         if run["outcome"] != "flown":
             raise RigError(f"{name} without faults: {run['outcome']}: {run['reason']}")
         if what := _lost_in(rows, asked.signal, healthy[0].scenario()):
-            raise BadInput(f"--conditions {name}: without any fault {what}: no sequence can be a cut set of it")
+            raise BadInput(f"--conditions {name}: {what} already without a fault, so no sequence can be a cut set")
 
 
 def _lost_in(rows: Rows, signal: str, scenario: Scenario) -> str:
-    """Return what a flight without faults loses, "" if nothing; as of a fault, a vote is lost that is off for long."""
+    """Return the loss in a flight without faults, "" if none; as with faults, a vote that is wrong for long is lost."""
     if not rows["runs"][0]["survived"]:
         return "the aircraft is lost"
     (row,) = (row for row in rows["signals"] if row["signal"] == signal)
     if row["lost_s"] > 0.0:
         return f"{signal} is lost for {row['lost_s']:g} s"
     off_s, allowed = row["vote_above_threshold_s"], allowed_frames(settings_of(scenario)[0][INDEX[signal]])
-    return f"the vote of {signal} is off for {off_s:g} s" if off_s * scenario.rate_hz > allowed else ""
+    return f"the voted {signal} is wrong for {off_s:g} s" if off_s * scenario.rate_hz > allowed else ""
 
 
 def _base(asked: Asked, when: Condition) -> dict[str, Any]:
@@ -154,10 +154,10 @@ def _campaign(
 
 
 def fly(asked: Asked, out: Path, workers: int, trust: Trust = NO_CODE) -> list[Result]:
-    """Fly what is missing of every condition; a call that is interrupted ends the list.
+    """Fly the missing flights of every condition; an interrupted call ends the list.
 
     trust : which manager classes may be run
-    BadInput, before anything is written: ``out`` holds something else, or was asked otherwise.
+    BadInput, before anything is written: ``out`` is not of cut sets, or was made with other options.
     """
     plans = {condition: plan(asked, condition, trust) for condition in asked.conditions}
     refuse_lost(asked, out, trust)
@@ -181,9 +181,9 @@ def fly_all(plans: Mapping[str, Plan], out: Path, workers: int) -> list[Result]:
 
 
 def read_asked(out: Path) -> Asked:
-    """Return what a folder of cut sets was asked.  BadInput: it is none, or its file is damaged."""
+    """Return the options of a folder of cut sets.  BadInput: it is not one, or its file is damaged."""
     if not STUDY.is_begun(out):
-        raise BadInput(f"{out}: no folder of cut sets: {CUTSETS} is missing; rig reliability cutsets --out makes one")
+        raise BadInput(f"{out}: not a folder of cut sets: {CUTSETS} is missing; rig reliability cutsets makes one")
     path, about = out / CUTSETS, STUDY.read(out)
     for key, kind in _TYPES.items():
         if not isinstance(about.get(key), kind) or isinstance(about.get(key), bool):
@@ -191,5 +191,5 @@ def read_asked(out: Path) -> Asked:
     asked = Asked(**{**{key: about[key] for key in _TYPES}, "conditions": tuple(map(str, about["conditions"]))})
     require(asked, str(path))
     if about["format"] == UNSEALED:
-        note(f"{out}: was written by an earlier version of the rig: its files have no checksum")
+        note(f"{out}: written by an earlier version of rig; its files have no checksum")
     return asked

@@ -1,7 +1,7 @@
-"""What sequences of faults came to: each with its chance and interval, and the sets that are minimal by intervals.
+"""Count the outcomes of fault sequences, with probabilities and intervals, and find the minimal cut sets.
 
-A flight is lost by what came first: a wrong vote, or an announced loss of the signal.  A set is minimal when the lower
-end of its interval lies above the upper ends of those of all its proper subsets.
+The first event decides how a flight loses the signal: an undetected error (wrong vote) or an annunciated loss.  A set
+is minimal if the lower end of its interval is above the upper ends of the intervals of all its proper subsets.
 Source: docs/safety.md, 'Cut sets'; Jeffreys' interval as in Brown, Cai and DasGupta (2001).
 """
 
@@ -30,7 +30,7 @@ WRONG, ANNOUNCED = "wrong vote", "announced loss"
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """Flights of a sequence or set, and what came first."""
+    """The flights of a sequence or set, and the event that came first."""
 
     flown: int
     wrong_vote: int = 0
@@ -39,7 +39,7 @@ class Counted:
 
     @property
     def lost(self) -> int:
-        """Return the flights that lost the signal."""
+        """Return the number of flights that lost the signal."""
         return self.wrong_vote + self.announced
 
     def __add__(self, other: Counted) -> Counted:
@@ -89,9 +89,9 @@ Counts = dict[Modes, Counted]
 
 
 def of_folder(out: Path) -> tuple[Asked, dict[str, Counts]]:
-    """Return what was asked and, by condition, the counts of every sequence that was flown.
+    """Return the options and, by condition, the counts of every flown sequence.
 
-    BadInput: no such folder, a condition that was not flown, or a damaged table.
+    BadInput: the folder does not exist, a condition was not flown, or a table is damaged.
     """
     asked = read_asked(out)
     return asked, {condition: of_campaign(out / condition, asked.signal) for condition in asked.conditions}
@@ -100,7 +100,7 @@ def of_folder(out: Path) -> tuple[Asked, dict[str, Counts]]:
 def of_campaign(folder: Path, signal: str) -> Counts:
     """Count the flights of a condition, by sequence."""
     if not is_file(folder / CAMPAIGN):
-        raise BadInput(f"{folder}: was not flown; the same rig reliability command flies it")
+        raise BadInput(f"{folder}: not flown yet; repeat the same rig reliability command")
     flown = lost_flights(open_folder(folder).tables, signal)
     grouped = flown.group_by("sequence").agg(
         flown=pl.len(),
@@ -112,7 +112,7 @@ def of_campaign(folder: Path, signal: str) -> Counts:
 
 
 def lost_flights(tables: Mapping[str, pl.DataFrame], signal: str) -> pl.DataFrame:
-    """Return run, sequence, survived and ``first``: what lost the signal first, null where it was kept."""
+    """Return run, sequence, survived and ``first``: the event that lost the signal first, null if none did."""
     runs = tables["runs"].filter(pl.col("outcome") == "flown").select("run", "sequence", "survived")
     windows = tables["faults"].filter((pl.col("signal") == signal) & pl.col("vote_kept").is_not_null())
     wrong = ~pl.col("vote_kept") | pl.col("wrong_vote_first").fill_null(value=False)
@@ -130,7 +130,7 @@ def lost_flights(tables: Mapping[str, pl.DataFrame], signal: str) -> pl.DataFram
 
 
 def minimal(asked: Asked, counted: Mapping[str, Counts]) -> list[CutSet]:
-    """Return the minimal sets of all conditions, those that lose the most first."""
+    """Return the minimal sets of all conditions, the most frequent loss first."""
     found = [each for condition, counts in counted.items() for each in _minimal(condition, counts)]
     return sorted(found, key=lambda each: (len(each.modes), -each.whole.lost / each.whole.flown, each.modes))
 
@@ -167,5 +167,5 @@ def _minimal(condition: str, counts: Counts) -> Iterator[CutSet]:
 
 
 def subsets(modes: Sequence[str]) -> set[Modes]:
-    """Return the proper subsets of a set of modes, none of them empty."""
+    """Return the proper, non-empty subsets of a set of modes."""
     return {tuple(sorted(part)) for size in range(1, len(modes)) for part in combinations(modes, size)}

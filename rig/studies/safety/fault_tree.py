@@ -1,7 +1,7 @@
-"""A fault tree, its exact probability, and its XML, which SCRAM and others read.
+"""A fault tree, its exact probability, and its XML for SCRAM and other tools.
 
-The top gate becomes a binary decision diagram; its probability is a sum of products of positive terms, so that a small
-one keeps its digits.  Sources: Bryant (1986), section 4 (ite with a table of unique nodes); Rauzy (1993), section 4
+The top gate becomes a binary decision diagram.  Its probability is a sum of products of positive terms, so a small one
+keeps its digits.  Sources: Bryant (1986), section 4 (ite with a table of unique nodes); Rauzy (1993), section 4
 (the probability of a diagram); Open-PSA model exchange format 2.0d for gates, events and the XML.
 """
 
@@ -25,20 +25,20 @@ NAME: Final = re.compile(r"[A-Za-z_]\w*(-\w+)*", re.ASCII)  # an NCName without 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A basic event: a rate per hour, or else a probability that no time changes."""
+    """A basic event with a rate per hour, or with a probability that does not depend on time."""
 
     label: str
     per_hour: float | None = None
     chance: float = 0.0
 
     def probability(self, hours: float) -> float:
-        """Return the probability that it has happened after ``hours``."""
+        """Return the probability that the event has happened after ``hours``."""
         return self.chance if self.per_hour is None else -expm1(-self.per_hour * hours)
 
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """``least`` of the inputs, which are names of gates or events: 1 is an OR, all of them an AND."""
+    """A gate over inputs, the names of gates or events: ``least`` of them are needed; 1: OR, all: AND."""
 
     inputs: tuple[str, ...]
     least: int
@@ -46,13 +46,13 @@ class Gate:
 
     @property
     def kind(self) -> Literal["or", "and", "atleast"]:
-        """Return the name of the gate in Open-PSA."""
+        """Return the kind of the gate in Open-PSA."""
         return "or" if self.least == 1 else "and" if self.least == len(self.inputs) else "atleast"
 
 
 @dataclass
 class FaultTree:
-    """Gates and events by name; ``top`` is a gate.  Coherent: no gate negates."""
+    """A coherent tree: gates and events by name, no negation; ``top`` is a gate."""
 
     name: str
     top: str
@@ -79,7 +79,7 @@ class FaultTree:
 
 
 class _Diagram:
-    """Nodes (variable, if it happened, if not) by number, each once; variables in the order in which they are met."""
+    """The nodes (variable, if it happened, if not) by number, each once; variables in the order of their first use."""
 
     def __init__(self, tree: FaultTree) -> None:
         self.tree = tree
@@ -108,7 +108,7 @@ class _Diagram:
         return counts[gate.least]
 
     def ite(self, test: int, then: int, other: int) -> int:
-        """Return the node of ``then`` where ``test`` is true and of ``other`` where it is false."""
+        """Return the node of ``then`` if ``test`` is true, and of ``other`` if it is false."""
         if test in (FALSE, TRUE):
             return then if test == TRUE else other
         if then == other:
@@ -154,7 +154,7 @@ NEVER: Final[Sets] = frozenset()
 
 
 def cut_sets(tree: FaultTree) -> Sets:
-    """Return the minimal cut sets: sets of events that make the top gate true, none of them within another."""
+    """Return the minimal cut sets: sets of events that make the top gate true, none contained in another."""
 
     @cache
     def of(name: str) -> Sets:
@@ -169,7 +169,7 @@ def cut_sets(tree: FaultTree) -> Sets:
 
 
 def _together(parts: Sequence[Sets]) -> Sets:
-    """Return the minimal sets that hold one of each part."""
+    """Return the minimal sets that contain one set of each part."""
     whole: Sets = frozenset([frozenset()])
     for part in parts:
         whole = _minimal(frozenset(one | other for one in whole for other in part))
@@ -185,7 +185,7 @@ def _minimal(sets: Sets) -> Sets:
 
 
 def direct_sum(tree: FaultTree, sets: Sets, hours: float) -> float:
-    """Return the sum of the probabilities of the cut sets, which counts twice what happens together."""
+    """Return the sum of the probabilities of the cut sets, which counts joint events more than once."""
     chances: Mapping[str, float] = {name: event.probability(hours) for name, event in tree.events.items()}
     total = 0.0
     for each in sorted(sets, key=sorted):
@@ -197,16 +197,16 @@ def direct_sum(tree: FaultTree, sets: Sets, hours: float) -> float:
 
 
 def require_name(where: str, name: str) -> None:
-    """Raise BadInput unless ``name`` may name a gate or event; ``where`` says the file and key."""
+    """Raise BadInput unless ``name`` can name a gate or event; ``where`` is the file and key."""
     if not NAME.fullmatch(name):
         raise BadInput(
-            f"{where}: {quoted(name)} cannot be a name in the tree's XML: letters, digits, _ and single hyphens "
-            "within, a letter first"
+            f"{where}: {quoted(name)} cannot be a name in the tree's XML; allowed: a letter, then letters, digits, _ "
+            "and single hyphens"
         )
 
 
 def open_psa(tree: FaultTree) -> str:
-    """Return the XML of a tree, top gate first; rates are of the mission time that the reader is given."""
+    """Return the XML of a tree, top gate first; the reading tool sets the mission time of the rates."""
     root = ET.Element("opsa-mef", name=tree.name)
     within = ET.SubElement(root, "define-fault-tree", name=tree.name)
     for name in sorted(tree.gates, key=lambda name: name != tree.top):

@@ -1,8 +1,8 @@
-"""A failure mode and effects analysis whose lines are measured: one an item, mode and phase, with its flights.
+"""A failure mode and effects analysis (FMEA) from flights: one line for each item, mode and phase.
 
-Lines are of the single faults of flown campaigns; what no campaign flew is `not flown`, never a number.  Cause and
-severity between the two measured ends, aircraft lost and within the transient limits, are the user's.  Written as CSV
-for a spreadsheet, or as one HTML page.
+The lines come from the single faults of flown campaigns; a mode that no campaign flew is `not flown`, never a number.
+The user gives the causes, and the severity between the measured ends, aircraft lost and within the transient limits.
+The result is CSV for a spreadsheet, or one HTML page.
 Sources: docs/safety.md; IEC 60812:2018, clause 5 and MIL-STD-1629A, task 101, for the columns.
 """
 
@@ -39,18 +39,18 @@ SIZED: Final = tuple(  # kinds with a size in thresholds
 )
 HIDDEN: Final = tuple(kind for kind, model in KINDS.items() if model.hidden_at_rest)
 SMALL: Final = 4.0  # thresholds: up to there a size is small
-PHASES: Final = ("phase", "condition", "manoeuvre")  # columns that may say what was flown
+PHASES: Final = ("phase", "condition", "manoeuvre")  # columns with values from flights
 FUNCTIONS: Final = {
     "channel": "measures the signal for the vote",
-    "reference": "second opinion on the signal without a majority",
-    "discrete": "tells a state of the aircraft",
-    "inertial": "measures rates and accelerations for references and back-up",
+    "reference": "settles a split of the signal",
+    "discrete": "measures a state of the aircraft",
+    "inertial": "measures rates and accelerations for references and standby law",
     "computer": "votes, flies the control law, commands the surfaces",
     "ccdl": "carries samples and votes between computers",
     "bus": "powers computers",
     "actuator": "moves a surface",
     "hydraulics": "powers actuators",
-    "surface": "makes the aircraft answer",
+    "surface": "determines the aircraft's response",
 }
 SYSTEMS: Final = ("inertial", "computer", "ccdl", "bus", "actuator", "hydraulics")
 LAYERS: Final = {
@@ -61,12 +61,12 @@ LAYERS: Final = {
     "hydraulics": "hydraulics",
 }
 ENDINGS: Final = (".csv", ".html", ".htm")
-Row = dict[str, str]  # a line: its texts as they are printed
+Row = dict[str, str]  # a line: its texts as printed
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A failure mode of an item in a phase, and the flights that show it, none of one that no campaign flew.
+    """A failure mode of an item in a phase, and the flights that show it; none if no campaign flew it.
 
     rows : a row a flight, with the columns of ``runs``, of the fault and of its signal at the end
     """
@@ -81,34 +81,34 @@ class Mode:
 
     @property
     def lost(self) -> int:
-        """Return in how many flights the aircraft was lost."""
+        """Return the number of flights that lost the aircraft."""
         return int((~self.rows["survived"]).sum())
 
     @property
     def beyond_s(self) -> pl.Series:
-        """Return the times beyond the transient limits, of the flights whose baseline was flown."""
+        """Return the times beyond the transient limits in flights with a fault-free baseline."""
         return self.rows["out_of_limits_s"].drop_nulls()
 
     @property
     def isolated(self) -> list[str]:
-        """Return how each flight's fault was isolated: right, wrong, none."""
+        """Return the isolation of each flight's fault: right, wrong, none."""
         return self.rows["isolation"].drop_nulls().to_list()
 
     @property
     def latent(self) -> int:
-        """Return in how many flights no channel was failed for it."""
+        """Return the number of flights in which no channel was isolated."""
         return self.isolated.count("none")
 
 
 def lines(folders: Sequence[Path], rates: Rates, source: str) -> list[Row]:
-    """Return the lines of all items: what was flown first, then what was not.
+    """Return the lines of all items: flown modes first, then modes that were not flown.
 
-    BadInput: a folder is damaged or foreign, no single fault was flown in it, several rates for one signal.
+    BadInput: a folder is damaged or not a campaign's, has no single fault, or a signal has several rates.
     """
     for name, given in rates.signals.items():
         if len(given.per_hour) > 1:
             raise BadInput(
-                f"{source}: {name}.per_hour: a line has one rate, got {len(given.per_hour)}: {given.per_hour}"
+                f"{source}: {name}.per_hour: an FMEA line needs one rate, got {len(given.per_hour)}: {given.per_hour}"
             )
     flown = [mode for path in folders for mode in _modes(open_folder(path), rates)]
     modes = sorted(flown, key=lambda mode: (INDEX.get(mode.item, len(INDEX)), mode.item, mode.mode, mode.phase))
@@ -118,7 +118,7 @@ def lines(folders: Sequence[Path], rates: Rates, source: str) -> list[Row]:
 
 
 def _modes(folder: Folder, rates: Rates) -> Iterator[Mode]:
-    """Yield what a campaign's flights with a single fault show."""
+    """Yield the failure modes of a campaign's flights with a single fault."""
     tables = folder.tables
     faults = of_kinds(tables["faults"], tables["runs"]).filter(pl.col("outcome") != "not executed")
     single = faults.group_by("run").agg(count=pl.col("fault").n_unique()).filter(pl.col("count") == 1)
@@ -129,7 +129,7 @@ def _modes(folder: Folder, rates: Rates) -> Iterator[Mode]:
     ends = tables["signals"].select("run", "signal", "level_at_end", "lost_s")
     rows = one.drop("lost_s").join(runs.select(kept), on="run").join(ends, on=["run", "signal"], how="left")
     if rows.is_empty():
-        raise BadInput(f"{folder.path}: no flight of it has a single fault")
+        raise BadInput(f"{folder.path}: no flight has a single fault")
     rows = rows.with_columns(phase=pl.col(phase).cast(pl.String) if phase else pl.lit("as flown"))
     rows = rows.with_columns(pl.Series("band", _bands(folder, rows), dtype=pl.String))
     for (item, kind, band, name), part in rows.group_by("signal", "kind", "band", "phase"):
@@ -138,7 +138,7 @@ def _modes(folder: Folder, rates: Rates) -> Iterator[Mode]:
 
 
 def _bands(folder: Folder, rows: pl.DataFrame) -> list[str]:
-    """Return the size band of every fault on a channel of a signal, in thresholds of its aircraft; "" for others."""
+    """Return the size band of every fault on a signal's channel, in thresholds of its aircraft; "" for others."""
     firsts = rows.group_by("aircraft").agg(pl.col("run").min()).iter_rows()
     of_aircraft = {name: folder.plan[run].scenario().redundancy.signals for name, run in firsts}
     columns = rows.select("aircraft", "signal", "kind", "magnitude").iter_rows()
@@ -154,7 +154,8 @@ def _band(magnitude: float | None, kind: str, settings: Any, signal: str) -> str
 def _absent(flown: set[tuple[str, str]], rates: Rates) -> Iterator[Mode]:
     """Yield every item and mode that no campaign flew.
 
-    Modes: of signals the kinds of the rates file, of references those of cut sets, of all else the catalogue's.
+    The modes of signals are the kinds of the rates file, those of references come from the cut sets, and all others
+    from the catalogue.
     """
     of_signals = sorted({kind for given in rates.signals.values() for kind in given.kinds})
     items = {signal.name: of_signals for signal in SIGNALS}
@@ -166,12 +167,12 @@ def _absent(flown: set[tuple[str, str]], rates: Rates) -> Iterator[Mode]:
 
 def _function(item: str) -> str:
     if item in INDEX:
-        return f"measures {item.replace('_', ' ')} for the vote"
+        return f"measures {item.replace('_', ' ')} for the voter"
     return FUNCTIONS.get(item.partition(".")[0], FUNCTIONS["discrete"])
 
 
 def _rate(mode: Mode) -> tuple[str, str]:
-    """Return rate and source; of a signal its share of the kind, of a computer or servo its layer's, undivided."""
+    """Return rate and source: of a signal, its share of the kind; of a computer or servo, the rate of its layer."""
     item, kind, rates = mode.item, mode.kind, mode.rates
     if item in rates.signals:
         given = rates.signals[item]
@@ -199,11 +200,11 @@ def _beyond(beyond_s: pl.Series) -> str:
 
 
 def _end(lost: int, flights: int) -> str:
-    return f"aircraft lost in {lost} of {flights}" if lost else f"flight goes on in {flights} of {flights}"
+    return f"aircraft lost in {lost} of {flights}" if lost else f"flight continues in {flights} of {flights}"
 
 
 def _severity(mode: Mode) -> str:
-    """Return a measured end, or the user's word for the time beyond the transient limits."""
+    """Return a measured end, or the user's severity for the time beyond the transient limits."""
     if mode.lost:
         return "aircraft lost"
     if mode.beyond_s.is_empty():
@@ -221,7 +222,7 @@ def _detection(isolated: Sequence[str]) -> str:
 
 
 def _not_kept(kept: pl.Series) -> str:
-    return "no vote of a signal" if kept.is_empty() else _share(int((~kept).sum()), len(kept))
+    return "no voted signal" if kept.is_empty() else _share(int((~kept).sum()), len(kept))
 
 
 def _share(count: int, of: int) -> str:
@@ -240,15 +241,15 @@ def _times(delays: pl.Series) -> str:
 
 def _provision(mode: Mode) -> str:
     if mode.item not in INDEX:
-        return "see its page of the rig"
+        return "see the documentation of rig"
     least = min(mode.rows["level_at_end"].drop_nulls().to_list(), default=0)
-    return f"{least} other channels voted" if least else "signal lost: substitute and back-up law"
+    return f"{least} other channels in the vote" if least else "signal lost: substitute and standby law"
 
 
 def _remarks(item: str) -> str:
     if item not in INDEX or SIGNALS[INDEX[item]].group not in ("rates", "load factors"):
         return ""
-    return "in-line monitor says good unless seen_by_ilm: its miss is the user's probability"
+    return "in-line monitor passes the channel unless seen_by_ilm; the user gives the probability of a miss"
 
 
 def _most(column: pl.Series) -> str:
@@ -257,7 +258,7 @@ def _most(column: pl.Series) -> str:
 
 
 def _worst(mode: Mode) -> str:
-    """Return the command that flies the worst flight again: lost first, then the longest beyond the limits."""
+    """Return the command that flies the worst flight again: aircraft lost, or the longest time beyond the limits."""
     order = mode.rows.select(
         "run",
         "survived",
@@ -268,12 +269,12 @@ def _worst(mode: Mode) -> str:
 
 
 def _of_flights(name: str, value: Callable[[Mode], str], page: str) -> Column:
-    """Return a column of what flights show."""
+    """Return a column of values from flights."""
     return Column(name, lambda mode: NOT_FLOWN if mode.rows.is_empty() else value(mode), page=page)
 
 
 _MODE, _CAUSE, _EFFECTS, _DETECTION, _FLIGHTS = "item and mode", "cause and rate", "effects", "detection", "flights"
-COLUMNS: Final = (  # ``page``: the column of the page in which some of a line's texts stand under each other
+COLUMNS: Final = (  # ``page``: the column of the page that shows some of a line's texts below each other
     *(Column("id", lambda _: "", page=_MODE), Column("item", page=_MODE)),
     *(Column("function", lambda mode: _function(mode.item), page=_MODE), Column("mode", page=_MODE)),
     Column("cause", lambda mode: mode.rates.causes.get(mode.kind, ASSIGN), page=_CAUSE),
@@ -300,13 +301,13 @@ COLUMNS: Final = (  # ``page``: the column of the page in which some of a line's
 
 
 def require_ending(out: Path) -> None:
-    """Raise BadInput unless the name says whether a table or a page is wanted."""
+    """Raise BadInput unless the name ends with .csv or .html."""
     if out.suffix.lower() not in ENDINGS:
-        raise BadInput(f"--out {out}: its name must end with .csv or .html")
+        raise BadInput(f"--out {out}: the name must end with .csv or .html")
 
 
 def write(lines: Sequence[Row], out: Path) -> None:
-    """Write the lines.  BadInput or RigError: the file cannot be written."""
+    """Write the lines to ``out``.  BadInput or RigError: the file cannot be written."""
     if out.suffix.lower() != ".csv":
         write_page(out, "fmea.html", {}, {}, lines=lines, shown=shown(lines), groups=groups())
         return
@@ -326,7 +327,7 @@ def groups() -> dict[str, dict[str, str]]:
 
 
 def shown(lines: Sequence[Row]) -> str:
-    """Return how many of the lines rest on flights."""
+    """Return the number and share of lines that rest on flights, as a sentence."""
     flown = sum(line["flights"] != "0" for line in lines)
     share = 100 * flown / max(len(lines), 1)
-    return f"{flown} of {len(lines)} lines are flown ({share:.0f} %), the others say {NOT_FLOWN!r}"
+    return f"{flown} of {len(lines)} lines are flown ({share:.0f} %); the others read {NOT_FLOWN!r}"

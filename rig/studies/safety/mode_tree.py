@@ -1,8 +1,8 @@
-"""The loss of a signal by the minimal sets that were flown: modes of a channel as separate events, and the chain.
+"""The loss of a signal from the flown minimal sets: a tree with the modes of a channel as events, and the chain.
 
-A channel fails once, in one mode; a tree takes its modes as independent events, so that two can happen to one channel:
-an upper bound.  In the chain a state is the sequence of modes so far, and each order has its own chance.  Common cause
-and the reference are in neither.
+A channel fails once, in one mode.  The tree takes its modes as independent events, so that two can happen to one
+channel; the result is an upper bound.  In the chain a state is the sequence of modes so far, and each order has its
+probability.  Neither includes common cause or the reference.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rig.studies.safety.signal_chain import LOST, Transitions
 
 @dataclass(frozen=True)
 class ModeModel:
-    """Minimal sets of modes of channels, with the chance of each of their orders."""
+    """The minimal sets of modes of channels, with the probability of each of their orders."""
 
     signal: str
     channels: int
@@ -31,7 +31,7 @@ class ModeModel:
     orders: Mapping[Modes, float]  # lost share of each order of each minimal set
 
     def sets(self) -> dict[Modes, float]:
-        """Return the sets by their modes in alphabetical order, with the mean chance of their orders."""
+        """Return the sets by their modes in alphabetical order, with the mean probability of their orders."""
         found: dict[Modes, list[float]] = {}
         for order, chance in self.orders.items():
             found.setdefault(tuple(sorted(order)), []).append(chance)
@@ -41,17 +41,17 @@ class ModeModel:
 def read_mode_model(
     folder: Path, given: SignalRates, signal: str, channels: int, hours: float, source: str
 ) -> ModeModel:
-    """Return the model of a folder of cut sets; where several conditions have a set, the one that loses the most.
+    """Return the model of a folder of cut sets; of a set in several conditions, the one with the most losses.
 
-    Faults that come with level flight between them lie before one manoeuvre by the chance of the rates file.
-    BadInput: cut sets of another signal, or no set of channels' modes at all: nothing reaches the top event.
+    Faults with level flight between them come before one manoeuvre by the chance of the rates file.
+    BadInput: cut sets of another signal, or no set of channels' modes, so that the top event cannot happen.
     """
     asked = read_asked(folder)
     if asked.signal != signal:
-        raise BadInput(f"{folder}: cut sets of {asked.signal}, not of {signal}")
+        raise BadInput(f"{folder}: has cut sets of {asked.signal}, not of {signal}")
     if len(given.per_hour) > 1:
         raise BadInput(
-            f"{source}: {signal}.per_hour: a tree is of one value, got {len(given.per_hour)}: {given.per_hour}"
+            f"{source}: {signal}.per_hour: a tree needs one value, got {len(given.per_hour)}: {given.per_hour}"
         )
     orders: dict[Modes, float] = {}
     for claim in claims(folder):
@@ -61,9 +61,7 @@ def read_mode_model(
                 if sorted(order) == sorted(claim.modes) and set(order) <= set(given.kinds):
                     orders[order] = max(orders.get(order, 0.0), weight * lost / flown)
     if not any(orders.values()):
-        raise BadInput(
-            f"{folder}: no settled set of the kinds in {source} loses {signal}: nothing reaches the top event"
-        )
+        raise BadInput(f"{folder}: no settled set of the kinds in {source} loses {signal}; the top event cannot happen")
     alone = (1.0 - given.beta[0]) * given.per_hour[0]
     return ModeModel(signal, channels, {kind: alone * share for kind, share in given.kinds.items()}, orders)
 
@@ -83,8 +81,8 @@ def mode_tree(model: ModeModel) -> FaultTree:
             tree.all_of(f"set_{number}_{k}", [events[place] for place in places]) for k, places in enumerate(chosen, 1)
         ]
         some = tree.any_of(f"set_{number}", gates, name)
-        lost = tree.event(f"set_{number}_not_kept", f"{name}: not kept, mean of its orders", chance=chance)
-        tops.append(tree.all_of(f"lost_by_set_{number}", [some, lost], f"{name}, not kept"))
+        lost = tree.event(f"set_{number}_not_kept", f"{name}: not tolerated, mean of its orders", chance=chance)
+        tops.append(tree.all_of(f"lost_by_set_{number}", [some, lost], f"{name}, not tolerated"))
     failed = [
         tree.any_of(f"channel_{i}", [events[mode, i] for mode in model.per_hour], f"channel {i} failed") for i in n
     ]
@@ -94,7 +92,7 @@ def mode_tree(model: ModeModel) -> FaultTree:
 
 
 def mode_chain(model: ModeModel) -> Transitions:
-    """Return the transitions by the sequence of modes so far; from order 3 on only the number of channels counts."""
+    """Return the transitions by the sequence of modes so far; from order 3 on, only the number of channels counts."""
     steps: Transitions = []
     for length in range(model.channels):
         for so_far in product(model.per_hour, repeat=min(length, MOST)):

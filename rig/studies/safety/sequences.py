@@ -1,7 +1,7 @@
-"""Sequences of fault modes on one signal: which there are, and flights of each in a condition, drawn.
+"""Enumerate the sequences of fault modes on one signal, and draw the flights of each in a condition.
 
-A mode is a kind of fault of a channel, or of the reference.  Channels are drawn for every flight, so that a sequence
-counts modes, not channels; the reference is one item and fails once.
+A mode is a kind of fault of a channel, or of the reference.  Channels are drawn for every flight, so a sequence counts
+modes, not channels.  The reference is one item and fails once.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rig.world.faults import KINDS as FAULT_KINDS
 from rig.world.faults.fault_settings import in_thresholds
 
 MOST: Final = 3  # faults of a sequence: four are all channels of a quadruplex signal
-KINDS: Final = ("hardover", "stuck", "offset", "drift", "dropout")  # of those with channels, what is flown
+KINDS: Final = ("hardover", "stuck", "offset", "drift", "dropout")  # of those with channels, the flown ones
 REFERENCE: Final = ("reference offset", "reference dropout")
 MODES: Final = (*KINDS, *REFERENCE)
 LEAST, LARGEST = 1.2, 24.0  # thresholds, or thresholds a second
@@ -30,7 +30,7 @@ Modes = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """What is flown, and when the faults come; times in s."""
+    """The manoeuvre, and the times of the faults, s."""
 
     name: str
     gap: str  # settled or near
@@ -41,7 +41,7 @@ class Condition:
 
     @property
     def slug(self) -> str:
-        """Return its name as a folder's."""
+        """Return the name of the condition's folder."""
         return f"{self.name.replace(' ', '-')}-{self.gap}"
 
 
@@ -57,7 +57,7 @@ CONDITIONS: Final = {
 
 
 def sequences(order: int, modes: Sequence[str] = MODES) -> list[Modes]:
-    """Return all sequences of up to ``order`` modes, short ones first; the reference fails once at most."""
+    """Return all sequences of up to ``order`` modes, short ones first; the reference fails at most once."""
     return [
         sequence
         for length in range(1, order + 1)
@@ -67,7 +67,7 @@ def sequences(order: int, modes: Sequence[str] = MODES) -> list[Modes]:
 
 
 def faults(signal: str, sequence: Modes, channels: Sequence[int], when: Condition, rng: Generator) -> list[Any]:
-    """Draw the faults of one flight, as tables of a scenario; ``channels``: those of the signal."""
+    """Draw the faults of one flight, as tables of a scenario; ``channels``: of the signal."""
     free = iter(rng.permutation(channels).tolist())
     at_s = rng.uniform(*when.first_s)
     drawn = []
@@ -92,7 +92,7 @@ def _size(kind: str, rng: Generator) -> dict[str, Any]:
 def flights(
     signal: str, sequence: Modes, channels: Sequence[int], when: Condition, count: int, seed: int
 ) -> list[list[Any]]:
-    """Draw the faults of ``count`` flights of one sequence; the seed, sequence and condition alone decide them."""
+    """Draw the faults of ``count`` flights of one sequence, from the seed, sequence and condition alone."""
     name = hashlib.sha256("; ".join([when.slug, signal, *sequence]).encode()).digest()
     rng = np.random.default_rng(SeedSequence(seed, spawn_key=tuple(name[:8])))
     return [faults(signal, sequence, channels, when, rng) for _ in range(count)]

@@ -1,7 +1,7 @@
-"""The same model as a chain of constant rates: the tree's second opinion, and a file for `rig reliability chain`.
+"""The model of the fault tree as a chain of constant rates: a check of the tree, a file for `rig reliability chain`.
 
 By symmetry a state is the number of good channels.  Of the fixed pairs, C(g, 2) hit two good channels, g k hit one and
-act as a single fault, the others hit none.
+act as a single fault, and the others hit none.
 Source: docs/reliability.md, 'The model'.
 """
 
@@ -19,7 +19,7 @@ from rig.studies.reliability.rates_file import Layer
 from rig.studies.safety.signal_tree import SignalModel
 
 LOST = "lost"
-Way = tuple[int, int | None, float]  # from so many good channels to so many, None: lost; per hour
+Way = tuple[int, int | None, float]  # from a number of good channels to a number, None: lost; per hour
 
 
 def ways(model: SignalModel) -> Iterator[Way]:
@@ -55,7 +55,7 @@ def transitions(model: SignalModel) -> Transitions:
     parts += [(layer.name, layer.channels, list(layer_ways(layer))) for layer in model.layers]
     count = prod(n for _, n, _ in parts) + 1
     if count > MOST_STATES:
-        raise BadInput(f"{len(model.layers)} layers make a chain of {count} states, at most {MOST_STATES}")
+        raise BadInput(f"{len(model.layers)} layers make a chain of {count} states; at most {MOST_STATES} are allowed")
     return [
         (_state(parts, at), LOST if to is None else _state(parts, (*at[:i], to, *at[i + 1 :])), per_hour)
         for at in product(*(range(n, 0, -1) for _, n, _ in parts))
@@ -70,7 +70,7 @@ def _state(parts: Sequence[tuple[str, int, list[Way]]], at: Sequence[int]) -> st
 
 
 def lost(steps: Transitions, hours: float) -> float:
-    """Return the probability of ``lost`` after ``hours``, from the state that is named first."""
+    """Return the probability of ``lost`` after ``hours``, from the first named state."""
     names = list(dict.fromkeys(name for step in steps for name in step[:2]))
     place = {name: i for i, name in enumerate(names)}
     matrix = np.zeros((len(names), len(names)))

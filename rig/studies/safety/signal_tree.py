@@ -1,8 +1,8 @@
-"""The loss of one signal as a fault tree, from rates and from what the manager does with the next fault.
+"""The loss of one signal as a fault tree, from rates and from the manager's outcomes for the next fault.
 
-Events are the first failure of each channel, of each box, and of each fixed pair of channels (common cause); `not kept
-with g good` is a plain probability.  A tree has no order, so where a single fault and a pair meet, each order is an
-event of probability p x P(order), with P(order) one half: right to first order of the rates.
+Events are the first failure of each channel, of each LRU, and of each fixed pair of channels (common cause); `not
+tolerated with g good channels` is a plain probability.  A tree has no order.  If a single fault and a pair meet, each
+order is therefore an event of probability p x P(order), with P(order) one half: exact to first order of the rates.
 Source: docs/safety.md, 'Fault tree'; coverage as an event, Dugan and Trivedi (1989).
 """
 
@@ -18,13 +18,13 @@ from rig.studies.safety.fault_tree import FaultTree
 
 @dataclass(frozen=True, slots=True)
 class SignalModel:
-    """What a tree and its chain are made of; chances of `not kept` by the good channels before the fault."""
+    """The inputs of a tree and its chain; chances of `not tolerated` by the good channels before the fault."""
 
     signal: str
     channels: int
     per_hour: float  # independent faults of one channel: (1 - beta) lambda
     pair_per_hour: float  # faults common to one fixed pair: beta lambda / C(n, 2)
-    box_per_hour: float  # of the box of one channel
+    box_per_hour: float  # of the LRU of one channel
     settle_h: float
     single: Mapping[int, float]
     alike: Mapping[int, float]
@@ -33,11 +33,11 @@ class SignalModel:
 
     @property
     def one_channel(self) -> float:
-        """Return the rate per hour of faults of one channel by itself or by its box."""
+        """Return the rate per hour of faults of one channel, alone or by its LRU."""
         return self.per_hour + self.box_per_hour
 
     def next_fault(self, good: int) -> float:
-        """Return the chance that the next single fault is not kept, a second one within the settling time included."""
+        """Return the chance that the next single fault is not tolerated, with a second one within the settling time."""
         if good == 1:
             return 1.0
         second = (good - 1) * self.one_channel * self.settle_h
@@ -49,7 +49,7 @@ def signal_tree(model: SignalModel) -> FaultTree:
     """Return the tree of the loss of the signal, or of a layer in series with it."""
     tree = FaultTree(f"loss_of_{model.signal}", "lost")
     sums = [_signal(tree, model), *(_layer(tree, layer) for layer in model.layers)]
-    tree.any_of("lost", sums, f"{model.signal} lost, known or by an undetected error")
+    tree.any_of("lost", sums, f"{model.signal} lost: annunciated loss or undetected error")
     return tree
 
 
@@ -57,7 +57,7 @@ def _signal(tree: FaultTree, model: SignalModel) -> str:
     n = model.channels
     single = [_channel(tree, model, i) for i in range(1, n + 1)]
     pairs = _pairs(tree, model)
-    # A near fault of the first one is an event of its own.
+    # A near fault of the first one is a separate event.
     not_kept = {g: model.single[g] if g == n else model.next_fault(g) for g in range(n, 1, -1)}
     lost = _in_turn(tree, "", n, single, not_kept)
     lost += _near(tree, model)
@@ -72,8 +72,8 @@ def _channel(tree: FaultTree, model: SignalModel, i: int) -> str:
     own = tree.event(f"channel_{i}", f"channel {i} fails, any kind", model.per_hour)
     if not model.box_per_hour:
         return own
-    box = tree.event(f"box_{i}", f"box of channel {i} fails", model.box_per_hour)
-    return tree.any_of(f"channel_{i}_or_box", [own, box], f"channel {i} fails by itself or with its box")
+    box = tree.event(f"box_{i}", f"LRU of channel {i} fails", model.box_per_hour)
+    return tree.any_of(f"channel_{i}_or_box", [own, box], f"channel {i} fails alone or with its LRU")
 
 
 def _pairs(tree: FaultTree, model: SignalModel) -> dict[tuple[int, int], str]:
@@ -86,13 +86,13 @@ def _pairs(tree: FaultTree, model: SignalModel) -> dict[tuple[int, int], str]:
 
 
 def _in_turn(tree: FaultTree, prefix: str, n: int, failed: Sequence[str], not_kept: Mapping[int, float]) -> list[str]:
-    """Add: k of n failed, and the k-th fault not kept with n - k + 1 good, for each k but the last."""
+    """Add: k of n failed, and the k-th fault not tolerated with n - k + 1 good, for each k but the last."""
     gates = []
     for good, chance in not_kept.items():
         k = n - good + 1
-        event = tree.event(f"{prefix}not_kept_{good}_good", f"not kept with {good} good", chance=chance)
+        event = tree.event(f"{prefix}not_kept_{good}_good", f"not tolerated with {good} good", chance=chance)
         some = tree.at_least(f"{prefix}failed_{k}_of_{n}", k, failed, f"{k} of {n} failed")
-        gates.append(tree.all_of(f"{prefix}lost_at_{k}", [some, event], f"{k} failed, not kept with {good} good"))
+        gates.append(tree.all_of(f"{prefix}lost_at_{k}", [some, event], f"{k} failed, not tolerated with {good} good"))
     return gates
 
 
@@ -103,18 +103,19 @@ def _near(tree: FaultTree, model: SignalModel) -> list[str]:
         return []
     per_hour = n * (n - 1) * model.one_channel**2 * model.settle_h
     near = tree.event("near", "a second channel fails before the first is settled", per_hour)
-    event = tree.event("not_kept_near", f"two near faults not kept with {n} good", chance=model.near.get(n, 1.0))
-    return [tree.all_of("lost_by_near", [near, event], "two near faults, not kept")]
+    event = tree.event("not_kept_near", f"two near faults not tolerated with {n} good", chance=model.near.get(n, 1.0))
+    return [tree.all_of("lost_by_near", [near, event], "two near faults, not tolerated")]
 
 
 def _common(
     tree: FaultTree, model: SignalModel, single: Sequence[str], pairs: Mapping[tuple[int, int], str]
 ) -> list[str]:
-    """Add what a pair does first, and each order of a pair with a single fault or with another pair."""
+    """Add a pair as the first fault, and each order of a pair with a single fault or with another pair."""
     n = model.channels
     any_pair = tree.any_of("pair", list(pairs.values()), "a common-cause pair")
-    event = tree.event(f"alike_not_kept_{n}_good", f"two alike not kept with {n} good", chance=model.alike.get(n, 1.0))
-    gates = [tree.all_of("lost_by_pair", [any_pair, event], f"two alike, not kept with {n} good")]
+    chance = model.alike.get(n, 1.0)
+    event = tree.event(f"alike_not_kept_{n}_good", f"two alike not tolerated with {n} good", chance=chance)
+    gates = [tree.all_of("lost_by_pair", [any_pair, event], f"two alike, not tolerated with {n} good")]
     if n < 3:
         return gates
     apart, within = [], []
@@ -132,11 +133,11 @@ def _common(
     gates += _orders(tree, "within", within, "a single fault and a pair with its channel", model.next_fault(n - 1), 0.0)
     event = tree.event(
         "pair_then_pair_not_kept",
-        f"pair, then one of its channels with a third: {n - 2} good, not kept",
+        f"pair, then one of its channels with a third: {n - 2} good, not tolerated",
         chance=after_pair,
     )
     two = tree.any_of("two_pairs", overlapping, "two pairs with one channel in both")
-    return [*gates, tree.all_of("lost_by_two_pairs", [two, event], "two pairs, not kept")]
+    return [*gates, tree.all_of("lost_by_two_pairs", [two, event], "two pairs, not tolerated")]
 
 
 def _orders(
@@ -144,33 +145,33 @@ def _orders(
 ) -> list[str]:
     """Add sets of a single fault and a pair with an event for each order: p x P(order).
 
-    One order excludes the other, and a tree takes events as independent: the second probability is divided by that of
-    not the first, so that either of the two has the sum of both.
+    One order excludes the other, but a tree takes events as independent.  The second probability is therefore divided
+    by the probability of not the first, so that either of the two has the sum of both.
     """
     one, other = 0.5 * single_first, 0.5 * pair_first
-    events = [tree.event(f"{name}_single_then_pair", "single then pair, not kept: p x P(order)", chance=one)]
+    events = [tree.event(f"{name}_single_then_pair", "single then pair, not tolerated: p x P(order)", chance=one)]
     if other > 0.0:
         chance = other / (1.0 - one)
         events.append(
             tree.event(
                 f"{name}_pair_then_single",
-                "pair then single, not kept: p x P(order), given not the other order",
+                "pair then single, not tolerated: p x P(order), given not the other order",
                 chance=chance,
             )
         )
     some = tree.any_of(f"pair_{name}", sets, label)
-    order = tree.any_of(f"{name}_order", events, "not kept in one of the orders")
-    return [tree.all_of(f"lost_by_{name}", [some, order], f"{label}, not kept")]
+    order = tree.any_of(f"{name}_order", events, "not tolerated in one of the orders")
+    return [tree.all_of(f"lost_by_{name}", [some, order], f"{label}, not tolerated")]
 
 
 def _failed(tree: FaultTree, i: int, single: str, pairs: Mapping[tuple[int, int], str]) -> str:
-    """Return channel ``i`` failed in any way."""
+    """Return the event that channel ``i`` has failed in any way."""
     common = [pair for members, pair in pairs.items() if i in members]
     return tree.any_of(f"channel_{i}_failed", [single, *common], f"channel {i} failed") if common else single
 
 
 def _layer(tree: FaultTree, layer: Layer) -> str:
-    """Add a layer in series, whose coverages are given."""
+    """Add a layer in series with given coverages."""
     n, name = layer.channels, layer.name
     each = [tree.event(f"{name}_{i}", f"{name} {i} fails", layer.per_hour) for i in range(1, n + 1)]
     given = {n - k: chance for k, chance in enumerate(layer.not_covered[:-1])}

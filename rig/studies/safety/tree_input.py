@@ -1,6 +1,6 @@
-"""What a fault tree is made of: one manager's counts and one rate, by the posterior means of the cells.
+"""The inputs of a fault tree: one manager's counts and one rate, by the posterior means of the cells.
 
-And what a safety case rests on beside its flights; docs/safety.md explains it.
+It also lists the assumptions of a safety case beside its flights; docs/safety.md explains them.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from rig.studies.safety.tree_result import TreeResult
 def read_model(
     folders: Sequence[Path], rates: Rates, signal: str, channels: int, hours: float, source: str
 ) -> SignalModel:
-    """Return the model of a signal with so many channels.
+    """Return the model of a signal with a number of channels.
 
-    hours  : of a flight, for the chance that its faults all come between two manoeuvres
-    source : the rates file.  BadInput: several rates, several managers, a cell that was not flown, a layer whose name
-    cannot be one in XML.
+    hours  : of a flight, for the chance that all its faults come between two manoeuvres
+    source : the rates file
+    BadInput: several rates, several managers, a cell that was not flown, or a layer whose name XML does not allow
     """
     given = rates.signals[signal]
     for key, values in (("per_hour", given.per_hour), ("beta", given.beta)):
         if len(values) > 1:
-            raise BadInput(f"{source}: {signal}.{key}: a tree is of one value, got {len(values)}: {values}")
+            raise BadInput(f"{source}: {signal}.{key}: a tree needs one value, got {len(values)}: {values}")
     for i, layer in enumerate(rates.layers):
         require_name(f"{source}: layers.{i}.name", layer.name)
     flown = _one_manager(folders)
@@ -58,15 +58,15 @@ def read_model(
 def _one_manager(folders: Sequence[Path]) -> Cells:
     flown = by_manager(folders)
     if len(flown) > 1:
-        raise BadInput(f"{', '.join(map(str, folders))}: a tree is of one manager, got {', '.join(flown)}")
+        raise BadInput(f"{', '.join(map(str, folders))}: a tree needs one manager, got {', '.join(flown)}")
     ((manager, parts),) = flown.items()
     return together(manager, parts)
 
 
 def not_kept(known: Outcomes) -> Mapping[str, dict[int, float]]:
-    """Return the chances of a fault that is not kept, by design and good channels; ``known`` has one draw, the mean.
+    """Return the chances of a fault that is not tolerated, by design and good channels; ``known`` has the mean alone.
 
-    Two faults that were not flown are never kept, as in the chain of `rig reliability run`.
+    Pairs of faults that were not flown are never tolerated, as in the chain of `rig reliability run`.
     """
     given = Given(known.draws, known.announced, {}, 0.0)
     levels = [good for design, good in known.draws if design == "single"]
@@ -77,15 +77,19 @@ def not_kept(known: Outcomes) -> Mapping[str, dict[int, float]]:
 
 
 def assumptions(rates: Rates, signal: str, result: TreeResult) -> list[str]:
-    """Return the conditions under which tree, chain and sets hold, a line each."""
+    """Return the conditions under which tree, chain and sets are valid, a line each."""
     given = rates.signals[signal]
     most = max(abs(each.differs) for each in result.at)
-    box = f"; its box fails {given.box_per_hour:g} times an hour ({given.box_source})" if given.box_per_hour else ""
+    box = (
+        f"; the LRU of a channel fails {given.box_per_hour:g} times an hour ({given.box_source})"
+        if given.box_per_hour
+        else ""
+    )
     return [
         *of_chain(rates, signal, []),
-        f"common mode hits one of the fixed pairs of channels, each as often; never three at once{box}",
-        f"the static tree is {result.static}: it differs from the chain by at most {100 * most:.2g} %, as an order of "
-        "faults is an event of probability p x P(order)",
-        "false isolations are not in the tree; every flight begins without a fault",
-        "sizes, moments and channels of faults are drawn as docs/safety.md says: others give other chances",
+        f"common mode hits each fixed pair of channels equally often, and never three channels at once{box}",
+        f"the static tree is {result.static}: it differs from the chain by at most {100 * most:.2g} %, because "
+        "an order of faults is an event of probability p x P(order)",
+        "the tree has no false isolations; every flight begins without a fault",
+        "sizes, times and channels of faults are drawn as in docs/safety.md; other distributions give other results",
     ]

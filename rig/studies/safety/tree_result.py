@@ -1,4 +1,4 @@
-"""A tree beside its chain: both probabilities by flight time, whether the tree is exact, and the files of both."""
+"""A tree beside its chain: both probabilities by flight time, the accuracy of the tree, and the files of both."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ AT: Final = (
 
 @dataclass(frozen=True, slots=True)
 class AtHours:
-    """Probability of the loss after ``hours``; shares are of the chain, and for the direct sum of the tree."""
+    """The probability of the loss after ``hours``; differences are relative to the chain, the sum's to the tree."""
 
     hours: float
     tree: float
@@ -48,7 +48,7 @@ class TreeResult:
 
     @property
     def static(self) -> str:
-        """Return whether the tree is exact, an upper bound at all times, or neither."""
+        """Return "exact", "upper bound" (at all times) or "approximate"."""
         if all(abs(each.differs) <= EXACT for each in self.at):
             return "exact"
         return "upper bound" if all(each.differs >= -EXACT for each in self.at) else "approximate"
@@ -76,7 +76,7 @@ def _at(hours: float, of_tree: float, of_chain: float, of_sum: float) -> AtHours
 
 
 def write(result: TreeResult, out: Path, chain: Path | None, svg: Path | None) -> None:
-    """Write the tree, the chain at the first of the hours, and the picture; BadInput or RigError: a file cannot be."""
+    """Write the tree, the chain at the first time, and the picture.  BadInput or RigError: a file cannot be written."""
     write_text(out, open_psa(result.tree))
     if chain is not None:
         write_text(chain, chain_file(result.chain, result.at[0].hours, result.tree.name))

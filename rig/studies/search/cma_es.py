@@ -1,8 +1,8 @@
-"""CMA-ES in the unit cube of one arm, started again where it stagnates.
+"""CMA-ES in the unit cube of one arm, started again when it stagnates.
 
-Hansen, The CMA Evolution Strategy: A Tutorial, 2016, by the package ``cma``, which is imported here alone and late: it
-takes seconds.  Its own seed 0 is the clock and its instances share numpy's global generator, so each gets a generator
-of its own and no seed.
+Hansen, The CMA Evolution Strategy: A Tutorial, 2016.  The package ``cma`` is imported only here and late, because the
+import takes seconds.  Its seed 0 is the clock, and its instances share numpy's global generator, so each instance gets
+its own generator and no seed.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from rig.studies.search.space import Point
 STEP: Final = 0.25  # of the unit cube
 MOST_DOUBLED: Final = 3  # times that a population is doubled
 PATIENCE: Final = 24  # generations without a better flight
-NARROW: Final = 1e-3  # of the unit cube: what a search by flights does not resolve
+NARROW: Final = 1e-3  # of the unit cube: smaller steps are not resolved by a search with flights
 _RESTARTS: Final = 1  # spawn key of the generators; 0 draws the random flights
 
 
 class Strategy:
-    """Generations of one arm: ``ask`` for points, ``tell`` their values, the least is best."""
+    """The generations of one arm: ``ask`` for points, ``tell`` their values; the smallest is best."""
 
     def __init__(self, starts: Sequence[Point], seed: int, arm: int) -> None:
-        """Begin at the first of ``starts``, the arm's random flights from the best on."""
+        """Begin at the first of ``starts``, the arm's random flights, best first."""
         self._starts, self._seed, self._arm = starts, seed, arm
         self._restart = -1
         self._begin()
 
     @property
     def population(self) -> int:
-        """Return how many flights the next generation takes."""
+        """Return the number of flights of the next generation."""
         return population(len(self._starts[0])) << min(self._restart, MOST_DOUBLED)
 
     def ask(self) -> list[Point]:
@@ -42,7 +42,7 @@ class Strategy:
         return [_fold(point)[: len(self._starts[0])] for point in self._asked]
 
     def tell(self, values: Sequence[float]) -> None:
-        """Take the values of the generation that was asked for last; begin again where it stagnates."""
+        """Take the values of the last generation; start again if the search stagnates."""
         self._cma.tell(self._asked, list(values))
         self._waited = 0 if min(values) < self._best else self._waited + 1
         self._best = min(self._best, *values)
@@ -70,7 +70,7 @@ class Strategy:
 
 
 def population(dimensions: int) -> int:
-    """Return the first population in so many dimensions, as the package has it."""
+    """Return the first population for a number of dimensions, from the package."""
     return 4 + int(3 * math.log(max(dimensions, 2)))
 
 

@@ -1,6 +1,6 @@
-"""The worst case among the least robustness: five of them, apart from each other, flown on new seeds.
+"""Find the worst case: fly five distinct flights with the least robustness on new seeds.
 
-The flight of the least robustness is often luck: it violates on 4 to 20 of 20 seeds.
+The flight with the least robustness is often chance: it violates on 4 to 20 of 20 new seeds.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Fly = Callable[[Sequence[Table]], list[Measured]]  # of scenario tables with the
 
 @dataclass(frozen=True, slots=True)
 class Confirmed:
-    """A scenario on new seeds."""
+    """A scenario flown on new seeds."""
 
     table: Table  # without its seed
     seeds: tuple[int, ...]
@@ -33,29 +33,29 @@ class Confirmed:
 
     @property
     def violations(self) -> int:
-        """Return on how many seeds it violates."""
+        """Return the number of seeds on which the scenario violates."""
         return sum(result.violated for result in self.results)
 
     @property
     def violating(self) -> dict[str, int]:
-        """Return the requirements that it violates: by id, on how many seeds."""
+        """Return the number of violating seeds by the id of the requirement."""
         ids = [each for result in self.results for each in result.violating]
         return {each: ids.count(each) for each in dict.fromkeys(ids)}
 
     @property
     def median_robustness(self) -> float:
-        """Return the median of its robustness."""
+        """Return the median robustness over the seeds."""
         return float(median(result.robustness for result in self.results))
 
     @property
     def seed(self) -> int:
-        """Return the seed of its least robustness, of a violation where there is one."""
+        """Return the seed of the least robustness, of a violation if there is one."""
         ranked = [(not r.violated, r.robustness, i) for i, r in enumerate(self.results)]
         return self.seeds[min(ranked)[2]]
 
 
 def least_apart(draws: Sequence[Draw], values: Sequence[float]) -> list[int]:
-    """Return the places of the least values whose points are APART from each other, or of other arms."""
+    """Return the places of the smallest values whose points are APART from each other, or in other arms."""
     kept: list[int] = []
     for i in sorted(range(len(values)), key=lambda i: (values[i], i)):
         near = (k for k in kept if draws[k].arm == draws[i].arm)
@@ -67,7 +67,7 @@ def least_apart(draws: Sequence[Draw], values: Sequence[float]) -> list[int]:
 
 
 def new_seeds(campaign: Any, first: int, count: int) -> tuple[int, ...]:
-    """Return seeds that no flight of the search has: those of the run numbers from ``first`` on."""
+    """Return seeds that no flight of the search has, those of the run numbers from ``first`` on."""
     return tuple(seed_of(campaign, number) for number in range(first, first + count))
 
 
@@ -81,5 +81,5 @@ def confirm(tables: Sequence[Table], seeds: Sequence[int], fly: Fly) -> list[Con
 
 
 def worst(confirmed: Sequence[Confirmed]) -> Confirmed:
-    """Return the one of most violations, then of the least median robustness."""
+    """Return the scenario with the most violations, then with the least median robustness."""
     return min(confirmed, key=lambda each: (-each.violations, each.median_robustness))

@@ -1,7 +1,7 @@
-"""Flights of a plan that grows: those that its folder lacks are flown, all others read.
+"""Fly the missing flights of a growing plan, and read the others from its folder.
 
-Before a search one flight of each arm is flown without its faults, with the set of ``--against`` too, in a folder that
-is removed: what these violate, no fault is needed for, and a search that is refused writes nothing.
+Before a search, one flight of each arm is flown without its faults, also with the override of ``--against``, in a
+temporary folder.  A requirement that these flights violate needs no fault; the search is refused and writes nothing.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ _LATER: Final = 2 * SEEDS + SHRINK_SEEDS  # seeds that confirming and shrinking 
 
 
 class Interrupted(Exception):
-    """The command was asked to stop; what is flown is in the folder."""
+    """The command was asked to stop; the flown flights are in the folder."""
 
 
 class _Kept(Folder):
-    """A folder that keeps the rows of its runs at hand."""
+    """A folder that keeps the rows of its runs in memory."""
 
     runs: dict[int, dict[str, Any]]
 
@@ -47,7 +47,7 @@ class _Kept(Folder):
 
 
 class Flown:
-    """Rows of ``runs`` by number, flown where the folder does not hold them."""
+    """The rows of ``runs`` by number, flown if the folder does not contain them."""
 
     def __init__(self, plan: Plan, folder: _Kept, pool: Pool, stop: Stop, batch: Batch) -> None:
         self.plan, self.folder, self._pool, self._stop, self._batch = plan, folder, pool, stop, batch
@@ -55,7 +55,7 @@ class Flown:
         del folder.tables  # it grows
 
     def rows(self, numbers: Sequence[int]) -> list[dict[str, Any]]:
-        """Return the rows of runs of the plan.  Interrupted: asked to stop before all are there."""
+        """Return the rows of runs of the plan.  Interrupted: asked to stop before all were flown."""
         kept = self.folder.runs
         missing = [number for number in numbers if number not in kept]
         if missing:
@@ -69,7 +69,7 @@ class Flown:
 
 
 def require_known(plan: Plan, out: Path) -> None:
-    """Raise BadInput unless ``out`` is a new folder, or one of the same plan whose parts are whole.  Writes nothing."""
+    """Raise BadInput unless ``out`` is a new folder, or of the same plan with complete parts.  Writes nothing."""
     folder = Folder.of(out, plan)
     if folder.is_begun:
         folder.done()
@@ -77,7 +77,7 @@ def require_known(plan: Plan, out: Path) -> None:
 
 @contextmanager
 def flown(plan: Plan, out: Path, pool: Pool, stop: Stop, batch: Batch = fly_batch) -> Iterator[Flown]:
-    """Hold a plan's folder, new or begun.  BadInput as ``Folder.of``; RigError says that the command goes on."""
+    """Hold a plan's folder, new or existing.  BadInput as ``Folder.of``; RigError, with the way to resume."""
     folder = _Kept.of(out, plan)
     assert isinstance(folder, _Kept)
     with folder.held():
@@ -89,9 +89,9 @@ def flown(plan: Plan, out: Path, pool: Pool, stop: Stop, batch: Batch = fly_batc
 
 
 def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None:
-    """Raise BadInput for a requirement that a flight without faults violates; it names arm and robustness.
+    """Raise BadInput for a requirement that a flight without faults violates, with its arm and robustness.
 
-    A folder that is begun has passed.  Interrupted: asked to stop; RigError: such a flight cannot be flown.
+    An existing folder has passed.  Interrupted: asked to stop; RigError: such a flight cannot be flown.
     """
     if Folder.of(out, plan).is_begun:  # another's is refused before anything is flown
         return
@@ -118,13 +118,12 @@ def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None
             robustness = f", robustness {shown}" if shown else ""
             raise BadInput(
                 f"--requirement {which}: violated without any fault{robustness} at {least['instant_s']:.2f} s "
-                f"({name}): "
-                "there is nothing to search for; change the requirement or leave it out"
+                f"({name}); change the requirement or leave it out"
             )
 
 
 def _cases(plan: SearchPlan) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield name and scenario of each arm's first draw without its faults, all with one seed that no flight has."""
+    """Yield the name and scenario of each arm's first draw without its faults, all with one new seed."""
     seed = new_seeds(plan.campaign, len(plan) + _LATER, 1)[0]
     there: set[str] = set()
     arms: set[int] = set()

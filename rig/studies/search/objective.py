@@ -1,4 +1,4 @@
-"""What a search makes least: the robustness of its requirements; that of the vote where they are states, or agree."""
+"""The minimised value of a search: robustness of its requirements, then robustness of the vote for states and ties."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rig.core.text import choices, quoted
 from rig.verdict.requirements.requirement import Requirement, find_requirements, load_requirements, names
 
 TIE: Final = 1e-6  # of the robustness of the vote, which is at most 1000: less than any robustness that matters
-NONE: Final = 1000.0  # robustness where no requirement applies, or nothing was flown
+NONE: Final = 1000.0  # robustness if no requirement applies, or nothing was flown
 VOTE: Final = Requirement(
     id="vote-of-search",
     text="Ties: the vote stays within the threshold of the truth, or the signal is lost",
@@ -21,7 +21,7 @@ VOTE: Final = Requirement(
 
 
 class Measured(NamedTuple):
-    """One draw: what it is worth."""
+    """The value of one draw."""
 
     robustness: float  # least of the requirements; against another setting the difference of two
     vote: float  # least robustness of the vote of the signals with faults
@@ -30,12 +30,12 @@ class Measured(NamedTuple):
 
     @property
     def value(self) -> float:
-        """Return the number that is made least."""
+        """Return the minimised number."""
         return self.robustness + TIE * self.vote
 
 
 def chosen(ids: Sequence[str], files: Sequence[str] = (), own: Sequence[dict[str, Any]] = ()) -> list[Requirement]:
-    """Return the requirements of these ids: of ``files``, else a campaign's ``own`` before the bundled sets.
+    """Return the requirements of these ids, from ``files``, or from the campaign and then the bundled sets.
 
     BadInput: unknown id.
     """
@@ -49,7 +49,7 @@ def chosen(ids: Sequence[str], files: Sequence[str] = (), own: Sequence[dict[str
 
 
 def measured(rows: Sequence[dict[str, Any]], ids: Iterable[str]) -> Measured:
-    """Return what a draw is worth, by its rows of ``runs``: one, or two with the other setting's behind."""
+    """Return the value of a draw from its rows of ``runs``: one, or two with that of the other setting second."""
     asked = list(ids)
     told = [json.loads(row.get("requirements") or "[]") for row in rows]
     robustness, votes = [_least(each, set(asked)) for each in told], [_least(each, {VOTE.id}) for each in told]
@@ -60,11 +60,9 @@ def measured(rows: Sequence[dict[str, Any]], ids: Iterable[str]) -> Measured:
 
 
 def deciding(rows: Sequence[Sequence[dict[str, Any]]], ids: Sequence[str]) -> tuple[str, ...]:
-    """Return the requirements that a search decides by: those of ``ids`` that not every random draw violates.
+    """Return the requirements of a search: those of ``ids`` that not every random draw violates.
 
-    One that all of them violate has its robustness in each flight and would hide the others.  All of ``ids`` if no
-    other
-    is left.
+    A requirement that every draw violates would hide the others.  Return all of ``ids`` if no other is left.
 
     rows : of each random draw its flights, one in each setting
     """

@@ -1,7 +1,7 @@
-"""Open-loop trials in the place of flights: faults and manager of one signal over the truth of a healthy flight.
+"""Open-loop trials instead of flights: the faults and the manager of one signal over the truth of a healthy flight.
 
-The truth does not answer to the vote, so a requirement that needs the plant is refused.  All trials of an arm are over
-the same healthy flight; noise and errors of the sensors are those of each trial's seed.
+The truth does not react to the vote, so a requirement that needs the plant is refused.  All trials of an arm use the
+same healthy flight; sensor noise and errors come from each trial's seed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _OFFERS: Final = WITH_TRUTH | {"healthy"}
 
 
 class Place(NamedTuple):
-    """What trials have in common whose faults differ in numbers alone."""
+    """The common part of trials whose faults differ only in numbers."""
 
     cell: Cell
     recording: Recording
@@ -50,17 +50,17 @@ _places: dict[str, Place] = {}  # of this worker, the last few
 
 
 def run_batch(runs: Sequence[Run], orders: Orders) -> Rows:
-    """Run trials one after the other, as ``campaign.worker.fly_batch`` flies.  RigError: another version of the rig."""
+    """Run trials one after the other, as ``campaign.worker.fly_batch`` flies.  RigError: another version of rig."""
     check_rig(orders)
     return {**{table: [] for table in TABLES}, "runs": [trial_row(each, orders.requirements) for each in runs]}
 
 
 def check(plan: Plan) -> None:
-    """Raise BadInput for what open-loop trials cannot do, or a requirement that needs more than they have."""
+    """Raise BadInput for a setting that open-loop trials cannot run, or a requirement that needs more signals."""
     for key, vary in plan.campaign.varied():
         head, _, rest = key.partition(".")
         if not isinstance(vary, Levels) and (head != "faults" or rest.partition(".")[2] not in KEYS):
-            raise BadInput(f"{plan.source}: vary: {key!r}: --bench varies {', '.join(KEYS)} of a fault")
+            raise BadInput(f"{plan.source}: vary: {key!r}: --bench can vary only {', '.join(KEYS)} of a fault")
     keys = {_common(plan[i].data): i for i in range(len(plan.choices))}
     for i in keys.values():
         try:
@@ -83,7 +83,7 @@ def trial_row(each: Run, requirements: Sequence[Requirement]) -> dict[str, Any]:
 
 
 def _common(data: dict[str, Any]) -> str:
-    """Return what decides a Place: the scenario's table without its seed and the faults' numbers."""
+    """Return the key of a Place: the scenario's table without its seed and the faults' numbers."""
     faults = [
         {key: None if _is_number(key, value) else value for key, value in each.items()} for each in data["faults"]
     ]
@@ -98,7 +98,7 @@ def _cell(each: Run) -> tuple[Cell, Subject]:
     scenario = each.scenario()
     names = {fault.signal for fault in scenario.faults}
     if len(names) != 1 or next(iter(names)) not in INDEX:
-        raise BadInput("open-loop trials have all faults on channels of one signal")
+        raise BadInput("open-loop trials need all faults on channels of one signal")
     name = names.pop()
     cell = Cell(scenario, one_signal(scenario, name), faults_of(scenario, name), {}, 0, None, [])
     flight = of_flight(scenario)
@@ -115,7 +115,7 @@ def _cell(each: Run) -> tuple[Cell, Subject]:
 
 
 def _trial(place: Place, data: dict[str, Any]) -> Block:
-    """Return the rows of one trial, of the one signal."""
+    """Return the rows of one trial, for the one signal."""
     cell, flown = place.cell, place.recording
     n, one = len(flown.truth), cell.one
     block = rows(1).block(n)

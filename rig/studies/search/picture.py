@@ -1,4 +1,4 @@
-"""The picture of a search: robustness over flights, the random ones first, and the least so far."""
+"""The page of a search: robustness over flights, the worst case with its faults in words, and how to fly it."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import plotly.graph_objects as go
 
 from rig.core.frame import INDEX, SIGNALS
 from rig.core.palette import BLUE, INK, ORANGE, RED, SOFT, faint
-from rig.core.units.quantities import unit_of_name
+from rig.core.units.quantities import number, unit_of_name, unit_shown
 from rig.show.pages.page import lay_out, write_page
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_plan import SearchPlan
 from rig.verdict.requirements.robustness import robustness_text
 from rig.world.faults import KINDS
 
+Table = Mapping[str, Any]
 MOST: Final = 30.0  # drawn of a robustness
 _FAULT: Final = re.compile(r"faults\.(\d+)\.(\w+)")
 
@@ -44,34 +45,52 @@ def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
     line: dict[str, Any] = {"mode": "lines", "line": {"color": INK, "width": 2, "shape": "hv"}}
     made.add_scatter(x=flights, y=np.minimum.accumulate(shown), name="least so far", hoverinfo="skip", **line)
     _level(made, float(shown[: plan.random].min()), "least at random", {"color": ORANGE, "width": 1.5, "dash": "dash"})
-    _level(made, 0.0, "violated below", {"color": RED, "width": 1})
-    lay_out(made, "Robustness over flights", 420, margin={"l": 10, "r": 120, "t": 40, "b": 10})
+    difference = plan.asked.against is not None
+    _level(made, 0.0, "no difference" if difference else "violated below 0", {"color": RED, "width": 1})
+    lay_out(made, "Robustness of the flights of the search", 420, margin={"l": 10, "r": 120, "t": 40, "b": 10})
     made.update_xaxes(title="flight")
-    made.update_yaxes(title="robustness, in the scale of the requirement")
+    made.update_yaxes(title="difference of robustness" if difference else "robustness")
     return made
 
 
 def _level(figure: go.Figure, robustness: float, text: str, line: dict[str, Any]) -> None:
-    """Draw a level, its text to the right of the picture."""
+    """Draw a level with its text to the right of the picture."""
     figure.add_hline(y=robustness, line=line)
     figure.add_annotation(x=1.01, xref="paper", y=robustness, text=text, showarrow=False, xanchor="left")
 
 
-def write(out: Path, plan: SearchPlan, found: Sequence[Measured], figures: dict[str, Any]) -> None:
-    """Write the page of a search."""
+def write(out: Path, plan: SearchPlan, found: Sequence[Measured], figures: dict[str, Any], simplest: Table) -> None:
+    """Write the page of a search; ``simplest``: table of the minimal scenario."""
     title, varied = plan.campaign.title or plan.source, figures["worst"]["varied"]
     table = plan.data(figures["worst"]["run"])
     write_page(
         out, "search.html", {"robustness": figure(plan, found)}, {}, title=title, asked=plan.asked, results=figures,
         requirements=[each for each in plan.requirements if each.id in plan.asked.requirements],
         varied={key: shown(key, value, table) for key, value in varied.items()},
+        least=robustness_text(figures["robustness"]) or "none", worst=robustness_text(figures["worst"]["robustness"]),
+        faults=fault_sentences(table), simplest=fault_sentences(simplest),
+        flight=", ".join(filter(None, map(str, (simplest.get("aircraft"), simplest.get("flight_point"))))),
     )  # fmt: skip
 
 
-def shown(key: str, value: object, table: Mapping[str, Any]) -> str:
-    """Return the value of a varied key with the unit in which it is set: of a fault's own key, as its kind declares.
+def fault_sentences(table: Table) -> list[str]:
+    """Return the faults of a scenario, a line each: kind, size, place and onset."""
+    lines = []
+    for i, fault in enumerate(table.get("faults", [])):
+        sizes = [name for name in KINDS[fault["kind"]].sizes if name in fault]
+        size = f" of {shown(f'faults.{i}.{sizes[0]}', fault[sizes[0]], table)}" if sizes else ""
+        channels = fault.get("channels") or []
+        which = f"{'s' if len(channels) > 1 else ''} {', '.join(map(str, channels))}"
+        place = ", ".join(filter(None, [fault.get("signal"), f"channel{which}" if channels else ""]))
+        onset = f" from {fault['start_s']:.3g} s on" if "start_s" in fault else ""
+        lines.append(f"{fault['kind'].replace('_', ' ')}{size}{f': {place}' if place else ''}{onset}")
+    return lines
 
-    table : the scenario that has it
+
+def shown(key: str, value: object, table: Mapping[str, Any]) -> str:
+    """Return the value of a varied key with three digits and its unit; angles are in degrees.
+
+    table : the scenario that has the key
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
@@ -82,5 +101,6 @@ def shown(key: str, value: object, table: Mapping[str, Any]) -> str:
         declared = field.json_schema_extra if field is not None else None
         unit = str(declared.get("unit", unit)) if isinstance(declared, dict) else unit
         if unit.startswith("signal") and fault.get("signal") in INDEX:
-            unit = unit.replace("signal", SIGNALS[INDEX[fault["signal"]]].unit, 1)
-    return f"{value:.3g} {unit}".rstrip()
+            of_signal = SIGNALS[INDEX[fault["signal"]]].unit
+            return f"{number(value, of_signal)} {unit.replace('signal', unit_shown(of_signal), 1)}".rstrip()
+    return f"{number(value, unit)} {unit_shown(unit)}".rstrip()

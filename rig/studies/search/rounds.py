@@ -1,6 +1,6 @@
-"""Which flights come next: random ones over the arms, then rounds of generations; the worse half of the arms rests.
+"""The next flights: random ones over the arms, then rounds of generations, in which the worse half of the arms pauses.
 
-The schedule depends on its arguments and the values that it is told alone, in their order.
+The schedule depends only on its arguments and the values that it gets, in their order.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rig.studies.search.space import Arm, Point
 LEAST_RANDOM: Final = 24  # and a tenth of all draws
 EACH: Final = 5  # random draws of an arm, at least
 GENERATIONS: Final = 2  # of a round
-ALL: Final = 4  # every so many rounds no arm rests
+ALL: Final = 4  # in every fourth round no arm pauses
 Method = Literal["cma", "random"]
 _RANDOM: Final = 0  # spawn key, see cma_es
 
@@ -33,25 +33,25 @@ class Draw:
 
 
 Values = Sequence[float]
-Schedule = Generator[list[Draw], Values, None]  # yields draws, is sent their values, the least is best
+Schedule = Generator[list[Draw], Values, None]  # yields draws, is sent their values; the smallest is best
 
 
 def random_count(arms: Sequence[Arm], draws: int, method: Method = "cma") -> int:
-    """Return how many draws are random.  BadInput: too few for the arms, or none left for a generation."""
+    """Return the number of random draws.  BadInput: too few for the arms, or none left for a generation."""
     count = draws if method == "random" else max(LEAST_RANDOM, -(-draws // 10))
     if count < EACH * len(arms):
         enough = EACH * len(arms) * (1 if method == "random" else 10)
         raise BadInput(
-            f"--flights: {count} random draws over {len(arms)} arms are fewer than {EACH} each: at least {enough} draws"
+            f"--flights: {count} random draws over {len(arms)} arms are fewer than {EACH} each; give {enough} or more"
         )
     largest = max(population(arm.dimensions) for arm in arms)
     if method == "cma" and draws < count + largest:
-        raise BadInput(f"--flights: {draws} draws are below {count} at random and a population of {largest}")
+        raise BadInput(f"--flights: {draws} draws are too few for {count} random ones and a population of {largest}")
     return count
 
 
 def schedule(arms: Sequence[Arm], draws: int, seed: int, method: Method = "cma") -> Schedule:
-    """Yield what is flown next, a list at a time, at most ``draws`` in all."""
+    """Yield the next draws, a list at a time, at most ``draws`` in all."""
     first = random_draws(arms, random_count(arms, draws, method), seed)
     values = yield first
     if method == "random":
@@ -65,13 +65,13 @@ def schedule(arms: Sequence[Arm], draws: int, seed: int, method: Method = "cma")
         for _ in range(GENERATIONS):
             left = yield from _generation(strategies, sorted(active, key=lambda a: (best[a], a)), left, best)
         if left == before:
-            return  # no generation is whole
+            return  # no complete generation
         active = sorted(active, key=lambda a: (best[a], a))[: math.ceil(len(active) / 2)]
         number += 1
 
 
 def random_draws(arms: Sequence[Arm], count: int, seed: int) -> list[Draw]:
-    """Return random draws, of the arms in turn."""
+    """Return random draws, from the arms in turn."""
     rngs = [np.random.default_rng([seed, a, 0, _RANDOM]) for a in range(len(arms))]
     return [Draw(i % len(arms), rngs[i % len(arms)].random(arms[i % len(arms)].dimensions)) for i in range(count)]
 
@@ -85,7 +85,7 @@ def _starts(first: Sequence[Draw], values: Values, arm: int) -> list[Point]:
 def _generation(
     strategies: Sequence[Strategy], active: Sequence[int], left: int, best: list[float]
 ) -> Generator[list[Draw], Values, int]:
-    """Yield one generation of each active arm that is whole within ``left`` draws; return how many are left."""
+    """Yield one complete generation of each active arm within ``left`` draws; return the number that is left."""
     asked: list[Draw] = []
     sizes: dict[int, int] = {}
     for arm in active:

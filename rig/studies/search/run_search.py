@@ -1,10 +1,10 @@
-"""One search in a folder: ask, fly what is not flown yet, tell; then confirm what is worst and shrink it.
+"""One search in a folder: draw, fly the missing flights, evaluate; then confirm the worst case and shrink it.
 
     campaign.json, runs/, ...   the folder of a campaign: all flights of the search
-    confirmed/                  another: flights on new seeds, of the candidates and of what is shrunk
-    worst.toml, search.html     the scenario, the picture; search.json  the figures
+    confirmed/                  another: flights on new seeds, of the candidates and of the shrunk scenarios
+    worst.toml, search.html     the scenario, the page; search.json  the figures
 
-The flights depend on campaign, requirements, options and seed alone: the table that is there is told again.
+The flights depend only on campaign, requirements, options and seed; a resumed search reads the existing table.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ CONFIRMED: Final = "confirmed"
 
 @dataclass(frozen=True, slots=True)
 class Ended(Ending):
-    """How a call of ``run`` ended."""
+    """The end of a call of ``run``."""
 
     figures: dict[str, Any]  # as ``--json`` prints them; empty when interrupted
     table_sha256: str
@@ -53,9 +53,9 @@ class Ended(Ending):
 
 
 def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: str | None = None) -> Ended:
-    """Search, or go on with it, into the folder ``out``.
+    """Search into the folder ``out``, or resume there.
 
-    BadInput before anything is written; RigError when the disk is full or workers keep dying.
+    BadInput before anything is written; RigError: the disk is full, or workers keep stopping.
     """
     began, batch = perf_counter(), bench.run_batch if plan.asked.bench else fly_batch
     pool, kill = pool_of(plan, workers, scheduler), True
@@ -72,7 +72,7 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
                 return Ended({}, "", 0, perf_counter() - began, interrupted=True, signal=stop.signal)
             with flown(plan, out, pool, stop, batch) as flights:
                 figures: dict[str, Any] = {}
-                with suppress(Interrupted):  # what was flown is in the folder; the same command goes on
+                with suppress(Interrupted):  # the flown flights are in the folder; the same command resumes
                     found = _searched(plan, flights)
                     with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop) as others:  # open loop or not
                         figures = _finished(plan, found, others, out)
@@ -87,14 +87,14 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """What a search measured, and by which of the requirements that are asked for."""
+    """The values that a search measured, and the requirements that it used."""
 
     ids: tuple[str, ...]
     results: list[Measured]  # of each draw, in their order
 
 
 def _require_begun_or_new(plan: SearchPlan, out: Path) -> None:
-    """Raise BadInput, before the first flight, where the flights on new seeds or a result could not be written."""
+    """Raise BadInput before the first flight if the flights on new seeds or a result could not be written."""
     require_known(ConfirmPlan(plan), out / CONFIRMED)
     if out.is_dir():
         for name in BESIDE_RUNS:
@@ -102,7 +102,7 @@ def _require_begun_or_new(plan: SearchPlan, out: Path) -> None:
 
 
 def _searched(plan: SearchPlan, flights: Flown) -> _Found:
-    """Fly the draws; return what each is worth."""
+    """Fly the draws; return the value of each."""
     results: list[Measured] = []
     ids: tuple[str, ...] = ()
     coming = schedule(plan.arms, plan.most_draws, plan.asked.seed, plan.asked.method)
@@ -125,7 +125,7 @@ def _searched(plan: SearchPlan, flights: Flown) -> _Found:
 
 
 def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> dict[str, Any]:
-    """Confirm, shrink, write scenario and picture; return the figures."""
+    """Confirm, shrink, write scenario and page; return the figures."""
     tell("confirming on new seeds")
     fly, found = _flying(plan, others, searched.ids), searched.results
     places = least_apart(plan.draws, [each.value for each in found])
@@ -145,12 +145,12 @@ def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> d
     if shrunk.violations:
         result.write_scenario(out / result.SCENARIO, plan, shrunk)
     write_whole(out / result.FIGURES, json.dumps(figures, indent=1, allow_nan=False).encode())
-    picture.write(out / result.PICTURE, plan, found, figures)
+    picture.write(out / result.PICTURE, plan, found, figures, shrunk.table)
     return figures
 
 
 def _flying(plan: SearchPlan, others: Flown, ids: tuple[str, ...]) -> Fly:
-    """Return what flies tables that are none of the search's own, each in both settings where it is against another."""
+    """Return the function that flies other tables, each in both settings if the search is against another."""
     confirming, against = others.plan, plan.asked.against
     assert isinstance(confirming, ConfirmPlan)
 

@@ -1,4 +1,4 @@
-"""The flights of a search, and those that confirm and shrink what it finds, as plans of a campaign that grow."""
+"""The flights of a search, and the flights that confirm and shrink its results, as growing plans of a campaign."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SCENARIO: Final = "scenario"  # column of a confirming flight: the scenario's ow
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a search is asked for, apart from its campaign."""
+    """The options of a search, apart from its campaign."""
 
     requirements: tuple[str, ...]
     flights: int
@@ -36,12 +36,12 @@ class Asked:
 
     @property
     def of_one_draw(self) -> int:
-        """Return how many flights a draw takes."""
+        """Return the number of flights of a draw."""
         return 1 if self.against is None else 2
 
 
 class SearchPlan(Plan):
-    """The runs that are drawn so far: the random ones to begin with."""
+    """The runs drawn so far; the random ones come first."""
 
     def __init__(
         self,
@@ -51,9 +51,9 @@ class SearchPlan(Plan):
         requirements: Sequence[Requirement],
         trust: Trust | None = None,
     ) -> None:
-        """BadInput: a space without a number, too few flights, a key of ``against`` that varies.
+        """Raise BadInput for a space without a number, too few flights, or a key of ``against`` that varies.
 
-        requirements : those that are asked for; VOTE is measured too
+        requirements : those asked for; VOTE is also measured
         """
         tables = [each.model_dump(exclude_none=True) for each in (*requirements, VOTE)]
         own = {"sampling": "random", "runs": asked.flights, "seed": asked.seed, "requirements": tables}
@@ -63,7 +63,7 @@ class SearchPlan(Plan):
         self._against = {} if asked.against is None else dict([parse_against(asked.against)])
         for key in self._against:
             if key in dict(campaign.varied()) or key in campaign.cases:
-                raise BadInput(f"--against {key}: varies in the campaign: only what all flights share is set against")
+                raise BadInput(f"--against {key}: varies in the campaign; choose a key that all flights share")
         self.draws: list[Draw] = []
         self.choices = []
         self.add(random_draws(self.arms, random_count(self.arms, self.most_draws, asked.method), asked.seed))
@@ -71,7 +71,7 @@ class SearchPlan(Plan):
 
     @property
     def most_draws(self) -> int:
-        """Return how many draws the flights are enough for."""
+        """Return the number of draws for which the flights are enough."""
         return self.asked.flights // self.of_one_draw
 
     def __len__(self) -> int:
@@ -87,11 +87,11 @@ class SearchPlan(Plan):
         return list(range(before, len(self.choices)))
 
     def value_types(self) -> dict[str, set[type]]:
-        """Return the types of all values that may be chosen."""
+        """Return the types of all possible values."""
         return types_of(self.campaign, self._against)
 
     def check(self) -> None:
-        """Build the scenarios of all random flights; BadInput names the file, or the option, and the key."""
+        """Build the scenarios of all random flights.  BadInput names the file or the option, and the key."""
         self._check(self[0])
         if self._against:
             try:
@@ -103,16 +103,16 @@ class SearchPlan(Plan):
 
     @property
     def _named(self) -> list[int]:
-        """Return runs that together have every manager: the second of a draw has that of ``against``."""
+        """Return runs that together have every manager: the second run of a draw has that of ``against``."""
         return [number + i for number in super()._named for i in range(self.of_one_draw)]
 
     def identity(self) -> dict[str, Any]:
-        """Return all that decides the table."""
+        """Return everything that decides the table."""
         return {**super().identity(), SEARCH: {**asdict(self.asked), "requirements": list(self.asked.requirements)}}
 
 
 class ConfirmPlan(Plan):
-    """Flights of scenarios that the search found, or that are shrunk from one; none is of the search itself."""
+    """The flights of scenarios that the search found or shrank; none belongs to the search itself."""
 
     def __init__(self, search: SearchPlan) -> None:
         super().__init__(search.campaign, search.source, search.trust)
@@ -142,7 +142,7 @@ class ConfirmPlan(Plan):
         return int(self.data(number)["seed"])
 
     def identity(self) -> dict[str, Any]:
-        """Return the search's, marked."""
+        """Return the identity of the search, with a mark."""
         return self._identity
 
 

@@ -1,4 +1,4 @@
-"""What a search found: figures as ``--json`` prints them, and the scenario file of the worst case."""
+"""The results of a search: figures as ``--json`` prints them, and the scenario file of the worst case."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def write_scenario(path: Path, plan: SearchPlan, shrunk: Confirmed) -> None:
     violated = ", ".join(f"{name} violated in {count} of {seeds} seeds" for name, count in shrunk.violating.items())
     other = "" if asked.against is None else f", and met with {asked.against}"
     texts = [f"#   {each.id}: {' '.join(each.formula.split())}" for each in requirements]
-    head = "\n".join([f"# Found by rig search: {violated}{other}. Requirements that are violated:", *texts])
+    head = "\n".join([f"# Found by rig search: {violated}{other}. Violated requirements:", *texts])
     table = {**shrunk.table, "title": f"{base}: {violated}", "seed": shrunk.seed}
     asked_for = [dict(each) for each in requirements]
     sets = [name for name in names() if any(dict(each) in asked_for for each in load_requirements([name]))]
@@ -70,6 +70,6 @@ def write_scenario(path: Path, plan: SearchPlan, shrunk: Confirmed) -> None:
 
 
 def _simple_first(table: dict[str, Any]) -> dict[str, Any]:
-    """Return a table with its title first, and all that are tables themselves last."""
+    """Return a table with its title first and its subtables last."""
     nested = {key: value for key, value in table.items() if isinstance(value, dict) or key == "faults"}
     return {"title": table["title"], **{key: value for key, value in table.items() if key not in nested}, **nested}

@@ -1,7 +1,7 @@
-"""A violated scenario made simpler, step by step, while it goes on to violate.
+"""Reduce a violating scenario step by step while it continues to violate.
 
-Fewer faults, no manoeuvre, no turbulence, two digits, smaller sizes, later onsets; each step is kept when MOST of a few
-seeds violate with it.
+The steps are fewer faults, no manoeuvre, no turbulence, two digits, smaller sizes and later onsets.  A step is kept if
+MOST of a few seeds violate with it.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _DIGITS: Final = 2
 
 
 def shrink(table: Table, seeds: Sequence[int], fly: Fly) -> list[Table]:
-    """Return the given table and after it each simpler one that violates on MOST of ``seeds``, the simplest last."""
+    """Return the given table, then each simpler one that violates on MOST of ``seeds``, the simplest last."""
     left, kept = TRIES, [table]
     for step in (_fewer_faults, _calmer, _rounded, _smaller, _later):
         held = True
-        while held:  # again from what was kept, until no step holds
+        while held:  # again from the kept scenario, until no step succeeds
             held = False
             for tried in step(kept[-1]):
                 if left == 0:
@@ -40,9 +40,9 @@ def shrink(table: Table, seeds: Sequence[int], fly: Fly) -> list[Table]:
 
 
 def simplest(kept: Sequence[Table], seeds: Sequence[int], fly: Fly) -> Confirmed:
-    """Return the last of ``kept`` that violates on as large a share of many seeds, flown on them.
+    """Return the last of ``kept`` that violates on the same share of many seeds, flown on them.
 
-    Where none of the last BACK does, the one of them that violates on most.
+    If none of the last BACK does, return the one of them that violates on most.
     """
     flown: list[Confirmed] = []
     for table in reversed(kept[-BACK:]):
@@ -54,7 +54,7 @@ def simplest(kept: Sequence[Table], seeds: Sequence[int], fly: Fly) -> Confirmed
 
 def _fewer_faults(table: Table) -> Iterator[Table]:
     faults = table.get("faults", [])
-    for i in range(len(faults)):  # the last one too: without a fault nothing should be violated
+    for i in range(len(faults)):  # also the last one: without a fault nothing should be violated
         yield {**table, "faults": [*faults[:i], *faults[i + 1 :]]}
 
 
@@ -83,7 +83,7 @@ def _later(table: Table) -> Iterator[Table]:
 
 
 def _rounded(table: Table) -> Iterator[Table]:
-    """Round all sizes and times at once, else to one digit more."""
+    """Round all sizes and times at once, or to one digit more."""
     for digits in (_DIGITS, _DIGITS + 1):
         rounded = [
             {key: _short(value, digits) if isinstance(value, float) else value for key, value in fault.items()}
@@ -97,7 +97,7 @@ def _short(value: float, digits: int) -> float:
 
 
 def _sizes(table: Table) -> list[tuple[int, str]]:
-    """Return the places of the faults' sizes, whatever unit they are in."""
+    """Return the places of the faults' sizes, in any unit."""
     found = []
     for i, fault in enumerate(table.get("faults", [])):
         sizes = KINDS[fault["kind"]].sizes if fault.get("kind") in KINDS else ()

@@ -1,4 +1,4 @@
-"""The space of a search: every combination of cases and listed values is an arm, its ranges are a unit cube."""
+"""The space of a search: each combination of cases and listed values is an arm; its ranges are a unit cube."""
 
 from __future__ import annotations
 
@@ -21,39 +21,39 @@ _BELOW_ONE: Final = float(np.nextafter(1.0, 0.0))  # a share excludes 1
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """One combination: what it fixes, and the keys of its unit cube with the value of a share."""
+    """One combination: its fixed values, and the keys of its unit cube with the value for a share."""
 
     fixed: Choice
     valuers: Mapping[str, Valuer]
 
     @property
     def dimensions(self) -> int:
-        """Return how many numbers vary."""
+        """Return the number of varied numbers."""
         return len(self.valuers)
 
     @property
     def name(self) -> str:
-        """Return the cases and values that it fixes, as one text; "all" where it fixes nothing."""
+        """Return the fixed cases and values as one text; "all" if there are none."""
         return ", ".join(map(str, self.fixed.values())) or "all"
 
     def choice(self, point: Point) -> Choice:
-        """Return what a flight at ``point`` varies."""
+        """Return the varied values of a flight at ``point``."""
         shares = np.clip(point, 0.0, _BELOW_ONE).tolist()
         drawn = {key: value(share) for (key, value), share in zip(self.valuers.items(), shares, strict=True)}
         return {**self.fixed, **drawn}
 
 
 def arms(campaign: Campaign, source: str) -> list[Arm]:
-    """Return the arms of a campaign, the last group of cases fastest.  BadInput: one has no number, or too many."""
+    """Return the arms of a campaign, the last group of cases fastest.  BadInput: one without a number, or too many."""
     count = _count(campaign)
     if count > MOST_ARMS:
-        raise BadInput(f"{source}: {count} combinations of cases and listed values, at most {MOST_ARMS} are searched")
+        raise BadInput(f"{source}: {count} combinations of cases and listed values; at most {MOST_ARMS} are allowed")
     combinations = product(*campaign.cases.values())
     made = [arm for chosen in combinations for arm in _arm(campaign, dict(zip(campaign.cases, chosen, strict=True)))]
     for arm in made:
         if not arm.dimensions:
             where = f" with {arm.name}" if arm.fixed else ""
-            raise BadInput(f"{source}: vary: no number varies{where}: a search needs a range (low, high)")
+            raise BadInput(f"{source}: vary: no number varies{where}; a search needs a range (low, high)")
     return made
 
 

@@ -1,7 +1,7 @@
-"""Thresholds from a budget of false isolations, by the healthy flights themselves (docs/thresholds.md).
+"""Design thresholds for a false-isolation rate from healthy flights (docs/thresholds.md).
 
-run.design            recordings to designs: what ``rig thresholds`` does
+design_run.run        recordings to designs: the work of ``rig thresholds``
 distances.exceeded    the series whose exceedances are false isolations
 tail.peaks            peaks over a threshold, and the law of their tail
-tradeoff.tradeoff     what a design finds
+tradeoff.tradeoff     the faults that a design isolates
 """

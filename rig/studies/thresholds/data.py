@@ -1,11 +1,11 @@
-"""All recordings of INPUT as flights of each signal, with the settings that the design starts from.
+"""Read all recordings of INPUT as flights of each signal, with the settings that the design starts from.
 
-Each recording is one block: one flight.  INPUT of ``rig thresholds`` may be
+Each recording is one block, that is, one flight.  INPUT of ``rig thresholds`` may be
 
-a file                                a table, or an MCAP file: a flight's log, or any with a [mapping]
-a folder with the sources of [mapping]  one recording of several recorders
-a folder of a campaign                its logs
-any other folder                      each file and each folder of sources in it, by name
+a file                                a table, or an MCAP file: a flight log, or any file with a [mapping]
+a folder with the sources of [mapping]  one recording made by several recorders
+a folder of a campaign                the logs of the campaign
+any other folder                      each file and each folder of sources in it, in the order of their names
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LOGS: Final = "logs"
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """``signals`` by name: one flight a recording; ``settings`` as CONFIG has them; ``notes`` a line each."""
+    """The flights of ``signals`` by name, one a recording; ``settings`` from CONFIG; ``notes``, a line each."""
 
     names: list[str]  # of the recordings
     rate_hz: float
@@ -50,15 +50,15 @@ class Data:
     settings: dict[str, RecordedSignal]
     referenced: set[str] = field(default_factory=set)  # signals with a reference in the recording
     notes: list[str] = field(default_factory=list)
-    healthy: set[str] = field(default_factory=set)  # flights whose scenario has no fault: whoever stands out is good
+    healthy: set[str] = field(default_factory=set)  # flights of scenarios without faults, in which no channel is faulty
 
 
 def load(
     inputs: Iterable[Path], config: VoteConfig, source: str, repair: bool = False, aligned: AlignOptions | None = None
 ) -> Data:
-    """Read everything. BadInput in one line: nothing to read, a fault in a flight, unlike recordings.
+    """Read all inputs. BadInput in one line: no recording, a fault in a flight, or recordings that differ.
 
-    aligned : how each recording is, as in ``rig vote``; None: as they are
+    aligned : how each recording is aligned, as in ``rig vote``; None: not at all
     """
     paths = recordings(inputs, config)
     data: Data | None = None
@@ -68,7 +68,7 @@ def load(
         settings = _monitored(settings, source)
         notes = [*recording.remarks, *recording.warnings]
         notes += [
-            f"{repair.source}: {repair.dropped} rows dropped, where time repeats or steps back"
+            f"{repair.source}: dropped {repair.dropped} rows whose time repeats or steps back"
             for repair in recording.repairs
         ]
         if aligned is not None:
@@ -85,33 +85,33 @@ def load(
 
 
 def _monitored(settings: dict[str, RecordedSignal], source: str) -> dict[str, RecordedSignal]:
-    """Return the signals that are monitored by comparison with each other. BadInput: there is none."""
+    """Return the signals whose channels are compared with each other. BadInput: there is none."""
     kept = {name: chosen for name, chosen in settings.items() if chosen.manager == MANAGER}
     if not kept:
-        raise BadInput(f'{source}: no signal with the manager "{MANAGER}": others have no threshold to design')
+        raise BadInput(f'{source}: no signal has the manager "{MANAGER}"; no other manager has a threshold to design')
     return kept
 
 
 def _add(data: Data, path: Path, recording: Recording) -> None:
-    """Add one more flight of every signal. BadInput: another rate, other channels."""
+    """Add one flight to every signal. BadInput: its rate or its channels differ."""
     rate = recording.rate_hz
     if abs(rate - data.rate_hz) > SAME_RATE * data.rate_hz:
         raise BadInput(
-            f"{path}: {rate:.4g} rows a second, {data.names[0]} has {data.rate_hz:.4g}: "
-            "persistence counts rows, design each rate by itself"
+            f"{path}: {rate:.4g} rows a second, {data.names[0]} has {data.rate_hz:.4g}; "
+            "persistence counts rows, so design each rate separately"
         )
     for name, flights in data.signals.items():
         if name not in recording.signals:
-            raise BadInput(f"{path}: no signal {name!r}, which {data.names[0]} has")
+            raise BadInput(f"{path}: no signal {name!r}, but {data.names[0]} has one")
         samples = columns(recording.signals[name], data.settings[name])
         if flights and len(samples) != len(flights[0].samples):
-            raise BadInput(f"{path}: {name} has {len(samples)} channels, in {data.names[0]} {len(flights[0].samples)}")
+            raise BadInput(f"{path}: {name} has {len(samples)} channels, {data.names[0]} has {len(flights[0].samples)}")
         flights.append(DataBlock(str(path), samples, data.rate_hz))
     data.names.append(str(path))
 
 
 def columns(samples: Samples, settings: RecordedSignal) -> Any:
-    """Return (C, n) the channels, NaN where the manager would not compare a sample."""
+    """Return the channels (C, n), NaN for each sample that the manager would not compare."""
     low, high = settings.limits
     values = np.array(samples.channels)
     good = (values >= low) & (values <= high)
@@ -122,16 +122,18 @@ def columns(samples: Samples, settings: RecordedSignal) -> Any:
 
 
 def without_faults(path: Path) -> bool:
-    """Return True if it is the log of a flight of ours; BadInput when its scenario has faults."""
+    """Return True if the file is a flight log of rig. BadInput: its scenario has faults."""
     scenario = _scenario(path)
     if scenario.get("faults"):
         count = len(scenario["faults"])
-        raise BadInput(f"{path}: its scenario has {count} faults: design on flights without, rig fly --set faults=[]")
+        raise BadInput(
+            f"{path}: the scenario has {count} fault{'s' * (count > 1)}; design on flights without (--set faults=[])"
+        )
     return bool(scenario)
 
 
 def _scenario(path: Path) -> dict[str, Any]:
-    """Return the scenario of a flight's log; empty for any other file."""
+    """Return the scenario of a flight log; empty for any other file."""
     about = About()
     if path.suffix == ".mcap":
         with suppress(BadLog, OSError, StopIteration):
@@ -143,15 +145,15 @@ def _scenario(path: Path) -> dict[str, Any]:
 
 
 def of_scenario(paths: Sequence[Path]) -> VoteConfig:
-    """Return the settings that the first log's scenario flew with, for INPUT that is logs of ours alone.
+    """Return the settings of the first log's scenario, if all of INPUT is flight logs of rig.
 
-    BadInput: something else is among them, or another manager flew.
+    BadInput: a file is no flight log of rig, or another manager flew.
     """
     for path in paths:
         scenario = _scenario(path)
         redundancy = scenario.get("redundancy", {})
         if not redundancy.get("signals"):
-            raise BadInput(f"{path}: no log of a flight of ours: --config is needed, the settings of rig vote")
+            raise BadInput(f"{path}: not a flight log of rig; give the settings with --config, as for rig vote")
         if redundancy.get("manager", MANAGER) != MANAGER:
             raise BadInput(f"{path}: flown with the manager {redundancy['manager']}, which has no threshold to design")
     signals: dict[str, Any] = {}
@@ -159,12 +161,12 @@ def of_scenario(paths: Sequence[Path]) -> VoteConfig:
         signals[name] = {
             key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None
         }
-        signals[name].pop("split_persistence", None)  # resolved: always there, whoever asked for it
+        signals[name].pop("split_persistence", None)  # resolved: always there, also if not given
     return VoteConfig(signal=signals)
 
 
 def recordings(inputs: Iterable[Path], config: VoteConfig) -> list[Path]:
-    """List the recordings of all inputs, each once. BadInput: nothing there, or none in a folder."""
+    """List the recordings of all inputs, each once. BadInput: an input does not exist, or a folder has none."""
     return list(dict.fromkeys(path for given in inputs for path in _of(given, config)))
 
 
@@ -177,10 +179,10 @@ def _of(given: Path, config: VoteConfig) -> list[Path]:
     except (OSError, ValueError) as error:
         raise BadInput(f"{given}: cannot be read: {getattr(error, 'strerror', error)}") from None
     if not inside and campaign:
-        raise BadInput(f'{given}: the campaign kept no logs: fly it with logs = "all"')
+        raise BadInput(f'{given}: the campaign kept no logs; fly it with logs = "all"')
     if not inside:
         wanted = f" nor a folder with {_first(config)}" if config.mapping else ""
-        raise BadInput(f"{given}: no recording in it: neither a file of {', '.join(ENDINGS)}{wanted}")
+        raise BadInput(f"{given}: no recording found: neither a file of type {', '.join(ENDINGS)}{wanted}")
     return inside
 
 
@@ -191,7 +193,7 @@ def _inside(folder: Path, config: VoteConfig) -> Iterator[Path]:
 
 
 def _holds_sources(folder: Path, config: VoteConfig) -> bool:
-    """Return True if the first source of the mapping is a file of the folder."""
+    """Return True if the first source of the mapping is a file in the folder."""
     return bool(config.mapping) and is_file(folder / _first(config))
 
 

@@ -1,15 +1,17 @@
-"""Look at design data: which channel of which flight stands out as faulty, and how much each signal moves.
+"""Check design data: find channels that stand out as faulty, and measure how much each signal moves.
 
     invalid       more samples in a row are not comparable than the longest persistence: no threshold keeps the channel
-    repeats       a channel repeats one value for HOLD_S while no other does
-    stands apart  for HOLD_S on end a channel was further from every other channel than OUT times what any other channel
-                  of the flight was, and it in the other flights; and than APART times the usual distance
+    repeats       a channel repeats one value for HOLD_S while no other channel does
+    stands apart  for HOLD_S without a break the distance of a channel to every other channel exceeds OUT times the
+                  largest of any other channel of the flight, OUT times its own in other flights, and APART times the
+                  usual distance
 
-In 18 flights of a vibrating quadrotor, aligned or not, healthy channels reach 3.6 of OUT; a fault of 10 deg/s is at 40.
+In 18 flights of a vibrating quadrotor, aligned or not, the ratio is at most 3.6 for healthy channels and 40 for a fault
+of 10 deg/s; OUT is between them.
 
-The motion of a signal is that of the middle of its channels: how far it is from its median over the flight, and how
-fast it changes, as a mean over SMOOTH_S.  The envelope is what 95 % of the frames stay within.  Of data that move more
-the thresholds say nothing.
+The motion of a signal is that of the middle of its channels: its distance from the median over the flight, and its rate
+of change, as a mean over SMOOTH_S.  The envelope holds 95 % of the frames.  The thresholds are not valid for data that
+are more dynamic.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ _MOST_VALUES: Final = 200_000  # of a flight that a quantile is taken from
 
 
 class Suspect(NamedTuple):
-    """A channel, from 1, of a flight, its place among them, and how it was told."""
+    """A channel, counted from 1, that stands out; the place of its flight; and the reason."""
 
     flight: int
     channel: int
@@ -46,24 +48,24 @@ class Suspect(NamedTuple):
 
 
 class Envelope(NamedTuple):
-    """95 % of the distance from the median, unit of the signal, of its rate of change, unit a second; of the noise."""
+    """95 % values of the distance from the median, of the rate of change (a second) and of the noise, signal's unit."""
 
     value: float
     rate_per_s: float
     noise: float  # 95 % of the difference of the first two channels from each other
 
     def in_unit(self, scale: float) -> Envelope:
-        """Return the same in a unit that is ``scale`` of this."""
+        """Return the envelope in a unit that is ``scale`` of this one."""
         return Envelope(*(value / scale for value in self))
 
     @property
     def still(self) -> bool:
-        """Return True if the signal does not move: channels differ by as much as it does."""
+        """Return True if the signal does not move, that is, no more than its channels differ."""
         return not self.value > STILL * self.noise
 
 
 def suspects(flights: Sequence[DataBlock], wraps: bool, longest: int, scale: float = 1.0) -> list[Suspect]:
-    """Return the channels of a signal that stand out; ``longest`` persistence, frames; ``scale`` of what is told."""
+    """Return the channels of a signal that stand out; ``longest`` persistence, frames; ``scale`` of printed values."""
     listed = [Suspect(f, c + 1, why) for f, flight in enumerate(flights) for c, why in _alone(flight, longest)]
     apart, since_s, usual = _distances(flights, wraps)
     everywhere = float(np.median(apart))
@@ -73,24 +75,25 @@ def suspects(flights: Sequence[DataBlock], wraps: bool, longest: int, scale: flo
             rest.append(float(np.median(np.delete(apart[:, c], f))))
         if apart[f, c] > max(OUT * max(rest), APART * usual):
             since, least, most = since_s[f, c], apart[f, c] / scale, max(rest) / scale
-            why = f"for {HOLD_S:g} s from {since:.1f} s on it was at least {least:.3g} from every other channel"
-            listed.append(Suspect(f, c + 1, f"{why}; {most:.3g} is the most of the others"))
+            why = f"for {HOLD_S:g} s from {since:.1f} s on it differed by {least:.3g} or more from every other channel"
+            listed.append(Suspect(f, c + 1, f"{why}; the other channels differ by {most:.3g} at most"))
     return sorted(listed)
 
 
 def _alone(flight: DataBlock, longest: int) -> Iterator[tuple[int, str]]:
     for c in invalid_runs(flight.samples, longest):
         share = 100.0 * np.isnan(flight.samples[c]).mean()
-        yield c, f"{longest} samples or more in a row are not valid, {share:.3g} % of all: out of range or no numbers"
+        yield c, f"{longest} samples or more in a row are not valid ({share:.3g} % of all): out of range, or no number"
     hold = round(HOLD_S * flight.rate_hz)
     same = [_repeats(column, hold) for column in flight.samples]
     if sum(k is not None for k in same) == 1:
         c = next(c for c, k in enumerate(same) if k is not None)
-        yield c, f"it repeats one value for {HOLD_S:g} s from {(same[c] or 0) / flight.rate_hz:.1f} s on, no other does"
+        since = (same[c] or 0) / flight.rate_hz
+        yield c, f"it alone repeats one value for {HOLD_S:g} s from {since:.1f} s on"
 
 
 def _repeats(column: Floats, hold: int) -> int | None:
-    """Return the frame from which one value is repeated ``hold`` times, if there is one."""
+    """Return the frame from which a channel repeats one value ``hold`` times, if there is one."""
     spans = runs(column)
     long = spans[spans[:, 1] - spans[:, 0] > hold]
     return int(long[0, 0]) if len(long) else None
@@ -112,7 +115,7 @@ def _distances(flights: Sequence[DataBlock], wraps: bool) -> tuple[Floats, Float
 
 
 def envelope(flights: Sequence[DataBlock], wraps: bool) -> Envelope:
-    """Return the envelope of a signal over all flights, those of more frames counting more."""
+    """Return the envelope of a signal over all flights, weighted by their frames."""
     values, rates, noises = zip(*(_of(flight, wraps) for flight in flights), strict=True)
     return Envelope(*(_within(np.concatenate(parts)) for parts in (values, rates, noises)))
 
@@ -133,7 +136,7 @@ def _of(flight: DataBlock, wraps: bool) -> tuple[Floats, Floats, Floats]:
 
 
 def middle(samples: Floats) -> Floats:
-    """Return (n,) the median of the channels (C, n); NaN where one has no sample."""
+    """Return the median (n,) of the channels (C, n); NaN if one has no sample."""
     if len(samples) == CHANNELS:
         second, third = middle_two(samples)
         return 0.5 * (second + third)
@@ -149,12 +152,12 @@ def _within(values: Floats) -> float:
 
 
 def beyond(design: Mapping[str, Envelope], monitored: Mapping[str, Envelope]) -> list[str]:
-    """Return a line for each signal that moves by more than BEYOND times the design data."""
+    """Return a line for each signal that moves more than BEYOND times as much as the design data."""
     lines: list[str] = []
     for name in (name for name in design if name in monitored):
         of_motion = zip(("", " a second"), design[name], monitored[name], strict=False)  # their noise is left out
         for unit, own, other in of_motion:
             if other > BEYOND * own:
-                moves = f"{100 * SHARE:g} % of its motion is {other:.3g}{unit}, of the design data {own:.3g}"
-                lines.append(f"{name}: {moves}: the thresholds are not made for it")
+                moves = f"{100 * SHARE:g} % of its motion is within {other:.3g}{unit}, of the design data"
+                lines.append(f"{name}: {moves} within {own:.3g}; the thresholds are not valid for it")
     return lines

@@ -1,7 +1,7 @@
-"""Thresholds of one signal for a budget of false isolations: for each filter, persistence and level.
+"""Design the thresholds of one signal for a false-isolation rate, for each filter, persistence and level.
 
-At a level each choice of channels that may be in use gets a threshold for the whole budget, and the largest counts:
-it is not known which channels will be left.  Written is the upper value of the bootstrap (tail.py).
+At each level, each choice of channels that may be in use gets a threshold for the whole rate.  The largest counts,
+because it is not known which channels will remain.  The upper value of the bootstrap (tail.py) is the result.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rig.studies.thresholds.slow_fault_limits import (
     stale_frames,
     unbiased,
 )
-from rig.studies.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
+from rig.studies.thresholds.tail import LEAST, Peaks, Tail, draws, fitted, peaks, point, upper
 
 Floats = NDArray[np.float64]
 BESIDE: Final = 1e-4  # of healthy frames beyond an isolation threshold: one beside a transient makes it last longer
@@ -38,18 +38,19 @@ FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"} 
 
 @dataclass(frozen=True, slots=True)
 class Threshold:
-    """For one level: the upper value and the point estimate, unit of the signal, and what they rest on."""
+    """The threshold at one level: upper value and point estimate, unit of the signal, and the data behind them."""
 
     level: int
     upper: float
     point: float
     clusters: int
     shape: float
+    tail: Tail | None = field(default=None, compare=False, repr=False)  # of the choice of channels that counts
 
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """One row of the table of a signal: thresholds by level; ``persistence`` and ``splits`` in frames."""
+    """One row of the table of a signal: the thresholds by level; ``persistence`` and ``splits`` in frames."""
 
     filter_s: float
     persistence: int
@@ -66,21 +67,21 @@ class Design:
 
     @property
     def lasts(self) -> bool:
-        """Return True if biases are learned or small deviations summed."""
+        """Return True if the design has channel equalisation or a CUSUM of small deviations."""
         return bool(self.outliers) or self.spreads > 0.0
 
     @property
     def single(self) -> Threshold:
-        """Return that by which one of all channels is found: behind a channel equalisation its isolation threshold."""
+        """Return the threshold that isolates one of all channels: behind an equalisation, the isolation threshold."""
         return self.outliers.get(max(self.thresholds), self.threshold)
 
     def settings(self, given: RecordedSignal) -> RecordedSignal:
-        """Return the settings of a signal with this design in them."""
+        """Return the settings of a signal with this design."""
         none = ("persistence_s", "split_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
         return given.model_copy(update={**dict.fromkeys(none), **self.slow_faults, **self.keys()})
 
     def keys(self) -> dict[str, float | int]:
-        """Return its keys of a table of CONFIG; a level that was not designed has the threshold of the one above."""
+        """Return the keys of this design for a table of CONFIG; a level without a design takes the level above."""
         largest = max(self.thresholds)
         of_level = {FIELDS[level]: rounded_up(threshold.upper) for level, threshold in self.thresholds.items()}
         of_level["threshold"] = rounded_up(self.thresholds[largest].upper)
@@ -98,7 +99,7 @@ class Design:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """What is asked for."""
+    """The rate, and the grid of filters, persistences and levels."""
 
     budget_per_h: float
     persistence: Sequence[int] = (8, 12, 24, 48)
@@ -111,7 +112,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class DataBlock:
-    """One block: samples (C, n) of a signal, NaN where one is not comparable."""
+    """One block of data: the samples (C, n) of a signal, NaN if one is not comparable."""
 
     name: str
     samples: Floats
@@ -119,12 +120,12 @@ class DataBlock:
 
     @property
     def hours(self) -> float:
-        """Return its duration."""
+        """Return the duration of the block."""
         return self.samples.shape[1] / self.rate_hz / 3600.0
 
 
 def designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int = 0) -> list[Design]:
-    """Yield the designs of every filter and persistence of the grid that the data can say something of.
+    """Yield the designs of every filter and persistence of the grid for which the data have enough events.
 
     number : of the signal, for its random stream
     """
@@ -168,7 +169,7 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
 
 
 def _bound(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> float:
-    """Return the bound of biases by the data, 0 if none is asked for."""
+    """Return the bound of channel equalisation from the data, 0 if not asked for."""
     if "bias" not in grid.slow_faults:
         return 0.0
     stream = np.random.SeedSequence(grid.seed, spawn_key=(number, 0, 0, 1))
@@ -185,11 +186,12 @@ def _biased(
     bound: float,
     asked: tuple[Grid, int, int],
 ) -> Design | None:
-    """Return ``plain`` with channel equalisation and isolation thresholds behind them; None where those are not lower.
+    """Return ``plain`` with channel equalisation and its isolation thresholds; None if they are not lower.
 
-    Who has a larger bias than the bound would be an outlier for all of a flight, so none is cut; no threshold is below
-    it: what is hidden by a bias stays within what two samples may be apart.  Nor is an isolation threshold within the
-    noise of single frames: a transient of persistence - 1 frames with a noisy one beside it would fail a channel.
+    A channel with a bias beyond the bound would be an outlier for a whole flight, so no bias is cut.  No threshold is
+    below the bound: an error that a bias hides stays within the difference that two samples may have.  No isolation
+    threshold is within single-frame noise: a transient of persistence - 1 frames beside a noisy one would isolate a
+    channel.
     """
     bound = rounded_up(bound)
     learning = given.model_copy(update={"equalise_bound": bound})
@@ -221,7 +223,7 @@ def _at_least(least: float, threshold: Threshold) -> Threshold:
 
 
 def of_one_frame(compared: Callable[[tuple[int, ...]], list[Floats]], wraps: bool, fitted: int, level: int) -> float:
-    """Return the distance that a channel has from all others in BESIDE of the frames; of all choices the largest."""
+    """Return the distance of a channel to all others in BESIDE of the frames, the largest over all choices."""
     largest = 0.0
     for channels in in_use(fitted, level):
         heed()
@@ -235,9 +237,9 @@ def of_one_frame(compared: Callable[[tuple[int, ...]], list[Floats]], wraps: boo
 def with_sums(
     flights: Sequence[DataBlock], given: RecordedSignal, design: Design, spreads: float, grid: Grid, number: int = 0
 ) -> Design | None:
-    """Return ``design`` with a limit of the sums of ``spreads`` times frames; None where the data do not say which.
+    """Return ``design`` with a CUSUM limit of ``spreads`` times frames; None if the data have too few events.
 
-    The allowance is that of the level that needs the largest, for the whole budget.
+    The allowance is the largest that a level needs, for the whole rate.
     """
     spread, rate_hz = residuals([flight.samples for flight in flights], given.wraps).spread, flights[0].rate_hz
     asked = {"slow_limit": rounded_up(spreads * spread / rate_hz), "slow_allowance": spread}
@@ -261,7 +263,7 @@ def with_sums(
 
 
 def _split(given: RecordedSignal, frames: int, rate_hz: float) -> int:
-    """Return ``split_persistence``: as CONFIG says, else as the persistence."""
+    """Return ``split_persistence``: from CONFIG, or equal to the persistence if not given."""
     if given.split_persistence_s is not None:
         return in_frames(1, given.split_persistence_s, rate_hz)
     return given.split_persistence if "split_persistence" in given.model_fields_set else frames
@@ -275,9 +277,9 @@ def _at_level(
     level: int,
     asked: tuple[Grid, int, int],
 ) -> list[Threshold | None]:
-    """Return the threshold at a level for each of ``frames``; None where too few clusters are left to say anything.
+    """Return the threshold at a level for each of ``frames``; None if too few clusters are left.
 
-    compared : what is compared of some channels, a series a flight
+    compared : the compared distance of some channels, a series a flight
     """
     grid, *place = asked
     largest: list[Threshold | None] = [None] * len(frames)
@@ -301,14 +303,14 @@ def _at_level(
 
 
 def from_tail(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Generator) -> Threshold:
-    """Return the threshold of a tail, at ``level``: the upper value of the bootstrap, and the point estimate."""
+    """Return the threshold of a tail at ``level``: the upper value of the bootstrap and the point estimate."""
     middle, shape = point(tail, budget_per_h)
     most = upper(draws(tail, budget_per_h, rng))
-    return Threshold(level, max(most, middle), middle, tail.clusters, shape)
+    return Threshold(level, max(most, middle), middle, tail.clusters, shape, fitted(tail))
 
 
 def rounded_up(value: float, digits: int = 4) -> float:
-    """Return the least number of so many digits that is not below ``value``."""
+    """Return ``value`` rounded up to the given number of digits."""
     if not value > 0:
         return value
     step = 10.0 ** (int(np.floor(np.log10(value))) - digits + 1)

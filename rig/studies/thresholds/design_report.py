@@ -1,4 +1,4 @@
-"""The report of a design: one JSON object, and the remarks at the head of OUT."""
+"""The report of a design: one JSON object, and the notes at the head of OUT."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SLOW_FAULTS: Final = ("equalise_bound", "equalise_s", "slow_allowance", "slow_li
 
 
 def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
-    """Return every result, as plain data."""
+    """Return all results as plain data."""
     counts = {name: signal.held_out for name, signal in signals.items() if signal.held_out}
     overall = total(counts)
     return {
@@ -32,13 +32,13 @@ def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, 
 
 
 def notes(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
-    """List all remarks, a line each; one that several signals share stands once."""
+    """List all notes, a line each; a note that several signals share stands once."""
     lines = list(data.notes)
     factor = extrapolation(grid.budget_per_h, data.hours)
     if factor > MARKED:
         lines.append(
-            f"the budget is {factor:.3g} times beyond the {data.hours:.3g} h of data (marked *; above {MARKED:g} "
-            f"nothing supports the tail): record {1.0 / (MARKED * grid.budget_per_h):.3g} h or more"
+            f"one event at this rate takes {factor:.3g} times the {data.hours:.3g} h of data (marked *; above "
+            f"{MARKED:g}, the data do not support the tail); record {1.0 / (MARKED * grid.budget_per_h):.3g} h or more"
         )
     own = [note for signal in signals.values() for note in signal.notes]
     shared: dict[str, list[str]] = {}
@@ -99,12 +99,12 @@ def _count(of: Count) -> dict[str, Any]:
 
 
 def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
-    """Return the head of OUT: how it was made, and the motion that it holds for."""
+    """Return the head of OUT: how it was made, and for which motion it is valid."""
     lines = [
         f"Thresholds by rig thresholds: {grid.budget_per_h:g} false isolations an hour and signal, "
         f"from {data.hours:.4g} h in {len(data.names)} recordings (docs/thresholds.md).",
         f"Persistence and filter: {RULE}.",
-        f"The data move so ({100 * SHARE:g} % of the rows); of what moves more the thresholds say nothing:",
+        f"Valid only for data no more dynamic than the design data ({100 * SHARE:g} % of the rows):",
     ]
     for name, signal in signals.items():
         motion = signal.motion

@@ -1,4 +1,4 @@
-"""One design from its options: recordings read, thresholds designed, OUT and the page written."""
+"""Run one design from its options: read recordings, design thresholds, write OUT and the page."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Options:
 
 
 def run(options: Options) -> dict[str, Any]:
-    """Read, design, write; return the summary, and the seconds of each step."""
+    """Read, design and write; return the summary and the seconds of each step."""
     page = options.page
     require_apart({"--out": options.out, "--plot": page}, [*options.inputs, options.config, *options.monitored])
     require_page("--plot", page)
     require_ending("--out", options.out, "a configuration", ".toml")
-    with replaced(options.out) as part, draft(page) if page else nullcontext():  # the page can be written, too
+    with replaced(options.out) as part, draft(page) if page else nullcontext():  # the page can be written as well
         began = perf_counter()
         if options.config is None:
             settings, raw = of_scenario(recordings(options.inputs, VoteConfig())), None
@@ -60,12 +60,13 @@ def run(options: Options) -> dict[str, Any]:
         with reported(options.out):
             part.write_text(_toml(options, raw, data, signals), encoding="utf-8", newline="\n")
         if page is not None:
-            thresholds_page.write(page, result)
+            chosen = {name: each.single for name, signal in signals.items() if (each := signal.design) is not None}
+            thresholds_page.write(page, result, chosen)
     return {"out": str(options.out), **result, "seconds": {"read": read - began, "design": perf_counter() - read}}
 
 
 def _note_motion(data: Data, signals: Mapping[str, Signal], monitored: Data) -> None:
-    """Note in ``data`` which signals move more in the data to be ``monitored``."""
+    """Add a note to ``data`` for each signal that moves more in the data to be ``monitored``."""
     motion = {
         name: envelope(flights, (given := monitored.settings[name]).wraps).in_unit(given.scale)
         for name, flights in monitored.signals.items()
@@ -74,7 +75,7 @@ def _note_motion(data: Data, signals: Mapping[str, Signal], monitored: Data) -> 
 
 
 def _toml(options: Options, raw: dict[str, Any] | None, data: Data, signals: Mapping[str, Signal]) -> str:
-    """Return OUT: CONFIG with the thresholds, or the tables of a scenario where there is no CONFIG."""
+    """Return OUT: CONFIG with the thresholds, or without CONFIG the tables of a scenario."""
     chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
     settings = {name: signal.settings for name, signal in signals.items()}
     head = remarks(data, options.grid, signals)

@@ -1,4 +1,4 @@
-"""``rig thresholds``: recordings and a budget to a design of every signal."""
+"""``rig thresholds``: design every signal from recordings and a false-isolation rate."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from rig.studies.thresholds.tail import CLUSTERS
 from rig.studies.thresholds.tradeoff import Pieces, Tradeoff, pieces, ranked, tradeoff
 
 RULE: Final = (
-    "most of the injected faults found rightly at this budget, within it in the hold-out; of equals the shorter "
-    "persistence, then filter, then without bias and sums"
+    "isolates most injected faults, and meets the rate on held-out flights; ties: shorter persistence, then shorter "
+    "filter, then fewer rules"
 )
 MARKED: Final = 100.0  # extrapolation from which a design is marked
 FEW: Final = 9  # flights below which budgets did not hold
@@ -34,7 +34,7 @@ _SHORTEST_S: Final = 10.0  # of a stretch
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """What came out for one signal; ``chosen`` is the place in ``designs``, None where nothing can be said."""
+    """The designs of one signal; ``chosen`` is the place in ``designs``, None if no design is possible."""
 
     settings: RecordedSignal
     flights: int
@@ -49,16 +49,21 @@ class Signal:
 
     @property
     def design(self) -> Design | None:
-        """Return the chosen one."""
+        """Return the chosen design."""
         return None if self.chosen is None else self.designs[self.chosen]
 
     def in_unit(self) -> Signal:
-        """Return the same with every amount in the unit of CONFIG, in place of SI."""
+        """Return the signal with every amount in the unit of CONFIG instead of SI."""
         shown = self.settings.shown
 
         def in_unit(thresholds: dict[int, Threshold]) -> dict[int, Threshold]:
             return {
-                level: replace(threshold, upper=shown(threshold.upper), point=shown(threshold.point))
+                level: replace(
+                    threshold,
+                    upper=shown(threshold.upper),
+                    point=shown(threshold.point),
+                    tail=None if threshold.tail is None else threshold.tail.in_unit(shown),
+                )
                 for level, threshold in thresholds.items()
             }
 
@@ -85,9 +90,9 @@ class Signal:
 
 
 def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
-    """Design every signal. BadInput: nothing can be said of any of them.
+    """Design every signal. BadInput: no signal can be designed.
 
-    keep : flights that hold a fault are not left out
+    keep : keep flights with a channel that stands out
     """
     names, signals = list(data.signals), dict[str, Signal]()
     work = on_threads(names, lambda name: of_signal(name, data, grid, keep), cores())
@@ -101,7 +106,7 @@ def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
 
 
 def of_signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
-    """Design one signal of the data, as ``design`` does."""
+    """Design one signal of the data."""
     flights, given = data.signals[name], data.settings[name]
     suspected = [
         suspect
@@ -124,7 +129,7 @@ def of_signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
     notes += _remarks(name, made, motion, grid.budget_per_h, hours)
     cut = pieces(used)
     if cut is None:
-        notes.append(f"{name}: flights are too short for the trade-off: the shortest persistence is taken")
+        notes.append(f"{name}: flights are too short for the trade-off; the shortest persistence is chosen")
         return Signal(given, len(used), hours, suspected, motion, made, [], 0, None, notes)
     size = max(motion.value, motion.noise)
     tradeoffs = [tradeoff(cut, design, given, size) for design in made]
@@ -136,15 +141,15 @@ def of_signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
     chosen = next((i for i in tried if not exceeds(tried[i])), None)
     if chosen is None:
         chosen = next(i for i in tried if not made[i].lasts)
-        notes.append(f"{name}: with every design the hold-out had more than the budget allows: record more")
+        notes.append(f"{name}: every design exceeded the rate on held-out flights; record more flights")
     elif len(tried) > 1:
-        what = f"{len(tried) - 1} design{'s' * (len(tried) > 2)} that find{'s' * (len(tried) == 2)} more"
-        notes.append(f"{name}: {what} left out: the hold-out had more than the budget allows")
+        what = f"{len(tried) - 1} design{'s' * (len(tried) > 2)} that isolate{'s' * (len(tried) == 2)} more faults"
+        notes.append(f"{name}: {what} rejected: exceeded the rate on held-out flights")
     return Signal(given, len(used), hours, suspected, motion, made, tradeoffs, chosen, tried[chosen], notes)
 
 
 def exceeds(held_out: dict[int, Count] | None) -> bool:
-    """Return True if at any level a hold-out has more false isolations than the budget allows."""
+    """Return True if at any level the held-out flights have more false isolations than the rate allows."""
     return held_out is not None and any(count.over for count in held_out.values())
 
 
@@ -156,9 +161,9 @@ def _in_order(
     given: RecordedSignal,
     size: float,
 ) -> Iterator[int]:
-    """Yield the places of designs, the best first; before each, those with sums beside it that find more.
+    """Yield the places of designs, the best first; before each, its variants with CUSUM that isolate more faults.
 
-    Designs with sums are added to ``made`` and ``tradeoffs`` when their turn comes.
+    Designs with CUSUM are added to ``made`` and ``tradeoffs`` when their turn comes.
     """
     for i in ranked(made, tradeoffs):
         begin = len(made)
@@ -172,7 +177,7 @@ def _in_order(
 def _summed(
     flights: Sequence[DataBlock], given: RecordedSignal, design: Design, grid: Grid, number: int
 ) -> list[Design]:
-    """Return ``design`` with each limit of the sums, where noise is more than what channels differ by for a flight."""
+    """Return ``design`` with each CUSUM limit, if noise exceeds the channels' mean differences over a flight."""
     if "slow" not in grid.slow_faults or not residuals([flight.samples for flight in flights], given.wraps).noisy:
         return []
     summed = [with_sums(flights, given, design, spreads, grid, number) for spreads in LIMITS]
@@ -180,54 +185,54 @@ def _summed(
 
 
 def _blocks(name: str, flights: list[DataBlock], notes: list[str]) -> Sequence[DataBlock]:
-    """Return the flights; a single one is cut into stretches, which differ less than flights do."""
+    """Return the flights; a single flight is cut into parts, which differ less than flights do."""
     if len(flights) >= FEW:
         return flights
     if len(flights) > 1:
         notes.append(
-            f"{name}: {len(flights)} flights: with fewer than {FEW} budgets were exceeded by 2 to 4; record more"
+            f"{name}: {len(flights)} flights; with fewer than {FEW}, rates were exceeded 2 to 4 times; record more"
         )
         return flights
     flight = flights[0]
     count = min(STRETCHES, int(flight.hours * 3600.0 / _SHORTEST_S))
     parts = ", too short to be split" if count < 2 else f": split into {count} parts, which differ less than flights do"
-    notes.append(f"{name}: only one flight{parts}: record at least {FEW} flights")
+    notes.append(f"{name}: only one flight{parts}; record at least {FEW} flights")
     if count < 2:
         return flights
     return [DataBlock(flight.name, part, flight.rate_hz) for part in np.array_split(flight.samples, count, axis=1)]
 
 
 def _stands_out(name: str, flight: str, suspect: Suspect, keep: bool) -> str:
-    what = "kept, as asked: thresholds grow with the fault" if keep else "this flight is left out for the signal"
+    what = "kept as requested, which raises the thresholds" if keep else "the flight is left out for this signal"
     return f"{flight}: {name}.{suspect.channel} stands out: {suspect.why}; {what}"
 
 
 def _nothing_left(name: str, flights: Sequence[DataBlock], suspect: Suspect) -> str:
     first = f"{flights[suspect.flight].name}: {name}.{suspect.channel}: {suspect.why}"
     correct = "unit or range in CONFIG, or --align" if "not valid" in suspect.why else "--align"
-    return f"{name}: a channel stands out in every flight, the first {first}; correct it ({correct}), or leave it out"
+    return f"{name}: a channel stands out in every flight, first in {first}; correct it ({correct}) or leave it out"
 
 
 def _nothing(name: str, flights: Sequence[DataBlock], hours: float, motion: Envelope) -> str:
     if motion.noise == 0.0:
-        return f"{name}: its channels do not differ in {hours:.3g} h: there is nothing to measure a threshold by"
-    return f"{name}: too few events in {hours:.3g} h of {len(flights)} flights to say anything: record more"
+        return f"{name}: the channels do not differ in {hours:.3g} h, so no threshold can be measured"
+    return f"{name}: too few events in {hours:.3g} h of {len(flights)} flights; record more flights"
 
 
 def _remarks(name: str, made: Sequence[Design], motion: Envelope, budget_per_h: float, hours: float) -> list[str]:
-    """List what a design of this signal rests on."""
+    """List the limits of the data behind a design of this signal."""
     lines: list[str] = []
     clusters = [threshold.clusters for design in made for threshold in design.thresholds.values()]
     few = min(clusters)
     if few < CLUSTERS:
-        lines.append(f"{name}: only {few} events where {CLUSTERS} are wanted: the thresholds are rough, record more")
+        lines.append(f"{name}: only {few} events, not {CLUSTERS} or more; the thresholds are rough; record more")
     if motion.still:
-        lines.append(f"{name}: does not move: the thresholds hold at rest, and for nothing else")
+        lines.append(f"{name}: does not move; the thresholds are valid only at rest")
     if few <= budget_per_h * hours:
-        lines.append(f"{name}: {budget_per_h:g} an hour is more than the events that the data hold: ask for less")
+        lines.append(f"{name}: {budget_per_h:g} an hour is above the event rate of the data; lower the rate")
     return lines
 
 
 def extrapolation(budget_per_h: float, hours: float) -> float:
-    """Return how many times longer the data would have to be for one event at the budget."""
+    """Return how many times longer the data would have to be for one event at the rate."""
     return 1.0 / (budget_per_h * hours) if hours > 0 else float("inf")

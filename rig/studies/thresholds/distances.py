@@ -1,17 +1,17 @@
-"""The scalar series whose exceedances are false isolations, for any threshold at once.
+"""The scalar series whose exceedances are false isolations, for all thresholds at once.
 
 D_c(k) is the distance of channel c to the nearest other channel in frame k.  The manager "cross-channel" counts
-channel c in frame k at threshold T exactly when D_c(k) > T (compare.py: agreement is ``<=``, one partner is enough),
-and fails it after ``persistence`` such frames in a row, so with
+channel c in frame k at threshold T exactly when D_c(k) > T (compare.py: agreement is ``<=``, one partner is enough).
+It isolates the channel after ``persistence`` such frames in a row.  With
 
     M(k) = the largest over c of the least D_c over the last ``persistence`` frames
     G(k) = the least middle gap of the four ranked samples over the last ``split_persistence`` frames
 
-a recording whose middle gap never exceeds T has its first failure at T in the first frame with M > T, and none when M
-never exceeds T.  Where the middle gap does, there are splits (2:2 and 1:1:1:1 need it): while they
-last and for as long after them the counts stand still (persistence.py), which moves single failures in time, and one
-that lasts for ``split_persistence`` may be settled against healthy channels, for which G must exceed T.
-A sample that is not comparable counts always: its distance is infinite.
+a recording whose middle gap never exceeds T has its first isolation at T in the first frame with M > T, and none if M
+never exceeds T.  If the middle gap exceeds T, there are splits (2:2 and 1:1:1:1 need it).  The counts freeze during a
+split and for as long after it (persistence.py), which moves single isolations in time.  A split of
+``split_persistence`` frames may be settled against healthy channels, for which G must exceed T.
+A sample that is not comparable always counts: its distance is infinite.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CHUNK: Final = 16_384  # frames, so that what is made of them stays in the cache
 
 
 class Monitored(NamedTuple):
-    """What is compared with one threshold: ``channels`` in use, ``persistence`` and ``splits`` frames."""
+    """The quantity compared with one threshold: ``channels`` in use, ``persistence`` and ``splits`` in frames."""
 
     channels: tuple[int, ...]  # counted from 0
     persistence: int
@@ -41,21 +41,21 @@ class Monitored(NamedTuple):
 
 
 def in_use(fitted: int, level: int) -> list[tuple[int, ...]]:
-    """Return the channels that may be in use at ``level``: each choice of so many of the ``fitted``."""
+    """Return each choice of channels, out of the ``fitted``, that may be in use at ``level``."""
     return list(combinations(range(fitted), level))
 
 
 def exceeded(samples: Floats, monitored: Monitored, wraps: bool = False) -> Floats:
-    """Return (n,) the threshold that frame k would exceed: a channel is failed at every smaller one.
+    """Return (n,) the threshold that frame k exceeds: every smaller threshold isolates a channel.
 
-    samples : (C, n), unit of the signal, NaN where a sample is not comparable; angles that ``wraps`` in rad
+    samples : (C, n), unit of the signal, NaN if a sample is not comparable; angles that ``wraps`` in rad
     """
     channels, *frames = monitored
     return exceeded_each(samples[list(channels)], [(frames[0], frames[1])], wraps)[0]
 
 
 def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool = False) -> list[Floats]:
-    """Return the same for all of the channels (C, n) and several persistences: (persistence, in_split) each."""
+    """Return the same for all channels (C, n) and several persistences, (persistence, in_split) each."""
     n, lead = samples.shape[1], max(max(pair) for pair in frames) - 1
     series = [np.empty(n) for _ in frames]
     for start in range(0, n, CHUNK):
@@ -68,7 +68,7 @@ def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: boo
 def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -> Iterator[Floats]:
     chosen = near_first(samples) if wraps else samples
     if len(chosen) == DUPLEX:
-        # 0 where one of them is not comparable, as it is failed without a pattern
+        # 0 if one of them is not comparable, as it is isolated without a split
         apart = np.nan_to_num(np.abs(chosen[0] - chosen[1]), nan=0.0, posinf=np.inf)
         yield from (sliding_minimum(apart, in_split) for _, in_split in frames)
         return
@@ -84,7 +84,7 @@ def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -
 
 
 def near_first(samples: Floats) -> Floats:
-    """Unwrap angles (C, n), rad, to within half a turn of the first channel of their frame that has a sample."""
+    """Unwrap angles (C, n), rad, to within half a turn of the first channel with a sample in their frame."""
     base = samples[0].copy()
     for column in samples[1:]:
         np.copyto(base, column, where=np.isnan(base))
@@ -92,7 +92,7 @@ def near_first(samples: Floats) -> Floats:
 
 
 def nearest(samples: Floats) -> list[Floats]:
-    """Return D_c of each channel, (n,) each: infinite where a sample is not comparable, 0 without a partner."""
+    """Return D_c of each channel, (n,) each: infinite if a sample is not comparable, 0 without a partner."""
     count, present = len(samples), ~np.isnan(samples)
     apart = {pair: np.abs(samples[pair[0]] - samples[pair[1]]) for pair in combinations(range(count), 2)}
     distances: list[Floats] = []
@@ -114,17 +114,17 @@ def middle_two(samples: Floats) -> tuple[Floats, Floats]:
 
 
 def middle_gap(samples: Floats) -> Floats:
-    """Return third less second of four ranked samples (4, n); 0 where one is not comparable."""
+    """Return the third minus the second of four ranked samples (4, n); 0 if one is not comparable."""
     second, third = middle_two(samples)
     return np.nan_to_num(np.abs(third - second), nan=0.0, posinf=np.inf)
 
 
 def sliding_minimum(series: Floats, frames: int) -> Floats:
-    """Return (n,) the least of the last ``frames`` values, none of them negative; 0 before so many have been."""
+    """Return (n,) the smallest of the last ``frames`` values, all at least 0; 0 while there are fewer."""
     return minimum_filter1d(series, frames, mode="constant", cval=0.0, origin=(frames - 1) // 2)
 
 
 def invalid_runs(samples: Floats, frames: int) -> Sequence[int]:
-    """Return the channels, from 0, with so many samples in a row that are not comparable: no threshold keeps them."""
+    """Return the channels, from 0, with ``frames`` incomparable samples in a row: no threshold keeps them."""
     lost = np.isnan(samples).astype(np.float64)
     return [c for c, flags in enumerate(lost) if sliding_minimum(flags, frames).any()]

@@ -1,6 +1,6 @@
-"""Half of the flights design, the other half is flown: false isolations that the flight's manager really has.
+"""Hold-out test: half of the flights design, the flight's manager runs over the other half, and then the other way.
 
-Both ways.  The design has the persistence and filter that were chosen on all flights; only its thresholds are new.
+The design has the persistence and filter that were chosen on all flights; only its thresholds are new.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MOST: Final = 200_000  # frames up to which other levels are flown too
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """False isolations of a signal at a level in flights that did not design it."""
+    """The false isolations of a signal at a level in held-out flights."""
 
     counted: int
     hours: float  # of channels' flights: at level 3, of each triple
@@ -32,17 +32,17 @@ class Count:
 
     @property
     def expected(self) -> float:
-        """Return the number that the budget allows."""
+        """Return the number of false isolations that the rate allows."""
         return self.budget_per_h * self.hours
 
     @property
     def over(self) -> bool:
-        """Return True if there are more than chance makes of the budget."""
+        """Return True if there are significantly more false isolations than the rate allows."""
         return self.counted > 0 and bool(poisson.sf(self.counted - 1, self.expected) < OVER)
 
 
 def holdout(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, chosen: Design) -> dict[int, Count] | None:
-    """Return counts by level of both halves, every second flight each; None where a half cannot be designed."""
+    """Return the counts by level of both halves, every second flight each; None if a half cannot be designed."""
     halves = (flights[0::2], flights[1::2])
     frames = sum(flight.samples.shape[1] for flight in flights)
     levels = grid.levels if frames <= MOST else ()  # () : only all channels in use
@@ -57,7 +57,7 @@ def holdout(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, cho
 
 
 def _again(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, chosen: Design) -> Design | None:
-    """Return the design of ``flights`` with what ``chosen`` has, as far as they can say anything."""
+    """Return the design of ``flights`` with the settings of ``chosen``, as far as the flights have events."""
     made = designs(flights, given, grid)
     if not made:
         return None
@@ -72,7 +72,7 @@ def _sum(counts: Sequence[Count]) -> Count:
 
 
 def count(flights: Sequence[DataBlock], given: RecordedSignal, design: Design, budget_per_h: float) -> dict[int, Count]:
-    """Count the false isolations of ``design`` in flights, by level, for each choice of channels in use."""
+    """Count the false isolations of ``design`` in flights by level, for each choice of channels in use."""
     settings = design.settings(given)
     counts: dict[int, Count] = {}
     for level, threshold in design.thresholds.items():
@@ -88,6 +88,6 @@ def count(flights: Sequence[DataBlock], given: RecordedSignal, design: Design, b
 
 
 def total(counts: Mapping[str, Mapping[int, Count]]) -> Count | None:
-    """Add up all signals with all channels in use."""
+    """Return the sum over all signals with all channels in use."""
     first = [of[max(of)] for of in counts.values() if of]
     return _sum(first) if first else None

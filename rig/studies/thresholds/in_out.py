@@ -1,6 +1,6 @@
-"""CONFIG in and OUT: a configuration of ``rig vote`` whose thresholds may be missing, or tables of a scenario.
+"""Read CONFIG, a configuration of ``rig vote`` with or without thresholds, and write OUT, or tables of a scenario.
 
-Everything else of CONFIG is kept: mapping, ranges, discretes, resets, and signals that are not designed.
+OUT keeps everything else of CONFIG: mapping, ranges, discretes, resets, and signals that are not designed.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ PLACEHOLDER: Final = 1.0  # threshold of a CONFIG that names none: what is asked
 
 
 def start(path: Path) -> tuple[VoteConfig, dict[str, Any]]:
-    """Read CONFIG with a threshold for every signal, and its tables as they are. BadInput as of ``rig vote``."""
+    """Read CONFIG with a threshold for every signal, and its tables unchanged. BadInput as for ``rig vote``."""
     config, raw = read_config(path), read_toml(path)
     if config.default is None and not config.signal:
-        raise BadInput(f"{path}: no signal to design: add [default] or [signal.<name>]")
+        raise BadInput(f"{path}: no signal to design; add [default] or [signal.<name>]")
     default = None if config.default is None else {"threshold": PLACEHOLDER, **config.default}
     signal = {name: table if default else {"threshold": PLACEHOLDER, **table} for name, table in config.signal.items()}
     return config.model_copy(update={"default": default, "signal": signal}), raw
@@ -39,9 +39,9 @@ def recorded_toml(
     remarks: Iterable[str],
     outlier: bool = False,
 ) -> str:
-    """Write OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
+    """Return OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
 
-    Signals in ``referenced`` keep the threshold of their reference, which by default is that of the channels.
+    Signals in ``referenced`` keep the threshold of their reference; its default is the threshold of the channels.
     """
     tables, replaced = dict(raw), {"persistence_s", *(key for design in chosen.values() for key in design.slow_faults)}
     if (default := raw.get("default")) is not None:
@@ -51,7 +51,7 @@ def recorded_toml(
         own = {key: value for key, value in signals.get(name, {}).items() if key not in replaced}
         before = {**tables.get("default", {}), **own}
         if outlier and "threshold" not in before:
-            raise BadInput(f"signal.{name}: --outlier needs the threshold beside which it is written")
+            raise BadInput(f"signal.{name}: --outlier needs a threshold in CONFIG")
         new = _new(design, settings[name], outlier)
         if not outlier and name in referenced and "reference_threshold" not in before and "threshold" in before:
             new["reference_threshold"] = before["threshold"]
@@ -66,7 +66,7 @@ def scenario_toml(
     remarks: Iterable[str],
     outlier: bool = False,
 ) -> str:
-    """Write OUT for a scenario: ``[redundancy.signals.<name>]``."""
+    """Return OUT for a scenario: tables ``[redundancy.signals.<name>]``."""
     signals: dict[str, Any] = {}
     for name, design in chosen.items():
         given = settings[name]
@@ -77,18 +77,18 @@ def scenario_toml(
 
 
 def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]:
-    """Return the keys of a design; a split persistence that CONFIG gives stays where it is."""
+    """Return the keys of a design; a split persistence that CONFIG gives does not change."""
     keys = dict(design.keys())
     if "split_persistence" in given.model_fields_set or given.split_persistence_s is not None:
         keys.pop("split_persistence")
     for name in ("equalise_bound", "stale_frames"):
         if design.slow_faults.get(name) == 0 and getattr(given, name):
-            keys[name] = 0  # what the flights were flown with is not asked for any more
+            keys[name] = 0  # the settings that the flights were flown with are not asked for any more
     return _beside(keys, given) if outlier else _in_place(keys, given)
 
 
 def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """Return the designed thresholds in place of those of ``given``, whose isolation thresholds then rest."""
+    """Return the designed thresholds instead of those of ``given``, and turn its isolation thresholds off."""
     for level in ("", "_triplex"):
         if getattr(given, f"outlier_threshold{level}") is not None:
             keys.setdefault(f"outlier_threshold{level}", keys.get(f"threshold{level}", keys["threshold"]))
@@ -96,7 +96,7 @@ def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
 
 
 def _beside(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """Return the designed thresholds as those of outliers; those of ``given`` stay unless they are smaller."""
+    """Return the designed thresholds as isolation thresholds; those of ``given`` stay unless they are smaller."""
     table = {key: value for key, value in keys.items() if key not in FIELDS.values()}
     for name in sorted(FIELDS.values() & keys.keys()):
         if keys[name] > (getattr(given, name) or given.threshold):
@@ -107,7 +107,7 @@ def _beside(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
 
 
 def _in_frames(default: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
-    """Convert [default] with its persistence in rows: a signal's own, in rows, may not meet one in seconds."""
+    """Return [default] with its persistence in rows: a signal's persistence in rows cannot stand beside seconds."""
     table = dict(default)
     if (seconds := table.pop("persistence_s", None)) is not None:
         table["persistence"] = in_frames(1, seconds, rate_hz)

@@ -1,6 +1,6 @@
-"""The flight's manager over many short pieces of one signal, and what became of the channel that is faulty in each.
+"""Run the flight's manager over many short pieces of one signal, and return the outcome for the faulty channel of each.
 
-The rows of ``rig vote`` (bench/drive.py), with one signal and without what is not voted.
+The rows are those of ``rig vote`` (bench/drive.py), with one signal and without anything that is not voted.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def outcomes(
 ) -> NDArray[Any]:
     """Return (R,) signal_kernels.SIGNAL of pieces that all begin healthy.
 
-    samples : (R, n, C), NaN where a sample is not comparable; faulty : (R,) the channel that is, from ``onset`` on
-    begun : (R,) the manager's states at first; as at the start of a flight when not given
+    samples : (R, n, C), NaN if a sample is not comparable; faulty : (R,) the channel that is faulty from ``onset`` on
+    begun : (R,) the first states of the manager; if not given, those of the start of a flight
     """
     return outcomes_of(
         samples, faulty, onset, Manager(MANAGERS[0], parameters(settings, samples.shape[2], rate_hz)), begun
@@ -48,7 +48,7 @@ def outcomes(
 def outcomes_of(
     samples: Floats, faulty: NDArray[np.int64], onset: int, manager: Manager, begun: NDArray[Any] | None = None
 ) -> NDArray[Any]:
-    """Return the same by a ``manager`` of one signal, whichever it is."""
+    """Return the same from any ``manager`` of one signal."""
     params = manager.params
     signals = np.repeat(blank_records(params["threshold"], params["fitted"], lingers(params)), len(samples))
     fresh = np.repeat(manager.new_state(), len(samples)) if begun is None else begun
@@ -57,10 +57,10 @@ def outcomes_of(
 
 
 def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: int) -> Frames:
-    """Return the frames of a whole flight (n, C) in which somebody is failed while all channels are in use.
+    """Return the frames of a whole flight (n, C) in which a channel is isolated while all channels are in use.
 
-    After each the flight goes on with all channels in use again, and what was learned of them; those within ``gap``
-    frames of the last are one.
+    After each isolation the flight continues with all channels in use again, and with the learned states; isolations
+    within ``gap`` frames of the last are one.
     """
     manager = Manager(MANAGERS[0], parameters(settings, samples.shape[1], rate_hz))
     frames = failures(samples, None, manager)
@@ -68,10 +68,10 @@ def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: i
 
 
 def failures(samples: Floats, references: Floats | None, manager: Manager) -> Frames:
-    """Return the frames of a whole flight (n, C) in which ``manager``, of one signal, fails somebody.
+    """Return the frames of a whole flight (n, C) in which ``manager``, of one signal, isolates a channel.
 
     references : (n, 2), the first and the second; None: there are none
-    After each the flight goes on with all channels in use again, and what was learned of them.
+    After each isolation the flight continues with all channels in use again, and with the learned states.
     """
     heed()
     failed = np.zeros(len(samples), np.uint8)
@@ -81,9 +81,9 @@ def failures(samples: Floats, references: Floats | None, manager: Manager) -> Fr
 
 
 def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:
-    """Return the channels (C, n) as the comparison sees them behind the filter of ``settings``.
+    """Return the channels (C, n) as the comparison gets them behind the filter of ``settings``.
 
-    Its step is not limited: the threshold that limits it is what is sought, and without the limit channels differ more.
+    The step of the filter is not limited: its limit is the threshold, which is sought.  Channels then differ more.
     """
     if settings.filter_s == 0.0:
         return samples
@@ -94,7 +94,7 @@ def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Flo
 
 
 def four(samples: Floats) -> Floats:
-    """Return the samples with the channels that a signal of fewer than four does not have."""
+    """Return the samples with empty channels added up to four."""
     if samples.shape[-1] == CHANNELS:
         return np.ascontiguousarray(samples)
     padded = np.full((*samples.shape[:-1], CHANNELS), np.nan)
@@ -111,7 +111,7 @@ def parameters(settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[
 
 @long_kernel
 def _follow(samples, params, out):
-    """Every channel (C, n) through the manager's low-pass; NaN where a sample is not comparable."""
+    """Pass every channel (C, n) through the manager's low-pass; NaN if a sample is not comparable."""
     p = params[0]
     for c in range(len(samples)):
         last = np.nan
@@ -122,7 +122,7 @@ def _follow(samples, params, out):
 
 
 def _blank_row() -> NDArray[Any]:
-    """One row of one signal, whose channels alone change."""
+    """Make one row of one signal; only its channels change."""
     block = _ROWS.block(1)
     block["reference"] = block["second_reference"] = np.nan
     block["valid"], block["ilm"] = 1, Ilm.ABSENT
@@ -131,7 +131,7 @@ def _blank_row() -> NDArray[Any]:
 
 @long_kernel
 def _run(samples, faulty, onset, rows, manager, fresh, signals):
-    """Every piece through the manager, which begins again with each; adds up ``signals`` (R,) SIGNAL."""
+    """Run every piece through the manager, restarted for each; add up ``signals`` (R,) SIGNAL."""
     row = rows[0]
     channels, fcc = row["bus"]["channels"], row["fcc"]
     for r in range(len(samples)):
@@ -151,7 +151,7 @@ def _run(samples, faulty, onset, rows, manager, fresh, signals):
 
 @long_kernel
 def _restarted(samples, references, rows, manager, fresh, kept, found):
-    """One flight through the manager, which begins again after each failure; marks the frames of failures."""
+    """Run one flight through the manager, restarted after each isolation; mark the frames of isolations."""
     row = rows[0]
     channels, fcc = row["bus"]["channels"], row["fcc"]
     manager.state[0] = fresh[0]

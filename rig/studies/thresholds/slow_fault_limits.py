@@ -1,11 +1,11 @@
-"""What healthy flights say of the manager's slow-fault rules (docs/redundancy.md): designs beside thresholds.
+"""Design the limits of the slow-fault rules from healthy flights (docs/redundancy.md).
 
-bias    ``equalise_bound`` is the largest mean over a flight of a channel's residual: one value a flight, and of ten
-        clusters or more the tail's upper value for the budget (tail.py), else the largest that was seen
-slow    the series of sums is, in each frame, the largest allowance with which they fail somebody; its tail gives
-        ``slow_allowance``, for a limit of so many spreads of the residuals times frames
-stale   MARGIN times the longest run of repeats: of runs with a geometric law, a longer one comes once in as many
-        times the data as these have frames, squared; none where a healthy channel stands still
+bias    ``equalise_bound`` is the largest mean over a flight of a channel's residual, one value a flight.  With ten
+        clusters or more it is the tail's upper value for the rate (tail.py); otherwise the largest value measured
+slow    the series of the CUSUM is, in each frame, the largest allowance with which it isolates a channel; its tail
+        gives ``slow_allowance``, for a limit in spreads of the residuals times frames
+stale   the longest run of repeats times 3: if runs have a geometric law, data of N frames have to be N^2 times longer
+        for one run of that length; the rule is off if a healthy channel stands still
 """
 
 from __future__ import annotations
@@ -53,19 +53,19 @@ _VALID: Final = np.ones(CHANNELS, np.uint8)
 
 
 class Residuals(NamedTuple):
-    """Of a signal: the largest mean of a channel's residual by flight (F,), and the spread about the means."""
+    """The residuals of a signal: the largest mean of a channel by flight (F,), and the spread about the means."""
 
     means: Floats
     spread: float
 
     @property
     def noisy(self) -> bool:
-        """Return True if noise is more than what channels differ by for a flight."""
+        """Return True if noise exceeds the channels' mean differences over a flight."""
         return bool(0.0 < self.means.max() < self.spread)
 
 
 def residuals(flights: Sequence[Floats], wraps: bool) -> Residuals:
-    """Return what the channels (C, n) of each flight differ from their middle by."""
+    """Return the differences of the channels (C, n) of each flight from their middle."""
     rows = [_residuals_of(samples, wraps) for samples in flights]
     means = [np.nan_to_num(_mean(each)) for each in rows]
     squares = sum(np.nansum((each - mean[:, None]) ** 2) for each, mean in zip(rows, means, strict=True))
@@ -94,10 +94,10 @@ def equalise_bound(means: Floats, hours: Sequence[float], budget_per_h: float, r
 
 
 def unbiased(samples: Floats, seen: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:
-    """Return (C, m) what is compared from the frame on in which the biases are learned, as the manager learns them.
+    """Return (C, m) the compared values from the frame on in which the manager has learned the biases.
 
-    samples, seen : (C, n) the channels, and as the comparison sees them behind its filter
-    Learned is in every frame: who the threshold, which is sought, would suspect is not known.
+    samples, seen : (C, n) the channels, and the channels behind the filter of the comparison
+    Every frame is learned from: the threshold, which is sought, cannot yet exclude suspect channels.
     """
     rows, params = _rows(samples, settings.wraps), _params(settings, samples, rate_hz)
     residual = np.full_like(rows, np.nan)
@@ -107,7 +107,7 @@ def unbiased(samples: Floats, seen: Floats, settings: RecordedSignal, rate_hz: f
 
 
 def begun(before: Sequence[Floats], settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[Any]:
-    """Return (R,) the manager's states of ``count`` channels that have learned from each ``before`` (C, n)."""
+    """Return (R,) the manager's states of ``count`` channels after learning from each ``before`` (C, n)."""
     params = _params(settings, np.empty((count, 0)), rate_hz)
     state = np.repeat(new_state(params), len(before))
     if settings.equalise_bound > 0.0:
@@ -119,8 +119,9 @@ def begun(before: Sequence[Floats], settings: RecordedSignal, count: int, rate_h
 
 
 def alarms(samples: Floats, settings: RecordedSignal, rate_hz: float, allowances: Floats) -> Floats:
-    """Return (n,) the largest of ``allowances`` with which the sums fail somebody in a frame, else 0; then they begin
-    again."""
+    """Return (n,) the largest of ``allowances`` with which the CUSUM isolates a channel in a frame, or 0.
+
+    The CUSUM starts again after each isolation."""
     heed()
     params = np.repeat(_params(settings, samples, rate_hz), len(allowances))
     params["slow_allowance"] = allowances
@@ -130,7 +131,7 @@ def alarms(samples: Floats, settings: RecordedSignal, rate_hz: float, allowances
 
 
 def stale_frames(flights: Sequence[Floats], rate_hz: float) -> int:
-    """Return the count for healthy flights (C, n); 0 where a channel repeats for STILL_S."""
+    """Return the count of repeats for healthy flights (C, n); 0 if a channel repeats for STILL_S."""
     spans = [runs(column) for samples in flights for column in samples]
     longest = max((int((each[:, 1] - each[:, 0]).max()) - 1 for each in spans if len(each)), default=0)
     count = max(LEAST_FRAMES, MARGIN * longest)
@@ -142,14 +143,14 @@ def _rows(samples: Floats, wraps: bool) -> Floats:
 
 
 def _params(settings: RecordedSignal, samples: Floats, rate_hz: float) -> NDArray[Any]:
-    """Return the parameters for angles that are unwrapped, of which none is out of range."""
+    """Return the parameters for unwrapped angles, which are never out of range."""
     plain = settings.model_copy(update={"wraps": False, "range": None})
     return parameters(plain, len(samples), rate_hz)
 
 
 @kernel
 def _ranked(samples, valid, p, st):
-    """Rank a row; with what pattern it would be depends on a threshold, which is sought: normal."""
+    """Rank a row as if its pattern were normal: the pattern depends on the threshold, which is sought."""
     st["pattern"] = Pattern.NORMAL
     return rank(samples, valid, 0.0, p, st)
 
@@ -169,7 +170,7 @@ def _subtract_middle(rows, valid, params, state, out):
 
 @long_kernel
 def _take_learned_off(rows, seen, valid, params, state, out):
-    """Write what is compared of ``seen``; return the first frame with all biases learned, else the number of rows."""
+    """Write the compared values of ``seen``; return the first frame with all biases learned, or the number of rows."""
     p, st, begin = params[0], state[0], -1
     for k in range(len(rows)):
         n = _ranked(rows[k], valid, p, st)

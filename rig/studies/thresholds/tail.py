@@ -1,23 +1,24 @@
-"""From the peaks of a series to the level that it exceeds as often as a budget allows.
+"""Fit the tail of a series, and compute the level that it exceeds at a given rate.
 
-Peaks over a threshold u, in clusters that are at least GAP_S apart; excesses of cluster peaks follow a generalised
-Pareto law (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987, with plotting position
-(j - 0.35) / n), shape within [0, 0.5]: a tail is never taken as bounded, and always has a mean and a variance.
-The level that is exceeded by b clusters an hour is then, with rate = clusters an hour over u,
+Peaks over a threshold u form clusters that are at least GAP_S apart.  The excesses of the cluster peaks follow a
+generalised Pareto law (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987, with plotting
+position (j - 0.35) / n).  The shape is kept within [0, 0.5]: no tail is bounded, and each has a mean and a variance.
+The level that b clusters an hour exceed is then, with rate = clusters an hour over u,
 
     u + scale / shape * ((rate / b) ** shape - 1)        shape 0: u + scale * ln(rate / b)
 
 Coles, An Introduction to Statistical Modeling of Extreme Values (2001), sections 4.2 and 5.3.
 
-How far it would move with other flights is the bootstrap's: blocks are drawn with replacement, not clusters.  Clusters
-of one flight have its manoeuvres, its temperature, its mounting in common; other flights have others.
+The bootstrap estimates how far the level would move with other flights.  It draws blocks, not clusters, with
+replacement: the clusters of one flight share its manoeuvres, temperature and mounting.
 Efron and Tibshirani, An Introduction to the Bootstrap (1993), percentile interval.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ _SHARES: Final = 2.0 ** (np.arange(-48.0, -1.0) / 4.0)  # of frames above u, 2.4
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Cluster peaks over ``u``: ``excess`` (m,) in ascending order, ``block`` (m,) that each is of."""
+    """The cluster peaks over ``u``: ``excess`` (m,) in ascending order, and the ``block`` (m,) of each."""
 
     u: float
     excess: Floats
@@ -48,14 +49,45 @@ class Peaks:
 
     @property
     def clusters(self) -> int:
-        """Return their number."""
+        """Return the number of clusters."""
         return len(self.excess)
 
 
-def peaks(series: list[Floats], rates_hz: list[float], budget_per_h: float) -> Peaks:
-    """Return the peaks of one series a block, over the largest u that leaves clusters enough.
+class Tail(NamedTuple):
+    """A fitted tail as a page draws it: the clusters' peaks, the hours of the data, and the law above ``u``."""
 
-    When none does, those of the u that leaves most.
+    peaks: tuple[float, ...]  # in ascending order
+    hours: float
+    u: float
+    scale: float
+    shape: float
+
+    def level(self, budget_per_h: float) -> float:
+        """Return the level of the fit that ``budget_per_h`` clusters an hour exceed."""
+        rate = np.array([len(self.peaks) / self.hours])
+        return float(level(self.u, np.array([self.scale]), np.array([self.shape]), rate, budget_per_h)[0])
+
+    def in_unit(self, shown: Callable[[float], float]) -> Tail:
+        """Return the tail with amounts in another unit."""
+        amounts: dict[str, Any] = {
+            "u": shown(self.u),
+            "scale": shown(self.scale),
+            "peaks": tuple(map(shown, self.peaks)),
+        }
+        return self._replace(**amounts)
+
+
+def fitted(over: Peaks) -> Tail:
+    """Return the tail of ``over`` with its fitted law."""
+    scale, shape = pareto(over.excess)
+    tops = tuple((over.u + over.excess).tolist())
+    return Tail(tops, float(over.hours.sum()), over.u, float(scale[0]), float(shape[0]))
+
+
+def peaks(series: list[Floats], rates_hz: list[float], budget_per_h: float) -> Peaks:
+    """Return the peaks of one series a block, over the largest u that leaves enough clusters.
+
+    If no u does, return the peaks over the u that leaves most.
     """
     hours = np.array([len(block) / rate / 3600.0 for block, rate in zip(series, rates_hz, strict=True)])
     needed = max(CLUSTERS, MARGIN * budget_per_h * float(hours.sum()))
@@ -75,7 +107,7 @@ def peaks(series: list[Floats], rates_hz: list[float], budget_per_h: float) -> P
 
 
 def _levels(values: Floats) -> Floats:
-    """Return candidates for u, the largest first: quantiles of every so many values."""
+    """Return candidates for u, the largest first: quantiles of a sample of the values."""
     some = values[:: max(len(values) // _SAMPLE, 1)]
     some = np.sort(some[np.isfinite(some)])
     ranks = np.unique(((len(some) - 1) * (1.0 - _SHARES)).astype(np.int64))
@@ -85,7 +117,7 @@ def _levels(values: Floats) -> Floats:
 def _clusters(
     values: Floats, at: NDArray[np.int64], block: NDArray[np.int64], gap: int, u: float, hours: Floats
 ) -> Peaks:
-    """Find the peaks of values above ``u`` in frames ``at``; a new cluster begins after more than ``gap`` frames."""
+    """Return the peaks of values above ``u`` in frames ``at``; a new cluster begins after more than ``gap`` frames."""
     if len(values) == 0:
         return Peaks(float(u), values, block, hours)
     starts = cluster_starts(at, gap)
@@ -97,7 +129,7 @@ def _clusters(
 def pareto(excess: Floats, weights: Floats | None = None) -> tuple[Floats, Floats]:
     """Fit scale and shape of the generalised Pareto law to ascending ``excess`` (m,), by row of ``weights`` (R, m).
 
-    weights : how often each excess occurs, whole numbers; once each when not given
+    weights : how often each excess occurs, whole numbers; once each if not given
     """
     w = np.ones((1, len(excess))) if weights is None else weights
     m = np.maximum(w.sum(axis=1, keepdims=True), 1.0)
@@ -112,7 +144,7 @@ def pareto(excess: Floats, weights: Floats | None = None) -> tuple[Floats, Float
 
 
 def level(u: float, scale: Floats, shape: Floats, rate_per_h: Floats, budget_per_h: float) -> Floats:
-    """Return the level exceeded by ``budget_per_h`` clusters an hour; ``u`` itself where it is exceeded less often."""
+    """Return the level that ``budget_per_h`` clusters an hour exceed; ``u`` if it is exceeded less often."""
     ratio = np.maximum(rate_per_h / budget_per_h, 1.0)
     small = shape < 1e-6
     power = (ratio**shape - 1.0) / np.where(small, 1.0, shape)
@@ -120,14 +152,14 @@ def level(u: float, scale: Floats, shape: Floats, rate_per_h: Floats, budget_per
 
 
 def point(over: Peaks, budget_per_h: float) -> tuple[float, float]:
-    """Return the threshold for the budget as the data have it, and the shape of their tail."""
+    """Return the point estimate of the threshold for the rate, and the shape of the tail."""
     scale, shape = pareto(over.excess)
     rate = np.array([over.clusters / float(over.hours.sum())])
     return float(level(over.u, scale, shape, rate, budget_per_h)[0]), float(shape[0])
 
 
 def draws(over: Peaks, budget_per_h: float, rng: np.random.Generator) -> Floats:
-    """Return (DRAWS,) thresholds for the budget from as many draws of blocks."""
+    """Return (DRAWS,) thresholds for the rate, one for each draw of blocks."""
     count = len(over.hours)
     times = rng.multinomial(count, np.full(count, 1.0 / count), DRAWS).astype(np.float64)
     weights = times[:, over.block]
@@ -137,5 +169,5 @@ def draws(over: Peaks, budget_per_h: float, rng: np.random.Generator) -> Floats:
 
 
 def upper(thresholds: Floats) -> float:
-    """Return the value that CONFIDENCE of the draws do not exceed."""
+    """Return the value that a share CONFIDENCE of the draws does not exceed."""
     return float(np.quantile(thresholds, CONFIDENCE))

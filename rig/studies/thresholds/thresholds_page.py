@@ -1,96 +1,179 @@
-"""The report of a design of thresholds: one HTML file that opens without a network, two pictures a signal."""
+"""The report of a design of thresholds: one HTML file with the data, the tail fit and the trade-off of each signal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+import numpy as np
 import plotly.graph_objects as go
 
-from rig.core.palette import series_colour
+from rig.core.palette import BLUE, GREEN, INK, ORANGE, SOFT, series_colour
 from rig.show.pages.page import lay_out, write_page
+from rig.studies.thresholds.design import Threshold
+
+_HEIGHT: Final = 340
+_WIDE: Final = 30.0  # largest over smallest size from which the axis is logarithmic
+_MARKS: Final = ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross")
+Design = dict[str, Any]
 
 
-def write(path: Path, summary: dict[str, Any]) -> None:
-    """Write threshold, smallest offset and share isolated over the persistence; ``summary`` of design_report.py."""
-    title = f"{summary['budget_per_h']:g} false isolations an hour and signal, {summary['hours']:.3g} h of data"
-    figures = dict(_pictures(summary["signals"]))
-    facts = {"title": title, "rule": summary["rule"], "notes": summary["notes"], "pictures": list(figures)}
-    write_page(path, "thresholds.html", figures, {}, **facts)
+def write(path: Path, summary: dict[str, Any], chosen: Mapping[str, Threshold]) -> None:
+    """Write the page of a design; ``summary`` of design_report.py.
 
-
-def _pictures(signals: dict[str, Any]) -> Iterator[tuple[str, go.Figure]]:
-    """Yield two pictures a signal, a line a filter: threshold and smallest offset, and the share of faults isolated.
-
-    Designs with one persistence are bars, one of each filter: a line of one point would be none.
+    chosen : of each signal, the threshold that isolates one of all channels, in the unit of the signal
     """
-    for name, signal in signals.items():
-        kinds = dict.fromkeys(map(_kind, signal["designs"]))
-        of_kind = {kind: [design for design in signal["designs"] if _kind(design) == kind] for kind in kinds}
-        draw = _lines if len({design["persistence"] for design in signal["designs"]}) > 1 else _bars
-        sizes, shares = draw(of_kind)
-        unit = signal["unit"]
-        axes = {
-            "threshold, smallest offset": f"size, {unit}" if unit else "size",
-            "faults isolated as they should be": "%",
-        }
-        for figure, (what, axis) in zip((sizes, shares), axes.items(), strict=True):
-            if figure.to_dict()["data"]:
-                lay_out(figure, f"{name}: {what}", 340)
-                if draw is _lines:
-                    figure.update_xaxes(title="persistence, frames", tickformat="d")
-                else:
-                    frames = signal["designs"][0]["persistence"]
-                    figure.update_xaxes(title=f"filter; persistence {frames} frames", type="category", tickangle=0)
-                figure.update_yaxes(title=axis, range=[0, 102] if axis == "%" else None, rangemode="tozero")
-                yield f"{name}: {what}", figure
+    budget = summary["budget_per_h"]
+    title = f"{budget:g} false isolations an hour and signal, {summary['hours']:.3g} h of data"
+    figures: dict[str, dict[str, go.Figure]] = {}
+    for name, signal in summary["signals"].items():
+        pictures = dict(_tail(signal, chosen[name], budget)) if name in chosen else {}
+        figures[name] = {f"{name}: {what}": figure for what, figure in [*pictures.items(), *_tradeoff(signal)]}
+    facts = {"title": title, "rule": summary["rule"], "notes": summary["notes"]}
+    rows = [_row(name, signal) for name, signal in summary["signals"].items() if signal["chosen"] is not None]
+    drawn = {key: figure for of in figures.values() for key, figure in of.items()}
+    write_page(
+        path, "thresholds.html", drawn, {}, rows=rows, signals={n: list(of) for n, of in figures.items()}, **facts
+    )
 
 
-def _lines(of_kind: dict[str, list[dict[str, Any]]]) -> tuple[go.Figure, go.Figure]:
+def _row(name: str, signal: dict[str, Any]) -> Design:
+    """Return the chosen design of a signal, as the page tells it."""
+    design = _chosen(signal)
+    return {
+        "signal": name,
+        "threshold": _upper(design),
+        "unit": signal["unit"],
+        "kind": _kind(design),
+        "persistence": design["persistence"],
+        "offset": _offset(design),
+        "share": _share(design),
+        "events": next(iter(design["levels"].values()))["clusters"],
+    }
+
+
+def _chosen(signal: dict[str, Any]) -> Design:
+    """Return the chosen design of a signal, which has one."""
+    keys = signal["chosen"]
+    return next(each for each in signal["designs"] if _is_of(each, keys))
+
+
+def _is_of(design: Design, keys: dict[str, Any]) -> bool:
+    """Return True if a design has the ``keys`` that were written."""
+    same = ("filter_s", "persistence", "equalise_bound", "slow_limit")
+    return all((design[name] or 0) == (keys.get(name) or 0) for name in same)
+
+
+def _tail(signal: dict[str, Any], threshold: Threshold, budget_per_h: float) -> Iterator[tuple[str, go.Figure]]:
+    """Yield the picture of the events in the data, the fitted tail, and the threshold at the allowed rate."""
+    tail = threshold.tail
+    if tail is None or not tail.peaks:
+        return
+    count = len(tail.peaks)
+    measured = np.arange(count, 0, -1) / tail.hours
+    rates = np.geomspace(max(measured[0], budget_per_h), min(measured[-1], budget_per_h) / 3.0, 60)
+    made = go.Figure()
+    mark = {"mode": "markers", "marker": {"color": SOFT, "size": 6}}
+    made.add_scatter(x=measured, y=tail.peaks, name=f"events in the data ({count})", **mark)
+    line = {"mode": "lines", "line": {"color": BLUE, "width": 2}}
+    made.add_scatter(x=rates, y=[tail.level(float(rate)) for rate in rates], name="fitted tail", **line)
+    ends = {"x": [float(rates.min()), float(rates.max())], "mode": "lines"}
+    made.add_scatter(
+        y=[threshold.upper] * 2, name="threshold", line={"color": ORANGE, "width": 2, "dash": "dash"}, **ends
+    )
+    made.add_scatter(
+        x=[budget_per_h],
+        y=[threshold.point],
+        name="point estimate at the allowed rate",
+        mode="markers",
+        marker={"color": INK, "symbol": "diamond", "size": 10},
+    )
+    lay_out(made, "events, tail fit and threshold", _HEIGHT)
+    made.update_xaxes(title="events an hour that exceed the level", type="log", dtick=1, exponentformat="power")
+    unit = f", {signal['unit']}" if signal["unit"] else ""
+    made.update_yaxes(title=f"difference{unit}", rangemode="tozero")
+    yield "events, tail fit and threshold", made
+
+
+def _tradeoff(signal: dict[str, Any]) -> Iterator[tuple[str, go.Figure]]:
+    """Yield two pictures, a line a filter: threshold and smallest offset, and the share of faults isolated.
+
+    Designs with one persistence are bars, one for each filter.
+    """
+    kinds = dict.fromkeys(map(_kind, signal["designs"]))
+    of_kind = {kind: [design for design in signal["designs"] if _kind(design) == kind] for kind in kinds}
+    several = len({design["persistence"] for design in signal["designs"]}) > 1
+    sizes, shares = (_lines if several else _bars)(of_kind)
+    unit = f", {signal['unit']}" if signal["unit"] else ""
+    axes = {"threshold and smallest isolated offset": f"size{unit}", "injected faults correctly isolated": "share, %"}
+    for figure, (what, axis) in zip((sizes, shares), axes.items(), strict=True):
+        if figure.to_dict()["data"]:
+            lay_out(figure, what, _HEIGHT)
+            if several:
+                figure.update_xaxes(title="persistence, frames", tickformat="d")
+            else:
+                frames = signal["designs"][0]["persistence"]
+                figure.update_xaxes(title=f"persistence {frames} frames", type="category", tickangle=0)
+            drawn = [value for trace in figure.to_dict()["data"] for value in trace["y"] if value]
+            if axis != "share, %" and drawn and max(drawn) > _WIDE * min(drawn):
+                figure.update_yaxes(title=f"{axis}, logarithmic", type="log", exponentformat="power")
+            else:
+                figure.update_yaxes(title=axis, range=[0, 102] if axis == "share, %" else None, rangemode="tozero")
+            yield what, figure
+
+
+def _lines(of_kind: dict[str, list[Design]]) -> tuple[go.Figure, go.Figure]:
     """Draw sizes and shares over the persistence."""
     sizes, shares = go.Figure(), go.Figure()
     for i, (kind, designs) in enumerate(of_kind.items()):
         frames = [each["persistence"] for each in designs]
-        line = {"mode": "lines+markers", "line_color": series_colour(i)}
-        sizes.add_scatter(x=frames, y=_values(designs, _upper), name=f"threshold, {kind}", **line)
-        offsets = _values(designs, _offset)
-        sizes.add_scatter(x=frames, y=offsets, name=f"smallest offset, {kind}", line_dash="dash", **line)
+        marker = {"symbol": _MARKS[i % len(_MARKS)], "size": 8, "color": series_colour(i)}
+        line = {"mode": "lines+markers", "line_color": series_colour(i), "marker": marker}
+        offsets = {"line_dash": "dash", **line}
+        sizes.add_scatter(x=frames, y=_values(designs, _upper), name=kind, **_heading("threshold"), **line)
+        sizes.add_scatter(x=frames, y=_values(designs, _offset), name=kind, **_heading("smallest offset"), **offsets)
         shares.add_scatter(x=frames, y=_values(designs, _share), name=kind, **line)
     return sizes, shares
 
 
-def _bars(of_kind: dict[str, list[dict[str, Any]]]) -> tuple[go.Figure, go.Figure]:
+def _heading(text: str) -> dict[str, Any]:
+    """Return the heading of a legend entry."""
+    return {"legendgrouptitle": {"text": text}}
+
+
+def _bars(of_kind: dict[str, list[Design]]) -> tuple[go.Figure, go.Figure]:
     """Draw sizes and shares of designs with one persistence."""
     sizes, shares = go.Figure(), go.Figure()
     kinds = [kind.replace(", ", ",<br>") for kind in of_kind]
     designs = [each[0] for each in of_kind.values()]
-    for i, (what, value) in enumerate((("threshold", _upper), ("smallest offset", _offset))):
-        sizes.add_bar(x=kinds, y=_values(designs, value), name=what, marker_color=series_colour(i))
-    shares.add_bar(x=kinds, y=_values(designs, _share), name="isolated", marker_color=series_colour(0))
+    width = min(0.3, 0.15 * len(kinds))
+    for what, value, colour in (("threshold", _upper, BLUE), ("smallest isolated offset", _offset, GREEN)):
+        sizes.add_bar(x=kinds, y=_values(designs, value), name=what, marker_color=colour, width=width)
+    shares.add_bar(x=kinds, y=_values(designs, _share), name="correctly isolated", marker_color=BLUE, width=width)
     return sizes, shares
 
 
-def _values(designs: list[dict[str, Any]], value: Callable[[dict[str, Any]], float | None]) -> list[float | None]:
+def _values(designs: list[Design], value: Callable[[Design], float | None]) -> list[float | None]:
     return [value(each) for each in designs]
 
 
-def _upper(design: dict[str, Any]) -> float:
+def _upper(design: Design) -> float:
     return next(iter((design["outlier_levels"] or design["levels"]).values()))["upper"]
 
 
-def _offset(design: dict[str, Any]) -> float | None:
+def _offset(design: Design) -> float | None:
     return (design["tradeoff"] or {}).get("smallest_offset")
 
 
-def _share(design: dict[str, Any]) -> float | None:
+def _share(design: Design) -> float | None:
     share = (design["tradeoff"] or {}).get("found_rightly")
     return None if share is None else 100.0 * share
 
 
-def _kind(design: dict[str, Any]) -> str:
-    """Return what a line is of: filter, channel equalisation, sums."""
-    words = [f"filter {design['filter_s']:g} s"]
+def _kind(design: Design) -> str:
+    """Return the rules of a design: filter, channel equalisation, CUSUM."""
+    words = [f"filter {design['filter_s']:g} s" if design["filter_s"] else "no filter"]
     words += ["channel equalisation"] if design["equalise_bound"] else []
-    words += [f"sums to {design['slow_limit']:.3g}"] if design["slow_limit"] else []
+    words += [f"CUSUM to {design['slow_limit']:.3g}"] if design["slow_limit"] else []
     return ", ".join(words)

@@ -1,7 +1,7 @@
-"""What a design finds: one channel made faulty in pieces of the design data, voted by the flight's manager.
+"""Measure which faults a design isolates: one channel is made faulty in pieces of the data, and the manager votes.
 
-Right: the faulty channel is failed within the time of the fault, and no healthy channel is failed in the whole piece.
-Sizes follow the motion of the signal, not the design, so all designs of a signal are asked the same.
+A fault is correctly isolated if the faulty channel is isolated in time and no healthy channel is isolated in the whole
+piece.  Sizes follow the motion of the signal, not the design, so all designs of a signal get the same faults.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ _STEPS: Final = 64
 
 
 class Found(NamedTuple):
-    """Pieces in which a fault was found rightly, another channel was failed, or nobody; and the delays, s."""
+    """Pieces with a correct isolation, with a wrong isolation, and with none; and the delays, s."""
 
     right: int
     wrong: int
     missed: int
-    delay_s: float | None  # median of the right ones
+    delay_s: float | None  # median of the correct isolations
     delay_95_s: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """``samples`` (R, n, C) from the seconds before the onset on, and the channel (R,) that becomes faulty."""
+    """The pieces: ``samples`` (R, n, C) from some seconds before the onset on, and the faulty channel (R,) of each."""
 
     samples: Floats
     channel: NDArray[np.int64]
@@ -57,28 +57,28 @@ class Pieces:
     before: Sequence[Floats] = ()  # (C, m) each: the flight before the piece, of which biases are learned
 
     def short(self) -> Pieces:
-        """Only what an offset needs."""
+        """Return the pieces cut to the length that an offset needs."""
         end = self.onset + round(WITHIN_S * self.rate_hz) + 1
         return Pieces(self.samples[:, :end], self.channel, self.onset, self.rate_hz, self.before)
 
 
 @dataclass(frozen=True, slots=True)
 class Tradeoff:
-    """One design's row: None where no offset is found often enough."""
+    """The trade-off of one design; ``smallest_offset`` is None if no offset is isolated often enough."""
 
-    smallest_offset: float | None  # found in FOUND of the pieces within WITHIN_S
+    smallest_offset: float | None  # isolated in FOUND of the pieces within WITHIN_S
     at_twice: Found  # an offset of twice the threshold
     kinds: dict[str, Found]
-    small: dict[str, Found] = field(default_factory=dict)  # offsets that may take LATER_S, which sums are for
+    small: dict[str, Found] = field(default_factory=dict)  # offsets that may take LATER_S, for which the CUSUM is made
 
     @property
     def share(self) -> float:
-        """Faults found rightly, of all that were injected."""
+        """The share of the injected faults that was correctly isolated."""
         return _share(self.kinds)
 
     @property
     def share_with_small(self) -> float:
-        """The same with the small offsets."""
+        """The same share with the small offsets included."""
         return _share({**self.kinds, **self.small})
 
 
@@ -87,7 +87,7 @@ def _share(kinds: dict[str, Found]) -> float:
 
 
 def pieces(flights: Sequence[DataBlock], count: int = PIECES, before_s: float = BEFORE_S) -> Pieces | None:
-    """Return ``count`` pieces spread evenly over the flights; None when the flights are all too short for one."""
+    """Return ``count`` pieces spread evenly over the flights; None if all flights are too short for one."""
     rate = flights[0].rate_hz
     onset, length = round(before_s * rate), round((before_s + LATER_S) * rate) + 1
     room = np.array([max(flight.samples.shape[1] - length + 1, 0) for flight in flights])
@@ -136,9 +136,9 @@ def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Fo
 def faulty(cut: Pieces, kind: Kind, size: float) -> Floats:
     """Return (R, n) the samples of the channel of each piece with a fault from the onset on.
 
-    offset, small, ramp : ``size``, or so much a second, is added, in turn to both sides
+    offset, small, ramp : ``size``, or ``size`` a second, is added, to either side in turn
     gain : the samples times ``size``
-    noise : what the channel has of its own, its difference from the median of all, times ``size``; stuck : the last one
+    noise : the channel's difference from the median of all, times ``size``; stuck : the last sample
     """
     own, frames = cut.samples[np.arange(len(cut.samples)), :, cut.channel], np.arange(cut.samples.shape[1]) - cut.onset
     sides = np.where(np.arange(len(own)) // cut.samples.shape[2] % 2 == 0, 1.0, -1.0)[:, None]
@@ -156,7 +156,7 @@ def faulty(cut: Pieces, kind: Kind, size: float) -> Floats:
 
 
 def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float | None:
-    """Return the smallest size threshold / 4 * 1.1^i that is found in FOUND of the pieces, as all larger ones are."""
+    """Return the smallest size threshold / 4 * 1.1^i that is isolated in FOUND of the pieces, as all larger sizes."""
     low, high = -1, _STEPS  # a size that is not found often enough, one that is
 
     def enough(step: int) -> bool:
@@ -172,8 +172,9 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
 
 
 def ranked(designs: Sequence[Design], tradeoffs: Sequence[Tradeoff]) -> list[int]:
-    """Return the places of the designs, that which finds the largest share rightly first; of equals the shortest
-    persistence and filter, and without a channel equalisation."""
+    """Return the places of the designs, the largest share of correct isolations first.
+
+    Ties: the shorter persistence, then the shorter filter, then no channel equalisation."""
 
     def order(i: int) -> tuple[float, int, float, bool]:
         design = designs[i]
