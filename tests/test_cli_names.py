@@ -134,7 +134,8 @@ def test_schemas_refuse_what_is_mistyped(rig_command):
 def test_help_stands_in_groups_and_nothing_is_cut_off(rig_command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     said = rig_command("--help")[1]
-    at = [said.index(f" {panel} ─") for panel in ("Fly", "Look", "Score", "Recorded data", "Reference", "Many flights")]
+    panels = ("Fly", "View and report", "Score and replay", "Recorded data", "Many flights", "Reference")
+    at = [said.index(f" {panel} ─") for panel in panels]
     assert at == sorted(at) and "Example: rig fly" in said
     assert "..." not in said.replace("[ARGS]...", "") and "…" not in said
 

@@ -167,7 +167,7 @@ BAD = [
     ({"start_s": 1.0, "repeats": 2}, "repeats: allowed only with repeat_every_s"),
     ({"start_s": 1.0, "repeat_every_s": 2.0}, "requires a duration_s shorter"),
     ({"start_s": 1.0, "repeat_every_s": 2.0, "duration_s": 2.0}, "requires a duration_s shorter"),
-    ({"rate_per_hour": -1.0}, "must be above 0"),
+    ({"rate_per_hour": -1.0}, "greater than 0"),
     ({"rate_per_hour": 1.0, "repeat_every_s": 2.0, "duration_s": 1.0}, "already repeats"),
     ({"on": {"autopilot": "off"}}, "'engaged' or 'disengaged'"),
     ({"on": {}}, "must be"),

@@ -45,7 +45,7 @@ from rig.verdict.requirements.subject import Subject, Watched, of_recording
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What is done with the recording besides the vote."""
+    """Additional processing of the recording."""
 
     align: AlignOptions | None = None  # None: not aligned
     faults: str | None = None  # a file, or a bundled scenario, of [[faults]] to inject
@@ -55,7 +55,7 @@ class Options:
 
 
 class Laps:
-    """How long each stage took, s."""
+    """Duration of each stage, s."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -69,7 +69,7 @@ class Laps:
 
 
 class _Asked(NamedTuple):
-    """What is voted, and by which settings."""
+    """The recording to vote, and its settings."""
 
     recording: Recording
     signals: dict[str, RecordedSignal]
@@ -79,7 +79,7 @@ class _Asked(NamedTuple):
 
 
 def run(recorded: Path, config: Path | None, out: Path, options: Options) -> dict[str, Any]:
-    """Vote ``recorded`` and write ``out``, which is there only when all went well; the summary.
+    """Vote ``recorded`` and write ``out``, which exists only after success; return the summary.
 
     config : settings of the signals; None: those of the scenario in ``recorded``, the log of a flight
     """
@@ -107,7 +107,7 @@ class Votes(NamedTuple):
         return table(self.recording, self.voted)
 
     def __repr__(self) -> str:
-        """Return one line: rows, signals, the channels that are failed at the end, long suspect ones, open splits."""
+        """Return one line: rows, signals, isolated channels at the end, long suspect ones, open splits."""
         groups = {**self.summary["signals"], **self.summary["discretes"]}
         failed = [
             f"{name}.{c['channel']}" for name, g in groups.items() for c in g["channels"] if c["state"] == "failed"
@@ -122,7 +122,7 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
     """Vote ``recorded``; BadInput: it or its settings.
 
     config : settings of the signals, a file or its tables; None: those of the scenario in ``recorded``
-    Faults are put into the recording as it was read, as a fault is in the sensor: alignment sees them.
+    Faults are injected into the recording before its alignment, because a fault is in the sensor.
     """
     test = None if options.faults is None else read_injection(options.faults)
     asked = _by_scenario(recorded, options) if config is None else _by_config(recorded, config, options)
@@ -143,7 +143,7 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
     lap("vote")
     data = summary(recording, voted, alignment)
     if asked.flown is not None and asked.flown.unit:
-        data["remark"] = "a unit under test voted in this flight; here the manager of its scenario does"
+        data["remark"] = "a unit under test voted in this flight; this vote uses the manager of its scenario"
     if test is not None and injection is not None:
         corrections = None if alignment is None else alignment.corrections
         scored = score(injection, recording, voted, corrections)
@@ -152,7 +152,7 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
 
 
 def _named(config: Path | dict[str, Any] | None) -> str:
-    """Return the configuration as messages name it."""
+    """Return the name of the configuration in messages."""
     return str(config) if isinstance(config, Path) else "config"
 
 
@@ -165,7 +165,7 @@ def _by_config(recorded: Path, config: Path | dict[str, Any], options: Options) 
 
 
 def _by_scenario(path: Path, options: Options) -> _Asked:
-    """Read a flight with its own settings.  BadInput: a recording that has none needs a configuration."""
+    """Read a flight with its settings.  BadInput: a recording without settings needs a configuration."""
     if path.suffix != ".mcap" or not is_flight(path):
         raise BadInput(f"{path}: --config is needed: only the log of a flight holds the settings of its signals")
     flown = recorded(path, options.allow_code)
@@ -185,9 +185,9 @@ def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | N
 
 
 def measure_votes(recording: Recording, voted: Result, requirements: Sequence[Requirement]) -> tuple[Verdict, ...]:
-    """Return the verdicts on a recording that was voted; instants from its first row.
+    """Return the verdicts on a voted recording; instants count from its first row.
 
-    BadInput: a requirement on a signal that the recording lacks, or on what only a flight has.
+    BadInput: a requirement on a signal that the recording lacks, or on a quantity that only a flight has.
     """
     recorder = RequirementsRecorder(requirements, _subject(recording, voted))
     kind = rows(len(voted.signals), len(voted.discretes))
@@ -205,7 +205,7 @@ def measure_votes(recording: Recording, voted: Result, requirements: Sequence[Re
 
 
 def _subject(recording: Recording, voted: Result) -> Subject:
-    """Return a recording that was voted as what requirements are measured on."""
+    """Return a voted recording as the subject of requirements."""
     settings = {name: signal.settings for name, signal in voted.signals.items()}
     signals = [
         Watched(name, own.si, own.wraps, int(p["fitted"]), float(p["threshold"]), int(p["persistence"]))

@@ -1,6 +1,6 @@
-"""One event of a flight, as it is found, logged, read and shown; and what became of the stream that showed it live.
+"""One event of a flight, and the report of the stream that showed the flight live.
 
-No kernels here: a log is read and viewed before they would be loaded.
+This module needs no kernels, so that a log is read and viewed without loading them.
 """
 
 from __future__ import annotations

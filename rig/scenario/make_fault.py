@@ -1,4 +1,4 @@
-"""``rig.fault``: one fault of a scenario, made and checked by a program."""
+"""``rig.fault``: one fault of a scenario, made and checked in Python."""
 
 from __future__ import annotations
 

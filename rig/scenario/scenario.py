@@ -1,7 +1,7 @@
-"""A scenario: one flight as data, composed of the settings that each stage owns.
+"""A scenario: one flight as data, composed of the settings of each stage.
 
-Loading is defaults -> aircraft -> file -> overrides, merged as plain tables and checked once.  The
-resolved scenario holds everything (airframe, sensors, gains too), so that a log alone can be flown again.
+Loading merges defaults, aircraft, file and overrides as plain tables, and checks them once.  The resolved scenario
+holds all settings (also airframe, sensors and gains), so that a log alone can be flown again.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rig.computer.redundancy import Config as Redundancy
 from rig.computer.redundancy.manager_config import refuse_short_wait
 from rig.core.decimals import slack, slack_of_product
 from rig.core.errors import BadInput, RigError
-from rig.core.files import NOT_WHOLE, bundled, is_file
+from rig.core.files import NOT_WHOLE, bundled, is_file, is_folder
 from rig.core.frame import CHANNELS, COMPUTERS, DISCRETES, MOST_FAULTS, SIGNALS, LanePart, LaneParts
 from rig.core.renamed import SCENARIOS, now_called
 from rig.core.settings import Settings, build, read_toml
@@ -94,19 +94,21 @@ class Scenario(Settings):
     def _resolved_already(cls, data: Any) -> Any:
         """Refuse the keys of a file by themselves: the aircraft's settings must be laid under them."""
         if isinstance(data, dict) and not data.keys() & {"airframe", "gains", "sensors"}:
-            raise BadInput("a Scenario is made by rig.load: rig.load({'aircraft': 'f16', ...}), or of a file's path")
+            raise BadInput(
+                "make a Scenario with rig.load: rig.load({'aircraft': 'f16', ...}), or with the path of a file"
+            )
         return data
 
     @model_validator(mode="after")
     def _a_channel_a_lane(self) -> Scenario:
-        """Fit no channel whose lane is not: of three computers nobody reads the fourth."""
+        """Fit no channel without its lane: three computers do not read a fourth channel."""
         count = self.computers.count
         if count == 1:
             return self
         if count < CHANNELS and self.has_servos:
             raise ValueError(
-                f"computers.count: {count} with servo actuators, each of whose four channels has a computer of its "
-                f"own; allowed: 1, {CHANNELS}"
+                f"computers.count: must be 1 or {CHANNELS} with servo actuators, which have one computer per channel; "
+                f"got {count}"
             )
         return self.model_copy(update={"sensors": fitted(self.sensors, count)})
 
@@ -128,7 +130,7 @@ class Scenario(Settings):
         if self.flight_point is not None and self.flight_point not in points:
             raise ValueError(
                 f"flight_point: {self.aircraft} has no {self.flight_point!r}, allowed: {', '.join(points)}; "
-                f"for example --set flight_point={points[0]}; to add one: docs/aircraft.md"
+                f"for example --set flight_point={points[0]}"
             )
         refuse_unfit(self.actuators, self.airframe)
         self._servos_for_their_faults()
@@ -140,7 +142,7 @@ class Scenario(Settings):
         labels = {fault.label for fault in self.faults}
         waiting = [entry.fault for entry in self.live if entry.fault.label not in labels]  # a flown one has them
         if len(self.faults) + len(waiting) > MOST_FAULTS:
-            raise ValueError(f"live: with faults more than {MOST_FAULTS}")
+            raise ValueError(f"live: at most {MOST_FAULTS} faults are allowed, with those of [[faults]]")
         check([*self.faults, *waiting], fitted)
         distinct_keys(self.live)
         return self
@@ -165,7 +167,7 @@ class Scenario(Settings):
 
     @property
     def lane_parts(self) -> LaneParts:
-        """Parts of the rows beside the frame's that a flight has."""
+        """Parts of the rows of a flight, beside those of the frame."""
         there: dict[LanePart, bool] = {"servo": self.has_servos, "computer": self.computers.count > 1}
         return tuple(part for part, is_there in there.items() if is_there)
 
@@ -180,17 +182,17 @@ class Scenario(Settings):
         return round((self.simulation_rate_hz or self.rate_hz) / self.rate_hz)
 
     def armed(self) -> Scenario:
-        """Return it with the faults of ``live`` among its faults: they begin when their keys are pressed."""
+        """Return the scenario with the faults of ``live`` among its faults; their keys start them."""
         waiting = [entry.fault for entry in self.live]
         return self.model_copy(update={"faults": [*self.faults, *waiting]}).trusted(self.trust)
 
     def streams(self) -> dict[str, SeedSequence]:
-        """Return one independent seed a stage; adding a stage does not shift the others."""
+        """Return one independent seed per stage; an additional stage does not shift the others."""
         return {name: SeedSequence(self.seed, spawn_key=(i,)) for i, name in enumerate(STREAMS)}
 
     @property
     def trust(self) -> Trust:
-        """The trust: if a manager class that it names may be run, and which file it is from."""
+        """Permission to run the manager class that the scenario names, and the file of the scenario."""
         return self._trust
 
     def trusted(self, trust: Trust) -> Scenario:
@@ -215,7 +217,7 @@ def _whole(number: float, rounded: float) -> bool:
 
 
 def find(name: str | Path | None = None) -> Path:
-    """Return a scenario's file: the path given, or that name in the bundled ``faults`` folder; else the default."""
+    """Return a scenario's file: the given path, or that name in the bundled ``faults`` folder; None: the default."""
     if not isinstance(name, str | Path | None):
         raise BadInput(f"scenario: must be a file's path, a bundled name, a table or a Scenario, got {quoted(name)}")
     wanted = Path(DEFAULT if name is None else name)
@@ -229,6 +231,8 @@ def find(name: str | Path | None = None) -> Path:
     bundled_names = names()
     if name is None:
         raise RigError(f"{faults / inside}: {NOT_WHOLE}: no such file")
+    if is_folder(wanted):
+        raise BadInput(f"{wanted}: is a folder, must be a scenario file or a bundled name")
     near = ", ".join(nearest(wanted.stem, bundled_names))
     raise BadInput(f"{wanted}: no such file; nearest bundled: {near}; all {len(bundled_names)}: rig scenario list")
 
@@ -257,11 +261,13 @@ def load(
         return _changed(name, sets, seed, allow_code, given)
     if isinstance(name, Mapping):
         data, source, home = plain_data(name, "scenario"), "scenario", Path()
+        shown = source
     else:
         path = find(name)
         data, source, home = read_toml(path), str(path), path.parent
+        shown = source if source == str(name) else path.stem  # a bundled one by its name
     data = _beside(_overridden(data, sets, seed, given), home)
-    within = source if not sets else f"{source} with {given.strip(': ')}"
+    within = shown if not sets else f"{shown} with {given.strip(': ')}"
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
         raise BadInput(f"{within}: aircraft: must be a name, got {quoted(chosen)}")
@@ -277,7 +283,7 @@ def _overridden(data: dict[str, Any], sets: Iterable[str], seed: int | None, giv
 
 
 def _beside(data: dict[str, Any], home: Path) -> dict[str, Any]:
-    """Return the keys of a scenario with the paths of files of requirements that lie beside its file."""
+    """Return the keys of a scenario with the paths of requirement files beside its file."""
     names = data.get("requirements")
     if not isinstance(names, list):
         return data
@@ -289,12 +295,12 @@ def _beside(data: dict[str, Any], home: Path) -> dict[str, Any]:
 
 
 def _changed(scenario: Scenario, sets: Sequence[str], seed: int | None, allow_code: bool, given: str) -> Scenario:
-    """Return a loaded scenario with overrides laid over all of its settings."""
+    """Return a loaded scenario with overrides applied to all settings."""
     trust = scenario.trust.allowing(allow_code)
     if not sets and seed is None:
         return scenario.trusted(trust)
     if any(parse_set(text)[0] == "aircraft" for text in sets):
-        raise BadInput("aircraft: a loaded scenario has one already: load it again with this aircraft")
+        raise BadInput("aircraft: cannot be changed in a loaded scenario; load it again with this aircraft")
     made = build(Scenario, _overridden(scenario.resolved(), sets, seed, given), "scenario with overrides")
     return made.trusted(replace(trust, named=named_manager(map(parse_set, sets)) or trust.named))
 
@@ -312,8 +318,8 @@ OLDER: Final[dict[str, Any]] = {
 
 
 def from_resolved(data: dict[str, Any], source: str, trust: Trust | None = None) -> Scenario:
-    """Build a scenario from what ``resolved`` gave, without looking at any file.
+    """Build a scenario from the result of ``resolved``, without reading a file.
 
-    trust : whether a manager class that it names may be run; it may not when not given
+    trust : permission to run the manager class that it names; if not given, none
     """
     return build(Scenario, aircraft.merge(OLDER, data), source).trusted(trust or Trust(source))

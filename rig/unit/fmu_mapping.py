@@ -1,13 +1,13 @@
-"""FMUs of others: which of their variables the unit file says each element of the records is.
+"""FMUs with other variables: the unit file maps each element of the records to a variable.
 
     [fmu.inputs]
-    "channels.pitch_rate.*" = "q[*]"     # a * on the left is any name or channel; it stands for the same on the right
+    "channels.pitch_rate.*" = "q[*]"     # a * on the left is any name or channel, and the same on the right
     [fmu.outputs]
     "voted.*" = "median_*"
     [fmu.parameters]
-    "signal.*.threshold" = "limit_*"     # of CONFIG, set once a session
+    "signal.*.threshold" = "limit_*"     # of CONFIG, set once per session
     [fmu.constants]
-    gain = 2.5                           # a variable of the FMU, in its own unit
+    gain = 2.5                           # a variable of the FMU, in its unit
 
 An address is field.item.channel, of the tables of docs/reference/icd.md, channels from 1.  Units are compared with them
 that the FMU declares, and converted.
@@ -60,7 +60,7 @@ class Element(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """An element of a record and the element of a variable that it is."""
+    """An element of a record and its element of a variable."""
 
     element: Element
     variable: str
@@ -69,7 +69,7 @@ class Pair(NamedTuple):
 
 
 def mapped(unit: Unit, known: dict[str, Described], named: str) -> dict[str, Any]:
-    """Return what the child needs of a mapping.  BadInput.  known : variables of the FMU; named : it, for messages"""
+    """Return the calls of a mapping.  BadInput.  known : variables of the FMU; named : its name in errors"""
     assert unit.fmu is not None
     inputs = _pairs("inputs", unit.fmu.inputs, Place.INPUT, known, unit, named)
     outputs = _pairs("outputs", unit.fmu.outputs, Place.OUTPUT, known, unit, named)
@@ -109,23 +109,23 @@ def _constants(given: Mapping[str, float], known: dict[str, Described], named: s
         base, at = find(name, known, where)
         _require_causality(name, known[base], "constants", where)
         if known[base].type not in REAL + WHOLE:
-            raise BadInput(f"{where}: {name} is of type {known[base].type}, which no number is")
+            raise BadInput(f"{where}: {name} has type {known[base].type}, which holds no number")
         low, high = range_of(known[base].type)
         if not low <= value <= high or (known[base].type in WHOLE and value != int(value)):
-            raise BadInput(f"{where}: {name} is of type {known[base].type}, which {value:g} is not")
+            raise BadInput(f"{where}: {name} has type {known[base].type}, which cannot hold {value:g}")
         found[base, at] = float(value)
     return found
 
 
 def _require_apart(inputs: Iterable[Pair], parameters: Iterable[Pair], named: str) -> None:
-    """BadInput: a variable that is set once and, as an array is set whole, in each frame again."""
+    """Raise BadInput for a variable that is set once and, as part of an array, in each frame again."""
     both = {pair.variable for pair in inputs} & {pair.variable for pair in parameters}
     if both:
         raise BadInput(f"{named}: fmu.parameters: {min(both)} is in fmu.inputs, which sets it in each frame")
 
 
 def _with(constants: Mapping[tuple[str, int], float], known: dict[str, Described]) -> dict[str, Described]:
-    """Return the variables with ``constants`` as what they start with."""
+    """Return the variables with ``constants`` as start values."""
     starts = {name: list(known[name].start) for name, _ in constants}
     for (name, at), value in constants.items():
         starts[name][at] = value
@@ -162,7 +162,7 @@ def _expanded(key: str, variable: str, elements: dict[str, Element], where: str)
 
 @cache
 def _elements(record: Place) -> dict[str, Element]:
-    """Return all elements of a record by address; not ``stepped`` and ``said``, which are the rig's to count."""
+    """Return all elements of a record by address; not ``stepped`` and ``said``, which the rig counts."""
     elements = {}
     for variable in of_record(record):
         for scalar in variable.scalars():
@@ -193,13 +193,13 @@ def _unit(field: str, items: list[str]) -> str:
 
 
 def _pair(element: Element, name: str, table: str, known: dict[str, Described], where: str) -> Pair:
-    """Return what an element is paired with.  BadInput: no such variable, or one that does not fit."""
+    """Return the pair of an element.  BadInput: no such variable, or one that does not fit."""
     base, index = find(name, known, where)
     variable = known[base]
     _require_causality(name, variable, table, where)
     types = REAL if element.base is Base.REAL else REAL + WHOLE
     if variable.type not in types:
-        raise BadInput(f"{where}: {name} is of type {variable.type}, must be {', '.join(types)}")
+        raise BadInput(f"{where}: {name} has type {variable.type}, must be {', '.join(types)}")
     if not variable.unit:
         return Pair(element, base, index, 1.0)
     try:
@@ -211,7 +211,7 @@ def _pair(element: Element, name: str, table: str, known: dict[str, Described], 
 def _require_causality(name: str, variable: Described, table: str, where: str) -> None:
     if variable.causality not in _CAUSALITIES[table]:
         allowed = " or ".join(_CAUSALITIES[table])
-        raise BadInput(f"{where}: {name} is of causality {variable.causality}, must be {allowed}")
+        raise BadInput(f"{where}: {name} has causality {variable.causality}, must be {allowed}")
 
 
 def _usual(unit: str) -> str:
@@ -222,7 +222,7 @@ def _usual(unit: str) -> str:
 def _said(addresses: set[str], unit: Unit) -> tuple[Said, list[str]]:
     """Return the groups that are filled, and the field that is left out of one.
 
-    BadInput: a group in parts, but states or levels alone, or one missing that the role needs.
+    BadInput: an incomplete group (states or levels alone are allowed), or a missing group that the role needs.
     """
     said, unsaid = Said(0), _left_out(addresses)
     for group in Said:
@@ -231,14 +231,16 @@ def _said(addresses: set[str], unit: Unit) -> tuple[Said, list[str]]:
         if not missing:
             said |= group
         elif len(missing) < len(every) or group == _NEEDED[unit.role]:
-            why = f"role {unit.role} needs it" if group == _NEEDED[unit.role] else "others of its group are"
+            why = (
+                f"role {unit.role} needs it" if group == _NEEDED[unit.role] else "other fields of its group are mapped"
+            )
             more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
             raise BadInput(f"{unit.source}: fmu.outputs: {missing[0]}{more} not mapped: {why}")
     return said, unsaid
 
 
 def _left_out(addresses: set[str]) -> list[str]:
-    """Return which of states and levels is not mapped where the other is, whole."""
+    """Return which of states and levels is not mapped if the other one is complete."""
     return [
         field
         for field, other in (("state", "level"), ("level", "state"))
@@ -252,7 +254,7 @@ def _of_output(fields: set[str]) -> list[str]:
 
 
 def _calls(variables: Iterable[str], pairs: Iterable[Pair], known: dict[str, Described]) -> list[dict[str, Any]]:
-    """Return a call of FMI for each type: variables whole, and which of their elements are which of the record."""
+    """Return a call of FMI for each type: whole variables, and the places of their elements in the record."""
     calls, every, pairs = [], list(dict.fromkeys(variables)), list(pairs)
     for kind in dict.fromkeys(known[name].type for name in every):
         names = [name for name in every if known[name].type == kind]

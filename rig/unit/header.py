@@ -63,13 +63,13 @@ _MEANINGS: Final = {
     "slow_faults": "index of a signal",
     "rules": "index of a signal",
     "discrete": "index of a discrete",
-    "aircraft": "its name, ends with NUL",
-    "flight_point": "its name, ends with NUL",
-    "part": "from 0",
-    "parts": "how many",
-    "bytes": "of config from part times 1024 on; zero behind its end",
+    "aircraft": "name of the aircraft, ends with NUL",
+    "flight_point": "name of the flight point, ends with NUL",
+    "part": "number of the part, from 0",
+    "parts": "number of parts",
+    "bytes": "bytes of config from part times 1024 on; zero after its end",
     **{each.name: each.meaning for each in PARAM_FIELDS},
-    "fail_safe": "0 or 1: vote without a majority",
+    "fail_safe": "0 or 1: voted value without a majority",
     # INPUT
     "autopilot_command": "SI: autopilot commands of the pilot; index of an autopilot command",
     "channels": "unit of the signal: samples by signal and channel",
@@ -111,7 +111,7 @@ extern "C" {
 #endif
 """
 _CLOSING: Final = """\
-/* Which records a library was built for: the rig reads it before it calls anything. */
+/* The records for which a library was built: the rig reads this before it calls a function. */
 #if defined(__GNUC__)
 extern __attribute__((weak, visibility("default"))) const uint64_t rig_unit_layout;
 const uint64_t rig_unit_layout = RIG_UNIT_LAYOUT;
@@ -158,7 +158,7 @@ def _constants() -> str:
 
 
 def _snake(enum: type[Any]) -> str:
-    """Return the name of an enum as C and Ada write it: ``decided_by`` of DecidedBy."""
+    """Return the name of an enum in C and Ada: ``decided_by`` for DecidedBy."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", enum.__name__).lower()
 
 
@@ -168,7 +168,7 @@ def _enum(name: str, suffix: str, members: Iterable[tuple[str | None, int]]) -> 
 
 
 def _struct(name: str) -> str:
-    """Return the declaration of a record, and what a compiler must find of it."""
+    """Return the declaration of a record, and assertions on its layout."""
     fields = list(walk(RECORDS[name]))
     members = "".join(f"    {_member(field)}\n" for field in fields)
     offsets = "".join(f"RIG_ASSERT(offsetof(struct rig_{name}, {field.name}) == {field.offset});\n" for field in fields)
@@ -193,7 +193,7 @@ def _extent(field: Entry) -> str:
 def ada() -> str:
     """Return the text of ``rig_unit.ads``.
 
-    Enums are numbers rather than Ada enumerations: a byte that is none of them must not raise an exception.
+    Enums are numbers instead of Ada enumerations, so that an invalid byte raises no exception.
     """
     arrays = sorted({_ada_element(field) for dtype in RECORDS.values() for field in walk(dtype)})
     arrays = [(element, shape) for element, shape in arrays if shape]

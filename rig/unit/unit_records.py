@@ -1,10 +1,10 @@
-"""The records that go between the rig and a unit under test: their fields follow from the frame's table.
+"""The records between the rig and a unit under test; their fields follow from the frame's table.
 
 Little-endian, IEEE 754, naturally aligned, every gap a field of its own (``pad_...``), sizes a multiple of eight bytes.
 All transports move the same bytes; docs/reference/icd.md has the tables.
 
-Each version begins with the fields of the one before where they were: units that were built for an older one are still
-flown (INTERFACES).
+Each version begins with the fields of the previous one at the same places, so that units built for an older version
+still fly (INTERFACES).
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ class Said(IntFlag):
 
 
 class Role(IntEnum):
-    """Parts of the flight computer that a unit may be."""
+    """Parts of the flight computer that a unit can replace."""
 
     REDUNDANCY = 0  # channels in, votes and states out
     FLIGHT_COMPUTER = 1  # surfaces out
 
 
 class Status(IntEnum):
-    """Status that a unit reports of itself; one that reports none is ready."""
+    """Status that a unit reports; a unit without a report is ready."""
 
     READY = 0
     DEGRADED = 1
@@ -146,13 +146,13 @@ def _packed(entries: list[_Entry]) -> np.dtype[Any]:
 
 
 def _little(dtype: np.dtype[Any], names: Iterable[str]) -> np.dtype[Any]:
-    """Return fields of a record of our own settings as a record of the interface: the widest first."""
+    """Return fields of a record of the rig's settings as a record of the interface, the widest first."""
     kinds = {name: place(dtype, name)[0] for name in names}
     return _packed(_widest_first([(name, kind.base.newbyteorder("<"), kind.shape) for name, kind in kinds.items()]))
 
 
 def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
-    """Return a field's own dtype and its offset."""
+    """Return the dtype of a field and its offset."""
     fields: Any = dtype.fields
     return fields[name][0], fields[name][1]
 
@@ -230,9 +230,9 @@ def walk(dtype: np.dtype[Any]) -> Iterator[Entry]:
 
 
 def described(version: int = VERSION) -> str:
-    """Return every name, type, shape and offset that both sides must agree on: LAYOUT is the hash of this text.
+    """Return every name, type, shape and offset that both sides must share: LAYOUT is the hash of this text.
 
-    A name that was changed is in it as it was: the bytes are the same, and a unit that was built before still flies.
+    It has the old form of a renamed name: the bytes are the same, and a unit built before the change still flies.
     """
     lines = [f"version {version}", *(signal.name for signal in (*SIGNALS, *DISCRETES))]
     records = RECORDS | _OLDER.get(version, {})
@@ -251,7 +251,7 @@ def _layout(version: int) -> int:
 
 
 class Interface(NamedTuple):
-    """A version of the records that is flown: the first bytes of ours, with a tail of its own."""
+    """A supported version of the records: the first bytes of the present one, with a separate tail."""
 
     version: int
     layout: int
@@ -284,7 +284,7 @@ INTERFACES: Final = {(interface.version, interface.layout): interface for interf
 def blank(
     dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0, interface: Interface = INTERFACE
 ) -> np.ndarray[Any, Any]:
-    """Return a record (1,) of a session with nothing in it but its head and length, where ``interface`` has that."""
+    """Return a record (1,) of a session with only its head and length, at their places in ``interface``."""
     record = np.zeros(1, dtype)
     record["magic"], record["version"], record["kind"] = magic, interface.version, kind
     record["layout"], record["session"] = interface.layout, session

@@ -520,7 +520,7 @@ RIG_ASSERT(offsetof(struct rig_output, pad_1) == 418);
 RIG_ASSERT(offsetof(struct rig_output, length) == 424);
 RIG_ASSERT(offsetof(struct rig_output, crc) == 428);
 
-/* Which records a library was built for: the rig reads it before it calls anything. */
+/* The records for which a library was built: the rig reads this before it calls a function. */
 #if defined(__GNUC__)
 extern __attribute__((weak, visibility("default"))) const uint64_t rig_unit_layout;
 const uint64_t rig_unit_layout = RIG_UNIT_LAYOUT;
