@@ -40,7 +40,7 @@ FIELD: Final = {field.name: field for field in LANE_FIELDS}
 NAMES: Final = tuple(name for field in DRAWN for name, _ in elements(FIELD[field]))
 _BYPASSED: Final = CHANNELS + 1
 _MONITORS: Final[Looks] = {
-    monitor.name: (f"shut off by {monitor.name.lower()}", FAILED) if monitor else ("engaged", QUIET)
+    monitor.name: (f"shut off: {monitor.name.lower()} monitor", FAILED) if monitor else ("engaged", QUIET)
     for monitor in ActuatorMonitor
 } | {"WITH_COMPUTER": ("shut off with its computer", FAILED)}
 _WITH_COMPUTER: Final = 1 + max(ActuatorMonitor)
