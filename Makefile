@@ -52,8 +52,8 @@ measured: setup  ## write docs/measured/: figures of this commit on this machine
 requirements: setup  ## write docs/requirements.md from the markers in the tests
 	$(BIN)/python tests/tools/requirements.py
 
-pictures: setup  ## write docs/pictures/: the loop and a fault, drawn from a flight
-	$(BIN)/python tests/tools/pictures.py
+pictures: setup  ## write docs/pictures/: drawings from flights, and photographs of viewer (needs Vulkan) and reports (needs Chromium); only="fault viewer" for some
+	$(BIN)/python tests/tools/pictures.py $(only)
 
 golden: setup  ## fly all golden flights and keep what they decide now
 	$(BIN)/python tests/tools/golden_flights.py

@@ -19,15 +19,15 @@ P = ParamSpec("P")
 
 
 class Flight(result.Flight):
-    """The result of a flight; its frames are read from the log when asked for."""
+    """The result of a flight; its frames are read from the log at first use."""
 
     @cached_property
     def recorded(self) -> Log:
-        """The log, read when it is first asked for."""
+        """The log, read at first use."""
         return read_log(self.log)
 
     def plot(self, name: str) -> Figure:
-        """Return channels, vote and truth of one signal over the flight; BadInput when there is no such signal."""
+        """Return a figure of channels, vote and truth of one signal over the flight; BadInput: unknown signal."""
         return self.recorded.plot(name)
 
     def _repr_html_(self) -> str:
@@ -36,7 +36,7 @@ class Flight(result.Flight):
 
 
 def _shown(fly: Callable[P, result.Flight]) -> Callable[P, Flight]:
-    """Return ``fly`` with a result that a notebook can show, with its conclusion."""
+    """Return ``fly`` with a result that a notebook can show, and with the conclusion."""
 
     @wraps(fly)
     def flown(*args: P.args, **kwargs: P.kwargs) -> Flight:

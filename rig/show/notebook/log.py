@@ -1,6 +1,6 @@
 """``rig.read_log`` and ``rig.Log``: a log for programs and notebooks.
 
-Without the flight's modules: a log is read before numba and JSBSim would be loaded.
+Reading a log loads neither numba nor JSBSim.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ class Log(log.Log):
     """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, events, metadata, result, attachments."""
 
     def plot(self, name: str) -> Figure:
-        """Return channels, vote and truth of one signal over the flight; BadInput when there is no such signal."""
+        """Return a figure of channels, vote and truth of one signal over the flight; BadInput: unknown signal."""
         from rig.show.notebook.log_shown import plot
 
         return plot(self, name)
 
     def __repr__(self) -> str:
-        """Return one line: what was flown, and how it ended."""
+        """Return one line: scenario, outcome and failed channels."""
         from rig.show.notebook.log_shown import line
 
         return line(self)
@@ -41,8 +41,8 @@ class Log(log.Log):
 
 
 def read_log(path: Path | str) -> Log:
-    """Read the flight at ``path``; BadLog in one line when it is missing, foreign, cut or damaged.
+    """Read the flight at ``path``; BadLog, one line: the file is missing, foreign, cut or damaged.
 
-    Two kilobytes of memory a frame, twice that while reading; ``rig.log.iter_chunks`` reads long logs.
+    Takes two kilobytes of memory per frame, twice that while reading; ``rig.log.iter_chunks`` reads long logs.
     """
     return Log.read(path)
