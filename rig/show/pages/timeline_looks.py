@@ -29,7 +29,9 @@ UNUSED_STATE: Final = "not used"  # a channel that is not isolated, of a signal 
 _QUIET_STATES: Final = (
     *("ok", "normal", "none", "voted", "autopilot", "4 channels", "engaged", "fresh", "all channels"),
 )
-_PALE: Final = (QUIET, YELLOW, ORANGE, LIGHT_BLUE, UNUSED)  # a text on them is dark
+_BRIGHT: Final = (YELLOW, ORANGE)  # on either screen
+_PALE: Final = (QUIET, LIGHT_BLUE, UNUSED)
+_BLACK: Final = "#000000"  # also on a dark screen
 _HATCHES: Final = ("/", "\\", "|", "-", "+", ".", "x")
 _OTHERS: Final = (VIOLET, TEAL, BROWN, GREEN, MAGENTA, MID_BLUE, BLUE)
 FAULT, CHANNEL, LANE, SERVO = "fault", "channel", "lane", "servo channel"
@@ -44,7 +46,7 @@ class Look(NamedTuple):
     @property
     def ink(self) -> str:
         """The colour of a text or a hatch on it."""
-        return INK if self.colour in _PALE else WHITE
+        return _BLACK if self.colour in _BRIGHT else INK if self.colour in _PALE else WHITE
 
 
 def _others(*labels: str) -> dict[str, Look]:

@@ -131,7 +131,7 @@ def _described(flights: Flown, stop: float, delay: float) -> str:
         f"Channel 3 of the pitch rate jumps to {stop:.1f} deg/s. The voted value stays with channels 1, 2 and 4. "
         f"Channel 3 differs from all others by more than the isolation threshold of {flights.threshold:.2f} deg/s, "
         f"its miscompare count rises to {flights.persistence} frames, and it is isolated after {delay:.0f} ms. "
-        "With the mean of the four samples as the voted value, the angle of attack runs away and the aircraft is lost after {end:.2f} s."
+        f"With the mean of the four samples as the voted value, the aircraft departs and is lost after {end:.2f} s."
     )
 
 
