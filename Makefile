@@ -56,8 +56,8 @@ reference: setup  ## write the generated pages of docs/reference/: commands, gal
 	$(BIN)/python tests/tools/reference_pages.py
 	$(BIN)/python tests/tools/cli_page.py
 
-pictures: setup  ## write docs/pictures/: the loop and a fault, drawn from a flight
-	$(BIN)/python tests/tools/pictures.py
+pictures: setup  ## write docs/pictures/: drawings from flights, and photographs of viewer (needs Vulkan) and reports (needs Chromium); only="fault viewer" for some
+	$(BIN)/python tests/tools/pictures.py $(only)
 
 golden: setup  ## fly all golden flights and keep what they decide now
 	$(BIN)/python tests/tools/golden_flights.py

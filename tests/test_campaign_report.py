@@ -234,7 +234,7 @@ def test_a_report_names_the_manager_and_what_was_set_and_varied(tmp_path: Path):
     ("signal", "kind", "shown"),
     [
         ("pitch_rate", "offset", ("11.5", "deg/s")),
-        ("pitch_rate", "drift", ("11.5", "deg/s/s")),
+        ("pitch_rate", "drift", ("11.5", "deg/s²")),
         ("pitch_rate", "intermittent", ("0.2", "s")),
         ("pitch_rate", "scale", ("0.2", "")),
         ("normal_load_factor", "offset", ("0.2", "g")),
@@ -249,7 +249,7 @@ def test_a_magnitude_is_shown_with_the_unit_of_its_setting(signal: str, kind: st
     ("key", "level", "shown"),
     [
         ("faults.0.offset", 0.01261914688960386, "0.723 deg/s"),
-        ("faults.0.rate_per_s", 0.2, "11.5 deg/s/s"),
+        ("faults.0.rate_per_s", 0.2, "11.5 deg/s²"),
         ("faults.1.offset", 0.01261914688960386, "0.0126"),  # acted on two signals
         ("faults.0.start_s", 3.14159, "3.14"),
         ("flight_point", "20000ft_m06", "20000ft_m06"),
@@ -264,7 +264,7 @@ def test_a_title_cannot_end_the_page(tmp_path: Path):
     rows: Rows = {"runs": [flown(0)], "faults": [], "alarms": [], "episodes": []}
     out = tmp_path / "report.html"
     report(made(tmp_path / "c", rows, title="</script><b>x"), out)
-    assert "</script><b>x" not in out.read_text() and "No fault acted" in out.read_text()
+    assert "</script><b>x" not in out.read_text() and "No fault was active" in out.read_text()
 
 
 def test_nothing_flown_is_nothing_to_report(tmp_path: Path):

@@ -25,7 +25,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 def test_the_page_has_the_surface_with_channel_time_and_monitor(flight: Flight, tmp_path: Path):
     report(flight.log, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
-    assert "<b>elevator</b>: channel 2 shut off at 1.04 s by current." in page
+    assert "<b>elevator</b>: channel 2 shut off at 1.04 s by the current monitor." in page
     assert 'id="actuator-elevator"' in page and 'id="actuator-rudder"' not in page
 
 
@@ -55,7 +55,7 @@ def test_the_timeline_runs_from_the_start_and_shows_the_shut_off(flight: Flight,
     page = (tmp_path / "page.html").read_text()
     drawn = json.loads(page.partition('id="figures">')[2].partition("</script>")[0])["timeline"]
     assert drawn["layout"]["xaxis"]["range"] == [0.0, len(flight.rows) / flight.scenario.rate_hz]
-    shut = next(trace for trace in drawn["data"] if trace["name"] == "shut off by current")
+    shut = next(trace for trace in drawn["data"] if trace["name"] == "shut off: current monitor")
     assert (shut["y"], shut["marker"]["color"]) == (["elevator channel 2"], RED)
     assert shut["customdata"][0].startswith("1.04 to ")
     rows = drawn["layout"]["yaxis"]["categoryarray"]

@@ -91,7 +91,7 @@ def test_the_timeline_begins_with_the_lanes_and_draws_signals_that_are_alike_onc
     assert rows[1:6] == ["lane A", "lane B", "lane C", "lane D", "leading lane"]
     channels = [row for row in rows if row.endswith("channel 1")]
     assert len(rows) < 49 and any("alike)" in row for row in channels)
-    assert "stands for" in page and drawn["layout"]["xaxis"]["range"] == [0.0, 2.5]
+    assert "states are equal in every frame" in page and drawn["layout"]["xaxis"]["range"] == [0.0, 2.5]
 
 
 def test_a_channel_of_a_signal_without_a_channel_is_not_said_to_be_ok():

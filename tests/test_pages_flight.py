@@ -16,10 +16,12 @@ from rig.core.frame import INDEX, State, Table, new_block
 from rig.core.palette import RED
 from rig.flight.fly import Flight, fly
 from rig.show.pages.course import Course
+from rig.show.pages.decision_figure import squeezed
 from rig.show.pages.flight_figures import of_flight, spanned, surfaces, vote_errors
 from rig.show.pages.flight_page import report
 from rig.show.pages.lines import MOST_POINTS, errors, line, of_signal, of_surface, thinned
 from rig.show.pages.timeline import spans
+from rig.show.pages.timeline_looks import LOOKS
 
 OLD = Path(__file__).parent / "logs"
 SHORT = ["duration_s=6", "faults.0.start_s=3", "redundancy.signals.pitch_rate.persistence=6"]
@@ -62,7 +64,7 @@ def test_the_decision_is_shown_from_half_a_second_before_to_a_second_after(page:
     (one,) = found["moments"]
     assert one == {"signal": "pitch_rate", "first": 300, "isolated": 305, "begin": 250, "end": 406}
     drawn = figures(text)["moment-pitch_rate"]
-    truth = next(trace for trace in drawn["data"] if trace.get("name") == "truth")
+    truth = next(trace for trace in drawn["data"] if trace.get("name") == "true value")
     assert numbers(truth["x"])[[0, -1]] == pytest.approx([2.5, 4.05])
 
 
@@ -73,6 +75,41 @@ def test_a_hardover_does_not_flatten_the_others(page: tuple[dict[str, Any], str]
     assert -10.0 < low < 0.0 < high < 10.0  # deg/s; the hardover is at 85.9
     assert any(trace.get("name") == "channel 3 (to +85.9 deg/s)" for trace in drawn["data"])
     assert drawn["layout"]["yaxis"]["title"]["text"] == "pitch_rate, deg/s"
+
+
+def test_the_decision_has_the_faulty_channel_the_active_fault_and_the_isolation(page: tuple[dict[str, Any], str]):
+    drawn = figures(page[1])["moment-pitch_rate"]
+    said = [note["text"].strip() for note in drawn["layout"]["annotations"]]
+    assert said == [
+        *("peak of channel 3: +137", "± isolation threshold 0.63 deg/s", "limit (persistence): 6"),
+        *("fault active: 3.00 to 4.05 s", "first miscompare 3.00 s", "isolated 3.05 s"),
+    ]
+    lines = {trace["name"]: trace for trace in drawn["data"]}
+    assert "reference" not in lines  # it decided nothing
+    values, (low, high) = numbers(lines["channel 3"]["y"]), drawn["layout"]["yaxis"]["range"]
+    assert (
+        low < values.min()
+        and values.max() < high
+        and squeezed(np.array([137.0]))[0] == pytest.approx(values.max(), rel=0.01)
+    )
+    counted = numbers(lines["miscompares of channel 3"]["y"])
+    assert counted[49:57].tolist() == [0, 1, 2, 3, 4, 5, 6, 0]
+
+
+def test_each_heading_of_a_legend_has_one_variable_and_no_two_of_its_states_look_alike(split: Path):
+    found: dict[str, dict[str, Any]] = {}
+    for trace in figures(split.read_text())["timeline"]["data"]:
+        found.setdefault(trace["legendgrouptitle"]["text"], {})[trace["name"]] = trace["marker"]
+    assert set(found["channel"]) == {"ok", "suspect", "failed"} and set(found["pattern"]) == {"normal", "2:2"}
+    for states in found.values():
+        looks = {(look["color"], look.get("pattern", {}).get("shape", "")) for look in states.values()}
+        assert len(looks) == len(states) and sum(not shape for _, shape in looks) <= 1
+    assert all(looks[name].hatch for looks in LOOKS.values() for name in ("suspect", "failed") if name in looks)
+
+
+def test_the_axis_of_a_decision_is_linear_to_one_threshold_and_logarithmic_beyond():
+    values = np.array([-100.0, -1.0, -0.5, 0.0, 0.5, 1.0, 10.0, np.nan])
+    assert squeezed(values) == pytest.approx([-3.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, np.nan], nan_ok=True)
 
 
 def test_the_lanes_change_when_the_fault_begins_and_when_the_channel_is_failed(flight: Flight):
@@ -104,20 +141,21 @@ def test_the_decision_draws_the_reference_that_decided_and_the_frames_that_it_to
     drawn = figures(split.read_text())["moment-pitch_rate"]
     lines = {trace["name"]: trace for trace in drawn["data"] if "name" in trace}
     assert len(numbers(lines["reference"]["y"])) == 160  # 9.5 to 11.09 s
-    counted = numbers(lines["frames, 2:2"]["y"])
+    counted = numbers(lines["split 2:2"]["y"])
     assert counted.max() == 10.0 and counted[50:60].tolist() == list(range(1, 11))
     said = [note["text"] for note in drawn["layout"]["annotations"]]
-    assert "persistence 8" in said and "split persistence 10" in said
+    assert [text for text in said if "limit" in text] == ["limit (split persistence): 10"]
 
 
 def test_thresholds_and_who_decided_are_named_with_their_figures(split: Path):
     text = split.read_text()
     cards = re.findall(r'<div class="card"><b[^>]*>(.*?)</b><span>(.*?)</span>', text)
-    assert ("reference", "found the faults or failed the channels") in cards
-    assert "pitch_rate threshold 2.86 deg/s, isolation threshold 0.63 deg/s" in text
-    names = {trace.get("name") for trace in figures(text)["moment-pitch_rate"]["data"]}
-    assert "vote ± isolation threshold 0.63 deg/s" in names
-    assert figures(text)["votes"]["data"][0]["name"] == "pitch_rate, threshold 2.86 deg/s"
+    assert ("reference", "detected the faults or isolated the channels") in cards
+    assert "pitch_rate: error limit 2.86 deg/s, isolation threshold 0.63 deg/s" in text
+    drawn = figures(text)["moment-pitch_rate"]["layout"]
+    assert "± isolation threshold 0.63 deg/s" in [note["text"] for note in drawn["annotations"]]
+    assert drawn["yaxis"]["title"]["text"] == "isolation thresholds"
+    assert figures(text)["votes"]["data"][0]["name"] == "pitch_rate, error limit 2.86 deg/s"
 
 
 def test_channels_differ_by_colour_and_dash_and_no_line_is_red(split: Path):
@@ -201,7 +239,7 @@ def test_what_reaches_an_actuator_is_drawn_where_a_fault_changed_it():
     rows = new_block(3)
     rows["frame"], rows["surface_command"][:, 1] = np.arange(3), np.radians(4.0)  # of the aileron
     drawn = surfaces([of_surface(Table(rows), 100.0, i) for i in range(4)]).to_dict()
-    changed = [trace["yaxis"] for trace in drawn["data"] if trace["name"] == "at the actuator"]
+    changed = [trace["yaxis"] for trace in drawn["data"] if trace["name"] == "command at the actuator"]
     assert changed == ["y2"]
     assert drawn["layout"]["yaxis"]["range"] == [-1.0, 1.0]
     assert drawn["layout"]["yaxis2"]["range"] == pytest.approx([-0.2, 4.2])

@@ -177,7 +177,7 @@ def test_a_log_without_frames_and_too_many_logs_are_refused(files: tuple[Path, P
         pass
     with pytest.raises(BadLog, match=r"none\.mcap: has no frames"):
         read([tmp_path / "none.mcap"])
-    with pytest.raises(BadInput, match="5 logs: 1 to 4 can lie over each other"):
+    with pytest.raises(BadInput, match="5 logs: 1 to 4 can be shown together"):
         read([files[0]] * 5)
 
 

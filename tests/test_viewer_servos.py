@@ -104,7 +104,7 @@ def test_the_headline_names_channel_delay_and_monitor_and_the_tab_shows_these_se
     rows = new_block(FRAMES)
     rows["acting"][ONSET:, 0] = 1
     facts, told = look(FACTS, Table(rows, moved.beside), HZ, True)
-    assert told == "SURVIVED: actuator.elevator, channel 2, failed at 1.04 s, 40 ms after the onset, by current"
+    assert told == "SURVIVED: actuator.elevator, channel 2, shut off at 1.04 s, 40 ms after onset, by current"
     assert facts.seen is not None and facts.seen.isolated_s == 1.04
     assert facts.seen.coils_s == pytest.approx((0.5, 2.04))
 

@@ -130,7 +130,7 @@ def test_other_machines_and_unknown_words_are_refused(where: str, tmp_path: Path
 
 
 def test_an_address_where_nobody_listens_is_refused_at_once(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="nobody listens"):
+    with pytest.raises(BadInput, match="no viewer listens"):
         open_stream(f"rerun+http://127.0.0.1:{viewer.free_port()}/proxy", "t", 100.0, tmp_path / "log.mcap")
 
 

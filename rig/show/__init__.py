@@ -1,4 +1,4 @@
-"""What a person sees of a flight.
+"""Views of a flight for people: viewer, terminal, reports and notebook.
 
 viewer/    Rerun and Foxglove, live or from a log
 terminal/  the redundancy page: ``rig watch``

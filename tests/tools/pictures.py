@@ -1,321 +1,57 @@
-"""Fly the default scenario and draw docs/pictures/: what is in the loop, and what happens to a fault.
+"""Make the pictures of the docs in docs/pictures/.
 
-python tests/tools/pictures.py [FOLDER]    # ten seconds; FOLDER is docs/pictures by default
+python tests/tools/pictures.py [NAME ...]    # names without an ending; all pictures by default, a few minutes
 
-The files are readable 700 px wide, on a light and on a dark page: their ground follows the reader's setting.
+The SVG files are readable at their width and follow the light or dark setting of the reader.  They are drawn from
+flights and are the same on every machine.  The PNG files are photographs: those of the viewer need a Vulkan driver,
+those of reports need Chromium.  A picture that cannot be made here is named in a line, and the old file stays.
 """
 
 from __future__ import annotations
 
 import sys
-import tempfile
-from collections.abc import Iterable, Sequence
-from html import escape
-from itertools import pairwise
-from math import degrees
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-import rig
-from rig.core.frame import INDEX, Block, State
-from rig.core.palette import CHANNELS, INK, LINE, ORANGE, PALE, RED, SOFT, VOTE
-from rig.show.viewer.style import CHANNEL_COLORS, VOTED, Color
+from figures import photographs
+from figures.decision import decision
+from figures.fault import architecture, fault, flown
+from figures.patterns import PICTURES, patterns
+from figures.servos_and_lanes import lanes, servo
 
 FOLDER: Final = Path(__file__).parents[2] / "docs/pictures"
-SCENARIO: Final = "f16_pitch_rate_hardover"
-Q, ALPHA, FAULTY = INDEX["pitch_rate"], INDEX["angle_of_attack"], 2  # FAULTY: channel 3 is the third
-WIDTH: Final = 700
-Floats = NDArray[np.floating[Any]]
-
-
-def _hex(color: Color) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*color)
-
-
-ROLES: Final = ("ground", "ink", "soft", "line", "pale", "band", "vote", "onset", "bad", "c1", "c2", "c3", "c4")
-LIGHT: Final = ("#ffffff", INK, SOFT, LINE, PALE, "#cfe3e6", VOTE, ORANGE, RED, *CHANNELS)
-DARK: Final = (
-    *("#161b22", "#e6edf3", "#a3aeb9", "#3d4650", "#222933", "#24454b"),
-    *(_hex(VOTED), "#f0a040", "#ff8078", *map(_hex, CHANNEL_COLORS)),
-)
-
-
-def _rules(colours: Sequence[str]) -> str:
-    named = zip(ROLES, colours, strict=True)
-    return "".join(f".f-{role}{{fill:{colour}}}.s-{role}{{stroke:{colour}}}" for role, colour in named)
-
-
-def svg(name: str, height: int, title: str, description: str, parts: Iterable[str]) -> str:
-    """Return the file: ``parts`` on a ground, with what a screen reader reads."""
-    return "\n".join(
-        [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" height="{height}"'
-            f' role="img" aria-labelledby="{name}-title {name}-desc" font-family="system-ui, sans-serif" font-size="13"'
-            ' fill="none" stroke-width="1.5">',
-            f'<title id="{name}-title">{escape(title)}</title>',
-            f'<desc id="{name}-desc">{escape(description)}</desc>',
-            f"<style>{_rules(LIGHT)}@media (prefers-color-scheme: dark){{{_rules(DARK)}}}</style>",
-            *(
-                f'<defs><marker id="{name}-{role}" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7"'
-                f' orient="auto"><path class="f-{role}" d="M0 0L8 4L0 8z"/></marker></defs>'
-                for role in ("soft", "c3")
-            ),
-            f'<rect class="f-ground" width="{WIDTH}" height="{height}" rx="6"/>',
-            *parts,
-            "</svg>\n",
-        ]
-    )
-
-
-def text(x: float, y: float, words: str, role: str = "ink", *, anchor: str = "start", bold: bool = False) -> str:
-    """Return a line of text."""
-    weight = ' font-weight="600"' if bold else ""
-    return f'<text class="f-{role}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{weight}>{escape(words)}</text>'
-
-
-def line(points: Iterable[tuple[float, float]], role: str, more: str = "") -> str:
-    """Return a line through ``points``; more : attributes."""
-    joined = "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
-    return f'<path class="s-{role}" d="M{joined}"{more and " " + more}/>'
-
-
-def box(x: float, y: float, width: float, height: float, words: Sequence[str]) -> Iterable[str]:
-    """Yield a box with a heading and lines below it, in its middle."""
-    yield f'<rect class="f-pale s-soft" x="{x}" y="{y}" width="{width}" height="{height}" rx="5"/>'
-    first = y + height / 2 - 8.5 * (len(words) - 1) + 4.5
-    for i, word in enumerate(words):
-        yield text(x + width / 2, first + 17 * i, word, "soft" if i else "ink", anchor="middle", bold=not i)
-
-
-class Panel(NamedTuple):
-    """Where a plot is, in px, and what its axes span."""
-
-    top: float
-    bottom: float
-    x: tuple[float, float]
-    y: tuple[float, float]
-    left: float = 52.0
-    right: float = 520.0
-
-    def at(self, x: float, y: float) -> tuple[float, float]:
-        """Return the place of a point."""
-        across = (x - self.x[0]) / (self.x[1] - self.x[0])
-        up = (y - self.y[0]) / (self.y[1] - self.y[0])
-        return self.left + across * (self.right - self.left), self.bottom - up * (self.bottom - self.top)
-
-    def axes(self, xs: Sequence[float], ys: Sequence[float], x_label: str = "") -> Iterable[str]:
-        """Yield lines across at ``ys`` and, where there is a label, numbers below at ``xs``."""
-        for y in ys:
-            yield line([self.at(self.x[0], y), self.at(self.x[1], y)], "line", 'stroke-width="1"')
-            yield text(self.left - 8, self.at(0, y)[1] + 4.5, f"{y:g}", "soft", anchor="end")
-        if x_label:
-            for x in xs:
-                yield text(self.at(x, 0)[0], self.bottom + 18, f"{x:g}", "soft", anchor="middle")
-            yield text(self.right + 14, self.bottom + 18, x_label, "soft")
-
-    def steps(self, xs: Floats, ys: Floats) -> list[tuple[float, float]]:
-        """Return each sample held until the next one."""
-        held = [point for (x, y), (later, _) in pairwise(zip(xs, ys, strict=True)) for point in ((x, y), (later, y))]
-        return [self.at(x, y) for x, y in held]
-
-
-class Flown(NamedTuple):
-    """Two flights of one fault: by the built-in manager, and by the mean of the four samples."""
-
-    rows: Block
-    mean: Block
-    rate_hz: float
-    onset: int  # frame
-    threshold: float  # deg/s
-    persistence: int  # frames
-
-
-def flown() -> Flown:
-    """Fly both; SystemExit if the fault is not isolated as the picture shows it."""
-    scenario = rig.load(SCENARIO).resolved()
-    signal = scenario["redundancy"]["signals"]["pitch_rate"]
-    with tempfile.TemporaryDirectory() as logs:
-        flights = [
-            rig.fly(SCENARIO, overrides=[f"redundancy.manager={manager}", "duration_s=22"], out=logs)
-            for manager in ("cross-channel", "mean")
-        ]
-        rows, mean = (flight.rows for flight in flights)  # read from the logs
-    onset = round(scenario["faults"][0]["start_s"] * scenario["rate_hz"])
-    counted = rows["state"][onset : isolated(rows), Q, FAULTY] == State.SUSPECT
-    if len(mean) == len(rows) or len(counted) + 1 != signal["persistence"] or not counted.all():
-        raise SystemExit(f"{SCENARIO}: {flights[0].conclusion}; {flights[1].conclusion}")
-    threshold = degrees(signal["threshold"])
-    return Flown(rows, mean, scenario["rate_hz"], onset, threshold, signal["persistence"])
-
-
-def isolated(rows: Block) -> int:
-    """Return the frame in which channel 3 is isolated."""
-    return int(np.argmax(rows["state"][:, Q, FAULTY] == State.FAILED))
-
-
-def fault(flights: Flown) -> str:
-    """Return the picture of the fault: channels and voted value, miscompare count, and the aircraft by both voters."""
-    rows, onset, out = flights.rows, flights.onset, isolated(flights.rows)
-    ms = 1000.0 / flights.rate_hz
-    shown = slice(onset - 4, onset + 14)
-    time = (np.arange(shown.start, shown.stop) - onset) * ms
-    channels, voted = (np.degrees(rows[name][shown, Q]) for name in ("channels", "voted"))
-    span = float(time[0]), float(time[-1])
-    above = Panel(78, 240, span, (-3.5, 3.5))
-    below = Panel(280, 350, span, (0.0, 8.0))
-    stop, delay = channels[-1, FAULTY], (out - onset) * ms
-    parts = [
-        text(16, 26, "One of four pitch-rate gyros runs to its stop", bold=True),
-        text(16, 46, "Pitch rate of an F-16 in level flight, deg/s", "soft"),
-        *_band(above, time, voted, flights.threshold),
-        *above.axes([], (-2, 0, 2)),
-        *(line(above.steps(time, channels[:, c]), f"c{c + 1}") for c in (0, 1, 3)),
-        line(above.steps(time[:5], channels[:5, FAULTY]), "c3", 'stroke-width="2.5"'),
-        line([above.at(0, channels[3, FAULTY]), (above.at(0, 0)[0], above.top - 8)], "c3", _ARROW),
-        line(above.steps(time, voted), "vote", 'stroke-width="3"'),
-        text(above.at(0, 0)[0] + 10, above.top - 4, f"channel 3: {stop:.1f} deg/s, the end of its range", "c3"),
-        text(above.right + 14, above.at(0, 0)[1] - 2, "voted value", "vote", bold=True),
-        text(above.right + 14, above.at(0, 0)[1] + 16, "channels 1, 2 and 4", "soft"),
-        text(above.right + 14, above.at(0, flights.threshold)[1] - 2, "threshold:", "soft"),
-        text(
-            above.right + 14, above.at(0, flights.threshold)[1] + 15, f"voted ± {flights.threshold:.2f} deg/s", "soft"
-        ),
-        line([above.at(0, 0), above.at(0, -3.5)], "onset", _DOTS),
-        line([below.at(0, 8), below.at(0, 0)], "onset", _DOTS),
-        text(above.at(0, 0)[0] - 8, above.bottom - 8, "onset", anchor="end"),
-        text(16, 266, "Miscompare count of channel 3, frames", "soft"),
-        *below.axes((-40, 0, 40, 80, 120), (0, 4, 8), "ms after the onset"),
-    ]
-    for count in range(1, flights.persistence + 1):
-        (left, top), (right, bottom) = below.at((count - 1) * ms, count), below.at((count - 0.2) * ms, 0)
-        size = f'width="{right - left:.1f}" height="{bottom - top:.1f}"'
-        role = "bad" if count == flights.persistence else "onset"
-        parts.append(f'<rect class="f-{role}" x="{left:.1f}" y="{top:.1f}" {size}/>')
-    x = above.at(delay, 0)[0]
-    parts += [
-        line([(x, above.top), (x, below.bottom)], "bad", 'stroke-dasharray="6 4"'),
-        text(x + 8, above.bottom - 8, f"isolated after {delay:.0f} ms", "bad", bold=True),
-        text(below.right + 14, below.top + 5, f"persistence: {flights.persistence} frames", "soft"),
-        *_aircraft(flights),
-    ]
-    return svg("fault", 562, "A gyro that runs to its stop", _described(flights, stop, delay), parts)
-
-
-_DOTS: Final = 'stroke-dasharray="2 3"'
-_ARROW: Final = 'stroke-width="2.5" marker-end="url(#fault-c3)"'
-
-
-def _band(panel: Panel, time: Floats, voted: Floats, threshold: float) -> Iterable[str]:
-    edges = [*panel.steps(time, voted + threshold), *reversed(panel.steps(time, voted - threshold))]
-    yield f'<path class="f-band" d="M{"L".join(f"{x:.1f} {y:.1f}" for x, y in edges)}z"/>'
-
-
-def _aircraft(flights: Flown) -> Iterable[str]:
-    """Yield the plot of the angle of attack, with the built-in manager and with the averaging voter."""
-    panel = Panel(420, 524, (-0.2, 1.6), (-26.0, 6.0))
-    yield text(16, 406, "Angle of attack, deg, with the built-in manager and with an averaging voter", "soft")
-    yield from panel.axes((0, 0.4, 0.8, 1.2, 1.6), (-20, -10, 0), "s after the onset")
-    looks = ("vote", 'stroke-width="3"'), ("bad", 'stroke-dasharray="6 4"')
-    for rows, (role, more) in zip((flights.rows, flights.mean), looks, strict=True):
-        time = (rows["frame"] - flights.onset) / flights.rate_hz
-        chosen = (time >= panel.x[0]) & (time <= panel.x[1])
-        alpha = np.degrees(rows["truth"][chosen, ALPHA])
-        yield line([panel.at(*point) for point in zip(time[chosen][::2], alpha[::2], strict=True)], role, more)
-    end = (float(flights.mean["frame"][-1]) - flights.onset) / flights.rate_hz
-    x, y = panel.at(end, float(np.degrees(flights.mean["truth"][-1, ALPHA])))
-    yield line([(x - 5, y - 5), (x + 5, y + 5)], "bad", 'stroke-width="2.5"')
-    yield line([(x - 5, y + 5), (x + 5, y - 5)], "bad", 'stroke-width="2.5"')
-    yield text(panel.right + 14, panel.at(0, 2.8)[1] + 4.5, "built-in manager", "vote", bold=True)
-    yield text(x - 20, panel.bottom - 4, f"averaging voter: lost after {end:.2f} s", "bad", anchor="end", bold=True)
-
-
-def _described(flights: Flown, stop: float, delay: float) -> str:
-    end = (float(flights.mean["frame"][-1]) - flights.onset) / flights.rate_hz
-    return (
-        f"Channel 3 of the pitch rate jumps to {stop:.1f} deg/s. The voted value stays with channels 1, 2 and 4. "
-        f"Channel 3 differs from all others by more than {flights.threshold:.2f} deg/s, its miscompare count rises to "
-        f"{flights.persistence} frames, and it is isolated after {delay:.0f} ms. With the mean of the four samples as "
-        f"the voted value, the angle of attack runs away and the aircraft is lost after {end:.2f} s."
-    )
-
-
-def architecture(flights: Flown) -> str:
-    """Return the picture of the loop, with the numbers of the first faulty frame."""
-    row = flights.rows[flights.onset]
-    samples, voted = np.degrees(row["channels"][Q]), np.degrees(row["voted"][Q])
-    elevator, truth = np.degrees(row["surface"][0]), np.degrees(row["truth"][Q])
-    arrow = 'marker-end="url(#architecture-soft)"'
-    parts = [
-        text(
-            16,
-            26,
-            f"One frame of {1000.0 / flights.rate_hz:.0f} ms: the pitch rate, deg/s, as channel 3 fails",
-            bold=True,
-        ),
-        '<rect class="s-line" x="12" y="44" width="676" height="262" rx="8"/>',
-        '<rect class="s-soft" x="452" y="58" width="224" height="236" rx="6" stroke-dasharray="5 4"/>',
-        text(664, 80, "flight computer (or yours)", "soft", anchor="end"),
-        *box(26, 92, 104, 190, ("JSBSim", "nonlinear", "aircraft,", "wind, gusts")),
-        *box(190, 92, 94, 76, ("sensors", "4 per signal")),
-        *box(316, 92, 68, 76, ("faults",)),
-        *box(466, 92, 196, 76, ("redundancy manager", "votes, monitors, isolates")),
-        *box(466, 226, 196, 56, ("control law", "reads voted values alone")),
-        *box(200, 226, 168, 56, ("servos", "lag, or four channels")),
-        line([(130, 130), (188, 130)], "soft", arrow),
-        text(158, 122, "true", "soft", anchor="middle"),
-        text(158, 147, f"{truth:.2f}", anchor="middle"),
-        line([(564, 168), (564, 224)], "soft", arrow),
-        text(574, 192, "voted value", "soft"),
-        text(574, 210, f"{voted:.2f}", bold=True),
-        line([(466, 254), (370, 254)], "soft", arrow),
-        text(412, 246, f"{elevator:.2f}°", anchor="middle"),
-        text(412, 272, "elevator", "soft", anchor="middle"),
-        line([(200, 254), (132, 254)], "soft", arrow),
-        text(166, 272, "surfaces", "soft", anchor="middle"),
-        text(362, 328, "every field of every frame", "soft"),
-    ]
-    outputs = (
-        ("log (MCAP)", "score, report, replay"),
-        ("live stream", "Rerun"),
-        ("summary", "printed at the end"),
-    )
-    for i, words in enumerate(outputs):
-        x = 26 + 222 * i
-        parts += [line([(x + 102, 306), (x + 102, 340)], "soft", arrow), *box(x, 342, 204, 52, words)]
-    for channel, sample in enumerate(samples):
-        y = 103 + 18 * channel
-        parts += [line([(284, y), (314, y)], f"c{channel + 1}"), line([(384, y), (464, y)], f"c{channel + 1}")]
-        role = "bad" if channel == FAULTY else "ink"
-        parts += [
-            f'<rect class="f-ground" x="396" y="{y - 8}" width="46" height="16"/>',
-            text(440, y + 4.5, f"{sample:.2f}", role, anchor="end", bold=channel == FAULTY),
-        ]
-    described = (
-        "JSBSim computes the true state. Four sensors measure each signal, and faults act on their samples. "
-        "The redundancy manager turns four channels into one voted value. The control law reads voted values alone. "
-        "It commands the servos, which move the surfaces of the aircraft. Log, live stream and summary get every "
-        f"frame. In the frame that is shown channel 3 reads {samples[FAULTY]:.2f} deg/s, and the voted value is "
-        f"{voted:.2f} deg/s."
-    )
-    return svg("architecture", 408, "The loop of one frame", described, parts)
 
 
 def pictures() -> dict[str, str]:
-    """Return the text of each file by its name."""
+    """Return the text of each SVG file by its name."""
     flights = flown()
-    return {"architecture.svg": architecture(flights), "fault.svg": fault(flights)}
+    drawn = {"architecture": architecture(flights), "fault": fault(flights), "decision": decision()}
+    drawn |= {"servo": servo(), "lanes": lanes()}
+    return {f"{name}.svg": written for name, written in drawn.items()} | patterns()
 
 
-def main(folder: Path) -> None:
-    """Write all of them into ``folder``."""
-    folder.mkdir(exist_ok=True)
-    for name, written in pictures().items():
-        (folder / name).write_text(written, encoding="utf-8")
-        print(f"{name}: {len(written)} B", flush=True)
+def main(names: Sequence[str]) -> int:
+    """Write the pictures ``names``; return 1 if one could not be made."""
+    known = {"architecture", "fault", "decision", "servo", "lanes", *(f"pattern_{name}" for name in PICTURES)}
+    if unknown := sorted({*names} - known - set(photographs.PICTURES)):
+        raise SystemExit(
+            f"no picture {', '.join(unknown)}; there are: {', '.join(sorted(known | set(photographs.PICTURES)))}"
+        )
+    FOLDER.mkdir(exist_ok=True)
+    if not names or known & set(names):
+        for name, written in pictures().items():
+            if not names or Path(name).stem in names:
+                (FOLDER / name).write_text(written, encoding="utf-8")
+                print(f"{name}: {len(written)} B", flush=True)
+    missing = 0
+    for name in names or photographs.PICTURES:
+        if name in photographs.PICTURES:
+            done = photographs.make(name, FOLDER)
+            missing += not done.endswith(" B")
+            print(done, flush=True)
+    return int(missing > 0)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER)
+    sys.exit(main(sys.argv[1:]))

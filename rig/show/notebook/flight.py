@@ -36,7 +36,7 @@ class Flight(result.Flight):
 
 
 def _shown(fly: Callable[P, result.Flight]) -> Callable[P, Flight]:
-    """Return ``fly`` with a result that a notebook can show, with its conclusion."""
+    """Return ``fly`` with a result that a notebook can show, and with the conclusion."""
 
     @wraps(fly)
     def flown(*args: P.args, **kwargs: P.kwargs) -> Flight:

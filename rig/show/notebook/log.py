@@ -1,6 +1,6 @@
 """``rig.read_log`` and ``rig.Log``: a log for programs and notebooks.
 
-Without the flight's modules: a log is read before numba and JSBSim would be loaded.
+Reading a log loads neither numba nor JSBSim.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Log(log.Log):
         return plot(self, name)
 
     def __repr__(self) -> str:
-        """Return one line: what was flown, and how it ended."""
+        """Return one line: scenario, outcome and failed channels."""
         from rig.show.notebook.log_shown import line
 
         return line(self)

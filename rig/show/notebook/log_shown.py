@@ -1,4 +1,4 @@
-"""A log in a notebook: one line, a small table, and a signal as a figure of matplotlib, imported for the first one."""
+"""A log in a notebook: one line, a small table, and a figure of a signal by matplotlib, imported at first use."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def line(log: Log) -> str:
 
 
 def table(log: Log, conclusion: Sequence[str], overrides: Sequence[str] = (), path: Path | None = None) -> str:
-    """Return HTML: what was flown, verdict, failed channels, conclusion, digest; no frames."""
+    """Return an HTML table: scenario, verdict, failed channels, conclusion, digest."""
     scenario = _scenario(log)
     manager, unit = scenario.get("redundancy", {}).get("manager", ""), unit_of(log.metadata)
     voted = voter(manager, unit.get("name"), unit.get("lane")) if manager else ""
@@ -53,7 +53,7 @@ def table(log: Log, conclusion: Sequence[str], overrides: Sequence[str] = (), pa
 
 
 def _scenario(log: Log) -> dict[str, Any]:
-    """Return the scenario of a log; empty where there is none that can be read."""
+    """Return the scenario of a log; empty if it cannot be read."""
     try:
         return scenario_of(log.metadata, "log")
     except BadLog:
@@ -69,7 +69,7 @@ def _verdict(log: Log) -> str:
 
 
 def _failed(log: Log) -> str:
-    """Return the channels that are failed in the last frame, and those that were suspect for long."""
+    """Return the channels that are failed in the last frame, and those that were suspect in many frames."""
     counts = new_counts()
     count_suspects(log.rows, counts)
     failed = failed_text(failed_channels(log.rows[-1]) if len(log.rows) else {})
@@ -77,9 +77,9 @@ def _failed(log: Log) -> str:
 
 
 def plot(log: Log, name: str) -> Figure:
-    """Return a figure of channels, vote with its threshold, and truth of a signal; shaded while a fault on it acts.
+    """Return a figure of channels, vote with its threshold, and truth of a signal; shaded while a fault is active.
 
-    The axis follows vote and truth: a channel that is further off leaves the picture.  BadInput: no such signal.
+    The axis follows vote and truth: a channel far from them leaves the picture.  BadInput: unknown signal.
     """
     import matplotlib.pyplot as plt  # noqa: F401 # makes notebooks draw figures
     from matplotlib.figure import Figure
@@ -87,7 +87,7 @@ def plot(log: Log, name: str) -> Figure:
     shown, scenario = series(log.rows, log.rate_hz, name), _scenario(log)
     try:
         allowed = threshold(scenario, name)
-    except (KeyError, TypeError):  # a log that does not have it
+    except (KeyError, TypeError):  # the log has no threshold of this signal
         allowed = 0.0
     faults = scenario.get("faults", [])
     on = [i for i, fault in enumerate(faults) if name in fault_names.place(fault).split("+")]
@@ -105,7 +105,7 @@ def plot(log: Log, name: str) -> Figure:
 
 
 def lines(axes: Axes, shown: Series, allowed: float) -> None:
-    """Draw the vote with the band ``allowed`` (SI) about it, truth and channels."""
+    """Draw the vote with the band ``allowed`` (SI) around it, truth and channels."""
     if allowed > 0.0:
         off = allowed * shown.scale
         axes.fill_between(shown.time_s, shown.voted - off, shown.voted + off, color=LINE, label="threshold")

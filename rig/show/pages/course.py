@@ -1,4 +1,4 @@
-"""The course of a flight: which state each lane took when, which faults acted, and what of it a report shows."""
+"""The course of a flight: the states of channels and computers, active faults, and the frames that a report shows."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.managers import manager_kind
 from rig.core.frame import INDEX, SIGNALS, Pattern, Source, State, Table
 from rig.core.units.quantities import quantity
 from rig.flight.failures import became_failed, decisive_s
@@ -21,7 +22,7 @@ from rig.verdict.monitored_places import references_of
 from rig.verdict.of_log import Scored
 from rig.verdict.score_records import FaultScore
 
-# Of FLAT, that the pictures show.
+# Fields of FLAT that the pictures show.
 FIELDS: Final = (
     *(
         "frame",
@@ -38,18 +39,19 @@ FIELDS: Final = (
     ),
     *("discrete_state", "law", "surface", "surface_command", "flight"),
 )
-LATEST_S: Final = 30.0  # an isolation later than this is not that of the first frame
-TOGETHER_S: Final = 2.0  # a fault that begins so shortly before a pattern is shown with it
+ISOLATION: Final = "isolation threshold"
+LATEST_S: Final = 30.0  # a later isolation does not belong to the first frame
+TOGETHER_S: Final = 2.0  # a fault that begins within this time before a split is shown with it
 _LEVELS = {0: "no channel", 1: "1 channel", 2: "2 channels", 3: "3 channels", 4: "4 channels"}
 
 
 def level_path(name: str) -> str:
-    """Return the lane of a signal's level."""
+    """Return the path of a signal's level."""
     return f"/{name}/level"
 
 
 class Course:
-    """What happened when in ``flight``; faults : how many the scenario has."""
+    """States and events of ``flight`` over time; faults : their number in the scenario."""
 
     def __init__(self, flight: Table, faults: int) -> None:
         self.flight, self.frames, self._faults = flight, len(flight), range(faults)
@@ -58,7 +60,7 @@ class Course:
 
     @cached_property
     def odd(self) -> dict[str, int]:
-        """By signal, the first frame that was not as all others."""
+        """The first frame with an event, by signal."""
         rows = self.flight
         doubted = np.isin(rows["state"], (State.SUSPECT, State.FAILED)).any(axis=2)
         odd = doubted | (rows["pattern"] != Pattern.NORMAL) | (rows["source"] != Source.VOTED)
@@ -69,7 +71,7 @@ class Course:
         return self._failed[self._failed[:, 1] == INDEX[name], 0].tolist()
 
     def suspected(self, name: str, frame: int) -> int:
-        """Return from which frame on a channel of a signal was suspect that became failed in ``frame``."""
+        """Return the first suspect frame of the channel of a signal that became failed in ``frame``."""
         first = frame
         for c in range(SIGNALS[INDEX[name]].channels):
             _, rows, states = self.lanes[f"/{name}/channel_{c + 1}"]
@@ -80,7 +82,7 @@ class Course:
 
     @cached_property
     def lanes(self) -> dict[str, Changes]:
-        """The changes of each lane of the viewer's signals, computers and servos, and of the levels."""
+        """The changes of each state of signals, computers and servos, and of the levels."""
         flight = self.flight
         found = list(changes(flight.rows, None, self._faults))
         for s, signal in enumerate(SIGNALS):
@@ -91,7 +93,7 @@ class Course:
 
 
 class Limit(NamedTuple):
-    """How far a channel may be from the vote: ``value`` in SI, and which threshold of the signal that is."""
+    """The largest difference from the voted value that is no miscompare: its name, and its ``value`` in SI."""
 
     signal: str
     name: str
@@ -104,24 +106,23 @@ class Limit(NamedTuple):
 
 
 def limit(resolved: Mapping[str, Any], signal: str) -> Limit:
-    """Return the limit of a signal's monitor, by a scenario as plain data."""
-    value = threshold(resolved, signal)
-    other = value != resolved["redundancy"]["signals"][signal]["threshold"]
-    return Limit(signal, "isolation threshold" if other else "threshold", value)
+    """Return the limit of a signal: of its monitor, or of its voted value if the manager compares no channels."""
+    compares = manager_kind(resolved["redundancy"]["manager"]).compares
+    return Limit(signal, ISOLATION if compares else "error limit", threshold(resolved, signal))
 
 
 class Moment(NamedTuple):
     """The frames of a signal in which it was decided; frames from 0."""
 
     signal: str
-    first: int  # in which the error left the threshold, the fault began, the pattern was met, or it was suspect
-    isolated: int | None  # in which the first channel, or the reference, was failed for it
-    begin: int  # of what is shown
-    end: int  # the first that is not shown
+    first: int  # the error exceeds the threshold, the fault or the split begins, or a channel becomes suspect
+    isolated: int | None  # the first channel, or the reference, is isolated
+    begin: int  # first frame shown
+    end: int  # first frame not shown
 
 
 def affected(scored: Scored, course: Course) -> list[str]:
-    """Return the signals with a fault, a suspect or failed channel, a pattern or another source, the first first."""
+    """Return the signals with a fault, a suspect or failed channel, a pattern or another source, in order of time."""
     first = dict(course.odd)
     for fault in scored.score.faults:
         for name in signals_of(fault, scored.scenario):
@@ -131,14 +132,14 @@ def affected(scored: Scored, course: Course) -> list[str]:
 
 
 def signals_of(fault: FaultScore, scenario: Scenario) -> list[str]:
-    """Return the signals that a scored fault acts on, or whose reference it does."""
+    """Return the signals on which, or on whose reference, a scored fault acts."""
     if fault.signal in INDEX:
         return [fault.signal]
     return [SIGNALS[s].name for s in references_of(scenario.faults[fault.index], scenario.redundancy)]
 
 
 def moment(scored: Scored, course: Course, name: str) -> Moment | None:
-    """Return the moment of a signal: its first split, else its first fault; None: neither."""
+    """Return the moment of a signal: its first split, or its first fault; None: neither exists."""
     rate_hz = scored.scenario.rate_hz
     faults = [fault for fault in scored.score.faults if name in signals_of(fault, scored.scenario)]
     begins = [fault.onset_frame if fault.exceeded_frame is None else fault.exceeded_frame for fault in faults]
@@ -149,14 +150,14 @@ def moment(scored: Scored, course: Course, name: str) -> Moment | None:
         known = [frame for frame in known if 0 <= patterns[0] - frame <= TOGETHER_S * rate_hz] + patterns[:1]
     if not known and not failures:
         return None
-    first = min(known) if known else course.suspected(name, min(failures))  # no fault on it: its computer is out
+    first = min(known) if known else course.suspected(name, min(failures))  # no fault on it: its computer has failed
     ends = [*failures, *(fault.failed_frame for fault in faults if fault.failed_frame is not None)]
     isolated = min((frame for frame in ends if first <= frame <= first + LATEST_S * rate_hz), default=None)
     return Moment(name, first, isolated, *decisive_frames(first, isolated, course.frames, rate_hz))
 
 
 def decisive_frames(first: int, decided: int | None, frames: int, rate_hz: float) -> tuple[int, int]:
-    """Return the decisive frames about ``first`` and what was ``decided``, of a flight of so many; end excluded."""
+    """Return the decisive frames around ``first`` and ``decided``, end excluded; frames : length of the flight."""
     decided_s = None if decided is None else decided / rate_hz
     begin_s, end_s = decisive_s(first / rate_hz, decided_s, (frames - 1) / rate_hz)
     return round(begin_s * rate_hz), round(end_s * rate_hz) + 1

@@ -23,7 +23,8 @@ from rig.log.schema import SCHEMA_VERSION
 from rig.show.pages import flight_figures as draw
 from rig.show.pages import lane_figures as computers
 from rig.show.pages import servo_figures as actuators
-from rig.show.pages.course import FIELDS, Course, Moment, affected, limit, moment, signals_of
+from rig.show.pages.course import FIELDS, ISOLATION, Course, Moment, affected, limit, moment, signals_of
+from rig.show.pages.decision_figure import began, of_moment
 from rig.show.pages.lines import errors, line, of_signal, of_surface
 from rig.show.pages.page import DASH, write_page
 from rig.show.pages.requirement_figures import Robustness
@@ -39,21 +40,20 @@ from rig.verdict.score_records import Yardstick
 MOST_SIGNALS: Final = 8  # that are drawn
 MOST_MOMENTS: Final = 4
 MOST_ROWS: Final = 300  # of a table
-QUIETEST: Final = 4  # signals whose vote's error is drawn where nothing happened to any
+QUIETEST: Final = 4  # signals whose voted value is drawn if no signal had an event
 
 
 def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str, Any]:
-    """Write the report of the log at ``path`` to ``out``; what it says as plain data.
+    """Write the report of the log at ``path`` to ``out``; return its content as plain data.
 
     requirements : bundled sets and files, beside those of the scenario
 
-    The log is gone through block by block, as often as is asked of it.  BadInput or BadLog, one line: no log of
-    ``rig fly``, no verdict.
+    The log is read block by block.  BadInput or BadLog, one line: the file is no log of ``rig fly``, or has no verdict.
     """
     log = LogFile.open(path)
     scored = score_log(path, Yardstick(), baseline=False, log=log)
     robustness = Robustness.of(log, scored.scenario, requirements)
-    tell("looking for what happened")
+    tell("searching for events")
     course = Course(log.table(FIELDS), len(scored.scenario.faults))
     names = affected(scored, course)
     moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
@@ -88,7 +88,7 @@ def write_report(flight: Flight | Path | str, out: Path | str | None = None, req
 def _figures(
     log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
 ) -> dict[str, go.Figure]:
-    """Draw the pictures, by the id of their element, in the order of the page; names : signals with an event."""
+    """Draw the pictures by the id of their element, in the order of the page; names : signals with an event."""
     shown, flight = names[:MOST_SIGNALS], course.flight
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
     surfaces = actuators.happened(scored) if "servo" in log.lanes else []
@@ -101,7 +101,7 @@ def _figures(
     for one in moments:
         acts = acting[one.signal][one.begin : one.end]
         about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
-        found[f"moment-{one.signal}"] = draw.of_moment(flight[one.begin : one.end].rows, rate_hz, *about)
+        found[f"moment-{one.signal}"] = of_moment(flight[one.begin : one.end].rows, rate_hz, *about)
     for name in shown:
         found[f"signal-{name}"] = draw.of_flight(
             of_signal(flight, rate_hz, name, threshold(resolved, name)), rate_hz, name, acting[name]
@@ -119,7 +119,7 @@ def _figures(
 
 
 def _acting(course: Course, scored: Scored) -> dict[str, NDArray[np.bool_]]:
-    """Return (n,) whether a fault on a signal, or on its reference, acts; by the signal."""
+    """Return (n,) by signal: a fault on the signal, or on its reference, acts."""
     on: dict[str, list[int]] = {signal.name: [] for signal in SIGNALS}
     for fault in scored.score.faults:
         for name in signals_of(fault, scored.scenario):
@@ -132,7 +132,7 @@ def _acting(course: Course, scored: Scored) -> dict[str, NDArray[np.bool_]]:
 
 
 def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
-    """Return the thresholds of ``names``; of none, of the signals whose vote came nearest to theirs."""
+    """Return the error limits of ``names``; without names, of the signals with the largest error in limits."""
     signals = scored.scenario.resolved()["redundancy"]["signals"]
     limits = {name: float(signals[name]["threshold"]) for name in INDEX}
     found = scored.score.vote_error
@@ -141,7 +141,7 @@ def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
 
 
 def _waits(scored: Scored, name: str) -> dict[str, int]:
-    """Return for how many frames the manager waits on a signal, by the setting's name; nothing where none compares."""
+    """Return the persistences of a signal in frames, by name; empty if the manager does not compare channels."""
     evidence = scored.score.evidence
     if evidence.by_unit or not manager_kind(scored.scenario.redundancy.manager).compares:
         return {}
@@ -152,7 +152,7 @@ def _waits(scored: Scored, name: str) -> dict[str, int]:
 def _about(
     log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
 ) -> dict[str, Any]:
-    """Return what the page says beside its pictures."""
+    """Return the texts and tables of the page."""
     alike = groups(course, names)
     scenario, score, rate_hz = scored.scenario, scored.score, log.rate_hz
     text = log.attachments.get(FILE, b"").decode(errors="replace")
@@ -165,7 +165,7 @@ def _about(
         "voter": scored.voter,
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
-        "moments": [(one, _said(one, rate_hz)) for one in moments],
+        "moments": [(one, _decided(one, _start(course, one), rate_hz)) for one in moments],
         "actuators": actuators.happened(scored) if "servo" in log.lanes else [],
         "computers": computers.happened(scored, log.events),
         "signals": names[:MOST_SIGNALS],
@@ -183,19 +183,25 @@ def _about(
     }
 
 
-def _said(one: Moment, rate_hz: float) -> str:
-    first = f"first out at {seconds(one.first, rate_hz)}"
+def _start(course: Course, one: Moment) -> str:
+    """Return with what a decision began."""
+    return began(course.flight[one.begin : one.end].rows, one)
+
+
+def _decided(one: Moment, start: str, rate_hz: float) -> str:
+    """Return start and isolation of a decision as text; ``start`` as of the picture."""
+    first = f"{start} at {seconds(one.first, rate_hz)}"
     if one.isolated is None:
-        return f"{first}; no channel was failed for it"
+        return f"{first}; no channel isolated"
     frames = one.isolated - one.first
     if not frames:
-        return f"{first}, failed in the same frame"
+        return f"{first}, isolated in the same frame"
     later = f"{duration(frames, rate_hz)} later ({frames + 1} frames)"
-    return f"{first}, failed at {seconds(one.isolated, rate_hz)}, {later}"
+    return f"{first}, isolated at {seconds(one.isolated, rate_hz)}, {later}"
 
 
 def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
-    """Return big figures, what they are, and whether they are bad."""
+    """Return the figure, the description and a mark for a bad value of each card."""
     score = scored.score
     context = Context(scored.scenario, score)
     found = [fault for fault in score.faults if fault.outcome == "detected"]
@@ -211,30 +217,30 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
     slow_faults = sum(suspect.slow_faults for suspect in score.suspects)
     return [
         (f"{len(detected)} of {len(detected) + missed}", "detectable faults detected", missed > 0),
-        (duration(max(delays), rate_hz) if delays else DASH, "longest delay from the threshold", False),
-        (str(wrong), "healthy channels failed", wrong > 0),
-        (", ".join(deciders) or DASH, "found the faults or failed the channels", False),
+        (duration(max(delays), rate_hz) if delays else DASH, "longest delay after the threshold was exceeded", False),
+        (str(wrong), "healthy channels isolated", wrong > 0),
+        (", ".join(deciders) or DASH, "detected the faults or isolated the channels", False),
         (str(len(off)), _off_by(scored, off), bool(off)),
-        (str(lost), "signals without a channel at the end", lost > 0),
-        *([(str(slow_faults), "channels suspect in many frames, never failed", True)] if slow_faults else []),
+        (str(lost), "signals without a usable channel at the end", lost > 0),
+        *([(str(slow_faults), "channels suspect in many frames, never isolated", True)] if slow_faults else []),
     ]
 
 
 def _off_by(scored: Scored, names: Sequence[str]) -> str:
-    """Return what the tile of wrong votes says: whose threshold, which is not the isolation threshold."""
+    """Return the description of the card of wrong voted values, with the error limits of these signals."""
     limits = [
         f"{name} {quantity(value, SIGNALS[INDEX[name]].unit)}" for name, value in _thresholds(scored, names).items()
     ]
     which = f": {', '.join(limits[:QUIETEST])}" if names else ""
-    return f"signals whose vote was off the truth by more than their threshold{which}"
+    return f"signals with a voted value beyond its error limit{which}"
 
 
 def _limits(scored: Scored, names: Sequence[str]) -> list[str]:
-    """Return the thresholds of the signals with an event, by name and with their figures."""
+    """Return error limit and isolation threshold of each signal with an event."""
     resolved = scored.scenario.resolved()
     lines = []
     for name, value in _thresholds(scored, names).items() if names else ():
         monitor, unit = limit(resolved, name), SIGNALS[INDEX[name]].unit
-        own = f", {monitor.text}" if monitor.name != "threshold" else ""
-        lines.append(f"{name} threshold {quantity(value, unit)}{own}")
+        own = f", {monitor.text}" if monitor.name == ISOLATION else ""
+        lines.append(f"{name}: error limit {quantity(value, unit)}{own}")
     return lines

@@ -1,4 +1,4 @@
-"""Several computers in a report: who was failed by whom and for what, and what the lanes commanded then."""
+"""Several computers in a report: failures of lanes with their causes, and the commands of the lanes around them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TOLD: Final = (
 
 
 class Happened(NamedTuple):
-    """What a report tells of the computers, and the frames of the first failure, end excluded."""
+    """The sentences about the computers, and the frames around the first failure, end excluded."""
 
     said: list[str]
     begin: int
@@ -40,7 +40,7 @@ class Happened(NamedTuple):
 
 
 def happened(scored: Scored, events: Sequence[Event]) -> Happened | None:
-    """Return what became of the computers; None where nothing failed and no fault sat on them."""
+    """Return the failures of the computers; None: nothing failed, and no fault acted on them."""
     rate_hz, frames = scored.scenario.rate_hz, scored.score.flight.frames
     onsets = [
         fault.onset_frame
@@ -57,7 +57,7 @@ def happened(scored: Scored, events: Sequence[Event]) -> Happened | None:
 
 
 def states(course: Course, rate_hz: float, count: int) -> list[Span]:
-    """Return lane by lane health and leading lane, and the votes of commands and links that were not as always."""
+    """Return the health of each lane, the leading lane, and the votes of commands and links with an event."""
     of, found = [*computers.HEALTH[:count], computers.LEADING], list[Span]()
     for lane in (*of, *computers.VOTES, *computers.fitted(computers.OF_LINKS, count)):
         if (change := course.lanes.get(lane.path)) is not None:
@@ -67,7 +67,7 @@ def states(course: Course, rate_hz: float, count: int) -> list[Span]:
 
 
 def commands(kept: Table, scored: Scored, one: Happened) -> go.Figure:
-    """Draw what each lane commanded, and the vote of the leading one with the threshold of the others about it.
+    """Draw the commands of each lane, and the vote of the leading lane with the threshold around it.
 
     kept : the frames of ``one``, of a flight with several computers
     """
@@ -92,7 +92,7 @@ def commands(kept: Table, scored: Scored, one: Happened) -> go.Figure:
 
 
 def _voted(table: Table) -> Any:
-    """Return (n, 4) what the leading lane puts out; NaN while the back-up flies."""
+    """Return (n, 4) the output of the leading lane; NaN while the back-up flies."""
     leading = computers.leading(table)
     whose = np.minimum(leading, len(COMPUTERS) - 1)
     output = table.lane["output"][np.arange(len(table)), whose]
@@ -100,7 +100,7 @@ def _voted(table: Table) -> Any:
 
 
 def _mark(figure: go.Figure, kept: Table, scored: Scored) -> None:
-    """Shade the time in which a fault on computers or links acts, and mark each lane's failure."""
+    """Shade the time in which a fault of computers or links is active, and mark each failure of a lane."""
     faults, rate_hz = scored.scenario.faults, scored.scenario.rate_hz
     of = [i for i, fault in enumerate(faults) if site(fault.signal) in OF_LANES]
     acts = np.asarray(acting(kept.rows, len(faults))[:, of].any(axis=1))

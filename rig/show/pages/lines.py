@@ -1,4 +1,4 @@
-"""The lines that the pictures of a flight show: all of a short one, the extremes of each stretch of a long one."""
+"""The lines of the pictures of a flight: all points of a short one, the extremes of each part of a long one."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rig.core.units.angles import near
 from rig.show.viewer.series import Series, limits, series
 
 Array = NDArray[np.float64]
-MOST_POINTS: Final = 2000  # of one line; of more, the smallest and largest of each stretch are drawn
+MOST_POINTS: Final = 2000  # of one line; beyond that the smallest and largest of each part are drawn
 
 
 class Line(NamedTuple):
-    """The points (n,) of a line that are drawn, and the finite extremes of all of it; least > most: there are none."""
+    """The drawn points (n,) of a line, and its finite extremes; least > most: it has no number."""
 
     time_s: Array
     values: Array
@@ -27,7 +27,7 @@ class Line(NamedTuple):
 
     @property
     def drawn(self) -> bool:
-        """There is a number in it."""
+        """True if the line has a number."""
         return self.least <= self.most
 
 
@@ -38,7 +38,7 @@ def line(time_s: Array, values: Array) -> Line:
 
 
 def thinned(values: Array) -> NDArray[np.intp]:
-    """Return which of ``values`` (n,) are drawn: all, or the extremes of each of MOST_POINTS / 2 stretches."""
+    """Return the indices of ``values`` (n,) to draw: all, or the extremes of each of MOST_POINTS / 2 parts."""
     if len(values) <= MOST_POINTS:
         return np.arange(len(values))
     edges = np.linspace(0, len(values), MOST_POINTS // 2 + 1).astype(np.intp).tolist()
@@ -48,7 +48,7 @@ def thinned(values: Array) -> NDArray[np.intp]:
 
 
 class SignalLines(NamedTuple):
-    """A signal as it is drawn, in the unit that people read; ends : of the axis."""
+    """A drawn signal, in display units; ends : of the axis."""
 
     voted: Line
     truth: Line
@@ -63,20 +63,20 @@ def signal_lines(shown: Series, ends: tuple[float, float]) -> SignalLines:
 
 
 def of_signal(flight: Table, rate_hz: float, name: str, limit: float) -> SignalLines:
-    """Return a signal over a whole flight; limit : SI, what channels may be off the vote."""
+    """Return a signal over a whole flight; limit : SI, the largest difference of a channel from the voted value."""
     shown = series(flight.rows, rate_hz, name)
     return signal_lines(shown, limits(shown, limit))
 
 
 def errors(flight: Table, name: str) -> Array:
-    """Return vote less truth (n,) of a signal, SI, angles the short way round; NaN where either is no number."""
+    """Return voted minus true value (n,) of a signal, SI, angles within half a turn; NaN if one is not a number."""
     voted, truth = flight["voted"][:, INDEX[name]], flight["truth"][:, INDEX[name]]
     with np.errstate(invalid="ignore"):
         return (near(voted, truth) if SIGNALS[INDEX[name]].wraps else voted) - truth
 
 
 class SurfaceLines(NamedTuple):
-    """A surface, degrees, or the throttle; changed : a fault changed what reached the actuator."""
+    """A surface, degrees, or the throttle; changed : a fault changed the command on its way to the actuator."""
 
     command: Line
     actuated: Line

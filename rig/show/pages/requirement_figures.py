@@ -1,4 +1,4 @@
-"""Requirements of a flight on its page: their verdicts, and the picture of their robustness over time."""
+"""Requirements in the report of a flight: their verdicts, and the picture of their robustness over time."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ from rig.verdict.requirements.measure import recorder_of
 from rig.verdict.requirements.requirement import load_requirements
 from rig.verdict.requirements.requirement_recorder import Verdict
 
-CUT: Final = 3.0  # a robustness beyond is drawn here
+CUT: Final = 3.0  # the picture clips robustness here
 MOST: Final = 12  # lines
 
 
 @dataclass(frozen=True, slots=True)
 class Robustness:
-    """What was measured: verdicts, and lines by requirement and signal."""
+    """Verdicts, and lines by requirement and signal."""
 
     verdicts: tuple[Verdict, ...] = ()
     lines: tuple[tuple[str, Line], ...] = ()
-    remark: str = ""  # what is not measured, and why
+    remark: str = ""  # requirements that are not measured, with the reason
 
     @classmethod
     def of(cls, log: LogFile, scenario: Scenario, names: Sequence[str]) -> Self:
-        """Measure a log; names : of sets and files, BadInput; beside those of the scenario, if they are there.
+        """Measure a log against the requirements ``names`` (sets and files) and those of the scenario.
 
-        The page flies nothing: what names the baseline is left to ``rig score``.
+        The page flies nothing: ``rig score`` measures requirements that need the baseline.  BadInput: unknown name.
         """
         asked = load_requirements(names)
         try:
             every = load_requirements([*names, *(scenario.requirements or ())])
             remark = ""
         except BadInput as error:
-            every, remark = asked, f"requirements of the scenario are not measured: {error}"
+            every, remark = asked, f"requirements of the scenario not measured: {error}"
         alone = [each for each in every if not each.names_baseline]
         if late := [each.id for each in every if each.names_baseline]:
-            told = f"against the flight without faults, by rig score: {', '.join(late)}"
+            told = f"measured by rig score, which flies the fault-free baseline: {', '.join(late)}"
             remark = f"{remark}; {told}" if remark else told
         if not alone:
             return cls(remark=remark)
@@ -62,7 +62,7 @@ class Robustness:
         return cls(verdicts, tuple(drawn[:MOST]), remark)
 
     def figures(self) -> dict[str, go.Figure]:
-        """Return the picture by the id of its element; none where nothing is drawn."""
+        """Return the picture by the id of its element; empty if there is no line."""
         if not any(one.drawn for _, one in self.lines):
             return {}
         figure = go.Figure()

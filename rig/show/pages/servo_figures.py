@@ -1,4 +1,4 @@
-"""The pictures of servo actuators in a report: what the channels of a surface saw around a fault, and their limits."""
+"""The pictures of servo actuators in a report: measurements of the channels around a fault, and their limits."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from rig.verdict.servo_sentence import bypass_text
 from rig.world.faults.places import number, site
 
 _HEIGHT: Final = 640
-_LATEST_S: Final = 10.0  # a failure this long after the first is not drawn
+_LATEST_S: Final = 10.0  # later failures are not drawn
 _DEG: Final = scale_shown("rad")
 Array = NDArray[np.float64]
 
 
 class Happened(NamedTuple):
-    """What is drawn of one surface, frames."""
+    """The frames of one surface that are drawn, and the sentences about it."""
 
     surface: str
     begin: int
@@ -41,7 +41,7 @@ class Happened(NamedTuple):
 
 
 def happened(scored: Scored) -> list[Happened]:
-    """Return the surfaces of which a channel was shut off, or on whose actuator a fault acted."""
+    """Return the surfaces with a channel that was shut off, or with a fault on the actuator."""
     found, rate_hz, frames = [], scored.scenario.rate_hz, scored.score.flight.frames
     for name, one in scored.score.actuators.items():
         onsets = [
@@ -62,9 +62,9 @@ def _said(one: ActuatorScore, frames: int, rate_hz: float) -> Iterator[str]:
     for failure in one.failures:
         at = seconds(failure.frame, rate_hz)
         why = "" if failure.cause == "own fault" else f": {failure.cause}"
-        yield f"channel {failure.channel} shut off at {at} by {failure.monitor}{why}"
+        yield f"channel {failure.channel} shut off at {at} by the {failure.monitor} monitor{why}"
     for channel, frame in one.valves_differ.items():
-        yield f"valve of channel {channel} not as commanded from {seconds(frame, rate_hz)} on"
+        yield f"the valve of channel {channel} differs from its command from {seconds(frame, rate_hz)} on"
     if text := bypass_text(one, frames, rate_hz):
         yield text
     if not one.failures:
@@ -72,7 +72,7 @@ def _said(one: ActuatorScore, frames: int, rate_hz: float) -> Iterator[str]:
 
 
 def states(course: Course, rate_hz: float) -> list[Span]:
-    """Return, of each surface with an event, which of its channels was shut off when, and how many moved it."""
+    """Return the states of the channels of each surface with an event, and the number of channels that move it."""
     found = list[Span]()
     for surface in MOVED:
         of = [(lane, course.lanes[lane.path]) for lane in of_surface(surface) if lane.path in course.lanes]
@@ -82,7 +82,7 @@ def states(course: Course, rate_hz: float) -> list[Span]:
 
 
 def of_actuator(kept: Table, scored: Scored, one: Happened) -> go.Figure:
-    """Draw a surface's actuator: positions, then what its monitors compare, with their thresholds.
+    """Draw the actuator of a surface: positions, then the differences that its monitors compare, with thresholds.
 
     kept : the frames of ``one``, of a flight with servo actuators
     """
@@ -100,27 +100,27 @@ def of_actuator(kept: Table, scored: Scored, one: Happened) -> go.Figure:
     failed = [failure.frame for failure in scored.score.actuators[one.surface].failures]
     failed_s = [frame / scored.scenario.rate_hz for frame in failed if one.begin <= frame < one.end]
     mark_panels(figure, time_s, _acts(kept, scored, one.surface), failed_s)
-    lay_out(figure, f"{one.surface}, the actuator", _HEIGHT)
+    lay_out(figure, f"actuator of the {one.surface}", _HEIGHT)
     figure.update_xaxes(title="time, s", row=4, col=1)
     return figure
 
 
 def _positions(figure: go.Figure, rows: NDArray[Any], time_s: Array) -> None:
-    draw_line(figure, time_s, rows["asked"][:, 0] * _DEG, "asked", (INK, 1.4, "dot"), row=1, col=1)
-    draw_line(figure, time_s, rows["ram"] * _DEG, "ram", (TRUTH, 1.8, "solid"), row=1, col=1)
+    draw_line(figure, time_s, rows["asked"][:, 0] * _DEG, "commanded position", (INK, 1.4, "dot"), row=1, col=1)
+    draw_line(figure, time_s, rows["ram"] * _DEG, "position of the ram", (TRUTH, 1.8, "solid"), row=1, col=1)
     for c, values in enumerate(rows["lvdt"].T.astype(float)):
         draw_line(figure, time_s, values * _DEG, f"channel {c + 1}", (CHANNELS[c], 1.3, DASHES[c]), row=1, col=1)
-    figure.update_yaxes(title="LVDT, deg", row=1, col=1)
+    figure.update_yaxes(title="position, deg", row=1, col=1)
 
 
 def _compared(rows: NDArray[Any], i: int, scored: Scored) -> list[tuple[str, Array, float]]:
-    """Return title, (n, 4) and threshold of what the monitors of surface ``i`` compare, of channels not shut off."""
+    """Return title, (n, 4) and threshold of each difference that the monitors of surface ``i`` compare."""
     designed, monitors = actuator_monitors(scored.scenario)
     limits, lvdt = monitors.limits[i], rows["lvdt"].astype(float)
     asked = np.clip(designed[i]["gain"] * (rows["asked"] - lvdt), -1.0, 1.0)  # as servo.asked_current
     out = np.vstack([rows["failed_by"][:1], rows["failed_by"][:-1]]) != 0
     compared = [
-        ("current - asked", rows["current"] - asked, float(limits["current"])),
+        ("current - command", rows["current"] - asked, float(limits["current"])),
         ("model - spool", rows["spool_model"].astype(float) - rows["spool"][:, None], float(limits["spool"])),
         ("model - LVDT, deg", (rows["ram_model"] - lvdt) * _DEG, float(limits["ram"]) * _DEG),
     ]
@@ -128,7 +128,7 @@ def _compared(rows: NDArray[Any], i: int, scored: Scored) -> list[tuple[str, Arr
 
 
 def _acts(kept: Table, scored: Scored, surface: str) -> NDArray[np.bool_]:
-    """Return (n,) whether a fault on the surface's actuator, or on the hydraulics, acts."""
+    """Return (n,) a fault on the actuator of the surface, or on the hydraulics, acts."""
     faults = scored.scenario.faults
     of = [
         i

@@ -39,7 +39,7 @@ TEMPLATE: Final[dict[str, Any]] = {
         "xaxis": _AXIS,
         "yaxis": _AXIS,
     },
-    "data": {"heatmap": [{"type": "heatmap", "colorbar": {"outlinewidth": 0}}]},
+    "data": {"heatmap": [{"type": "heatmap", "colorbar": {"outlinewidth": 0, "title": {"font": {"size": 13}}}}]},
 }
 
 

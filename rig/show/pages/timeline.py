@@ -1,4 +1,4 @@
-"""The lanes of a flight: which state each channel, pattern, level and fault had when."""
+"""The timeline of a flight: a row for each fault, computer, channel, pattern and level, with its states."""
 
 from __future__ import annotations
 
@@ -8,44 +8,32 @@ from typing import Any, Final, NamedTuple
 
 import plotly.graph_objects as go
 
-from rig.core.frame import COMPUTERS, DISCRETES, INDEX
-from rig.core.palette import BLUE, CHANNELS, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, SOFT, UNUSED, VIOLET, YELLOW
+from rig.core.frame import DISCRETES, INDEX
 from rig.show.pages.course import Course, level_path
 from rig.show.pages.page import lay_out
-from rig.show.viewer.lanes_view import HEALTH
-from rig.show.viewer.servo_series import LANES as SERVOS
+from rig.show.pages.timeline_looks import CHANNEL, UNUSED_STATE, bar, quiet, variable
 from rig.show.viewer.state_strips import LANES, LAW, Changes, Lane, fault_path
 from rig.show.viewer.style import STATE_LOOKS, plain
 
-MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
-MOST_GROUPS: Final = 8  # of signals that are alike
-_UNUSED: Final = "not used"  # a channel that is not failed, of a signal without a channel
+MOST_SPANS: Final = 6000  # drawn; the shortest beyond that are left out
+MOST_GROUPS: Final = 8  # of signals with equal states
+MOST_TOLD: Final = 40  # rows, and states of a row, in the text alternative
+MOST_TEXTS: Final = 600  # bars; with more, no label is written into them
 _NAMES: Final = {"decided_by": "decided by"}
-_QUIET: Final = ("ok", "normal", "none", "voted", "autopilot", "4 channels", "engaged", "fresh", "all channels")
-_LABELS: Final = [label for lane in (*HEALTH, *SERVOS) for label, _ in lane.looks.values()]
-_COLOURS: Final = {
-    **dict.fromkeys(_QUIET, QUIET),
-    **dict.fromkeys(("lost", "unresolved", "no channel", "back-up", "bypassed"), INK),
-    **dict.fromkeys((label for label in _LABELS if label.startswith(("failed", "shut off"))), RED),
-    **dict(zip(COMPUTERS, CHANNELS, strict=True)),  # the leading lane
-    **{"missing": YELLOW, "a frame old": LIGHT_BLUE, "runs again, not engaged": MID_BLUE, "off by command": SOFT},
-    _UNUSED: UNUSED,
-    **{"suspect": YELLOW, "failed": RED, "acting": ORANGE, "isolated": LIGHT_BLUE},
-    **{"3 channels": LIGHT_BLUE, "2 channels": MID_BLUE, "1 channel": BLUE},
-}
 
 
 class Span(NamedTuple):
-    """One state of one lane."""
+    """One state in one row of the timeline; variable : what the row shows, as the legend names it."""
 
     lane: str
     begin_s: float
     end_s: float
     label: str
+    variable: str = CHANNEL
 
 
 def groups(course: Course, names: Sequence[str]) -> list[list[str]]:
-    """Return signals, or discretes, whose lanes are the same in every frame together, in the order of ``names``."""
+    """Return signals, or discretes, whose states are equal in every frame together, in the order of ``names``."""
     lanes, found = course.lanes, dict[object, list[str]]()
     for name in names:
         own = [change for path, change in lanes.items() if path == f"/{name}" or path.startswith(f"/{name}/")]
@@ -57,11 +45,11 @@ def groups(course: Course, names: Sequence[str]) -> list[list[str]]:
 def spans(
     course: Course, rate_hz: float, signals: Sequence[str], faults: Sequence[str], beside: Sequence[Span] = ()
 ) -> list[Span]:
-    """Return the states of a flight lane by lane: faults, ``beside``, then signals, discretes and law with an event.
+    """Return the states of a flight row by row: faults, ``beside``, then signals, discretes and law with an event.
 
     faults : their labels, in the order of the scenario
     beside : of computers and actuators
-    Of signals that are alike in every frame (``groups``) the first is drawn for all.
+    The first of several signals with equal states (``groups``) is drawn for all of them.
     """
     found = dict(_found(course, rate_hz, faults))
     kept = [span for i in range(len(faults)) for span in found.get(fault_path(i), []) if span.label]
@@ -83,7 +71,7 @@ def spans(
 
 
 def _found(course: Course, rate_hz: float, faults: Sequence[str]) -> Iterator[tuple[str, list[Span]]]:
-    """Yield path and states of every lane of faults, signals, discretes and law."""
+    """Yield path and states of every row of faults, signals, discretes and law."""
     lanes = {lane.path: lane for lane in LANES}
     named = {fault_path(i): f"fault {escape(label)}" for i, label in enumerate(faults)}  # plotly reads tags
     named |= {path: _named(path) for path in (*lanes, *map(level_path, INDEX))}
@@ -93,7 +81,7 @@ def _found(course: Course, rate_hz: float, faults: Sequence[str]) -> Iterator[tu
 
 
 def _for_all(span: Span, name: str, others: Sequence[str]) -> Span:
-    """Return a state of ``name`` as that of all signals that are alike."""
+    """Return a state of ``name`` as that of all signals with equal states."""
     alike = f"{name} (and {len(others)} alike)" if others else name
     return span._replace(lane=f"{alike}{span.lane.removeprefix(name)}")
 
@@ -107,32 +95,32 @@ def used(span: Span, level: Sequence[Span]) -> Iterator[Span]:
         if begin < end:
             if at < begin:
                 yield span._replace(begin_s=at, end_s=begin)
-            yield span._replace(begin_s=begin, end_s=end, label=_UNUSED)
+            yield span._replace(begin_s=begin, end_s=end, label=UNUSED_STATE)
             at = end
     if at < span.end_s:
         yield span._replace(begin_s=at)
 
 
 def _named(path: str) -> str:
-    """Return a lane as people read it: ``pitch_rate channel 3``."""
+    """Return the name of a row as people read it: ``pitch_rate channel 3``."""
     _, of, *lane = path.split("/")
     words = [_NAMES.get(part, plain(part)) for part in lane]
     return " ".join([of, *words]) if words else plain(of)
 
 
 def spans_of(change: Changes, lane: Lane, frames: int, rate_hz: float) -> list[Span]:
-    """Return the states of one lane over all frames, but those that are not drawn."""
+    """Return the states of one row over all frames, except those that are not drawn."""
     return [span for span in _spans(_named(lane.path), change, lane, frames, rate_hz) if span.label]
 
 
 def _spans(name: str, change: Changes, lane: Lane | None, frames: int, rate_hz: float) -> Iterator[Span]:
     ends = [*change.rows[1:], frames]
     for row, end, state in zip(change.rows, ends, change.states, strict=True):
-        yield Span(name, row / rate_hz, end / rate_hz, _label(state, lane))
+        yield Span(name, row / rate_hz, end / rate_hz, _label(state, lane), variable(change.path))
 
 
 def _label(state: str, lane: Lane | None) -> str:
-    """Return a state in words; "" for what is not drawn: a fault that does not act, a channel that is not fitted."""
+    """Return a state in words; "" for an inactive fault or an absent channel, which are not drawn."""
     if state == "ABSENT":
         return ""
     looks = STATE_LOOKS if state in STATE_LOOKS or lane is None else lane.looks
@@ -141,7 +129,7 @@ def _label(state: str, lane: Lane | None) -> str:
 
 def eventful(of: Sequence[Span]) -> bool:
     """Return True if a state needs attention."""
-    return any(span.label and span.label not in _QUIET for span in of)
+    return any(span.label and not quiet(span.label) for span in of)
 
 
 def _most(found: list[Span]) -> list[Span]:
@@ -152,26 +140,37 @@ def _most(found: list[Span]) -> list[Span]:
 
 
 def timeline(found: Sequence[Span], end_s: float) -> go.Figure:
-    """Draw spans, a lane a row, the first at the top, from the beginning of a flight to its end."""
-    lanes, labels = list(dict.fromkeys(span.lane for span in found)), dict.fromkeys(span.label for span in found)
+    """Draw the rows of a flight, the first at the top, from its beginning to its end."""
+    rows = list(dict.fromkeys(span.lane for span in found))
     figure = go.Figure()
-    for label in labels:
-        figure.add_bar(**_bars([span for span in found if span.label == label], label))
-    lay_out(figure, "", 60 + 24 * len(lanes), barmode="overlay", bargap=0.25)
+    for of, label in dict.fromkeys((span.variable, span.label) for span in found):
+        of_label = [span for span in found if (span.variable, span.label) == (of, label)]
+        figure.add_bar(**_bars(of_label, label, written=len(found) <= MOST_TEXTS), **bar(of, label))
+    lay_out(figure, "", 60 + 26 * len(rows), barmode="overlay", bargap=0.15)
+    figure.update_layout(uniformtext={"mode": "hide", "minsize": 9}, meta={"alternative": _alternative(found, rows)})
     figure.update_xaxes(title="time, s", range=[0.0, end_s])
-    figure.update_yaxes(type="category", categoryorder="array", categoryarray=lanes, autorange="reversed", dtick=1)
+    figure.update_yaxes(type="category", categoryorder="array", categoryarray=rows, autorange="reversed", dtick=1)
     return figure
 
 
-def _bars(found: Sequence[Span], label: str) -> dict[str, Any]:
-    colour, quiet = _COLOURS.get(label, VIOLET), label in _QUIET
+def _bars(found: Sequence[Span], label: str, *, written: bool) -> dict[str, Any]:
+    texts = {"text": [label] * len(found), "textposition": "inside", "insidetextanchor": "middle", "textangle": 0}
     return {
         "x": [span.end_s - span.begin_s for span in found],
         "base": [span.begin_s for span in found],
         "y": [span.lane for span in found],
         "orientation": "h",
-        "name": label,
-        "marker": {"color": colour, "line": {"color": colour, "width": 0 if quiet else 1}},  # never thinner than that
         "customdata": [f"{span.begin_s:.2f} to {span.end_s:.2f} s" for span in found],
         "hovertemplate": f"%{{y}}: {label}<br>%{{customdata}}<extra></extra>",
+        **(texts if written and not quiet(label) else {}),
     }
+
+
+def _alternative(found: Sequence[Span], rows: Sequence[str]) -> str:
+    """Return the timeline as text: the states of each row that need attention, of the first rows."""
+    told = []
+    for row in rows[:MOST_TOLD]:
+        of_row = [span for span in found if span.lane == row and not quiet(span.label)]
+        states = [f"{span.label} from {span.begin_s:.2f} to {span.end_s:.2f} s" for span in of_row[:MOST_TOLD]]
+        told += [f"{row}: {', '.join(states)}"] if states else []
+    return f"Timeline. {'. '.join(told) or 'No state needs attention'}."

@@ -1,1 +1,1 @@
-"""The redundancy page on the terminal: while a flight is flown, or played from its log."""
+"""The redundancy page on the terminal, during a flight or from its log."""

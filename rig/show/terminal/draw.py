@@ -1,4 +1,4 @@
-"""Who draws a page: this process on a terminal, another one beside it, or nobody where there is none."""
+"""The drawing of a page: in this process on a terminal, in a second process, or as lines in a pipe."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class Drawer(Protocol):
     """Draws the page of one frame (1,) after another."""
 
     def draw(self, row: Table | None, rate_hz: float, events: Sequence[Event]) -> None:
-        """Draw the page of a row, with these events too; without a row they are for the next page."""
+        """Draw the page of a row with these events; without a row, keep the events for the next page."""
 
     def close(self) -> None:
         """End; the last page stays."""
 
 
 class OnTerminal:
-    """Draws over and over in the same place."""
+    """Draws each page over the one before."""
 
     def __init__(self, screen: Console, title: str = "") -> None:
         self._page = Page(title)
@@ -39,7 +39,7 @@ class OnTerminal:
         self._live.start()
 
     def draw(self, row: Table | None, rate_hz: float, events: Sequence[Event]) -> None:
-        """Draw now, if there is a row."""
+        """Draw at once, if there is a row."""
         self._page.note(events, rate_hz)
         if row is not None:
             self._live.update(self._page.draw(row, rate_hz), refresh=True)
@@ -50,7 +50,7 @@ class OnTerminal:
 
 
 class InPipe:
-    """Events as they come, a line each; the page of the last row at the end."""
+    """Prints each event as a line, and the page of the last row at the end."""
 
     def __init__(self, screen: Console, title: str = "") -> None:
         self._screen = screen
@@ -70,20 +70,20 @@ class InPipe:
 
 
 class InProcess:
-    """Has another process draw on this one's standard error; one that ended or hangs is not waited for."""
+    """Draws in a second process on standard error; does not wait for that process if it has ended or hangs."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.show.terminal.draw"], stdin=subprocess.PIPE)
 
     def draw(self, row: Table | None, rate_hz: float, events: Sequence[Event]) -> None:
-        """Pass it on, if there is anything."""
+        """Send row and events to the process, if there are any."""
         if row is not None or events:
             with suppress(OSError):
                 pickle.dump((row, rate_hz, events), self._pipe)
                 self._pipe.flush()
 
     def close(self) -> None:
-        """Let it draw what it has been given, and end."""
+        """Let the process draw the pages that it has received, and end it."""
         with suppress(OSError):
             self._pipe.close()
         try:
@@ -99,7 +99,7 @@ class InProcess:
 
 
 def main() -> None:
-    """Draw what comes on standard input from an InProcess until it ends; Ctrl-C is for the flight, not for this."""
+    """Draw the pages that arrive on standard input from an InProcess; ignore Ctrl-C, which ends the flight."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(AttributeError, OSError):
         os.nice(5)  # the frames come first

@@ -1,4 +1,4 @@
-"""The keys of a terminal while a flight is flown: each at once, without Enter."""
+"""The keys of a terminal during a flight: each takes effect at once, without Enter."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from rig.core.errors import BadInput
 
 
 class Pressable(Protocol):
-    """What the keys go to."""
+    """Receiver of the keys."""
 
     def press(self, key: str) -> None:
         """Take one key."""
 
 
 def keyboard(enabled: bool) -> Callable[[Pressable], AbstractContextManager[None]] | None:
-    """Return the argument ``live`` of a flight; None when not enabled or standard input is no terminal."""
+    """Return the argument ``live`` of a flight; None if not enabled, or if standard input is not a terminal."""
     return pressing if enabled and sys.stdin.isatty() else None
 
 
 @contextmanager
 def pressing(keys: Pressable) -> Iterator[None]:
-    """Hand every key of standard input to ``keys`` while the context lasts; the terminal is as before after it.
+    """Hand every key of standard input to ``keys`` inside the context; restore the terminal at its end.
 
-    BadInput: standard input is no terminal.
+    BadInput: standard input is not a terminal.
     """
     try:
         import termios

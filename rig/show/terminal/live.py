@@ -1,10 +1,9 @@
-"""The page while a flight is flown, and of a log, played at a speed.
+"""The page during a flight, and of a log that is played at a speed.
 
-While a flight is flown, the recorder hands over a block and goes on.
+During a flight the recorder hands over each block and does not wait.
 
-A thread picks the frames to be drawn, ten a second: of a paced block (half a second) those that were flown by then, one
-block late; of a flight that is as fast as it can be, the latest.  A process of its own draws them, so that
-drawing takes neither the interpreter nor the terminal's time from the frames.
+A thread chooses the frames to draw, ten per second.  In a paced flight they follow the clock, one block late; in an
+unpaced flight the thread takes the latest frame.  A second process draws them, so that drawing does not delay frames.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ UPDATE_S: Final = 0.1
 
 @contextmanager
 def watching(enabled: bool, realtime_factor: float | None) -> Iterator[Watch | None]:
-    """Yield the argument ``watch`` of a flight; None when not enabled.
+    """Yield the argument ``watch`` of a flight; None if not enabled.
 
-    On a terminal the page, which stays when the flight is over; else a line an event, and the page of the last
-    frame.  On standard error, for standard output has the verdict.
+    A terminal shows the page, which stays after the flight; a pipe gets one line per event, and the page of the last
+    frame.  Both go to standard error, because standard output has the verdict.
     """
     if not enabled:
         yield None
@@ -48,7 +47,7 @@ def watching(enabled: bool, realtime_factor: float | None) -> Iterator[Watch | N
 
 
 class Watch:
-    """Takes blocks and has the pages of some of their frames drawn."""
+    """Takes blocks, and draws the pages of some of their frames."""
 
     def __init__(self, drawer: Drawer, realtime_factor: float | None) -> None:
         self._drawer = drawer
@@ -61,14 +60,14 @@ class Watch:
         self._thread.start()
 
     def __call__(self, table: Table, rate_hz: float, events: Sequence[Event]) -> None:
-        """Take a block; never waits for the terminal."""
+        """Take a block without waiting for the terminal."""
         kept = table.copy() if self._factor else table[-1:].copy()
         with self._changed:
             self._queue.append((kept, rate_hz, events))
             self._changed.notify()
 
     def close(self, timeout_s: float = 15.0) -> None:
-        """Draw the last frame and end; a terminal that does not take it is left."""
+        """Draw the last frame and end; do not wait longer than ``timeout_s`` for the terminal."""
         with self._changed:
             self._closing = True
             self._changed.notify()
@@ -86,7 +85,7 @@ class Watch:
         self._drawer.close()
 
     def _play(self, flown: Table, rate_hz: float, events: Sequence[Event]) -> None:
-        """Draw frames of a block as they were flown, until it is over or others wait."""
+        """Draw frames of a block at the pace of the flight, until it ends or the next block waits."""
         pace_hz = rate_hz * (self._factor or float("inf"))
         rows, began, k = flown.rows, time.monotonic(), -1
         while k < len(rows) - 1 and (k < 0 or not self._waiting()):
@@ -96,14 +95,14 @@ class Watch:
             self._draw(flown[k : k + 1], rate_hz, due)
             with self._changed:
                 self._changed.wait_for(lambda: self._closing, UPDATE_S)
-        self._drawer.draw(None, rate_hz, events)  # of frames that were not drawn
+        self._drawer.draw(None, rate_hz, events)  # events of frames that were not drawn
 
     def _draw(self, flown: Table, rate_hz: float, events: Sequence[Event]) -> None:
         self._drawer.draw(flown, rate_hz, events)
         self.drawn += 1
 
     def _take(self) -> list[tuple[Table, float, Sequence[Event]]] | None:
-        """Wait for blocks and take all of them; None when there will be no more."""
+        """Wait for blocks and take all of them; None after the last one."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)
             taken = list(self._queue)
@@ -124,9 +123,9 @@ def play(
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> None:
-    """Show the log from ``from_s`` on, ``speed`` times as fast as it was flown; the last page stays.
+    """Show the log from ``from_s`` on at ``speed`` times real time; the last page stays.
 
-    In a pipe: its events from there on, a line each, and the page of its last frame.
+    A pipe gets the events from ``from_s`` on, one per line, and the page of the last frame.
     BadInput: the log ends before ``from_s``.
     """
     last = len(log.rows) - 1
@@ -150,4 +149,4 @@ def play(
     except KeyboardInterrupt:
         return
     finally:
-        page.close()  # the terminal is as before, whatever ended it
+        page.close()  # restores the terminal

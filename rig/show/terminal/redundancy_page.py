@@ -1,6 +1,6 @@
-"""The redundancy page of one frame: signals by channels, level, pattern, who decided, the last events.
+"""The redundancy page of one frame: channels of each signal, level, pattern, deciding rule, the last events.
 
-A channel is marked in words as well as in colour: ``?`` suspect, ``x`` failed.
+Marks repeat the colours: ``?`` suspect, ``x`` failed.
 """
 
 from __future__ import annotations
@@ -40,20 +40,20 @@ from rig.core.units.quantities import scale_shown, unit_of_name, unit_shown
 from rig.flight.lane_events import test_name
 from rig.flight.servo_events import monitor_name
 
-EVENTS: Final = 6  # shown, of those so far
+EVENTS: Final = 6  # shown: the last ones
 _LEVELS: Final = {"info": "", "warning": "yellow", "error": "bold red"}
 _NUMBERS: Final = ("ch 1 ", "ch 2 ", "ch 3 ", "ch 4 ", "vote", "level")
-_LEGEND: Final = "? suspect, x failed, - not fitted; by: who decided, or control's other source"
-# How a channel, its mark and what needs attention look.
+_LEGEND: Final = "? suspect, x failed, - not fitted; by: rule that decided, or other source of the control law"
+# Style and mark of each state of a channel.
 _LOOKS: Final = {
     State.OK: ("green", " "),
     State.SUSPECT: ("bold yellow", "?"),
     State.FAILED: ("bold red", "x"),
     State.ABSENT: ("dim", " "),
 }
-_NOBODY: Final = -1
-_MOST_LINKS: Final = 2  # that are named
-# Of a lane as that of a channel; others are failed.
+_NO_LANE: Final = -1
+_MOST_LINKS: Final = 2  # named in the row of messages
+# State of a lane as that of a channel; any other health is failed.
 _LANE_STATES: Final = {Health.ABSENT: State.ABSENT, Health.ENGAGED: State.OK, Health.SUSPECT: State.SUSPECT}
 _NOTES: Final = {Health.RESTARTING: "restarting", Health.OFF: "off by command"}
 
@@ -73,7 +73,7 @@ class Page:
         """Draw the page of one frame (1,)."""
         row, servo, lane = frame.rows[0], frame.servo, frame.lane
         table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
-        table.add_column("signal")  # the one that a narrow terminal cuts
+        table.add_column("signal")  # a narrow terminal cuts this column
         table.add_column("unit", no_wrap=True, style="dim")
         for name in _NUMBERS:
             table.add_column(name, justify="right", no_wrap=True)
@@ -88,7 +88,7 @@ class Page:
         for cells_of_row in _computers(lane[0]) if lane is not None else ():
             table.add_row(*cells_of_row)
         lines = [event_line(time_s, event) for time_s, event in self._events]
-        blank = [Text("")] * (EVENTS - len(lines))  # or the page would jump
+        blank = [Text("")] * (EVENTS - len(lines))  # keeps the height of the page
         foot = [Text("events", style="dim"), *lines, *blank] if lines else []
         return Group(self._head(row, rate_hz), table, Text(_LEGEND, style="dim"), *foot)
 
@@ -114,7 +114,7 @@ def _signal(row: Any, s: int) -> list[RenderableType]:
     pattern = Pattern(row["pattern"][s])
     vote, states = float(row["voted"][s]), row["state"][s]
     values = np.append(row["channels"][s], vote)
-    if signal.wraps:  # as one reads a heading: 0.3 beside 359.7 is 360.3
+    if signal.wraps:  # as a heading is read: 0.3 beside 359.7 is 360.3
         turned = signal.low + (vote - signal.low) % (2.0 * np.pi)
         values = turned + np.append(short_way(row["channels"][s] - vote), 0.0)
     shown = values * scale_shown(signal.unit)
@@ -130,7 +130,7 @@ def _signal(row: Any, s: int) -> list[RenderableType]:
 
 
 def _notes(row: Any, s: int) -> Iterator[str]:
-    """Yield who decided a split, and control's source where it is not the vote."""
+    """Yield the rule that decided a split, and the source of the control law if it is not the vote."""
     decided_by, source = DecidedBy(row["decided_by"][s]), Source(row["source"][s])
     if decided_by != DecidedBy.NONE:
         yield decided_by.name.lower()
@@ -150,7 +150,7 @@ def _discrete(row: Any, d: int) -> list[RenderableType]:
 
 
 def _servo(surface: str, servo: Any) -> list[RenderableType]:
-    """Return position sensors, ram, channels that move it, and who shut the others off."""
+    """Return position sensors, ram, channels that move it, and the monitors that shut off the others."""
     scale, failed_by = scale_shown("rad"), servo["failed_by"]
     out = (failed_by != ActuatorMonitor.NONE) | (servo["valve"] != 0)  # by a monitor, or with its computer
     states = [State.FAILED if each else State.OK for each in out]
@@ -168,15 +168,15 @@ def _servo(surface: str, servo: Any) -> list[RenderableType]:
 
 def _computers(lanes: Any) -> Iterator[list[RenderableType]]:
     """Yield the cells of the rows of several computers; lanes : (4,) COMPUTER."""
-    leads = int(lanes["leads"].argmax()) if lanes["leads"].any() else _NOBODY
+    leads = int(lanes["leads"].argmax()) if lanes["leads"].any() else _NO_LANE
     states = [_LANE_STATES.get(Health(health), State.FAILED) for health in lanes["health"]]
     yield [
         _name("computers"),
         "",
         *(_channel(name, state, str) for name, state in zip(COMPUTERS, states, strict=True)),
-        Text(COMPUTERS[leads]) if leads != _NOBODY else Text("none", style="bold red"),
+        Text(COMPUTERS[leads]) if leads != _NO_LANE else Text("none", style="bold red"),
         _engaged(states),
-        Text("") if leads != _NOBODY else Text("back-up", style="bold red"),
+        Text("") if leads != _NO_LANE else Text("back-up", style="bold red"),
         Text("; ".join(_whys(lanes)), style="yellow"),
     ]
     yield _links(lanes)
@@ -190,7 +190,7 @@ def _engaged(states: list[State]) -> Text:
 
 
 def _whys(lanes: Any) -> Iterator[str]:
-    """Yield the lanes that are out, and for what."""
+    """Yield the lanes that do not fly, with the reason."""
     for name, lane in zip(COMPUTERS, lanes, strict=True):
         health = Health(lane["health"])
         if health == Health.FAILED:
@@ -200,7 +200,7 @@ def _whys(lanes: Any) -> Iterator[str]:
 
 
 def _links(lanes: Any) -> list[RenderableType]:
-    """Return how many of the others have each lane's message in this frame, and the links that have not."""
+    """Return how many lanes received the message of each lane in this frame, and the links that failed."""
     links = lanes["link"]
     fitted = int((lanes["health"] != Health.ABSENT).sum())
     good = (links == LinkState.FRESH).sum(axis=0)
@@ -216,7 +216,7 @@ def _links(lanes: Any) -> list[RenderableType]:
     ]
     more = f" and {len(failed) - _MOST_LINKS} more" if len(failed) > _MOST_LINKS else ""
     return [
-        _name("messages, to others"),
+        _name("messages received"),
         "",
         *(_channel(count, state, str) for count, state in zip(good, states, strict=True)),
         "",
@@ -227,19 +227,19 @@ def _links(lanes: Any) -> list[RenderableType]:
 
 
 def _command(name: str, lanes: Any, s: int, states: list[State], leads: int) -> list[RenderableType]:
-    """Return what each lane commands of a surface, and what the leading one puts out after its vote."""
+    """Return the command of each lane for a surface, and the voted output of the leading lane."""
     unit, whose = unit_of_name(name), lanes[max(leads, 0)]
     pattern, decided_by = Pattern(whose["command_pattern"][s]), DecidedBy(whose["command_decided_by"][s])
     scale, each = scale_shown(unit), zip(lanes, states, strict=True)
-    quiet = pattern == Pattern.NORMAL or leads == _NOBODY
+    quiet = pattern == Pattern.NORMAL or leads == _NO_LANE
     return [
         _name(f"{name.removesuffix('_rad')} command"),
         unit_shown(unit),
         *(_channel(lane["surface"][s] * scale, state, _number) for lane, state in each),
-        Text("" if leads == _NOBODY else _number(whose["output"][s] * scale)),
+        Text("" if leads == _NO_LANE else _number(whose["output"][s] * scale)),
         _engaged(states),
-        Text(pattern.label if leads != _NOBODY else "", style="dim" if quiet else "bold yellow"),
-        Text(decided_by.name.lower() if leads != _NOBODY and decided_by != DecidedBy.NONE else "", style="yellow"),
+        Text(pattern.label if leads != _NO_LANE else "", style="dim" if quiet else "bold yellow"),
+        Text(decided_by.name.lower() if leads != _NO_LANE and decided_by != DecidedBy.NONE else "", style="yellow"),
     ]
 
 
@@ -254,13 +254,13 @@ def _channel(value: Any, state: Any, write: Callable[[Any], str]) -> Text:
 
 
 def _number(value: float) -> str:
-    """Return a number with what the sensors resolve: three decimals below 100, none above 10,000."""
+    """Return a number with the resolution of the sensors: three decimals below 100, none above 10,000."""
     if not np.isfinite(value):
         return "nan"
     return f"{value:.{0 if abs(value) >= 10_000 else 1 if abs(value) >= 1_000 else 2 if abs(value) >= 100 else 3}f}"
 
 
 def _level(left: int, channels: int) -> Text:
-    """Return how many are ``left`` of so many channels."""
+    """Return the number of channels that are ``left``, coloured by how many of ``channels`` are lost."""
     style = "" if left == channels else "bold red" if left == 0 else "yellow"
     return Text(str(left), style=style)

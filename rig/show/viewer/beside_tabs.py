@@ -1,4 +1,4 @@
-"""The tabs of flights with servo actuators or several computers, beside those that all flights have (blueprint.py)."""
+"""The tabs of flights with servo actuators or several computers; blueprint.py has the tabs of all flights."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from rig.show.viewer.style import CHANNEL_COLORS, VOTED, plain
 
 
 def servo_tab(name: str, shown: Sequence[Shown]) -> rrb.Container:
-    """Draw of each surface positions, currents, spool, and a lane for each channel.
+    """Draw positions, currents, spool and the states of the channels of each surface.
 
-    Where a channel was shut off, the seconds about it.
+    If a channel was shut off, the plots show the seconds around it.
     """
     spans = [seen.coils_s for flight in reversed(shown) if (seen := flight.facts.seen) is not None]
     span = next(filter(None, spans), None)
     rows = [
         rrb.Horizontal(
             *(_servo_plot(each, surface, shown, span) for each in servos.PLOTS),
-            state_lanes(f"{surface}: channels, how many move it", servos.of_surface(surface), shown),
+            state_lanes(f"{surface}: channels, number of channels that move it", servos.of_surface(surface), shown),
             column_shares=[3, 2, 2, 3],
         )
         for surface in MOVED
@@ -41,7 +41,7 @@ def servo_tab(name: str, shown: Sequence[Shown]) -> rrb.Container:
 
 
 def _servo_plot(drawn: servos.Plot, surface: str, shown: Sequence[Shown], span: Span) -> rrb.TimeSeriesView:
-    """Draw some numbers of a surface; ``span``: the seconds shown, None for all."""
+    """Draw numbers of a surface; span : the seconds shown, None: all."""
     topic = servos.topic(surface)
     lines = [
         Line(topic, servos.VALUES, name, plain(name), *servos.look(field, number))
@@ -55,22 +55,22 @@ def _servo_plot(drawn: servos.Plot, surface: str, shown: Sequence[Shown], span: 
 
 
 def computers_tab(name: str, shown: Sequence[Shown]) -> rrb.Container:
-    """Draw which lane failed, when and why; links, votes of commands, commands, clocks.
+    """Draw the health of each lane, links, votes of commands, commands and clocks.
 
-    Where a lane failed, the seconds about it beside all.
+    If a lane failed, the seconds around it stand beside the whole flight.
     """
     spans = [seen.lanes_s for flight in reversed(shown) if (seen := flight.facts.seen) is not None]
     span, count = next(filter(None, spans), None), max(flight.facts.computers for flight in shown)
     health = computers.fitted(computers.HEALTH, count)
     whole = [*health, computers.LEADING, *computers.VOTES]
-    above = [state_lanes("faults, computers, who leads, votes of commands", whole, shown, "")]
+    above = [state_lanes("faults, lanes, leading lane, votes of commands", whole, shown, "")]
     if span is not None:
-        near = [*health, *computers.fitted(computers.ACCUSED, count)]
-        zoom = f"zoom {span[0]:.1f} to {span[1]:.1f} s: faults, computers, by whom accused"
+        near = [*health, *computers.fitted(computers.REPORTED, count)]
+        zoom = f"zoom {span[0]:.1f} to {span[1]:.1f} s: faults, lanes, lanes that report them"
         above.append(state_lanes(zoom, near, shown, "", span))
     links = state_lanes("links", computers.fitted(computers.OF_LINKS, count), shown)
     plots = [_commands(surface, shown, span) for surface in SURFACES[:3]]
-    clocks = _of_lanes(computers.CLOCK, "clocks: lead, frames", shown, None, [])
+    clocks = _of_lanes(computers.CLOCK, "clock lead, frames", shown, None, [])
     return rrb.Vertical(
         legend(computers.LEGEND),
         rrb.Horizontal(*above, links, column_shares=[*(3 for _ in above), 2]),
@@ -81,16 +81,16 @@ def computers_tab(name: str, shown: Sequence[Shown]) -> rrb.Container:
 
 
 def _commands(surface: str, shown: Sequence[Shown], span: Span) -> rrb.TimeSeriesView:
-    """Draw what each lane commands, and what reaches the surface."""
+    """Draw the command of each lane, and the command that reaches the surface."""
     name = f"surface_command_{surface}"
-    given = [Line("/control", DEGREES, name, "to the surface", VOTED, 3.5)] if name in DEGREE_NAMES else []
+    given = [Line("/control", DEGREES, name, "output to the surface", VOTED, 3.5)] if name in DEGREE_NAMES else []
     zoom = "" if span is None else "zoom: "
     title = f"{zoom}{plain(surface.removesuffix('_rad'))}, deg: commands of the lanes"
     return _of_lanes(surface, title, shown, span, given)
 
 
 def _of_lanes(name: str, title: str, shown: Sequence[Shown], span: Span, given: Sequence[Line]) -> rrb.TimeSeriesView:
-    """Draw a number of computers.NAMES of all lanes over what is ``given``, of the seconds ``span``; None: all."""
+    """Draw a number of computers.NAMES of all lanes over the ``given`` lines; span : the seconds shown, None: all."""
     series = list_series(DEGREE_NAMES, given, shown) if given else line_series([], shown)
     for i, lane in enumerate(COMPUTERS):
         line = Line(computers.topic(i), computers.VALUES, name, f"lane {lane}", CHANNEL_COLORS[i], 1.5)

@@ -43,21 +43,21 @@ from rig.show.viewer.scene import TIMELINE
 from rig.show.viewer.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED, plain
 
 OVERVIEW: Final = "overview"  # the first tab
-MAIN: Final = "pitch_rate"  # what it shows of a flight without faults
+MAIN: Final = "pitch_rate"  # its signal for a flight without faults
 GROUPS: Final = tuple(dict.fromkeys(signal.group for signal in SIGNALS))
-SERVOS: Final = "actuators"  # of flights with servos alone
-COMPUTERS: Final = "computers"  # of flights with several alone
-UNIT: Final = "unit"  # the last tab, of flights with a unit under test alone
+SERVOS: Final = "actuators"  # only of flights with servos
+COMPUTERS: Final = "computers"  # only of flights with several
+UNIT: Final = "unit"  # the last tab, only of flights with a unit under test
 TABS: Final = (OVERVIEW, *GROUPS, "discretes", "surfaces", SERVOS, COMPUTERS, "control", "flight", UNIT)
 LAYOUT: Final = Layout()
-_MARGIN: Final = 0.033  # of a column, left of its lanes
+_MARGIN: Final = 0.033  # of a column, left of its strips
 
 
 def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
     """Build the layout for the flights ``layout.shown``, open at ``layout.tab``; BadInput: no such tab.
 
-    The overview has the first signal that a fault sits on, else pitch rate.  With ``map_tiles`` there is a map
-    beside the track, for which the viewer fetches tiles from the internet.
+    The overview has the first signal with a fault, or pitch rate.  With ``map_tiles`` a map stands beside the track;
+    the viewer fetches its tiles from the internet.
     """
     shown, tab, map_tiles = layout
     require_tab(tab)
@@ -65,7 +65,7 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
     moved = [flight for flight in shown if flight.facts.servos]
     several = [flight for flight in shown if flight.facts.computers > 1]
     if tab == UNIT and not tested:
-        raise BadInput(f"no tab {tab!r}: no unit under test was flown")
+        raise BadInput(f"no tab {tab!r}: no flight had a unit under test")
     if tab == SERVOS and not moved:
         raise BadInput(f'no tab {tab!r}: no flight had [actuators] model = "servo"')
     if tab == COMPUTERS and not several:
@@ -92,20 +92,20 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
 
 
 def require_tab(tab: str) -> None:
-    """Raise BadInput when there is no such tab."""
+    """Raise BadInput if there is no such tab."""
     if tab not in TABS:
         raise BadInput(f"no tab {tab!r}; there are: {', '.join(TABS)}")
 
 
 def main_signal(shown: Sequence[Shown]) -> Signal:
-    """Return the signal of the overview: of the decisive fault, else of the first one; of the flight on top first."""
+    """Return the signal of the overview: that of the decisive fault, or of the first one; the flight on top first."""
     seen = [flight.facts.seen.main for flight in reversed(shown) if flight.facts.seen is not None]
     faulted = [flight.facts.first_faulted for flight in reversed(shown)]
     return SIGNALS[INDEX[next(filter(None, (*seen, *faulted)), MAIN)]]
 
 
 def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
-    """Build the overview: whole flight, beside it its decisive seconds, the state at the cursor on the right."""
+    """Build the overview: the whole flight, its decisive seconds, and the state at the cursor on the right."""
     top, span = shown[-1], decisive_span(shown)
     whole = rrb.Vertical(
         _difference_plot(signal, shown),
@@ -139,7 +139,7 @@ def _decisive(signal: Signal, shown: Sequence[Shown], span: tuple[float, float])
 
 
 def decisive_span(shown: Sequence[Shown]) -> Span:
-    """Return the decisive seconds of the topmost flight that has any; under way, those after its first fault begins."""
+    """Return the decisive seconds of the topmost flight with any; in flight, those after its first fault begins."""
     for flight in reversed(shown):
         if flight.facts.seen is not None:
             if flight.facts.seen.zoom_s is not None:
@@ -150,7 +150,7 @@ def decisive_span(shown: Sequence[Shown]) -> Span:
 
 
 def status_shown(shown: Sequence[Shown]) -> list[lanes.Lane]:
-    """Return the lanes of the overview: of all signals; of several flights, of those where something was not ok."""
+    """Return the strips of the overview: all signals; with several flights, signals with a channel that was not ok."""
     noted = {name for flight in shown if flight.facts.seen is not None for name in flight.facts.seen.noted}
     some = [lane for lane in lanes.STATUS if lane.path[1:] in noted][: len(SIGNALS) // len(shown)]
     return list(lanes.STATUS) if len(shown) == 1 or not some else some
@@ -170,7 +170,7 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
 
 
 def _signal_plot(signal: Signal, shown: Sequence[Shown], span: Span = None) -> Any:
-    """Draw the signal in the unit that people read; in its decisive seconds, on a scale of their own."""
+    """Draw the signal in display units; its decisive seconds have a separate scale."""
     lines = _lines(signal, "", ("low", "high", "voted", *_CHANNELS, "reference", "truth"))
     values = drawn_range(shown, signal.name if span is None else "zoom")
     name = ", ".join(filter(None, (plain(signal.name), unit_shown(signal.unit))))
@@ -178,11 +178,11 @@ def _signal_plot(signal: Signal, shown: Sequence[Shown], span: Span = None) -> A
 
 
 def _difference_plot(signal: Signal, shown: Sequence[Shown], span: Span = None) -> Any:
-    """Draw channels and truth less the vote, in thresholds; without a threshold, less truth."""
+    """Draw channels and truth minus the vote, in thresholds; without a threshold, minus the truth."""
     if not any(signal.name in flight.facts.thresholds for flight in shown):
         return _deviation_plot(signal, shown)
     lines = _lines(signal, "apart_", ("fault", "low", "high", "truth", *_CHANNELS))
-    name = f"{plain(signal.name)} less the vote, in monitor thresholds; beyond {derived.LIMIT:g}: at the edge"
+    name = f"{plain(signal.name)} minus voted value, in isolation thresholds (clipped at {derived.LIMIT:g})"
     axes = Axes(span, (-derived.LIMIT - 0.1, derived.LIMIT + 0.1))
     return over_time(_zoomed(name, span), list_series(derived.NAMES, lines, shown), shown, axes)
 
@@ -193,12 +193,12 @@ def _zoomed(name: str, span: Span) -> str:
 
 def _deviation_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     lines = _lines(signal, "off_", ("voted", *_CHANNELS))
-    name = ", ".join(filter(None, (f"{plain(signal.name)} less truth", unit_shown(signal.unit))))
+    name = ", ".join(filter(None, (f"{plain(signal.name)} minus true value", unit_shown(signal.unit))))
     return over_time(f"{name}; channels in use", list_series(derived.NAMES, lines, shown), shown)
 
 
 _CHANNELS: Final = tuple(f"ch_{c + 1}" for c in range(CHANNELS))
-_LOOKS: Final = {  # of a line: colour, width, whether flights below another show it
+_LOOKS: Final = {  # of a line: colour, width, drawn for flights below another
     "fault": (FAULT, 16.0, True),
     "low": (THRESHOLD, 1.0, False),
     "high": (THRESHOLD, 1.0, False),
@@ -252,7 +252,7 @@ def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
 
 
 def _unit_tab(shown: Sequence[Shown]) -> rrb.Container:
-    """Draw the unit's reply times and the age of the answers that were flown; histograms up to the cursor."""
+    """Draw the reply times of the unit and the age of the replies in use; histograms up to the cursor."""
     clock = Line(columns.CLOCK, columns.CLOCK_TYPE, "reply_us", "reply time", VOTED)
     age = Line("/control", "rig.Control", "unit_age", "age", PALETTE[0], 3.0)
     late = Line(columns.CLOCK, columns.CLOCK_TYPE, "late_us", "lateness", PALETTE[0])
@@ -260,7 +260,7 @@ def _unit_tab(shown: Sequence[Shown]) -> rrb.Container:
     bars = [histogram(columns.REPLIES, shown), *([histogram(columns.LATENESS, paced)] if paced else [])]
     return rrb.Vertical(
         plot("reply time and lateness, µs" if paced else "reply time, µs", [clock, *([late] if paced else [])], shown),
-        plot("age of the answer that was flown, frames", [age], shown),
+        plot("age of the reply in use, frames", [age], shown),
         rrb.Horizontal(*bars),
         name=UNIT,
     )

@@ -1,6 +1,6 @@
-"""Which numbers of control and flight are drawn together: one unit a chart, and the least span that it shows.
+"""The charts of control and flight: numbers of one unit, and the least span of the axis.
 
-Noise of a thousandth of a degree would fill a chart of its own scale and look like motion.
+Without a least span, noise of a thousandth of a degree would fill a chart and look like motion.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Chart(NamedTuple):
     """Lines of one unit.
 
     names : of DEGREE_NAMES; or command_*, surface_*, surface_command_*, autopilot_command_*, and flight_* of FLIGHT
-    span  : the least that its axis shows, in its unit
+    span  : least span of its axis, in its unit
     """
 
     name: str
@@ -72,12 +72,12 @@ FLOWN: Final = (
     ),
 )
 CHARTS: Final = (*CONTROL, *SURFACE, *FLOWN)
-_LONG: Final = ("surface_command", "autopilot_command")  # before the others that names begin with
+_LONG: Final = ("surface_command", "autopilot_command")  # tested before the shorter beginnings of names
 _COLUMNS: Final = {column.path: column for column in COLUMNS}
 
 
 def _parted(name: str) -> tuple[str, str]:
-    """Return what a name of a chart begins with, and the rest of it."""
+    """Return the beginning of a name of a chart, and the rest."""
     long = next((each for each in _LONG if name.startswith(f"{each}_")), None)
     where = long or name.partition("_")[0]
     return where, name.removeprefix(f"{where}_")
@@ -91,7 +91,7 @@ def place(name: str) -> tuple[str, str]:
 
 
 def label(name: str, chart: Chart) -> str:
-    """Return a name of a chart in words, without its unit and what the chart's name says."""
+    """Return a name of a chart in words, without its unit and without the name of the chart."""
     where, field = _parted(name)
     if where in ("surface", "surface_command", "position") or chart.name == "throttle":
         return {"surface": "command", "surface_command": "actuator input"}.get(where, "position")
@@ -115,7 +115,7 @@ def ranges(rows: Block) -> dict[str, tuple[float, float]]:
 
 
 def spanned(values: NDArray[np.float64], span: float) -> tuple[float, float]:
-    """Return the range of the finite ``values`` and a tenth of it either side, but not less than ``span``."""
+    """Return the range of the finite ``values`` with a tenth added on either side, at least ``span``."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
     middle, half = (low + high) / 2, max(0.6 * (high - low), span / 2)

@@ -1,18 +1,18 @@
-"""What is worked out for the viewer from the rows, and is not in the log: lists of numbers, one a frame.
+"""Lists of numbers that the viewer computes from the rows, one per frame; the log does not have them.
 
-Of each signal, VALUES; a view picks its lines of them by their names in NAMES:
+Each signal has VALUES; a view chooses its lines by their names in NAMES:
 
     fault, low, high, voted, ch_1 .. ch_4, reference, truth
-                    in the unit that people read, deg for rad, and without the jump of an angle on the circle;
-                    low and high: the vote -+ its threshold; fault: the vote while a fault acts on the signal
-    off_*           voted and channels less truth, in the same unit; NaN where a channel is not trusted
-    apart_*         truth and channels less the vote, in thresholds of the monitor, within +-LIMIT;
-                    apart_fault: 0 while a fault acts; apart_low, apart_high: -1 and 1
+                    in display units, deg for rad; angles are unwrapped;
+                    low and high: the vote -+ its threshold; fault: the vote while a fault on the signal is active
+    off_*           voted and channels minus truth, in the same unit; NaN while a channel is not in use
+    apart_*         truth and channels minus the vote, in isolation thresholds, within +-LIMIT;
+                    apart_fault: 0 while a fault is active; apart_low, apart_high: -1 and 1
 
-Of control, DEGREES: commands, autopilot commands and surfaces that are angles or rates.
+Control has DEGREES: commands, autopilot commands and surfaces that are angles or rates.
 
-On the scale of the signal four good channels lie on one another, and one hardover squeezes the rest flat.  Less truth
-they can be told apart; less the vote, one channel off the scale leaves the scale to the others.
+On the scale of the signal four good channels cover one another, and one hardover flattens the others.  The difference
+to the truth separates the channels; the difference to the vote, clipped, leaves the scale to the other channels.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from rig.show.viewer.state_strips import acting
 
 VALUES: Final = "rig.Derived"
 DEGREES: Final = "rig.Degrees"
-LIMIT: Final = 1.5  # thresholds: a difference beyond it is drawn there
+LIMIT: Final = 1.5  # thresholds: larger differences are drawn here
 _CH: Final = tuple(f"ch_{c + 1}" for c in range(CHANNELS))
 NAMES: Final = (
     *("fault", "low", "high", "voted", *_CH, "reference", "truth"),
@@ -46,7 +46,7 @@ _Singles = NDArray[np.float32]
 
 
 class Derived:
-    """The lists of a flight, block after block; it keeps how often an angle has gone round."""
+    """The lists of a flight, block after block; it keeps the turns of each angle."""
 
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
@@ -55,7 +55,7 @@ class Derived:
         self._last: tuple[_Floats, _Floats] | None = None  # of angles that wrap: truth as it was, without jumps
 
     def values(self, rows: Block) -> NDArray[np.float32]:
-        """Return the numbers of NAMES of all signals: (S, n, m), in single precision, for they are drawn."""
+        """Return the numbers of NAMES of all signals: (S, n, m), in single precision."""
         values = np.empty((S, len(rows), len(NAMES)), np.float32)
         by_row = values.swapaxes(0, 1)
         with np.errstate(invalid="ignore", over="ignore"):  # a flight that ends not finite
@@ -69,7 +69,7 @@ class Derived:
         return values
 
     def _acts(self, rows: Block) -> NDArray[np.bool_]:
-        """Return (n, S) whether a fault on each signal acts."""
+        """Return (n, S) a fault on each signal acts."""
         acts, on_signal = acting(rows, len(self._facts.faults)), np.zeros((len(rows), S), bool)
         for i, numbers in enumerate(self._on):
             if numbers:
@@ -89,7 +89,7 @@ class Derived:
         return out
 
     def _shown(self, to: _Singles, truth: _Floats, off: _Floats, acts: NDArray[np.bool_]) -> None:
-        """Write fault .. truth; ``off`` (n, S, 6) are vote, channels and reference less truth."""
+        """Write fault .. truth; ``off`` (n, S, 6) are vote, channels and reference minus truth."""
         around = (truth[..., None] + off) * _SCALE[:, None]
         voted, half = around[..., 0], self._threshold * _SCALE
         to[..., 0] = np.where(acts, voted, np.nan)
@@ -104,7 +104,7 @@ class Derived:
         to[..., 1:] = np.where(trusted, off[..., 1 : 1 + CHANNELS] * _SCALE[:, None], np.nan)
 
     def _difference(self, to: _Singles, apart: _Floats, voted: _Floats, acts: NDArray[np.bool_]) -> None:
-        """Write apart_*; ``voted`` (n, S) is the vote less truth."""
+        """Write apart_*; ``voted`` (n, S) is the vote minus truth."""
         to[..., 0] = np.where(acts, 0.0, np.nan)
         to[..., 1:3] = (-1.0, 1.0)
         to[..., 3] = np.clip(-voted / self._threshold, -LIMIT, LIMIT)
@@ -112,7 +112,7 @@ class Derived:
 
 
 def _carried(values: _Floats) -> _Floats:
-    """Return ``values`` (n, m) with what is not finite replaced by the last that was, in its column."""
+    """Return ``values`` (n, m) with each non-finite one replaced by the last finite one of its column."""
     finite = np.isfinite(values)
     if finite.all():
         return values
@@ -120,7 +120,7 @@ def _carried(values: _Floats) -> _Floats:
     return np.take_along_axis(values, rows, axis=0)
 
 
-# Of control: what is an angle or a rate, in the order of its list.
+# Angles and rates of control, in the order of the list.
 _COMMANDS: Final = [i for i, name in enumerate(COMMANDS) if name.endswith(("_rad", "_rad_s"))]
 _AUTOPILOT_COMMANDS: Final = [i for i, name in enumerate(AUTOPILOT_COMMANDS) if name.endswith("_rad")]
 _SURFACES: Final = [i for i, name in enumerate(SURFACES) if name.endswith("_rad")]

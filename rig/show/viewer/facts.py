@@ -1,6 +1,6 @@
-"""What the viewer must know of a scenario beside its frames: thresholds, faults by name, a title.
+"""Facts of a scenario that the viewer needs beside its frames: thresholds, names of faults, a title.
 
-A stream has it from the scenario that is flown, a log from the scenario that was recorded in it.
+A stream takes them from the scenario in flight, a log from the recorded scenario.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class FaultFact:
     """A fault of the scenario.
 
     place    : the signals that it acts on, joined by "+", or another place as the scenario names it
-    channels : numbered from 1; none when it acts on no channel or on all of them
-    lanes    : from 0, computers on which it sits, or whose words it changes; each owns its channel
-    start_s  : when it begins; NaN when that depends on the flight
+    channels : numbered from 1; empty if it acts on no channel or on all of them
+    lanes    : from 0, computers with the fault, or with messages that it changes; each owns its channel
+    start_s  : its begin; NaN if that depends on the flight
     """
 
     label: str
@@ -48,16 +48,16 @@ class FaultFact:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What a whole flight has shown, which the layout is made for; a stream has none of it.
+    """Results of a whole flight, for which the layout is made; a stream has none.
 
-    survived   : None when the flight was not ended
-    isolated_s : when the decisive fault was isolated; None: it was not
-    zoom_s     : from half a second before the decisive fault to one second after the isolation; None: no fault acted
+    survived   : None if the flight has no end
+    isolated_s : time of isolation of the decisive fault; None: not isolated
+    zoom_s     : from half a second before the decisive fault to one second after the isolation; None: no active fault
     main       : the signal of that fault; empty: none
-    coils_s    : as zoom_s, about the first channel of a servo that was shut off; None: none was
-    lanes_s    : as zoom_s, about the first computer or link that failed; None: none did
+    coils_s    : as zoom_s, around the first servo channel that was shut off; None: none
+    lanes_s    : as zoom_s, around the first computer or link that failed; None: none
     noted      : signals with a fault or a channel that was not ok, by their names
-    ranges     : lowest and highest value of what is drawn, by its name, in the unit in which it is drawn
+    ranges     : lowest and highest value of each drawn quantity, by name, in display units
     """
 
     survived: bool | None = None
@@ -73,12 +73,12 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """``thresholds`` in the unit of their signal, by its name; a signal that is not in it has no band."""
+    """``thresholds`` in the unit of their signal, by name; a signal without an entry has no band."""
 
     title: str = ""
     thresholds: Mapping[str, float] = field(default_factory=dict)
     faults: tuple[FaultFact, ...] = ()
-    unit: str = ""  # under test, by its name; empty: our own manager
+    unit: str = ""  # under test, by its name; empty: the built-in manager
     paced: bool = False  # by the clock
     servos: bool = False  # move the surfaces
     computers: int = 1
@@ -89,31 +89,31 @@ class Facts:
         return self.thresholds.get(SIGNALS[index].name, nan)
 
     def faults_on(self, signal: str) -> list[int]:
-        """Return the faults that sit on ``signal``, as numbers from 0."""
+        """Return the faults on ``signal``, as numbers from 0."""
         return [i for i, fault in enumerate(self.faults) if signal in fault.places]
 
     @property
     def first_faulted(self) -> str | None:
-        """The signal that the first fault on any signal sits on."""
+        """The signal of the first fault that acts on a signal."""
         places = (place for fault in self.faults for place in fault.places)
         return next((place for place in places if place in INDEX), None)
 
     @property
     def first_start_s(self) -> float | None:
-        """Return when the first fault begins whose time the scenario says."""
+        """Return the earliest begin of a fault with a time in the scenario."""
         return min((fault.start_s for fault in self.faults if isfinite(fault.start_s)), default=None)
 
 
-# Of a log without a scenario that can be read: its faults have numbers for names.
+# For a log without a readable scenario: its faults have numbers as names.
 UNKNOWN: Final = Facts(faults=tuple(FaultFact(f"fault {i + 1}", "") for i in range(MOST_FAULTS)))
 
-TAGS: Final = "ABCD"  # of flights that lie over each other, in their order
+TAGS: Final = "ABCD"  # letters of flights that are shown together, in their order
 
 
 class Shown(NamedTuple):
-    """One of the flights that lie over each other.
+    """One of the flights that are shown together.
 
-    below : how many lie over it; the viewer draws in the order of ``root``, so the last is on top
+    below : number of flights drawn over it; the viewer draws in the order of ``root``, the last on top
     """
 
     below: int = 0
@@ -123,25 +123,25 @@ class Shown(NamedTuple):
 
     @property
     def prefix(self) -> str:
-        """Before a name in a legend or a lane."""
+        """Prefix of a name in a legend or a strip."""
         return f"{self.tag} " if self.tag else ""
 
 
 def together(facts: Sequence[Facts]) -> list[Shown]:
-    """Return flights that lie over each other, as A, B, .., the last on top; one alone needs no letter."""
+    """Return flights that are shown together as A, B, .., the last on top; a single one has no letter."""
     if len(facts) == 1:
         return [Shown(facts=facts[0])]
     return [Shown(len(facts) - 1 - i, f"/{TAGS[i]}", TAGS[i], each) for i, each in enumerate(facts)]
 
 
 def drawn_range(shown: Sequence[Shown], name: str) -> Span:
-    """Return the axis that holds what all flights that are over show by this name; None: there is none."""
+    """Return the axis that holds the values of all ended flights by this name; None: there is none."""
     ranges = [seen.ranges[name] for flight in shown if (seen := flight.facts.seen) and name in seen.ranges]
     return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
 
 
 class Layout(NamedTuple):
-    """What the viewer is to open with; see blueprint.blueprint."""
+    """The layout with which the viewer opens; see blueprint.blueprint."""
 
     shown: Sequence[Shown] = (Shown(),)
     tab: str = "overview"
@@ -149,7 +149,7 @@ class Layout(NamedTuple):
 
 
 def of_resolved(scenario: Mapping[str, Any]) -> Facts:
-    """Return the facts of a scenario as plain data, with its defaults written out; KeyError: one is missing."""
+    """Return the facts of a scenario as plain data, with its defaults; KeyError: one is missing."""
     computers = scenario.get("computers", {}).get("count", 1)
     return Facts(
         scenario.get("title") or scenario["aircraft"],
@@ -161,7 +161,7 @@ def of_resolved(scenario: Mapping[str, Any]) -> Facts:
 
 
 def _fault(fault: Mapping[str, Any], several: bool) -> FaultFact:
-    """Return a fault of a scenario, with the lanes that it concerns where there are ``several`` computers."""
+    """Return a fault of a scenario, with its lanes if there are ``several`` computers."""
     start, place = fault.get("start_s"), fault_names.place(fault)
     return FaultFact(
         fault_names.label(fault),
@@ -179,9 +179,9 @@ def _lanes(place: str) -> tuple[int, ...]:
 
 
 def of_log(metadata: Mapping[str, str]) -> Facts:
-    """Return the facts of the scenario in a log's metadata; UNKNOWN when there is none that can be read.
+    """Return the facts of the scenario in a log's metadata; UNKNOWN if it cannot be read.
 
-    As plain data: a scenario's checks take half a second to be imported, and it has passed them when it was flown.
+    The scenario stays plain data: the import of its checks takes half a second, and it passed them before the flight.
     """
     try:
         return replace(of_resolved(scenario_of(metadata, "log")), unit=str(unit_of(metadata).get("name", "")))

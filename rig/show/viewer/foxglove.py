@@ -1,9 +1,9 @@
-"""A layout for Foxglove, with which a log opens as it does in Rerun: the same tabs, main signal, decisive seconds.
+"""A layout for Foxglove with the tabs, main signal and decisive seconds that a log has in Rerun.
 
-Written in the form in which the application exports and imports layouts: panels by their ids, and a binary tree of
-ids as their arrangement.  Plots are drawn from the log's own fields, found through rig.log.schema, in the unit that
-people read.  A message path can turn rad into deg but cannot subtract: what derived.py makes (differences from vote and
-truth, the band of the threshold, angles without jumps) is Rerun's alone.
+The file has the form in which the application exports and imports layouts: panels by their ids, and a binary tree of
+ids as their arrangement.  Plots use the fields of the log, found through rig.log.schema, in display units.  A message
+path can convert rad to deg but cannot subtract, so the quantities of derived.py (differences from vote and truth, the
+band of the threshold, unwrapped angles) exist in Rerun only.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _LINES: Final = (  # of a signal: field, colour, width
 
 
 class Written(NamedTuple):
-    """What a layout shows first: its main signal, and the decisive seconds; None: no fault acted."""
+    """Summary of a written layout: panels, main signal, and decisive seconds; None: no active fault."""
 
     panels: int
     signal: str
@@ -46,9 +46,9 @@ class Written(NamedTuple):
 
 
 def write(opened: Opened, out: Path) -> Written:
-    """Write the layout for the topmost of the logs that have been read.
+    """Write the layout for the topmost of the logs.
 
-    BadInput: ``out`` cannot be written; RigError: the disk does not take it.
+    BadInput: ``out`` cannot be written; RigError: the disk reports an error.
     """
     shown = opened.about.layout.shown[-1]
     made = layout(shown, opened.about.text)
@@ -57,7 +57,7 @@ def write(opened: Opened, out: Path) -> Written:
 
 
 def layout(shown: Shown, text: str) -> dict[str, Any]:
-    """Return the layout for one flight, whose outcome ``text`` says in Markdown."""
+    """Return the layout for one flight; text : its outcome, Markdown."""
     panels = panel.Panels()
     facts, signal, span = shown.facts, main_signal([shown]), decisive_span([shown])
     tabs = {
@@ -77,7 +77,7 @@ def layout(shown: Shown, text: str) -> dict[str, Any]:
 
 
 def _overview(panels: panel.Panels, shown: Shown, signal: Signal, span: panel.Span, text: str) -> panel.Node:
-    """Arrange the headline over the whole flight, its decisive seconds and what is at the cursor."""
+    """Arrange the headline over the whole flight, its decisive seconds and the state at the cursor."""
     facts = shown.facts
     signals = [SIGNALS[lane.at[0]] for lane in status_shown([shown])]
     patterns = [
@@ -108,7 +108,7 @@ def _group(panels: panel.Panels, facts: Facts, group: str) -> panel.Node:
 
 
 def _signal_plot(panels: panel.Panels, facts: Facts, signal: Signal, span: panel.Span = None, title: str = "") -> str:
-    """Draw truth, reference, channels and vote of a signal, on the scale that Rerun has."""
+    """Draw truth, reference, channels and vote of a signal, on the scale of Rerun."""
     fields = [line for line in _LINES if line[0] not in _CHANNEL_FIELDS[signal.channels :]]
     paths = [
         panel.line(f"{signal.topic}.{name}", signal.unit, plain(name), color, width) for name, color, width in fields
@@ -119,12 +119,12 @@ def _signal_plot(panels: panel.Panels, facts: Facts, signal: Signal, span: panel
 
 
 def _range(facts: Facts, name: str) -> panel.Span:
-    """Return the scale that Rerun has; not for an angle on the circle, whose jumps the log has and Rerun has not."""
+    """Return the scale of Rerun; not for angles, which wrap in the log and are unwrapped in Rerun."""
     return None if facts.seen is None else facts.seen.ranges.get(name)
 
 
 def _signal_states(panels: panel.Panels, facts: Facts, signal: Signal, span: panel.Span = None, title: str = "") -> str:
-    """Draw when faults act, and the states of a signal: its channels, level, pattern, decided_by, source."""
+    """Draw active faults and the states of a signal: its channels, level, pattern, decided_by, source."""
     rows = [panel.state(lane, plain(lane.path.rsplit("/", 1)[1])) for lane in lanes.of_signal(signal)]
     level = {"value": f"{signal.topic}.level", "label": "level", **panel.DRAWN}
     return panels.states(f"{title}{lanes.title(signal)}", [*panel.acting(facts), *rows, level], span)
@@ -183,12 +183,12 @@ def _flight(panels: panel.Panels, facts: Facts) -> panel.Node:
 
 
 def _unit(panels: panel.Panels, facts: Facts) -> panel.Node:
-    """Arrange the unit's reply times over the age of the answers that were flown."""
+    """Arrange the reply times of the unit over the age of the replies in use."""
     times = [("reply_us", "reply time"), *([("late_us", "lateness")] if facts.paced else [])]
     drawn = [
         panel.line(f"/timing.{name}", "", label, PALETTE[i + 6 * (i == 0)]) for i, (name, label) in enumerate(times)
     ]
     age = panel.line(panel.PATHS["unit_age", ()], "", "age", PALETTE[0], 3.0)
     plots = [panels.plot(" and ".join(label for _, label in times), "µs", drawn)]
-    plots.append(panels.plot("age of the answer that was flown", "frames", [age]))
+    plots.append(panels.plot("age of the reply in use", "frames", [age]))
     return panel.split("column", [(each, 1) for each in plots])

@@ -1,4 +1,4 @@
-"""The tabs of a Foxglove layout of flights with servo actuators or several computers, in the looks of the viewer."""
+"""The tabs of a Foxglove layout for servo actuators and several computers, with the colours of the viewer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _TESTS: Final = {
 
 
 def beside_tabs(panels: panel.Panels, facts: Facts) -> dict[str, panel.Node]:
-    """Return the tabs that the flight has of servos and of several computers, by their names in the viewer."""
+    """Return the tabs of servos and of several computers, by their names in the viewer."""
     tabs: dict[str, panel.Node] = {}
     if facts.servos:
         tabs["actuators"] = panel.split("column", [(_actuator(panels, surface), 1) for surface in MOVED])
@@ -31,11 +31,11 @@ def beside_tabs(panels: panel.Panels, facts: Facts) -> dict[str, panel.Node]:
 
 
 def _actuator(panels: panel.Panels, surface: str) -> panel.Node:
-    """Arrange positions, currents, and by which monitor a channel was shut off."""
+    """Arrange positions, currents, and the monitors that shut off channels."""
     topic = servos.topic(surface)
     channels = [(f"_{c + 1}", CHANNEL_COLORS[c]) for c in range(CHANNELS)]
     positions = [panel.line(f"{topic}.lvdt{end}", "rad", f"LVDT{plain(end)}", color) for end, color in channels]
-    positions.append(panel.line(f"{topic}.asked_1", "rad", "asked 1", REFERENCE))
+    positions.append(panel.line(f"{topic}.asked_1", "rad", "command 1", REFERENCE))
     positions.append(panel.line(f"{topic}.ram", "rad", "ram", VOTED, 3.0))
     currents = [panel.line(f"{topic}.current{end}", "", f"current{plain(end)}", color) for end, color in channels]
     lane = servos.of_surface(surface)[0]
@@ -49,22 +49,22 @@ def _actuator(panels: panel.Panels, surface: str) -> panel.Node:
 
 
 def _computers(panels: panel.Panels, facts: Facts) -> panel.Node:
-    """Arrange faults, health and what lanes were failed for, the links, what the lanes command, clocks and events."""
+    """Arrange faults, health of the lanes with reasons, links, commands, clocks and events."""
     rows = panel.acting(facts)
     for i, name in enumerate(COMPUTERS[: facts.computers]):
         seen = computers.HEALTH[i].looks
         looks = {int(health): seen.get(health.name, ("failed", FAILED)) for health in Health}
         rows.append(panel.states_at(f"{computers.topic(i)}.health", f"lane {name}", looks))
-        rows.append(panel.states_at(f"{computers.topic(i)}.failed_for", f"lane {name} for", _TESTS))
+        rows.append(panel.states_at(f"{computers.topic(i)}.failed_for", f"lane {name}, reason", _TESTS))
     links = [
         panel.states_at(f"/ccdl.state_{COMPUTERS[a]}_{COMPUTERS[b]}", f"{COMPUTERS[a]} to {COMPUTERS[b]}", looks)
         for (a, b), lane in zip(LINKS, computers.OF_LINKS, strict=True)
         if max(a, b) < facts.computers
         for looks in ({code: lane.looks[state] for code, state in lane.states.items() if state != "OUTVOTED"},)
     ]
-    above = [(panels.states("faults, computers", rows), 3.0), (panels.states("links", links), 2.0)]
+    above = [(panels.states("faults, lanes", rows), 3.0), (panels.states("links", links), 2.0)]
     plots = [(_of_lanes(panels, facts, f"surface_{name}", plain(name.removesuffix("_rad"))), 1.0) for name in SURFACES]
-    clocks = _of_lanes(panels, facts, computers.CLOCK, "clocks: lead, frames")
+    clocks = _of_lanes(panels, facts, computers.CLOCK, "clock lead, frames")
     below = panel.split("row", [*plots, (clocks, 1.0), (panels.events(), 1.0)])
     return panel.split("column", [(panel.split("row", above), 2.0), (below, 1.0)])
 

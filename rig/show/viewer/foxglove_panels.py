@@ -20,7 +20,7 @@ PATHS: Final = {
     for topic in TOPICS_OF_ROWS
     for field in MESSAGES[topic.message]
 }
-_ON_WHITE: Final = {VOTED: PALETTE[6]}  # Foxglove's ground is dark or white, as its user likes
+_ON_WHITE: Final = {VOTED: PALETTE[6]}  # the user chooses a dark or a white ground in Foxglove
 DRAWN: Final = {"enabled": True, "timestampMethod": "receiveTime"}
 
 
@@ -31,14 +31,14 @@ class Panels:
         self.configs: dict[str, dict[str, Any]] = {}
 
     def add(self, kind: str, title: str, **config: Any) -> str:
-        """Add a panel of Foxglove's ``kind``, and return its id; what is None is left out."""
+        """Add a panel of Foxglove's ``kind``, and return its id; a setting of None is omitted."""
         name = f"{kind}!{len(self.configs) + 1}"
         titled = {"foxglovePanelTitle": title or None, **config}
         self.configs[name] = {key: value for key, value in titled.items() if value is not None}
         return name
 
     def plot(self, title: str, unit: str, paths: list[dict[str, Any]], values: Span = None, span: Span = None) -> str:
-        """Add a plot, ``values`` in ``unit``; one of the seconds ``span`` keeps them, all others move together."""
+        """Add a plot, ``values`` in ``unit``; a plot with ``span`` keeps these seconds, all others move together."""
         axes: dict[str, Any] = {"yAxisLabel": unit or None, "isSynced": span is None}
         if values is not None:
             axes |= {"minYValue": values[0], "maxYValue": values[1]}
@@ -68,19 +68,19 @@ def split(direction: str, nodes: Sequence[tuple[Node, float]]) -> Node:
 
 
 def grid(nodes: Sequence[Node], columns: int) -> Node:
-    """Arrange nodes in rows of so many columns."""
+    """Arrange nodes in rows of ``columns``."""
     rows = [nodes[i : i + columns] for i in range(0, len(nodes), columns)]
     return split("column", [(split("row", [(node, 1) for node in row]), 1) for row in rows])
 
 
 def line(path: str, unit: str, label: str, color: Color, width: float = 1.5) -> dict[str, Any]:
-    """Return a line of a plot of the SI number at ``path``, in the unit that people read."""
+    """Return a line of a plot of the SI number at ``path``, in display units."""
     turned = path if scale_shown(unit) == 1.0 else f"{path}.@rad2deg"
     return {"value": turned, "label": label, "color": hex_of(color), "lineSize": width, "showLine": True, **DRAWN}
 
 
 def state(lane: lanes.Lane, label: str) -> dict[str, Any]:
-    """Return a row of state transitions: its states as Rerun calls and paints them."""
+    """Return a row of state transitions: with the labels and colours of Rerun."""
     looks = {code: lane.looks[name] for code, name in lane.states.items() if name in lane.looks}
     return states_at(PATHS[lane.field, lane.at], label, looks)
 
@@ -100,7 +100,7 @@ def custom(looks: dict[int, tuple[str, Color]], other: tuple[str, Color] = ("", 
 
 
 def acting(facts: Facts) -> list[dict[str, Any]]:
-    """Return a row for each eight faults: a byte of the log, a bit a fault, named while one of them acts alone."""
+    """Return a row for each eight faults (a byte of the log, a bit per fault), with a label while one alone acts."""
     rows = []
     for byte in range((len(facts.faults) + 7) // 8):
         eight = facts.faults[8 * byte : 8 * byte + 8]
@@ -112,5 +112,5 @@ def acting(facts: Facts) -> list[dict[str, Any]]:
 
 
 def hex_of(color: Color) -> str:
-    """Return a colour as Foxglove has it."""
+    """Return a colour in the notation of Foxglove."""
     return "#{:02x}{:02x}{:02x}".format(*_ON_WHITE.get(color, color))

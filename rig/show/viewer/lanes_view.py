@@ -1,11 +1,11 @@
-"""Several computers in the viewer: their health, who leads, how they vote commands, what comes over their links.
+"""Several computers in the viewer: health, leading lane, votes of commands, links.
 
-/computer/A ..     the list of NAMES: commands in deg, throttle as a share, frames of the clock
-/lane_A ..         engaged in the colour of its channel; suspect; failed, and for what
-/leading_lane      whose votes and commands are the frame's; the back-up
-/lane_A/accused .. by which lanes
-/vote_elevator ..  the leading lane's vote of the lanes' commands
-/A_to_B ..         what B has of A's message: fresh, old, missing, failed; outvoted by the relays
+/computer/A ..         the list of NAMES: commands in deg, throttle as a share, frames of the clock
+/lane_A ..             engaged in the colour of its channel; suspect; failed, with the reason
+/leading_lane          the lane whose votes and commands are those of the frame; the back-up
+/lane_A/reported_by .. the lanes that report it as faulty
+/vote_elevator ..      the vote of the leading lane on the commands of all lanes
+/A_to_B ..             the message of A at B: fresh, old, missing, failed; outvoted by the relays
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ NAMES: Final = (*SURFACES, CLOCK)
 LEGEND: Final = "/legend/computers"
 LEGEND_LINES: Final = (
     *((f"lane {name}", color) for name, color in zip(COMPUTERS, CHANNEL_COLORS, strict=True)),
-    ("to the surface", VOTED),
+    ("output to the surface", VOTED),
     ("suspect", SUSPECT),
     ("failed", FAILED),
 )
 BACKUP: Final = len(COMPUTERS)
 _SCALES: Final = [scale_shown(unit_of_name(name)) for name in SURFACES]
-_TEST_BITS: Final = 4  # below the health, what a lane was failed for
+_TEST_BITS: Final = 4  # below the health: the test that failed the lane
 _OUTVOTED: Final = 8  # above the state of a link
 _UNRESOLVED: Final = 16  # above the pattern of a vote
 _NOT_FITTED: Final = ("not fitted", ENDED)
@@ -60,7 +60,7 @@ def topic(lane: int) -> str:
 
 
 def _health(lane: int) -> Lane:
-    """Return the lane of a computer's health; what it failed for is a part of the state's name."""
+    """Return the states of the health of a computer; the name of a state includes the test that failed it."""
     looks: Looks = {
         "ABSENT": _NOT_FITTED,
         "ENGAGED": ("engaged", CHANNEL_COLORS[lane]),
@@ -76,16 +76,16 @@ def _health(lane: int) -> Lane:
     return Lane(f"/lane_{COMPUTERS[lane]}", "health", (lane,), states, looks)
 
 
-def _accused(lane: int) -> Lane:
-    """Return the lane of who accuses a computer: a bit an accuser."""
-    looks: Looks = {"NOBODY": ("by nobody", QUIET)}
-    states = {0: "NOBODY"}
+def _reported(lane: int) -> Lane:
+    """Return the states of the reports on a computer: a bit for each lane that reports it."""
+    looks: Looks = {"NONE": ("no lane", QUIET)}
+    states = {0: "NONE"}
     for n in range(1, len(COMPUTERS) + 1):
-        for accusers in combinations(range(len(COMPUTERS)), n):
-            names = [COMPUTERS[i] for i in accusers]
-            states[sum(1 << i for i in accusers)] = name = f"BY_{''.join(names)}"
+        for reporters in combinations(range(len(COMPUTERS)), n):
+            names = [COMPUTERS[i] for i in reporters]
+            states[sum(1 << i for i in reporters)] = name = f"BY_{''.join(names)}"
             looks[name] = f"by {', '.join(names)}", SUSPECT
-    return Lane(f"/lane_{COMPUTERS[lane]}/accused", "accuses", (lane,), states, looks)
+    return Lane(f"/lane_{COMPUTERS[lane]}/reported_by", "accuses", (lane,), states, looks)
 
 
 def _leading() -> Lane:
@@ -95,7 +95,7 @@ def _leading() -> Lane:
 
 
 def _vote(surface: int) -> Lane:
-    """Return the lane of the vote of commands of one of SURFACES."""
+    """Return the states of the vote of commands of one of SURFACES."""
     looks = {**attention(Pattern, Pattern.NORMAL), "UNRESOLVED": ("unresolved", ALL_FAILED)}
     states = {int(pattern): pattern.name for pattern in Pattern}
     states |= {pattern | _UNRESOLVED: "UNRESOLVED" for pattern in Pattern}
@@ -121,25 +121,25 @@ def _link(sender: int, receiver: int) -> Lane:
 
 LEADING: Final = _leading()
 HEALTH: Final = tuple(map(_health, range(len(COMPUTERS))))
-ACCUSED: Final = tuple(map(_accused, range(len(COMPUTERS))))
+REPORTED: Final = tuple(map(_reported, range(len(COMPUTERS))))
 VOTES: Final = tuple(map(_vote, range(len(SURFACES))))
 OF_LINKS: Final = tuple(_link(sender, receiver) for sender, receiver in LINKS)
-LANES: Final = (*HEALTH, LEADING, *ACCUSED, *VOTES, *OF_LINKS)
+LANES: Final = (*HEALTH, LEADING, *REPORTED, *VOTES, *OF_LINKS)
 
 
 def fitted(lanes: tuple[Lane, ...], count: int) -> list[Lane]:
-    """Return those of HEALTH, ACCUSED or OF_LINKS that ``count`` computers have."""
+    """Return those of HEALTH, REPORTED or OF_LINKS that ``count`` computers have."""
     return [lane for lane in lanes if max(lane.at) < count]
 
 
 def leading(table: Table) -> NDArray[np.intp]:
-    """Return the leading lane of each row (n,), BACKUP where none leads."""
+    """Return the leading lane of each row (n,), BACKUP if none leads."""
     leads = table.lane["leads"]
     return np.where(leads.any(axis=1), leads.argmax(axis=1), BACKUP)
 
 
 def codes(table: Table, lane: Lane) -> NDArray[Any]:
-    """Return what a lane of LANES shows in each row (n,)."""
+    """Return the code of a strip of LANES in each row (n,)."""
     rows = table.lane
     if lane.field == "leads":
         return leading(table)
@@ -164,7 +164,7 @@ def values(table: Table, i: int) -> NDArray[np.float64]:
 
 
 def ranges(table: Table, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
-    """Return the axes of what NAMES names: of commands in a ``part`` of the rows, deg or share; of clocks, frames."""
+    """Return the axes of NAMES: commands in a ``part`` of the rows, deg or share; clocks, frames."""
     fitted = [i for i in range(len(COMPUTERS)) if (table.lane["health"][:, i] != Health.ABSENT).any()]
     every = np.stack([values(table, i) for i in fitted]) if fitted else np.zeros((1, len(table), len(NAMES)))
     axes = {name: every[:, slice(None) if name == CLOCK else part, i].ravel() for i, name in enumerate(NAMES)}

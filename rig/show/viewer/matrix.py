@@ -1,6 +1,6 @@
-"""The channels of all signals at the cursor as a matrix of colours, and what the colours of lines and cells mean.
+"""The channels of all signals at the cursor as a matrix of colours, with the legend of lines and cells.
 
-/matrix         a cell for each channel, coloured when any state changes
+/matrix         a cell for each channel, updated at each change of state
 /matrix/names   the signals, the numbers of the channels in their colours, the legend
 """
 
@@ -43,7 +43,7 @@ _LINES: Final = (
     ("truth", TRUTH),
     ("reference", REFERENCE),
     ("threshold", THRESHOLD),
-    ("fault acts", FAULT_LANE),
+    ("fault active", FAULT_LANE),
 )
 
 
@@ -62,7 +62,7 @@ def colors(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def columns(rows: Block, at: NDArray[np.intp]) -> Any:
-    """Return the cells as they are in the rows ``at``."""
+    """Return the cells in the rows ``at``."""
     shades = colors(rows["state"][at])
     packed = [rgb for row in shades for rgb in row]
     strokes = rr.LineStrips2D.columns(
@@ -72,7 +72,7 @@ def columns(rows: Block, at: NDArray[np.intp]) -> Any:
 
 
 def names() -> rr.Points2D:
-    """Return the words beside the cells."""
+    """Return the labels of the cells."""
     words: list[tuple[float, float, str, Color]] = [
         (4.3, s + 1.4, plain(signal.name), VOTED) for s, signal in enumerate(SIGNALS)
     ]
@@ -88,7 +88,7 @@ def legend() -> rr.Points2D:
 
 
 def strip(named: Sequence[tuple[str, Color]]) -> rr.Points2D:
-    """Return a legend of what is named, in a strip."""
+    """Return a legend of ``named`` colours in a strip."""
     step = STRIP / len(named)
     return _written([(step * (i + 0.5), -0.6, label, color) for i, (label, color) in enumerate(named)])
 

@@ -1,6 +1,6 @@
-"""Logs opened for viewing: the same columns and layout as the live stream's, several flights over each other.
+"""Logs opened in the viewer with the columns and the layout of the live stream; up to four flights together.
 
-Rerun opens our .mcap by itself too, but without a layout, and dates the flight 1970.
+Rerun can also open the .mcap directly, but without a layout, and dates the flight 1970.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from rig.show.viewer.facts import TAGS, Layout, of_log, together
 from rig.show.viewer.sink import SERVER_MEMORY, About, Sink, open_sink
 from rig.show.viewer.story import look
 
-BATCH: Final = 6000  # frames that are sent at once
+BATCH: Final = 6000  # frames per batch
 FLUSH_S: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """Logs that have been read, and how they will be shown; the last is on top."""
+    """Logs that were read, and their layout; the last is on top."""
 
     logs: tuple[Log, ...]
     about: About
 
     @property
     def frames(self) -> int:
-        """Of all logs together."""
+        """Number of frames of all logs."""
         return sum(len(log.rows) for log in self.logs)
 
     @property
     def moment_s(self) -> float:
-        """A time worth looking at: the isolation of the decisive fault, else the last event, else the end."""
+        """The initial time of the cursor: the isolation of the decisive fault, or the last event, or the end."""
         log, seen = self.logs[-1], self.about.layout.shown[-1].facts.seen
         if seen is not None and seen.isolated_s is not None:
             return seen.isolated_s
@@ -49,12 +49,12 @@ class Opened:
 
 
 def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) -> Opened:
-    """Read the logs at ``paths``, the last of which is on top where they lie over each other.
+    """Read the logs at ``paths``; the last is on top.
 
-    BadInput: too many; BadLog, in one line: one that is missing, foreign, cut, damaged or empty.
+    BadInput: too many; BadLog, one line: a file is missing, foreign, cut, damaged or empty.
     """
     if not 1 <= len(paths) <= len(TAGS):
-        raise BadInput(f"{len(paths)} logs: 1 to {len(TAGS)} can lie over each other")
+        raise BadInput(f"{len(paths)} logs: 1 to {len(TAGS)} can be shown together")
     logs = tuple(read_log(path) for path in paths)
     for path, log in zip(paths, logs, strict=True):
         if not len(log.rows):
@@ -74,7 +74,7 @@ def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) 
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Return the files' names, with as many of their folders as it takes to tell them apart."""
+    """Return the names of the files, with enough of their folders to distinguish them."""
     depth = 1
     whole = [path.resolve().parts for path in paths]
     while depth < max(map(len, whole)) and len({parts[-depth:] for parts in whole}) < len(set(whole)):
@@ -83,7 +83,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 
 def _words(name: str, log: Log) -> str:
-    """Return a line of Markdown that says which flight a log holds."""
+    """Return a line of Markdown that identifies the flight of a log."""
     result = log.result or {}
     scenario = scenario_of(log.metadata, name)
     parts = [
@@ -96,7 +96,7 @@ def _words(name: str, log: Log) -> str:
 
 
 def send(opened: Opened, sink: Sink) -> None:
-    """Send all frames and events, and wait until they are written or handed on."""
+    """Send all frames and events, and wait until they are written or transmitted."""
     sink.begin()
     longest_s = max(len(log.rows) / log.rate_hz for log in opened.logs)
     for flight, log in enumerate(opened.logs):
@@ -109,14 +109,14 @@ def send(opened: Opened, sink: Sink) -> None:
 
 
 def save(opened: Opened, rrd: Path) -> None:
-    """Write ``rrd``, with the layout in it; BadInput when it cannot be opened, RigError: the disk."""
+    """Write ``rrd``, with the layout in it; BadInput: it cannot be opened; RigError: disk error."""
     if rrd.suffix != ".rrd":
         raise BadInput(f"{rrd}: must end in .rrd")
     with replaced(rrd) as part, reported(rrd):
         sink = open_sink("save", opened.about, part)
         try:
             send(opened, sink)
-        except RuntimeError as error:  # of Rerun
+        except RuntimeError as error:  # by Rerun
             raise RigError(f"{rrd}: cannot be written: {error}") from None
         finally:
             sink.close()
@@ -132,7 +132,7 @@ def serve(opened: Opened) -> Sink:
 
 @contextmanager
 def as_file(opened: Opened) -> Iterator[Path]:
-    """Write a temporary .rrd of the flights: a viewer loads it much faster than what it is sent."""
+    """Write a temporary .rrd of the flights: a viewer loads a file much faster than a stream."""
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
         rrd = Path(folder) / "flights.rrd"
         save(opened, rrd)
@@ -143,7 +143,7 @@ def as_file(opened: Opened) -> Iterator[Path]:
 def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     """Open a viewer's window with the flights, closed at the end.  ``arguments`` are for the viewer program.
 
-    It is started first, to get itself ready while the file is written.  RigError: it did not take the file.
+    The viewer starts while the file is written.  RigError: the viewer did not open the file.
     """
     port = viewer.free_port()
     process = viewer.launch(["--port", str(port), "--expect-data-soon", *arguments])

@@ -1,7 +1,7 @@
-"""The views that the layout is made of: lines against time, lanes of states; texts, figures, matrix, scene, histograms.
+"""The views of the layout: lines and strips of states against time, texts, figures, matrix, scene, histograms.
 
-A log, a stream and a saved .rrd hold one struct a frame and entity; a component mapping picks the fields.
-Mappings are not a stable API of Rerun: they are used here alone.
+A log, a stream and a saved .rrd hold one struct per frame and entity; a component mapping selects the fields.
+Mappings are not a stable API of Rerun, so this module alone uses them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rig.show.viewer.style import ACTING, COLOR_NAMES, FAULT_LANE, PALETTE, QUIE
 class Line(NamedTuple):
     """A field of the struct of an entity as a line; width in points.
 
-    below : whether flights that lie below another show it too
+    below : flights below another show it too
     fault_on : a signal; flights without a fault on it do not show the line
     """
 
@@ -42,7 +42,7 @@ class Line(NamedTuple):
 
 
 class Axes(NamedTuple):
-    """What a plot shows: seconds of its flight, None: those of all; lowest and highest, None: what there is."""
+    """The axes of a plot: seconds, None: the whole flight; lowest and highest value, None: fitted."""
 
     time_s: Span = None
     values: Span = None
@@ -79,7 +79,7 @@ def line_series(lines: Iterable[Line], shown: Sequence[Shown]) -> _Series:
 def list_series(names: Sequence[str], lines: Sequence[Line], shown: Sequence[Shown]) -> _Series:
     """Return lines that are numbers of one list a frame, by their entity; ``names``: of all numbers of the list.
 
-    All lines of a flight are one part of the layout, where ``line_series`` has one a line: the viewer opens it sooner.
+    All lines of a flight are one part of the layout, not one part per line: the viewer opens it faster.
     """
     by_name, series = {line.field: line for line in lines}, {}
     for flight in shown:
@@ -103,7 +103,7 @@ def _has(flight: Shown, line: Line) -> bool:
 
 
 def over_time(name: str, series: _Series, shown: Sequence[Shown], axes: Axes = FITTED) -> rrb.TimeSeriesView:
-    """Build a plot without a legend, which would lie on the lines: title or legend panel name the colours."""
+    """Build a plot without a legend, which would cover the lines: title or legend panel name the colours."""
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
@@ -116,9 +116,9 @@ def over_time(name: str, series: _Series, shown: Sequence[Shown], axes: Axes = F
 
 
 def time_axis(shown: Sequence[Shown], span_s: Span = None) -> rrb.TimeAxis:
-    """Return the axis of the part ``span_s``; None: the whole of the longest flight, or the latest of one under way.
+    """Return the axis of the part ``span_s``; None: the longest flight, or the latest seconds.
 
-    The axis that Rerun's views share by themselves would show a minute around the cursor, no more.
+    The default axis of Rerun would show one minute around the cursor.
     """
     seen = [flight.facts.seen for flight in shown]
     if span_s is None and None in seen:
@@ -151,7 +151,7 @@ def _drawn(name: str) -> tuple[str, str, str]:
 
 
 def status_lanes(lanes: Sequence[Lane], shown: Sequence[Shown]) -> rrb.StateTimelineView:
-    """Build a lane for each signal, of all its channels; of several flights, those of a signal together."""
+    """Build a strip for each signal with all its channels; with several flights, those of a signal together."""
     looks = {**ENDS, **lanes[0].looks}
     return rrb.StateTimelineView(
         name="channels of each signal: blue ok, yellow suspect, red failed, dark red all",
@@ -169,9 +169,9 @@ def state_lanes(
     faults: str | None = None,
     span_s: Span = None,
 ) -> Any:
-    """Build lanes of states, a view for each flight, side by side.
+    """Build strips of states, a view for each flight, side by side.
 
-    faults : those on this signal have lanes above the others; "" for all faults, None for none
+    faults : signal whose faults have strips above the others; "" for all faults, None for none
     span_s : the part of the flight that is shown, see time_axis
     """
     views = []
@@ -213,12 +213,12 @@ def histogram(bars: Bars, shown: Sequence[Shown]) -> rrb.BarChartView:
 
 
 def about(shown: Sequence[Shown]) -> rrb.TextDocumentView:
-    """Build the text of which flights these are, and how they went."""
+    """Build the text with the flights and their outcomes."""
     return _text("flights" if len(shown) > 1 else "flight", ABOUT, titlebar=False)
 
 
 def margin() -> rrb.TextDocumentView:
-    """Build an empty text as wide as the axis of a plot: what stands right of it begins where plots do."""
+    """Build an empty text as wide as the axis of a plot, so that strips begin where plots begin."""
     return _text("margin", MARGIN, titlebar=False)
 
 
@@ -242,7 +242,7 @@ def status_now(flight: Shown) -> rrb.Spatial2DView:
 
 
 def legend(path: str = matrix.LEGEND) -> rrb.Spatial2DView:
-    """Build the legend of the colours of lines, in a strip; ``path``: of its words."""
+    """Build the legend of the colours of lines, in a strip; ``path``: of its labels."""
     return rrb.Spatial2DView(
         name="legend",
         origin="/",
@@ -270,7 +270,7 @@ def attitude(shown: Sequence[Shown]) -> rrb.Spatial3DView:
 
 
 def path(shown: Sequence[Shown]) -> rrb.Spatial3DView:
-    """Build the whole path, seen from afar."""
+    """Build the whole path in three dimensions."""
     contents = [flight.root + part for flight in shown for part in ("/pose", "/here", "/path")]
     return _space("path; the grid is 1 km wide", WORLD, contents, grid_m=1000.0)
 

@@ -1,26 +1,25 @@
-"""Rows of a block as Rerun columns, in the form in which Rerun's MCAP importer shows our log.
+"""Rows of a block as Rerun columns, in the form in which Rerun's MCAP importer shows a log of the rig.
 
-Entities, component names, struct fields and the timeline are the importer's, so one blueprint serves
-the stream and the opened log:
+Entities, component names, struct fields and the timeline are the importer's, so that one blueprint serves the
+stream and the opened log:
 
-    /signal/<name>, /discrete/<name>   rig.Signal:message, rig.Discrete:message    one struct a frame
+    /signal/<name>, /discrete/<name>   rig.Signal:message, rig.Discrete:message    one struct per frame
     /control, /autopilot_command, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
     /actuator/<surface>                rig.Actuator:message, of flights with servos
-    /computer/<A to D>                 lists of numbers alone: a message has 170
+    /computer/<A to D>                 lists of numbers only: a message has 170
 
-and, for the viewer alone, of the wall clock of a flight with a unit under test
+for the viewer only, the wall clock of a flight with a unit under test
 
-    /timing                            rig.Timing:message, one struct a frame
-    /timing/replies                    how many reply times lie in each bin, from the begin of the flight to the cursor
-    /timing/lateness                   the same of the lateness; of paced flights alone
+    /timing                            rig.Timing:message, one struct per frame
+    /timing/replies                    reply times per bin, from the begin of the flight to the cursor
+    /timing/lateness                   the same for the lateness; of paced flights only
 
-and what derived.py, state_strips.py, servo_series.py, lanes_view.py, matrix.py and scene.py make of the rows.  What
-derived.py makes
-of a signal goes with it, as one more component of its entity: each entity costs the viewer a clock and a name of
-every row.
+and the output of derived.py, state_strips.py, servo_series.py, lanes_view.py, matrix.py and scene.py.  The lists of
+derived.py are one more component of the entity of their signal, because each entity costs the viewer a clock and a
+name for every row.
 
-Each field of FRAME has one place in one struct, so a signal or a command added there appears by itself.
+Each field of FRAME has one place in one struct, so an added signal or command appears without a change here.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ from rig.show.viewer.style import OVER, PALETTE, VOTED, Color
 _TIMED: Final = next(topic for topic in FRAME_TOPICS if topic not in TOPICS_OF_ROWS)
 CLOCK, CLOCK_TYPE = _TIMED.name, _TIMED.message
 BESIDE: Final = (servos.SHOWN, computers.SHOWN)
-_BARE: Final = ("fault", "lane", "leading lane", "link", "back-up")  # names of events whose texts need them
+_BARE: Final = ("fault", "lane", "leading lane", "link", "back-up")  # events with texts that need the name
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
 
@@ -64,7 +63,7 @@ class Bars(NamedTuple):
 
 REPLIES: Final = Bars(f"{CLOCK}/replies", "reply_us", "reply times: frames over log10 of µs")
 LATENESS: Final = Bars(f"{CLOCK}/lateness", "late_us", "lateness: frames over log10 of µs")
-# Where the bars stand: the middle of each bin, and half a decade beyond the last edge.
+# Positions of the bars: the middle of each bin, and half a decade beyond the last edge.
 _ABSCISSA: Final = np.array(
     [np.log10(high) - 0.15 for high in EDGES_US] + [np.log10(EDGES_US[-1]) + 0.15], dtype=np.float64
 )
@@ -93,7 +92,7 @@ class Columns:
 
     root : before every path, empty unless several flights share a recording
     color : of the flight's figure and path
-    Rerun reports trouble with a sink in its own log, not as an exception.
+    Rerun reports errors of a sink in its own log, not as an exception.
     """
 
     def __init__(
@@ -115,7 +114,7 @@ class Columns:
         self._times = Times(self._columns) if facts.unit else None
 
     def send(self, table: Table, events: Sequence[Event] = ()) -> None:
-        """Send every frame and the events among them, one batch an entity; timing if a unit is tested."""
+        """Send every frame and its events, one batch per entity; timing if a unit is tested."""
         rows, timing = table.rows, table.timing
         if not len(rows):
             return
@@ -165,7 +164,7 @@ class Columns:
             self._columns(matrix.PATH, [time_column(nanoseconds[changed])], matrix.columns(rows, changed))
 
     def end(self) -> None:
-        """End the lanes of a flight that is over, while another goes on."""
+        """End the strips of a flight that is over, while another one continues."""
         if self._before is not None and self._before["end"][0] == End.FLYING:
             self._ends(OVER, self._before["frame"])
 
@@ -192,19 +191,19 @@ class Columns:
 
 
 def _message(archetype: str, structs: pa.StructArray) -> rr.ComponentColumnList:
-    """Return one struct a row as the component <archetype>:message."""
+    """Return one struct per row as the component <archetype>:message."""
     return rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
 
 
 def _values(archetype: str, values: NDArray[Any]) -> rr.ComponentColumnList:
-    """Return one list a row, from ``values`` (n, m), as the component <archetype>:values."""
+    """Return one list per row, from ``values`` (n, m), as the component <archetype>:values."""
     flat = pa.array(np.ascontiguousarray(values).ravel())
     columns = rr.DynamicArchetype.columns(archetype=archetype, components={"values": flat})
     return columns.partition(np.full(len(values), values.shape[1]))
 
 
 def words(event: Event) -> str:
-    """Return an event in words; the text of some says only of what."""
+    """Return an event in words; the text of some events needs their name before it."""
     return f"{event.name}: {event.text}" if event.name.startswith(_BARE) else event.text
 
 

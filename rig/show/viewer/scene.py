@@ -1,11 +1,11 @@
-"""Where the aircraft is: attitude and path in three dimensions, the track from above, its place on Earth.
+"""The aircraft in space: attitude and path in three dimensions, the track from above, the position on Earth.
 
 /pose, /position   Transform3D, GeoPoints, every frame, as in the log
 /attitude          the rotation of /pose alone, which carries /aircraft, a figure, over a compass at /horizon
 /numbers           attitude, height, speed, load factor and angle of attack in figures
 /here              a mark carried by /pose
-/path              the way flown so far, thinned
-/track             the same from above: x to the east, y to the south, as pictures have it
+/path              the path flown so far, thinned
+/track             the same from above: x to the east, y to the south, as in images
 /map               the same as latitude and longitude
 """
 
@@ -24,10 +24,10 @@ from rig.show.viewer.style import FIN, FUSELAGE, HORIZON_LINE, Color
 TIMELINE: Final = "message_log_time"  # the importer's name for the log time of a message
 WORLD: Final = "world"
 HORIZON: Final = "horizon"
-ABOUT: Final = "/about"  # which flights are shown, in words
+ABOUT: Final = "/about"  # the flights in words
 MARGIN: Final = "/margin"  # an empty text
-POINTS: Final = 256  # of a path, at most: every other one goes when there are more
-MARKS_HZ: Final = 10.0  # how often the mark of the track is moved
+POINTS: Final = 256  # most points of a path: beyond that every second one is dropped
+MARKS_HZ: Final = 10.0  # updates of the mark of the track
 NUMBERS: Final = "/numbers"
 NUMBERS_HZ: Final = 5.0
 _LINE: Final[Any] = rr.Radius.ui_points(1.5)
@@ -35,12 +35,12 @@ _MARK: Final[Any] = rr.Radius.ui_points(6.0)
 
 
 def time_column(nanoseconds: NDArray[Any]) -> rr.TimeColumn:
-    """Return simulation time as a column, as the log has it."""
+    """Return simulation time as a column, as in the log."""
     return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
 
 
 def send_about(recording: rr.RecordingStream, text: str, time_s: float = 0.0, *, static: bool = False) -> None:
-    """Send a Markdown text of which flights are shown and how they went; from ``time_s`` on unless ``static``."""
+    """Send a Markdown text with the flights and their outcomes; from ``time_s`` on unless ``static``."""
     document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
     if static:
         rr.log(ABOUT, document, static=True, recording=recording)
@@ -50,13 +50,13 @@ def send_about(recording: rr.RecordingStream, text: str, time_s: float = 0.0, *,
 
 
 def send_frame(recording: rr.RecordingStream) -> None:
-    """Send what stands around the plots: the legend, and the empty text left of lanes."""
+    """Send the legend, and the empty text left of the strips."""
     rr.log(matrix.LEGEND, matrix.legend(), static=True, recording=recording)
     rr.log(MARGIN, rr.TextDocument(" "), static=True, recording=recording)
 
 
 class Scene:
-    """Sends where one flight's aircraft is; ``root`` and ``color`` as of columns.Columns."""
+    """Sends the position and attitude of one flight; ``root`` and ``color`` as of columns.Columns."""
 
     def __init__(self, recording: rr.RecordingStream, root: str, color: Color) -> None:
         self._recording = recording
@@ -131,7 +131,7 @@ class Scene:
         self._log(NUMBERS, nanoseconds[marks], rr.TextDocument.columns(text=texts, media_type=kinds))
 
     def _grow(self, places: NDArray[np.float64], nanoseconds: NDArray[np.float64]) -> None:
-        """Lengthen the path by these places; thin it, and what is to come, when it has too many points."""
+        """Lengthen the path by these places; halve its points and its rate when it has too many."""
         slots = nanoseconds // self._every_ns
         new = np.flatnonzero(np.diff(slots, prepend=self._next_ns))
         self._next_ns = slots[-1]
@@ -172,7 +172,7 @@ def _compass() -> rr.LineStrips3D:
 
 
 def position(latitude: float, longitude: float) -> str:
-    """Return degrees as people read them: 36.1234° N 115.0000° W."""
+    """Return a position in degrees: 36.1234° N 115.0000° W."""
     return f"{abs(latitude):.4f}° {'S' if latitude < 0 else 'N'} {abs(longitude):.4f}° {'W' if longitude < 0 else 'E'}"
 
 

@@ -1,6 +1,6 @@
-"""A picture of the viewer without a display: what a person would see, for tests and for the documents.
+"""A picture of the viewer without a display, for tests and for the documents.
 
-A Vulkan driver is needed; Mesa's software one will do (Debian: mesa-vulkan-drivers).
+It needs a Vulkan driver; the software driver of Mesa is sufficient (Debian: mesa-vulkan-drivers).
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from rig.show.viewer.scene import TIMELINE
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
-ENDS_S: Final = 2.0  # for a viewer that does not answer
-LOADED_S: Final = 30.0  # patience with the viewer
-_NEEDS: Final = "a picture needs a Vulkan driver, a software one will do (Debian: apt-get install mesa-vulkan-drivers)"
-SETTLE_S: Final = 0.5  # it draws what it has been told in the next few of its frames
+ENDS_S: Final = 2.0  # wait for a viewer that does not reply
+LOADED_S: Final = 30.0  # longest wait for the viewer
+_NEEDS: Final = "a picture needs a Vulkan driver, at least a software one (Debian: apt-get install mesa-vulkan-drivers)"
+SETTLE_S: Final = 0.5  # the viewer draws a change within a few of its frames
 
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A picture and what the viewer says of it."""
+    """A picture, and the views and warnings that the viewer reports."""
 
     png: Path
     views: tuple[str, ...]  # names of all views of the layout
@@ -38,13 +38,13 @@ class Shot:
 
 
 def screenshot(opened: Opened, png: Path, time_s: float | None = None) -> Shot:
-    """Show ``opened`` at ``time_s`` (its own moment when None) and write what is seen to ``png``, 1920 x 1080.
+    """Show ``opened`` at ``time_s`` (if None, at its moment) and write the picture to ``png``, 1920 x 1080.
 
     BadInput: ``png`` cannot be written.  RigError: the viewer does not start (no Vulkan driver?) or load.
     """
     if png.suffix != ".png":
         raise BadInput(f"{png}: must end in .png")
-    with replaced(png) as part, headless() as connect, as_file(opened) as rrd:  # it gets itself ready meanwhile
+    with replaced(png) as part, headless() as connect, as_file(opened) as rrd:  # starts while the file is written
         client = connect()
         client.open(str(rrd))
         shot = shoot(client, part, opened.moment_s if time_s is None else time_s)
@@ -53,7 +53,7 @@ def screenshot(opened: Opened, png: Path, time_s: float | None = None) -> Shot:
 
 @contextmanager
 def headless() -> Iterator[Callable[[], ViewerClient]]:
-    """Start a viewer without a window, on its own port; yield a call that waits until it is ready, and drives it."""
+    """Start a viewer without a window, on its own port; yield a call that waits for it and returns its client."""
     port = viewer.free_port()
     process = viewer.launch(["--headless", "--hide-welcome-screen", "--port", str(port)])
 
@@ -73,9 +73,9 @@ def headless() -> Iterator[Callable[[], ViewerClient]]:
 
 
 def shoot(client: ViewerClient, png: Path, time_s: float | None) -> Shot:
-    """Write what ``client`` shows at ``time_s``, None for where it is; RigError when it does not load in time.
+    """Write the picture of ``client`` at ``time_s``, None: at its cursor; RigError: it did not load in time.
 
-    A live stream is loading as long as the flight goes on: of one, None is what can be asked for.
+    A live stream loads as long as the flight continues, so it needs ``time_s`` of None.
     """
     wait_until_loaded(client, live=time_s is None)
     if time_s is not None:
@@ -88,7 +88,7 @@ def shoot(client: ViewerClient, png: Path, time_s: float | None) -> Shot:
 
 
 def wait_until_loaded(client: ViewerClient, live: bool = False) -> None:
-    """Wait until the viewer shows views and, unless ``live``, loads nothing any more."""
+    """Wait until the viewer shows views and, unless ``live``, has finished loading."""
     deadline = time.monotonic() + LOADED_S
     while not (state := client.get_state()).views or (state.loading and not live):
         if time.monotonic() > deadline:

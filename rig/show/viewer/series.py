@@ -1,4 +1,4 @@
-"""A signal over a flight as pictures draw it: degrees, angles without jumps, limits that a hardover does not set."""
+"""A signal over a flight for pictures: degrees, unwrapped angles, axis limits that ignore a hardover."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from rig.core.units.angles import near, unwrapped
 from rig.core.units.quantities import scale_shown, unit_shown
 
 ROOM: Final = 3.0  # thresholds above and below vote and truth
-NEAR: Final = 15.0  # thresholds: a channel in use that is not further from the vote is in the picture
+NEAR: Final = 15.0  # thresholds: a channel in use within this distance of the vote is in the picture
 Array = NDArray[np.float64]
 
 
 class Series(NamedTuple):
-    """One signal in the unit that people read, angles unwrapped along the truth; NaN where there is no number."""
+    """One signal in display units, angles unwrapped along the truth; NaN: no number."""
 
     name: str
-    unit: str  # that is shown
+    unit: str  # displayed
     scale: float  # shown units in one of the signal's SI unit
     time_s: Array  # (n,)
     channels: Array  # (n, channels)
@@ -34,7 +34,7 @@ class Series(NamedTuple):
 
 
 def series(rows: Block, rate_hz: float, name: str) -> Series:
-    """Return the signal ``name`` of ``rows`` (n,); BadInput when there is none."""
+    """Return the signal ``name`` of ``rows`` (n,); BadInput: unknown signal."""
     if name not in INDEX:
         raise BadInput(f"unknown signal {quoted(name)}, {choices(name, INDEX, 'rig signals')}")
     signal, s = SIGNALS[INDEX[name]], INDEX[name]
@@ -48,9 +48,9 @@ def series(rows: Block, rate_hz: float, name: str) -> Series:
 
 
 def limits(shown: Series, threshold: float) -> tuple[float, float]:
-    """Return the lowest and highest value to draw: vote and truth with ROOM thresholds (SI), channels in use and NEAR.
+    """Return the lowest and highest value to draw: vote and truth with ROOM thresholds (SI), near channels in use.
 
-    So a hardover leaves the picture, and does not flatten the others.
+    A hardover leaves the picture and does not flatten the other channels.
     """
     unit = threshold * shown.scale
     with np.errstate(invalid="ignore"):
@@ -62,8 +62,8 @@ def limits(shown: Series, threshold: float) -> tuple[float, float]:
 
 
 def threshold(resolved: Mapping[str, Any], name: str) -> float:
-    """Return how far a channel of a signal may be from the vote, SI, by a scenario as plain data; KeyError: none."""
+    """Return the largest allowed difference of a channel from the vote, SI; resolved : scenario; KeyError: none."""
     redundancy = resolved["redundancy"]
     signal = redundancy["signals"][name]
-    by_channels = manager_kind(redundancy["manager"]).compares  # the others have no threshold of a single channel
+    by_channels = manager_kind(redundancy["manager"]).compares  # other managers have no threshold for a single channel
     return float((signal.get("outlier_threshold") if by_channels else None) or signal["threshold"])

@@ -1,8 +1,8 @@
-"""Servo actuators in the viewer, of flights that have them: the second row of a frame as lines and as lanes.
+"""Servo actuators in the viewer: the second row of a frame as lines and as strips of states.
 
 /actuator/elevator ..              rig.Actuator:message as in the log, and the list of NAMES: deg, else shares
-/elevator/channel_1 .. channel_4   engaged; shut off, and by which monitor
-/elevator/moved_by                 how many channels move the surface; bypassed: none does, or no pressure
+/elevator/channel_1 .. channel_4   engaged; shut off, with the monitor
+/elevator/moved_by                 number of channels that move the surface; bypassed: none, or no pressure
 """
 
 from __future__ import annotations
@@ -35,12 +35,21 @@ from rig.show.viewer.style import (
 )
 
 VALUES: Final = "rig.Servo"
-DRAWN: Final = ("spool", "ram", "asked", "spool_model", "ram_model", "lvdt", "current", "pressure")  # the first below
+DRAWN: Final = (
+    "spool",
+    "ram",
+    "asked",
+    "spool_model",
+    "ram_model",
+    "lvdt",
+    "current",
+    "pressure",
+)
 FIELD: Final = {field.name: field for field in LANE_FIELDS}
 NAMES: Final = tuple(name for field in DRAWN for name, _ in elements(FIELD[field]))
 _BYPASSED: Final = CHANNELS + 1
 _MONITORS: Final[Looks] = {
-    monitor.name: (f"shut off by {monitor.name.lower()}", FAILED) if monitor else ("engaged", QUIET)
+    monitor.name: (f"shut off: {monitor.name.lower()} monitor", FAILED) if monitor else ("engaged", QUIET)
     for monitor in ActuatorMonitor
 } | {"WITH_COMPUTER": ("shut off with its computer", FAILED)}
 _WITH_COMPUTER: Final = 1 + max(ActuatorMonitor)
@@ -54,7 +63,7 @@ _HELD: Final[Looks] = {
 
 
 class Plot(NamedTuple):
-    """What is drawn together of each surface: its fields of LANES, and the axis; None: as the flight has it."""
+    """A plot of each surface: its fields of LANES, and the axis; None: fitted to the flight."""
 
     name: str
     fields: tuple[str, ...]
@@ -71,7 +80,7 @@ LEGEND: Final = "/legend/servos"
 LEGEND_LINES: Final = (
     *CHANNEL_NAMES,
     ("ram, spool", VOTED),
-    ("asked", REFERENCE),
+    ("command", REFERENCE),
     ("models: darker", shade(VOTED, 1)),
     ("shut off", FAILED),
 )
@@ -83,7 +92,7 @@ def topic(surface: str) -> str:
 
 
 def look(field: str, number: int) -> tuple[Color, float]:
-    """Return colour and width of a line: of a channel in its colour, models in a darker one."""
+    """Return colour and width of a line: that of its channel, darker for models."""
     if field in ("ram", "spool"):
         return VOTED, 3.5
     if field == "asked":
@@ -101,13 +110,13 @@ def values(table: Table, i: int) -> NDArray[np.float64]:
 
 
 def ranges(table: Table, part: slice = slice(None)) -> dict[str, tuple[float, float]]:
-    """Return the axis of the position of each surface in a ``part`` of the rows, deg, by its topic."""
+    """Return the axis of the position of each surface in a ``part`` of the rows, deg, by topic."""
     wanted = [i for i, name in enumerate(NAMES) if name == "ram" or name.startswith(("asked", "lvdt"))]
     return {topic(surface): spanned(values(table[part], i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
 
 
 def of_surface(surface: str) -> list[Lane]:
-    """Return the lanes of a surface: its channels, and how many of them move it."""
+    """Return the strips of a surface: its channels, and the number of them that move it."""
     i = MOVED.index(surface)
     monitors = {int(monitor): monitor.name for monitor in ActuatorMonitor} | {_WITH_COMPUTER: "WITH_COMPUTER"}
     channels = [Lane(f"/{surface}/channel_{c + 1}", "failed_by", (i, c), monitors, _MONITORS) for c in range(CHANNELS)]
@@ -118,13 +127,13 @@ LANES: Final = tuple(lane for surface in MOVED for lane in of_surface(surface))
 
 
 def entities(table: Table) -> Iterator[Entity]:
-    """Yield what is drawn of each surface."""
+    """Yield the lists of each surface."""
     for i, of in enumerate(LANE_TOPICS["servo"]):
         yield Entity(of.name, VALUES, values(table, i), of)
 
 
 def _codes(table: Table, lane: Lane) -> NDArray[Any]:
-    """Return what a lane shows in each row."""
+    """Return the code of a strip in each row."""
     rows = table.servo[:, lane.at[0]]
     by, shut = rows["failed_by"], rows["valve"] != 0
     if lane.field:

@@ -1,4 +1,4 @@
-"""Where a stream goes: a file, a server for viewers, a viewer's window, a viewer that runs already."""
+"""The destination of a stream: a file, a server for viewers, a window, or a viewer that already runs."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 APPLICATION: Final = "jsbsim-rig"  # the viewer keeps one layout per application
 GRPC_PORT: Final = 9876  # Rerun's own default ports, when they are free
 WEB_PORT: Final = 9090
-SERVER_MEMORY: Final = "512MB"  # what late viewers can still be sent; the oldest data go first
+SERVER_MEMORY: Final = "512MB"  # kept for viewers that connect late; the oldest data are dropped first
 WORDS: Final = ("off", "save", "serve", "spawn")
-DESCRIPTORS: Final = Path("/dev/fd")  # where a pipe has a name; not on Windows
+DESCRIPTORS: Final = Path("/dev/fd")  # names of pipes; not on Windows
 _CHUNK: Final = 1 << 20  # bytes
 _ADDRESS: Final = re.compile(r"rerun\+http://(?:127\.0\.0\.1|localhost):(\d{1,5})/proxy")
 
@@ -36,20 +36,20 @@ _ADDRESS: Final = re.compile(r"rerun\+http://(?:127\.0\.0\.1|localhost):(\d{1,5}
 def check_where(where: str) -> None:
     """Raise BadInput unless ``where`` is one of WORDS or the address of a viewer that listens on this machine.
 
-    A viewer to be spawned needs a display.  Called before anything is written.
+    "spawn" needs a display.  The check precedes all output.
     """
     match = _ADDRESS.fullmatch(where)
     if where not in WORDS and (match is None or not 0 < int(match[1]) < 65536):
         allowed = f"{', '.join(WORDS)} or rerun+http://127.0.0.1:PORT/proxy"
-        raise BadInput(f"--rerun {where}: not known, or not on this machine; allowed: {allowed}")
+        raise BadInput(f"--rerun {where}: unknown, or not on this machine; allowed: {allowed}")
     if match is not None and not viewer.listening(int(match[1])):
-        raise BadInput(f"--rerun {where}: nobody listens there; start the viewer first, or use spawn, serve or save")
+        raise BadInput(f"--rerun {where}: no viewer listens there; start the viewer first, or use spawn, serve or save")
     if where == "spawn":
         viewer.require_display("--rerun spawn")
 
 
 class About(NamedTuple):
-    """What is shown: its title, which flights it is in words (Markdown), how it is laid out."""
+    """The content of the viewer: its title, its flights in words (Markdown), its layout."""
 
     title: str
     text: str = ""
@@ -57,7 +57,7 @@ class About(NamedTuple):
 
 
 class Sink:
-    """A Rerun recording, what is sent to it, and what has to be closed with it."""
+    """A Rerun recording, its data, and the resources that are closed with it."""
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class Sink:
         also: Callable[[], None] | None = None,
         check: Callable[[], None] | None = None,
     ) -> None:
-        """Keep the recording; ``connect`` is called first of all, ``also`` last, ``check`` before anything is sent."""
+        """Keep the recording; ``connect`` is called first, ``also`` last, ``check`` before each block is sent."""
         self.where = where
         self.browser = browser
         self._recording = recording
@@ -79,11 +79,11 @@ class Sink:
         self._check = check
         self._columns: list[Columns | None] = [None] * len(about.layout.shown)
         [*_, top] = about.layout.shown
-        self._live = top.facts if top.facts.seen is None else None  # of a flight that is under way
+        self._live = top.facts if top.facts.seen is None else None  # of a flight in progress
         self._story: Story | None = None
 
     def begin(self) -> None:
-        """Connect and send what does not change; may block for ever, as send and flush may."""
+        """Connect and send the static data; may block for ever, as may send and flush."""
         from rig.show.viewer.scene import send_about, send_frame
 
         if self._connect is not None:
@@ -94,7 +94,7 @@ class Sink:
         send_frame(self._recording)
 
     def send(self, table: Table, rate_hz: float, events: Sequence[Event], flight: int = 0) -> None:
-        """Hand frames and events of ``flight``, a number into the layout's ``shown``, to Rerun."""
+        """Send frames and events of ``flight``, an index into ``shown`` of the layout, to Rerun."""
         from rig.show.viewer.rerun_columns import Columns
         from rig.show.viewer.style import FLIGHT_COLORS
 
@@ -110,7 +110,7 @@ class Sink:
             self._tell(self._live, table, rate_hz)
 
     def _tell(self, facts: Facts, table: Table, rate_hz: float) -> None:
-        """Send the headline of a flight that is under way, when it has changed."""
+        """Send the headline of a flight in progress, if it has changed."""
         from rig.show.viewer.scene import send_about
 
         if self._story is None:
@@ -120,13 +120,13 @@ class Sink:
             send_about(self._recording, text, int(table["frame"][-1]) / rate_hz)
 
     def end(self, flight: int) -> None:
-        """End the lanes of ``flight`` where another goes on."""
+        """End the strips of ``flight`` while another one continues."""
         columns = self._columns[flight]
         if columns is not None:
             columns.end()
 
     def flush(self, timeout_s: float) -> None:
-        """Wait until all is written or handed on; RuntimeError or ValueError when it is not in time."""
+        """Wait until all data are written or transmitted; RuntimeError or ValueError: timeout."""
         self._recording.flush(timeout_sec=timeout_s)
 
     def close(self) -> None:
@@ -137,7 +137,7 @@ class Sink:
 
 
 def open_sink(where: str, about: About, out_path: Path, server_memory: str = SERVER_MEMORY) -> Sink:
-    """Open the sink of ``where`` (checked, not "off"); BadInput or RigError when that is not possible.
+    """Open the sink of ``where`` (checked, not "off"); BadInput or RigError if that is impossible.
 
     out_path : the file of "save", which is replaced
     """
@@ -151,7 +151,7 @@ def open_sink(where: str, about: About, out_path: Path, server_memory: str = SER
     if where == "serve":
         return _serve(recording, layout, about, server_memory)
     url = where
-    if where == "spawn":  # a viewer in a window of its own, which outlives us
+    if where == "spawn":  # a separate viewer that outlives this process
         port = viewer.free_port(GRPC_PORT)
         viewer.start(["--port", str(port), "--expect-data-soon"], port, stay=True)
         url = viewer.address(port)
@@ -162,7 +162,7 @@ def _save(recording: rr.RecordingStream, layout: rrb.Blueprint, path: Path, abou
     with reported(path, BadInput):
         path.parent.mkdir(parents=True, exist_ok=True)
         if not DESCRIPTORS.is_dir():
-            path.open("wb").close()  # an error of ours, rather than a line in Rerun's log
+            path.open("wb").close()  # raises an error; Rerun would write a line into its log
             recording.save(path, default_blueprint=layout)
             return Sink(recording, str(path), about)
         file = PipedFile(path)
@@ -193,7 +193,7 @@ def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, s
 def _listen(recording: rr.RecordingStream, layout: rrb.Blueprint, server_memory: str, web_port: int) -> str:
     """Serve ``recording`` to viewers on a port of this process, for the page on ``web_port``: its address.
 
-    rerun-sdk 0.41 logs a port that another process took since it was asked for, and goes on without a server.
+    If another process has taken the port meanwhile, rerun-sdk 0.41 writes a log line and continues without a server.
     """
     import rerun as rr
 
@@ -204,13 +204,13 @@ def _listen(recording: rr.RecordingStream, layout: rrb.Blueprint, server_memory:
         recording.set_sinks(server, default_blueprint=layout)
         if viewer.opened(port):
             return server.uri
-    raise RigError("another process took every port that was free")
+    raise RigError("another process took every free port")
 
 
 class PipedFile:
-    """A file that gets what is written to ``pipe``; after an error the rest is read and dropped.
+    """A file that receives the data written to ``pipe``; after an error the rest is read and dropped.
 
-    Rerun's own writer would wait for ever once a disk is full.
+    Rerun's own writer would wait for ever when a disk is full.
     ``writing`` is the descriptor of the pipe's other end: close it once the writer has opened ``pipe``.
     """
 

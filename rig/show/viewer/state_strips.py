@@ -1,4 +1,4 @@
-"""States as lanes against time: one entity a lane, one entry a change.
+"""States as strips against time: one entity per strip, one entry per change.
 
     /pitch_rate                           the channels of a signal together
     /pitch_rate/channel_1 .. channel_4    each of them; and pattern, decided_by, source
@@ -6,8 +6,8 @@
     /control_law
     /fault_1 ..                           while a fault of the scenario acts
 
-The viewer writes a lane's entity above it, so these paths are read by people; it would write a space as "\\ ".
-A flight that ends before the picture does says so in its lanes: why it was lost, or that it is over.
+The viewer writes the path of a strip above it, so people read these paths; it would write a space as "\\ ".
+The strips of a flight that ends before the picture show the reason of the loss, or the end.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ from rig.core.frame.fields import FIELD
 from rig.log.schema import Topic
 from rig.show.viewer.style import ACTING, ALL_FAILED, ENDED, OVER, STATE_LOOKS, SUSPECT, Color, Looks, attention, plain
 
-# A suspect is one for some frames, where there is room for one letter.
+# A channel is suspect for a few frames, with room for one letter.
 _SHORT_LOOKS: Final[Looks] = {**STATE_LOOKS, "SUSPECT": ("?", SUSPECT)}
 
 
 class Lane(NamedTuple):
-    """One lane: where the viewer finds it, what it shows of FRAME, its states by their codes, how they look."""
+    """One strip: its path in the viewer, its field of FRAME, its states by their codes, their looks."""
 
     path: str
     field: str
@@ -55,7 +55,7 @@ class Lane(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """States that a lane takes: (n,) rows of the block, and their names; empty: the lane is blank from there on."""
+    """States of a strip: (n,) rows of the block, and their names; empty: the strip is blank from there on."""
 
     path: str
     rows: NDArray[np.intp]
@@ -71,7 +71,7 @@ def _channels(home: str, field: str, index: int, channels: int) -> list[Lane]:
 
 
 def of_signal(signal: Signal) -> list[Lane]:
-    """Return the lanes of one signal: its channels, its pattern, who resolved it, where control takes it from."""
+    """Return the strips of one signal: its channels, its pattern, the deciding rule, the source of the control law."""
     s, home = SIGNALS.index(signal), f"/{signal.name}"
     return [
         *_channels(home, "state", s, signal.channels),
@@ -82,12 +82,12 @@ def of_signal(signal: Signal) -> list[Lane]:
 
 
 def of_discrete(discrete: Discrete) -> list[Lane]:
-    """Return the lanes of one discrete: its channels."""
+    """Return the strips of one discrete: its channels."""
     return _channels(f"/{discrete.name}", "discrete_state", DISCRETES.index(discrete), discrete.channels)
 
 
 def status(signal: Signal) -> Lane:
-    """Return the lane of all channels of one signal together."""
+    """Return the strip of all channels of one signal together."""
     s = SIGNALS.index(signal)
     return Lane(f"/{signal.name}", "state", (s,), dict(enumerate(_together())), _together())
 
@@ -102,7 +102,7 @@ def _together() -> Looks:
 
 
 def _label_of(states: Sequence[State]) -> tuple[str, tuple[int, int, int]]:
-    """Return channels that are not ok, by their numbers; the colour of the worst of them."""
+    """Return the numbers of the channels that are not ok, and the colour of the worst of them."""
     fitted = [state for state in states if state != State.ABSENT]
     texts = []
     for state in (State.FAILED, State.SUSPECT):
@@ -128,17 +128,17 @@ ENDS: Final[Looks] = {
 
 
 def title(signal: Signal) -> str:
-    """Return the title of a signal's lanes."""
-    return f"{plain(signal.name)}: faults, channels (?: suspect), pattern, decided_by, source"
+    """Return the title of the strips of a signal."""
+    return f"{plain(signal.name)}: faults, channels (?: suspect), pattern, decided by, source"
 
 
 def fault_path(number: int) -> str:
-    """Return the lane of fault ``number`` of a scenario, which counts from 0 as everywhere but on the screen."""
+    """Return the path of fault ``number`` of a scenario, which counts from 0; the screen counts from 1."""
     return f"/fault_{number + 1}"
 
 
 def acting(rows: Block, faults: int) -> NDArray[np.uint8]:
-    """Return (n, faults) whether each of the first ``faults`` faults acts in each row, 0 or 1."""
+    """Return (n, faults) 1 where each of the first ``faults`` faults acts, 0 where it does not."""
     return np.unpackbits(rows["acting"], axis=1, count=faults, bitorder="little")
 
 
@@ -149,11 +149,11 @@ def codes(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterator[Changes]:
-    """Yield the changes in ``rows`` of any lane, after the row ``before`` (1,); None: all lanes begin here."""
+    """Yield the changes in ``rows`` of any strip, after the row ``before`` (1,); None: all strips begin here."""
     for field, lanes in _BY_FIELD.items():
         values, last = rows[field], None if before is None else before[field]
         if last is not None and (values == last).all():
-            continue  # nearly always, and at once for all its lanes
+            continue  # nearly always, and at once for all its strips
         for lane in lanes:
             place = (slice(None), *lane.at)
             yield from changed(lane.path, lane.states, values[place], None if last is None else last[place])
@@ -169,27 +169,27 @@ def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterato
 
 
 def changed(path: str, states: dict[int, str], values: NDArray[Any], last: NDArray[Any] | None) -> Iterator[Changes]:
-    """Yield the changes in ``values`` (n,) of one lane after ``last`` (1,), if there are any."""
+    """Yield the changes in ``values`` (n,) of one strip after ``last`` (1,), if there are any."""
     where = moved(values, last)
     if len(where):
         yield Changes(path, where, [states.get(int(value), "?") for value in values[where]])
 
 
 def ends(how: str, faults: Sequence[Any]) -> Iterator[tuple[str, str]]:
-    """Yield the last state of every lane of a flight that ends before the picture does; ``how`` of ENDS."""
+    """Yield the last state of every strip of a flight that ends before the picture; ``how`` of ENDS."""
     yield from ((lane.path, how) for lane in (*LANES, *STATUS))
     yield from ((fault_path(i), "") for i in range(len(faults)))
 
 
 def moved(values: NDArray[Any], last: NDArray[Any] | None) -> NDArray[np.intp]:
-    """Return the rows whose value, or one of them, is not that before; with no ``last`` (1,) the first row is one."""
+    """Return the rows with a changed value; without ``last`` (1,) the first row counts as changed."""
     first = True if last is None else bool((values[0] != last[0]).any())
     differs = (values[1:] != values[:-1]).any(axis=tuple(range(1, values.ndim)))
     return np.flatnonzero(np.concatenate([[first], differs]))
 
 
 class Entity(NamedTuple):
-    """What an entity has in every row: one list of numbers, and the message of the log where it is sent too."""
+    """The data of an entity in every row: one list of numbers, and the message of the log if it is sent too."""
 
     path: str
     archetype: str  # of the list
@@ -198,17 +198,17 @@ class Entity(NamedTuple):
 
 
 class Beside(NamedTuple):
-    """A part of the second row, and how it is drawn; functions of rows (n,) that have the part."""
+    """A part of the second row, and the functions that draw it."""
 
     part: LanePart
     legend: str  # entity
     legend_lines: Sequence[tuple[str, Color]]
     lanes: Sequence[Lane]
-    codes: Callable[[Table, Lane], NDArray[Any]]  # the state of a lane in each row
+    codes: Callable[[Table, Lane], NDArray[Any]]  # the state of a strip in each row
     entities: Callable[[Table], Iterator[Entity]]
 
     def changes(self, rows: Table, before: Table | None) -> Iterator[Changes]:
-        """Yield the changes in ``rows`` of any lane, after the row ``before`` (1,); None: all lanes begin here."""
+        """Yield the changes in ``rows`` of any strip, after the row ``before`` (1,); None: all strips begin here."""
         for lane in self.lanes:
             last = None if before is None else self.codes(before, lane)
             yield from changed(lane.path, lane.states, self.codes(rows, lane), last)

@@ -1,7 +1,7 @@
 """The story of a flight: its headline, its decisive seconds, and the ranges that its plots are made for.
 
-The headline says: survived or lost, which channel failed when, how long after the onset, by what.  Found from the
-rows, block after block, so that a stream has it as soon as a log.
+The headline has the outcome, the channels that failed, the time after the onset, and the rule.  It is computed block
+by block, so that a stream has it as early as a log.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from rig.show.viewer.state_strips import acting
 from rig.show.viewer.style import plain
 
 ACTUATOR, COMPUTER, LINK = "actuator.", "computer.", "ccdl."  # before a surface, a lane, as places of faults
-SILENCE: Final = "its silence"
+SILENCE: Final = "message timeout"
 _MOST_GROUPS: Final = 3  # of failures in a headline
 
 
 class Isolation(NamedTuple):
-    """A failure, and the first frame in which a fault acted on the channel; None: none has."""
+    """A failure, and the first frame in which a fault acted on the channel; None: no fault."""
 
     failure: Failure
     onset: int | None
@@ -47,7 +47,7 @@ class Decisive(NamedTuple):
 
 
 class Story:
-    """A flight so far: which faults acted, which channels failed, how it ended."""
+    """A flight so far: active faults, failed channels, end."""
 
     def __init__(self, facts: Facts, rate_hz: float) -> None:
         self._facts = facts
@@ -62,7 +62,7 @@ class Story:
     def add(self, table: Table) -> bool:
         """Take in the next frames; return True if the headline may have changed.
 
-        Block by block, for a stream shows the headline of a flight so far.
+        A stream shows the headline of the flight so far, so rows arrive block by block.
         """
         rows = table.rows
         acts = acting(rows, len(self._facts.faults))
@@ -124,9 +124,9 @@ class Story:
         return min(onsets, default=None)
 
     def headline(self, outcome: str) -> str:
-        """Return one line: the outcome and what failed, e.g. that of a single channel.
+        """Return one line: the outcome and the failures.
 
-        SURVIVED: pitch rate, channel 3, failed at 20.07 s, 70 ms after the onset, by comparison
+        SURVIVED: pitch rate, channel 3, isolated at 20.07 s, 70 ms after onset, by comparison
         """
         if self.end != End.FLYING:
             outcome = f"LOST at {seconds(self.last, self._rate_hz)}, {self.end.label}"
@@ -138,25 +138,25 @@ class Story:
         groups = [list(group) for _, group in grouped]
         more = len(groups) - _MOST_GROUPS
         texts = [self._group(group) for group in groups[:_MOST_GROUPS]]
-        return "; ".join([*texts, *([f"and {more} times more"] if more > 0 else [])])
+        return "; ".join([*texts, *([f"and {more} more"] if more > 0 else [])])
 
     def _acted(self) -> str:
         """Return the faults that acted in a flight without a failure."""
         onsets = [onset for onset in self._onsets if onset is not None]
         if not onsets:
-            return "no channel failed"
+            return "no channel isolated"
         pairs = zip(self._facts.faults, self._onsets, strict=True)
         labels = ", ".join(fault.label for fault, onset in pairs if onset is not None)
-        return f"no channel failed; {labels} from {seconds(min(onsets), self._rate_hz)}"
+        return f"no channel isolated; {labels} from {seconds(min(onsets), self._rate_hz)}"
 
     def _group(self, group: Sequence[Isolation]) -> str:
-        """Return a text of channels that were failed in one frame by the same."""
+        """Return the text of failures in one frame by one rule."""
         frame, by = group[0].failure.frame, group[0].failure.decided_by
         onsets = {isolation.onset for isolation in group}
         [onset] = onsets if len(onsets) == 1 else [None]
-        after = f", {duration(frame - onset, self._rate_hz)} after the onset" if onset is not None else ""
-        free = " with no fault on it" if onsets == {None} and self._facts.thresholds else ""
-        return f"{_named(group)} failed at {seconds(frame, self._rate_hz)}{after}, by {by}{free}"
+        after = f", {duration(frame - onset, self._rate_hz)} after onset" if onset is not None else ""
+        free = ", without a fault on it" if onsets == {None} and self._facts.thresholds else ""
+        return f"{_named(group)} {_verb(group)} at {seconds(frame, self._rate_hz)}{after}, by {by}{free}"
 
     @property
     def decisive(self) -> Decisive | None:
@@ -171,9 +171,9 @@ class Story:
         return None
 
     def first_s(self, *places: str) -> tuple[float, float] | None:
-        """Return onset of its fault, else its failure, and failure of what failed first; None: nothing did.
+        """Return onset (if it has no fault: failure) and failure of the first item that failed; None: no failure.
 
-        places : how those begin that are looked at
+        places : beginnings of the names of the items
         """
         for failure, onset in self.isolations:
             if failure.place.startswith(places):
@@ -182,7 +182,7 @@ class Story:
 
 
 def _named(group: Sequence[Isolation]) -> str:
-    """Return ``pitch rate, channel 3,``; or how many channels of how many signals, when there are many."""
+    """Return ``pitch rate, channel 3,``; or the numbers of channels and signals, if there are many."""
     by_place = groupby((isolation.failure for isolation in group), lambda failure: failure.place)
     places = {place: [failure.channel for failure in of_place] for place, of_place in by_place}
     if len(places) > _MOST_GROUPS and INDEX.keys() & places:
@@ -190,8 +190,16 @@ def _named(group: Sequence[Isolation]) -> str:
     return " and ".join(_text(place, channels) for place, channels in places.items())
 
 
+def _verb(group: Sequence[Isolation]) -> str:
+    """Return the verb of a group of failures of one place."""
+    place = group[0].failure.place
+    if place.startswith((COMPUTER, LINK)):
+        return "failed"
+    return "shut off" if place.startswith(ACTUATOR) else "isolated"
+
+
 def _text(place: str, channels: Sequence[int]) -> str:
-    """Return what of a place failed: channels, a computer, or a link by its receivers."""
+    """Return the text of a failure: channels, a computer, or a link by its receivers."""
     if place.startswith(COMPUTER):
         return f"computer {place.removeprefix(COMPUTER)}"
     if place.startswith(LINK):
@@ -200,7 +208,7 @@ def _text(place: str, channels: Sequence[int]) -> str:
 
 
 def look(facts: Facts, table: Table, rate_hz: float, ended: bool) -> tuple[Facts, str]:
-    """Return ``facts`` with what a whole flight has shown, and its headline; ``ended``: its loop has ended it."""
+    """Return ``facts`` with the results of a whole flight, and its headline; ended : the loop has finished."""
     story, rows = Story(facts, rate_hz), table.rows
     story.add(table)
     lost = story.end != End.FLYING
@@ -225,9 +233,9 @@ def look(facts: Facts, table: Table, rate_hz: float, ended: bool) -> tuple[Facts
 
 
 def signal_range(facts: Facts, rows: Block, index: int, part: slice = slice(None)) -> tuple[float, float]:
-    """Return the axis of a plot of signal ``index``, in the unit that people read, by the rule of ``series.limits``.
+    """Return the axis of a plot of signal ``index``, in display units, by the rule of ``series.limits``.
 
-    Without a threshold, all channels are within.
+    Without a threshold, the axis holds all channels.
     """
     whole, threshold = series(rows, 1.0, SIGNALS[index].name), facts.threshold(index)
     shown = whole._replace(**{name: getattr(whole, name)[part] for name in ("channels", "used", "voted", "truth")})

@@ -1,6 +1,6 @@
 """The live stream: a bounded queue that never blocks the frame loop, and a worker that talks to Rerun.
 
-A sink may block for seconds (nobody listens) or for ever (a reader that stopped); the flight goes on, blocks
+A sink may block for seconds (no viewer listens) or for ever (a reader has stopped).  The flight continues; blocks
 that find the queue full are dropped and counted.  The log, not the stream, is the record of a flight.
 """
 
@@ -23,12 +23,12 @@ from rig.show.viewer.sink import About, check_where, open_sink
 if TYPE_CHECKING:
     from rig.scenario.scenario import Scenario
 
-QUEUE_BYTES: Final = 128 * 1024 * 1024  # of rows that wait; minutes of flight, also when flown faster than shown
-FLUSH_S: Final = 30.0  # the worker's patience with a sink at the end; close has its own
+QUEUE_BYTES: Final = 128 * 1024 * 1024  # of waiting rows: minutes of flight
+FLUSH_S: Final = 30.0  # longest wait of the worker for a sink at the end; close has a separate one
 
 
 class SinkLike(Protocol):
-    """What the worker needs of rig.show.viewer.sink.Sink."""
+    """The part of rig.show.viewer.sink.Sink that the worker uses."""
 
     where: str
     browser: str
@@ -44,8 +44,8 @@ def open_stream(where: str, title: str, rate_hz: float, out_path: Path, facts: F
 
     where : off | save | serve | spawn | rerun+http://127.0.0.1:PORT/proxy
     out_path : the log's; "save" writes beside it, with the suffix .rrd
-    facts : what the viewer shows of the scenario: thresholds and faults
-    BadInput: an unknown word, another machine, no display, nobody listens, no place to write.
+    facts : thresholds and faults of the scenario
+    BadInput: unknown word, another machine, no display, no viewer listens, file cannot be written.
     """
     check_where(where)
     if where == "off":
@@ -67,7 +67,7 @@ class Streams:
 
 
 class Stream:
-    """Takes blocks from the frame loop and sends them to a sink from a thread of its own."""
+    """Takes blocks from the frame loop and sends them to a sink from a separate thread."""
 
     def __init__(self, sink: SinkLike, rate_hz: float, queue_bytes: int = QUEUE_BYTES) -> None:
         self.where = sink.where
@@ -86,7 +86,7 @@ class Stream:
         self._worker.start()
 
     def put(self, table: Table, events: Sequence[Event] = ()) -> None:
-        """Queue frames, which the caller no longer touches, and their events.  Never waits for the sink."""
+        """Queue frames, which the caller must not change, and their events, without waiting for the sink."""
         with self._changed:
             self._frames += len(table)
             if not self._closing and (self._pending + len(table)) * table.rows.itemsize <= self._queue_bytes:
@@ -96,17 +96,17 @@ class Stream:
 
     @property
     def watched(self) -> bool:
-        """Return whether a viewer is connected to the server of "serve"; True for all that is not served."""
+        """True if a viewer is connected to the server of "serve"; True for all other sinks."""
         return not self.browser or viewer.connected(urlsplit(self.where.removeprefix("rerun+")).port or 0)
 
     def drain(self, timeout_s: float = 5.0) -> StreamReport:
-        """Wait until all that is queued has been sent; a server goes on serving until close."""
+        """Wait until the queue is sent; a server continues until close."""
         with self._changed:
             done = self._changed.wait_for(lambda: not self._pending, timeout_s)
-            return self._report("" if done else f"not all was sent within {timeout_s:g} s", self._pending)
+            return self._report("" if done else f"not all frames were sent within {timeout_s:g} s", self._pending)
 
     def close(self, timeout_s: float = 5.0) -> StreamReport:
-        """Send what is queued, close the sink and report; after ``timeout_s`` the worker is left to itself."""
+        """Send what is queued, close the sink and report; after ``timeout_s`` do not wait for the worker."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -115,7 +115,7 @@ class Stream:
         if late:
             import rerun
 
-            rerun.unregister_shutdown()  # else it would wait, when the process ends, for a sink that does not answer
+            rerun.unregister_shutdown()  # otherwise the end of the process would wait for a sink that does not reply
         with self._changed:
             return self._report(f"the sink did not finish within {timeout_s:g} s" if late else "", 0)
 
@@ -136,13 +136,13 @@ class Stream:
         self._try(self._sink.close)
 
     def _next(self) -> tuple[Table, Sequence[Event]] | None:
-        """Wait for the next block; None when there will be no more."""
+        """Wait for the next block; None after the last one."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)
             return self._queue.popleft() if self._queue else None
 
     def _try(self, action: Callable[[], None]) -> bool:
-        """Run ``action``; the first failure is kept for the report, whatever its kind: the flight goes on."""
+        """Run ``action``; keep the first failure of any kind for the report: the flight continues."""
         try:
             action()
         except Exception as error:  # noqa: BLE001

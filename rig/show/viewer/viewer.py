@@ -1,9 +1,9 @@
-"""The viewer program that comes with rerun-sdk, as a process of ours: loopback only, no usage analytics.
+"""The viewer program of rerun-sdk as a child process: loopback only, no usage analytics.
 
-rerun-sdk's own rr.spawn looks for `rerun` on the PATH, listens on every interface and waits 11 s when there is
-no display; so the program is started here.  Its rr.serve_web_viewer listens on every interface too, and the page
-reports usage to its makers: so the page's files are taken once from the viewer program and served here, on the
-loopback address, with a policy that lets the browser connect to this machine alone.
+rr.spawn of rerun-sdk searches `rerun` on the PATH, listens on every interface and waits 11 s if there is no display,
+so this module starts the program.  rr.serve_web_viewer listens on every interface too, and its page reports usage to
+its makers.  So this module takes the files of the page once from the viewer program and serves them on the loopback
+address, with a policy that lets the browser connect to this machine only.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 LOOPBACK: Final = "127.0.0.1"
 POLICY: Final = "connect-src 'self' http://127.0.0.1:* http://localhost:* blob: data:"
 _FILES: Final = ("/", "/re_viewer.js", "/re_viewer_bg.wasm", "/sw.js", "/favicon.ico")
-_KEPT_HEADERS: Final = ("Content-Type", "rerun-final-length")  # the second feeds the page's progress bar
+_KEPT_HEADERS: Final = ("Content-Type", "rerun-final-length")  # the second drives the progress bar of the page
 
 
 def program() -> Path:
-    """Return the viewer's executable inside the installed rerun-sdk; RigError when it is not there."""
+    """Return the executable of the viewer in the installed rerun-sdk; RigError: it is missing."""
     spec = find_spec("rerun_cli")
     folder = Path(spec.origin).parent if spec and spec.origin else Path()
     for name in ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun"):
@@ -47,17 +47,17 @@ def program() -> Path:
 
 
 def environment(given: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return variables for the viewer's process: ``given`` (ours) with its usage analytics switched off.
+    """Return variables for the process of the viewer: ``given`` (of this process) with usage analytics switched off.
 
-    Rerun collects none where it believes to run on a build server, and then leaves the user's own
-    setting (`rerun analytics`) alone: it neither reads nor writes it.
+    Rerun collects no usage data on a build server, and then neither reads nor writes the setting of the user
+    (`rerun analytics`).
     """
-    ours = os.environ if given is None else given
-    return {name: value for name, value in ours.items() if name != "FORCE_RERUN_ANALYTICS"} | {"CI": "true"}
+    base = os.environ if given is None else given
+    return {name: value for name, value in base.items() if name != "FORCE_RERUN_ANALYTICS"} | {"CI": "true"}
 
 
 def free_port(preferred: int = 0) -> int:
-    """Return ``preferred`` when nothing listens there, else any free port of this machine."""
+    """Return ``preferred`` if no program listens there, or any free port of this machine."""
     with socket.socket() as probe:
         try:
             probe.bind((LOOPBACK, preferred))
@@ -78,8 +78,8 @@ def listening(port: int, timeout_s: float = 0.5) -> bool:
 def connected(port: int) -> bool:
     """Return True if a program is connected to ``port``, on which this process listens.
 
-    rerun-sdk 0.41 does not tell when a viewer connects to its server, so the system is asked.  An operating system
-    that does not say it counts as connected: nobody may wait for ever.
+    rerun-sdk 0.41 does not report connections to its server, so this function reads them from the operating system.
+    If the system does not report them, the result is True, so that no caller waits for ever.
     """
     return _has(port, psutil.CONN_ESTABLISHED)
 
@@ -95,7 +95,7 @@ def opened(port: int, timeout_s: float = 5.0) -> bool:
 
 
 def _has(port: int, status: str) -> bool:
-    """Return True if this process has a connection of ``status`` on ``port``; True where the system does not say."""
+    """Return True if this process has a connection of ``status`` on ``port``; True if the system does not report it."""
     try:
         sockets = psutil.Process().net_connections(kind="tcp")
     except psutil.AccessDenied:
@@ -104,7 +104,7 @@ def _has(port: int, status: str) -> bool:
 
 
 def require_display(asked: str) -> None:
-    """Raise BadInput, which names ``asked``, when there is no display; not checked on Windows and macOS."""
+    """Raise BadInput, which names ``asked``, if there is no display; not checked on Windows and macOS."""
     if sys.platform in ("win32", "darwin"):
         return
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
@@ -114,9 +114,9 @@ def require_display(asked: str) -> None:
 def start(
     arguments: Sequence[str], port: int, timeout_s: float = 15.0, *, stay: bool = False
 ) -> subprocess.Popen[bytes]:
-    """Run the viewer program until it listens on ``port``; it outlives us if it may ``stay``.
+    """Run the viewer program until it listens on ``port``; with ``stay`` it outlives this process.
 
-    RigError when it ends or does not listen in time.
+    RigError: it ends, or does not listen in time.
     """
     process = launch(arguments, stay=stay)
     await_port(process, port, timeout_s)
@@ -124,7 +124,7 @@ def start(
 
 
 def launch(arguments: Sequence[str], *, stay: bool = False) -> subprocess.Popen[bytes]:
-    """Run the viewer program, which takes some tenths of a second before it listens: ``await_port``."""
+    """Run the viewer program; it listens after some tenths of a second: ``await_port``."""
     return subprocess.Popen(
         [str(program()), "--bind", LOOPBACK, *arguments],
         env=environment(),
@@ -138,7 +138,7 @@ def launch(arguments: Sequence[str], *, stay: bool = False) -> subprocess.Popen[
 def await_port(
     process: subprocess.Popen[bytes], port: int, timeout_s: float = 15.0, needs: str = "no usable display?"
 ) -> None:
-    """Wait until the viewer listens on ``port``; RigError when it ends, with what it ``needs``, or not in time."""
+    """Wait until the viewer listens on ``port``; RigError: it ends (the message has ``needs``), or a timeout."""
     deadline = time.monotonic() + timeout_s
     while not listening(port):
         if process.poll() is not None:
@@ -155,9 +155,9 @@ def address(port: int) -> str:
 
 
 def connect(port: int) -> ViewerClient:
-    """Connect to the viewer that listens on ``port``; RuntimeError when it does not answer.
+    """Connect to the viewer that listens on ``port``; RuntimeError: it does not reply.
 
-    It is driven through rerun.experimental, which may change with any release: by what is got from here alone.
+    The client belongs to rerun.experimental, which may change with any release; only this module imports it.
     """
     from rerun.experimental import ViewerClient
 
@@ -165,7 +165,7 @@ def connect(port: int) -> ViewerClient:
 
 
 def stop(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> None:
-    """End a viewer: ask, then kill."""
+    """End a viewer: terminate, then kill."""
     process.terminate()
     try:
         process.wait(timeout_s)
@@ -175,10 +175,10 @@ def stop(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> None:
 
 
 class WebViewer:
-    """The viewer's page on ``port``: held from the beginning, served from ``serve`` on until closed."""
+    """The page of the viewer on ``port``: reserved at once, served from ``serve`` until closed."""
 
     def __init__(self, preferred: int) -> None:
-        """Hold the port ``preferred`` when it is free, else any free one."""
+        """Reserve the port ``preferred`` if it is free, or any free one."""
         self.url = ""
         self.files = _fetch()
         try:
@@ -190,7 +190,7 @@ class WebViewer:
         self.port = self._server.server_port
 
     def serve(self, grpc_url: str) -> None:
-        """Serve the page, whose address shows what the server at ``grpc_url`` sends."""
+        """Serve the page; its address shows the data of the server at ``grpc_url``."""
         self.url = f"http://{LOOPBACK}:{self.port}/?url={quote(grpc_url, safe='')}&theme=dark"
         threading.Thread(target=self._server.serve_forever, name="web viewer", daemon=True).start()
         self._served = True
@@ -206,11 +206,11 @@ File = tuple[dict[str, str], bytes]  # headers, contents
 
 
 def _fetch() -> dict[str, File]:
-    """Fetch the page's files, about 45 MB, from the viewer program; it runs for a moment only."""
+    """Fetch the page's files, about 45 MB, from the viewer program; which runs for a moment."""
     port = free_port()
-    nobody = address(free_port())
-    process = start(["--serve-web", "--web-viewer-port", str(port), nobody], port)
-    opener = build_opener(ProxyHandler({}))  # a proxy of the user's is not for loopback addresses
+    unused = address(free_port())
+    process = start(["--serve-web", "--web-viewer-port", str(port), unused], port)
+    opener = build_opener(ProxyHandler({}))  # no proxy for loopback addresses
     try:
         files: dict[str, File] = {}
         for path in _FILES:

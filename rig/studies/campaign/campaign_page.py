@@ -1,6 +1,6 @@
-"""The report of a campaign: one HTML file that opens without a network.
+"""The report of a campaign: one self-contained HTML file, for a browser without a network.
 
-Magnitudes are shown in the unit of their signal, angles in degrees.
+Magnitudes have the unit of their signal, angles are in degrees.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import polars as pl
 
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS
-from rig.core.palette import INK, LINE, SERIES, SHARE_SCALE, WHITE, series_colour
+from rig.core.palette import DASHES, INK, LINE, SERIES, SHARE_SCALE, WHITE, series_colour
 from rig.core.units.quantities import number, unit_shown
 from rig.show.pages.page import DASH, lay_out, write_page
 from rig.studies.campaign.campaign_summary import RANKED, TABLES, summary
@@ -30,9 +30,9 @@ Rows = list[dict[str, Any]]
 
 
 def report(folder: Folder, out: Path) -> dict[str, Any]:
-    """Write the report of a campaign to ``out``; return its figures as plain data. BadInput: no run is done yet."""
+    """Write the report of a campaign to ``out``; return its figures as plain data.  BadInput: no run is done yet."""
     if folder.tables["runs"].is_empty():
-        raise BadInput(f"{folder.path}: no run is done yet; fly the campaign first")
+        raise BadInput(f"{folder.path}: no run is done yet; fly some with rig campaign run")
     results = summary(folder)
     maps = {f"map-{i}": figure for i, figure in enumerate(heat_maps(results["by_place"]))}
     delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables, ["manager"])))}
@@ -42,7 +42,7 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
         {**row, "level": level_shown(row["key"], row["level"], folder.tables["faults"])} for row in results["by_varied"]
     ]
     names = results["by_name"]
-    several = {"by_kind": bool(names), "by_varied": "manager" in names}  # whether there is something to tell apart
+    several = {"by_kind": bool(names), "by_varied": "manager" in names}  # a column of one value is left out
     columns = {
         name: [column for column in of if column.name != "of" or several.get(name, True)] for name, of in TABLES.items()
     }
@@ -54,7 +54,7 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
 
 
 def heat_maps(rows: Rows) -> list[go.Figure]:
-    """Draw detection over magnitude and flight point, and over managers if several vote: a map a signal and kind.
+    """Draw detection over magnitude and flight point, one map for each signal and kind.
 
     rows : as ``by_place`` of the summary
     """
@@ -65,7 +65,7 @@ def heat_maps(rows: Rows) -> list[go.Figure]:
 
 
 def _heat_map(signal: str, kind: str, rows: Rows) -> go.Figure:
-    """Draw the share of detected faults as a colour; grey if no fault exceeded the threshold."""
+    """Draw the detected share of the detectable faults as a colour; grey: no fault was detectable."""
     places = sorted({row["place"] or "" for row in rows}, reverse=True)
     sizes, unit = sorted({row["size"] for row in rows}), magnitude_unit(signal, kind)
     axes = {"x": [magnitude_shown(size, signal, kind) for size in sizes], "y": places, "xgap": 2, "ygap": 2}
@@ -85,7 +85,7 @@ def _heat_map(signal: str, kind: str, rows: Rows) -> go.Figure:
 
 
 def _colours(grid: Sequence[Sequence[dict[str, Any] | None]], detectable: bool) -> dict[str, Any]:
-    """Return shares and hover texts of the cells with, or without, ``detectable`` faults; other cells stay empty."""
+    """Return shares and hover texts of the cells that are, or are not, ``detectable``; other cells stay empty."""
     kept = [[cell if cell and bool(cell["detection"]["of"]) == detectable else None for cell in line] for line in grid]
     return {
         "z": [[cell and (cell["detection"]["value"] or 0.0) for cell in line] for line in kept],
@@ -94,7 +94,7 @@ def _colours(grid: Sequence[Sequence[dict[str, Any] | None]], detectable: bool) 
 
 
 def _counts(rows: Rows, signal: str, kind: str) -> dict[str, Any]:
-    """Return the counts as texts at the places of their cells; a heat map would omit some of its own texts."""
+    """Return the counts as texts at the places of their cells; a heat map omits some of its own texts."""
     dark = [bool(row["detection"]["of"]) and abs(row["detection"]["value"] - 0.5) > 0.3 for row in rows]
     return {
         "x": [magnitude_shown(row["size"], signal, kind) for row in rows],
@@ -124,16 +124,19 @@ def _hover_text(cell: dict[str, Any]) -> str:
 
 
 def delay_curves(faults: pl.DataFrame) -> list[go.Figure]:
-    """Draw the cumulative share of detections over the delay, by signal, kind and manager, from both starts."""
+    """Draw the distribution of delays by signal, kind and manager, from the threshold and from onset."""
     detected = faults.filter(pl.col("outcome") == "detected")
-    columns = {"delay_from_exceeded_s": "after the threshold is exceeded", "delay_from_onset_s": "after the onset"}
+    columns = {"delay_from_exceeded_s": "from the first frame beyond the threshold", "delay_from_onset_s": "from onset"}
     return [_curves(detected, column, title) for column, title in columns.items() if len(detected)]
 
 
 def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
     figure = go.Figure()
     all_delays = [0.0, *detected[column].drop_nulls().to_list()]
-    begin, end = 1.1 * min(all_delays), 1.1 * max(all_delays)  # below 0: isolated before that
+    begin, end = (
+        1.1 * min(all_delays),
+        1.1 * max(all_delays),
+    )  # below 0: isolated before the threshold
     managers = ["manager"] if f"{OF_RUN}manager" in detected.columns else []
     for i, (key, part) in enumerate(groups(detected, ["signal", "kind"], managers)):
         counts = part[column].drop_nulls().value_counts().sort(column)
@@ -145,7 +148,7 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
             x=[begin, *delays, end],
             y=[0.0, *share, share[-1]],
             mode="lines",
-            line={"shape": "hv", "color": series_colour(i), "width": 2},
+            line={"shape": "hv", "color": series_colour(i), "width": 2, "dash": DASHES[i % len(DASHES)]},
             name=" ".join(filter(None, (f"{key['kind']} of {key['signal']}", key.get("of"), f"({len(part)})"))),
             hovertemplate="%{x:.2f} s: %{y:.3f}<extra>%{fullData.name}</extra>",
         )
@@ -156,7 +159,7 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
 
 
 def reply_times(replies: dict[str, Any]) -> go.Figure:
-    """Draw the reply times of a unit under test over its frames; ``replies`` as in the summary."""
+    """Draw the distribution of the reply time of a unit under test; ``replies`` as of the summary."""
     share = [100.0 * count / max(replies["frames"], 1) for count in replies["counts"]]
     hover = "%{x} µs: %{customdata} frames, %{y:.3g} %<extra></extra>"
     bars = {"x": replies["bins_us"], "y": share, "customdata": replies["counts"], "hovertemplate": hover}
@@ -168,12 +171,14 @@ def reply_times(replies: dict[str, Any]) -> go.Figure:
 
 
 def magnitude_unit(signal: str, kind: str) -> str:
-    """Return the unit in which magnitudes of a kind on a signal are shown: ``deg/s``; "" if they have none."""
+    """Return the display unit of the magnitudes of a kind on a signal, such as ``deg/s``; "" if they have none."""
     unit = _setting(kind)
     if unit not in _SIGNAL:
         return unit_shown(unit)
     shown = unit_shown(_of_signal(signal))
-    return f"{shown or '1'}/s" if unit == _RATE else shown
+    if unit != _RATE:
+        return shown
+    return f"{shown.removesuffix('/s')}/s²" if shown.endswith("/s") else f"{shown or '1'}/s"
 
 
 def magnitude_shown(value: float | None, signal: str, kind: str) -> str:
@@ -182,9 +187,9 @@ def magnitude_shown(value: float | None, signal: str, kind: str) -> str:
 
 
 def level_shown(key: str, level: Any, faults: pl.DataFrame) -> str:
-    """Return a level of a varied key, rounded; the magnitude of a fault is in the unit of its signal's map.
+    """Return a level of a varied key, rounded; the magnitude of a fault in the unit of its signal.
 
-    faults : table of the campaign, with the signal on which each fault acted
+    faults : table of the campaign, with the signal of each fault
     """
     if not isinstance(level, float):
         return str(level)
@@ -203,7 +208,7 @@ def _of_signal(signal: str) -> str:
 
 
 def _setting(kind: str) -> str:
-    """Return the unit of the setting that gives the size of a fault of the kind."""
+    """Return the unit of the setting that gives the magnitude of a kind."""
     model = KINDS.get(kind)
     extra = model.model_fields[model.sizes[0]].json_schema_extra if model is not None and model.sizes else None
     return str(extra.get("unit", "")) if isinstance(extra, dict) else ""

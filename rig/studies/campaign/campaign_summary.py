@@ -47,7 +47,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         Column("wrongly isolated", "wrong_isolation", SHARE),
     ),
     "by_pattern": (
-        *(Column("pattern", type=str, empty="None"), Column("acted"), Column("detected", "detection", SHARE)),
+        *(Column("pattern", type=str, empty="no pattern"), Column("acted"), Column("detected", "detection", SHARE)),
         Column("wrongly isolated", "wrong_isolation", SHARE),
     ),
     "by_rule": (

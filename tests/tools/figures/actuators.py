@@ -1,6 +1,6 @@
 """Servo actuators measured: beside the lag, healthy, with every fault, and what a frame with them costs.
 
-``servo_picture`` draws docs/measured/servo.svg; everything else prints a table.
+``servo_picture`` draws docs/pictures/servo.svg; all others print a table.
 """
 
 from __future__ import annotations
@@ -13,25 +13,21 @@ from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any, Final, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures import table
-from figures.patterns import SMALL
 from rig.core.frame import INDEX, MOVED
-from rig.core.palette import BLUE, INK, ORANGE
 from rig.flight import loop
 from rig.flight.fly import fly as fly_logged
 from rig.scenario.scenario import Scenario, load
 from rig.studies.campaign.flying import CampaignFlight, fly
-from rig.studies.papers.servo_study import FREQUENCIES_HZ, RATES_HZ, Compared, compare, step_response
+from rig.studies.papers.servo_study import FREQUENCIES_HZ, RATES_HZ, Compared, compare
 from rig.world.plant.airframe import Actuator
 
 AIRCRAFT: Final = ("f16", "b747", "b737")
 BASE: Final = "f16_elevator_coil_hardover"
-FOLDER: Final = Path(__file__).parents[3] / "docs/measured"
+PICTURES: Final = Path(__file__).parents[3] / "docs/pictures"
 ONSET_S: Final = 5.0
 AFTER_S: Final = 2.0  # in which a transient counts
 LVDT_OFF: Final = 0.1  # of the stroke
@@ -83,25 +79,11 @@ def _response(name: str, row: Compared) -> list[str]:
 
 
 def servo_picture() -> None:
-    """Draw a small and a large step of the F-16's elevator beside the lags."""
-    with mpl.rc_context(SMALL):
-        figure = Figure(figsize=(7.2, 2.8), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        for axes, size, end_s in ((left, 0.02, 0.3), (right, 0.39, 0.8)):
-            found = step_response("f16", "elevator", 100.0, size, end_s)
-            lags = (
-                (found.lag_then_limit_rad, BLUE, "-", "JSBSim's"),
-                (found.limited_lag_rad, INK, ":", "lag of limited speed"),
-            )
-            for values, color, dash, label in ((found.ram_rad, ORANGE, "-", "servo"), *lags):
-                axes.plot(1e3 * found.time_s, np.degrees(values), color=color, ls=dash, lw=1.2, label=label)
-            axes.set_xlabel("time, ms")
-            axes.set_title(f"a step of {np.degrees(size):.3g} deg, 100 Hz", fontsize=8.0)
-        right.legend(loc="lower right", frameon=False)
-        left.set_ylabel("F-16 elevator, deg")
-        FOLDER.mkdir(exist_ok=True)
-        figure.savefig(FOLDER / "servo.svg", metadata={"Date": None, "Creator": None})
-    print(f"servo.svg: {(FOLDER / 'servo.svg').stat().st_size} B")
+    """Draw docs/pictures/servo.svg."""
+    from figures.servos_and_lanes import servo  # whose module needs this one
+
+    (PICTURES / "servo.svg").write_text(servo(), encoding="utf-8")
+    print(f"servo.svg: {(PICTURES / 'servo.svg').stat().st_size} B")
 
 
 # Healthy.

@@ -1,6 +1,6 @@
 """Four computers measured without a fault: healthy, clocks that run free, their cost and their logs.
 
-``lanes_picture`` draws docs/measured/lanes.svg; everything else prints a table or a line.
+``lanes_picture`` draws docs/pictures/lanes.svg; all others print a table or a line.
 """
 
 from __future__ import annotations
@@ -15,19 +15,15 @@ from tempfile import TemporaryDirectory
 from time import sleep
 from typing import Any, Final
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures import table
-from figures.actuators import BASE, BY_HAND, FOLDER, aircraft_and_rates, costs, healthy_flight
+from figures.actuators import BASE, BY_HAND, aircraft_and_rates, costs, healthy_flight
 from figures.lanes import FOUR, findings, four
-from figures.patterns import SMALL
 from rig.bench.replay.before_after import diff, side
 from rig.bench.replay.verify import verify
 from rig.core.frame import COMPUTERS, Health
-from rig.core.palette import BLUE, GREEN, INK, ORANGE, RED, VIOLET
 from rig.flight.fly import fly as fly_logged
 from rig.flight.lane_events import test_name
 from rig.log import read_log
@@ -81,8 +77,8 @@ TIGHT: Final = "computers.command_persistence_s=0.01"
 APART: Final = ("equalised", "not equalised")
 STICK: Final = "pilot.manoeuvres=[{kind='doublet', axis='stick_roll', start_s=5.0, duration_s=4.0, amplitude=0.9}]"
 REVERSED_S: Final = 7.0  # the stick is
-DRAWN: Final = 20  # frames of a point
-LEAST: Final = 1e-4  # of the stroke in %, drawn of less
+APART_FLOOR: Final = 1e-4  # % of the stroke: smaller differences are drawn here
+PICTURES: Final = Path(__file__).parents[3] / "docs/pictures"
 
 
 def flight_44(equalised: bool, *sets: str) -> CampaignFlight:
@@ -117,38 +113,11 @@ def apart(flight: CampaignFlight) -> tuple[NDArray[np.float64], NDArray[np.float
 
 
 def lanes_picture() -> None:
-    """Draw aileron commands of flight 44 where the stick is reversed, and how far the integrators drift apart."""
-    free, alone, together = flight_44(True, *FREE), flight_44(False, *FREE), flight_44(True)
-    with mpl.rc_context(SMALL):
-        figure = Figure(figsize=(7.2, 2.8), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        time_s = free.rows["frame"] / free.scenario.rate_hz
-        part = slice(int((REVERSED_S - 0.04) * 100), int((REVERSED_S + 0.1) * 100))
-        for i, (name, color) in enumerate(zip(COMPUTERS, (BLUE, GREEN, VIOLET, ORANGE), strict=True)):
-            told = np.degrees(computers(free)["surface"][part, i, 1])
-            width = 5.2 - 1.3 * i  # the first the widest: lanes that command alike are seen behind each other
-            left.step(time_s[part], told, where="post", color=color, lw=width, label=f"lane {name}")
-        left.set_title("clocks 0, 0.3, 0.6, 0.9 frames ahead", fontsize=8.0)
-        left.set_ylabel("aileron command, deg")
-        left.legend(loc="lower right", frameon=False)
-        for label, flight, color in (
-            ("free, not equalised", alone, RED),
-            ("free, equalised", free, BLUE),
-            (f"synchronised: {LEAST:g} or less", together, INK),
-        ):
-            largest = np.maximum(apart(flight)[1], LEAST).reshape(-1, DRAWN).max(axis=1)
-            right.semilogy(time_s[::DRAWN], largest, color=color, lw=1.0, label=label)
-        right.set_title("integrators of the aileron apart", fontsize=8.0)
-        right.set_ylabel("% of the stroke")
-        right.set_ylim(0.7 * LEAST, 500.0)  # with room for the legend above all lines
-        right.legend(loc="upper right", frameon=False)
-        for axes in (left, right):
-            axes.set_xlabel("time, s")
-        figure.savefig(
-            FOLDER / "lanes.svg",
-            metadata={"Date": None, "Creator": None, "Title": "Commands and integrators of four lanes"},
-        )
-    print(f"lanes.svg: {(FOLDER / 'lanes.svg').stat().st_size} B")
+    """Draw docs/pictures/lanes.svg."""
+    from figures.servos_and_lanes import lanes  # which flies flight_44
+
+    (PICTURES / "lanes.svg").write_text(lanes(), encoding="utf-8")
+    print(f"lanes.svg: {(PICTURES / 'lanes.svg').stat().st_size} B")
 
 
 # Cost.
