@@ -14,7 +14,9 @@ from rig.verdict.requirements.requirement import load_requirements
 
 ROOT = Path(__file__).parents[1]
 WORST = sorted((ROOT / "faults" / "worst").glob("*.toml"))
-PAGE, PICTURE = ((ROOT / "docs" / name).read_text() for name in ("worst.md", "worst.svg"))
+PAGE, DRAWN = ((ROOT / "docs" / name).read_text() for name in ("worst.md", "worst.svg"))
+HATCH = r'<rect [^>]*fill="url\(#some\)"/>'
+PICTURE = re.sub(HATCH, "", DRAWN)
 OURS = [path for path in WORST if path.stem.endswith("cross_channel")]
 
 STILL = [path for path in OURS if path.stem not in MET_NOW]
@@ -82,3 +84,9 @@ def test_one_violating_flight_is_enough_for_a_cell_not_to_be_met():
 
 def test_a_scenario_of_the_folder_is_named_within_it():
     assert load("worst/" + OURS[0].stem).title == load(OURS[0]).title
+
+
+def test_cells_with_both_kinds_of_flights_are_hatched_too():
+    mixed = [violated for _, violated, flights in cells_of_the_page() if 0 < violated < flights]
+    assert len(re.findall(HATCH, DRAWN)) == len(mixed) + 1  # and the legend's
+    assert len(re.findall(rf'fill="{MIXED[0]}" [^>]*/>\s*{HATCH}', DRAWN)) == len(mixed) + 1 and "<desc>" in DRAWN

@@ -117,7 +117,7 @@ def test_the_report_has_the_assumptions_before_the_numbers_and_needs_no_network(
     ]  # undetected errors, annunciated losses, lost aircraft
     drawn = json.loads(page.partition('id="figures">')[2].partition("</script>")[0])["picture-0"]
     notes = {note["text"]: note["y"] for note in drawn["layout"]["annotations"]}
-    assert notes == {"military, 1e-07": pytest.approx(-7.0), "civil, 1e-09": pytest.approx(-9.0)}  # of a log axis
+    assert notes == {"military, 1e-7": pytest.approx(-7.0), "civil, 1e-9": pytest.approx(-9.0)}  # of a log axis
     assert page.index("a channel fails 0.001 times an hour (a test)") < page.index("<table class=")
     assert not re.findall("<(?:script|link|img)[^>]*https?:", page)
 
@@ -132,7 +132,7 @@ def test_in_a_browser_no_column_is_cut_and_no_two_labels_of_a_picture_overlap(
     assert seen.console == [] and seen.right <= 1400 and seen.hidden == 0 and seen.drawn >= 3
     for figure in ("picture-0", "picture-1", "picture-2"):
         texts = [text for text in seen.texts if text.figure == figure]
-        assert {"military, 1e-07", "civil, 1e-09"} < {text.text for text in texts}
+        assert {"military, 1e-7", "civil, 1e-9"} < {text.text for text in texts}
         assert [(a.text, b.text) for a, b in combinations(texts, 2) if a.covers(b) and a.text != b.text] == []
 
 

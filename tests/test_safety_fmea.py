@@ -223,7 +223,9 @@ def test_the_table_and_the_page_have_every_line(rig_command, gathered, rates: Pa
         table = list(csv.DictReader(file))
     assert len(table) == count and table[0]["worst_flight"].startswith("rig campaign fly C --run")
     page = html.parse(str(tmp_path / "fmea.html"))
-    assert len(page.xpath("//table//tr")) == count + 1 and not page.xpath("//*[@src]")
+    items = {row["item"] for row in table}
+    assert [len(page.xpath(f"//table//tr[{where}]")) for where in ("@class='item'", "td")] == [len(items), count]
+    assert not page.xpath("//*[@src]")
 
 
 def test_the_columns_of_the_page_have_every_text_of_a_line_once():

@@ -109,7 +109,7 @@ def _flown(table: dict[str, Any], seed: int, requirements: Any) -> tuple[float, 
 
 
 def why(scenario: Scenario, rows: Block, instant_s: float) -> str:
-    """Return one line: which channels stood at the worst instant, and which had been failed."""
+    """Return one line: the channels in use at the worst instant, and the isolated ones."""
     signal = scenario.faults[0].signal
     faulty = {point.channel for fault in scenario.faults for point in fault.points}
     frame = min(round(instant_s * scenario.rate_hz), len(rows) - 1)

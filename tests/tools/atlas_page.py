@@ -14,12 +14,17 @@ WIDTH, HEIGHT, LEFT, TOP = 62, 36, 178, 64  # of a cell; of labels
 GROUP: Final = 12  # px between groups
 MET: Final = ((0.6, BLUE, "#ffffff"), (0.3, LIGHT_BLUE, "#1d2630"), (-1e9, PALE_BLUE, "#1d2630"))
 VIOLATED: Final = ((-1.0, PALE_RED, "#1d2630"), (-5.0, "#e08077", "#1d2630"), (-1e9, RED, "#ffffff"))
-MIXED: Final = "#fff2ac", "#1d2630"
+MIXED: Final = "#fff2ac", "#1d2630"  # hatched too, for readers who do not see the colour
+HATCH: Final = (
+    '<defs><pattern id="some" width="8" height="8" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
+    '<path d="M0 0V8" stroke="#8a6d00" stroke-opacity="0.35" stroke-width="3"/></pattern></defs>'
+)
 LEGEND: Final = (  # a cell's look and what it is of; edge: with a scenario
     (BLUE, "met in all, median 0.6 or more"), (LIGHT_BLUE, "met in all, 0.3 to 0.6"),
-    (PALE_BLUE, "met in all, below 0.3"), (MIXED[0], "violated in some"), (PALE_RED, "violated in all, down to -1"),
-    ("#e08077", "to -5"), (RED, "below -5"),
-    ("none", "outlined: a scenario in faults/worst"),
+    (PALE_BLUE, "met in all, below 0.3"), (MIXED[0], "violated in some (hatched)"),
+    (PALE_RED, "violated in all, down to -1"),
+    ("#e08077", "violated in all, -1 to -5"), (RED, "violated in all, below -5"),
+    ("none", "outlined: a scenario file in faults/worst"),
 )  # fmt: skip
 STYLE: Final = (
     "text{font:13px system-ui,sans-serif;text-anchor:middle;fill:#1d2630}"
@@ -28,31 +33,31 @@ STYLE: Final = (
 )
 HEAD: Final = """# Worst cases
 
-What 1, 2 and 3 faults of one sign on one signal can do to the vote, by manager and aircraft: a [search](search.md)
-looks for the flight with the least robustness of the [requirement](requirements-format.md) `vote` (the vote stays
-within the threshold of the truth, or the signal is lost and that is announced), and what it finds is flown on {seeds}
-new seeds. A robustness is in thresholds of the signal; below 0 the requirement is violated.
+This page lists the worst effect of 1, 2 and 3 faults of one sign on the vote of one signal, by manager and aircraft.
+A [search](search.md) looks for the flight with the least robustness of the [requirement](requirements-format.md)
+`vote`: the vote stays within the threshold of the truth, or the signal is lost and the loss is announced. The result
+is flown on {seeds} new seeds. A robustness is in thresholds of the signal; below 0 the requirement is violated.
 
 ![Median robustness of the vote and flights that violate it, by manager, aircraft, signal and faults](worst.svg)
 
-The number of a cell is the median robustness of its {seeds} flights; below it stands in how many of them the
-requirement is violated. Blue: in none. Yellow: in some. Red: in all. An outlined cell has a scenario in
-`faults/worst/`, of a search before this one: it may be worse than what this one found. The tables below have the same
-numbers, the faults, and why.
+The upper number of a cell is the median robustness of its {seeds} flights. The lower one counts the flights that
+violate the requirement. Blue: none violates. Yellow and hatched: some violate. Red: all violate. An outlined cell has
+a scenario in `faults/worst/` from an earlier search, which may be worse than the result of this one. The tables below
+have the same numbers, the faults and the reasons.
 
 - Space: drifts (0.05 to 5 thresholds a second) or offsets (0.4 to 10 thresholds) on the first channels, each from 3
   to 6 s of 14 s in light turbulence.
 - Budget: {trials} open-loop trials a cell, 24 of them at random; the candidate of the least robustness is then flown on
-  {seeds} new seeds. So small a budget finds what is easy to find: a blue cell is no proof. `first` is the trial
-  that first violated.
+  {seeds} new seeds. This small budget finds only what is easy to find: a blue cell is no proof. `first` is the first
+  trial that violated.
 - Again: `python tests/tools/atlas.py search OUT.json`, `scenarios`, `page`. {total} trials and {flights} flights.
 
 {findings}
 
 ## Scenarios
 
-Reduced by flights to few and round numbers, each with a seed that violated the requirement when it was found:
-`rig fly worst/NAME --requirements redundancy`. What is found is of that time{met}.
+Flights reduced each scenario to few and round numbers, with a seed that violated the requirement when it was found:
+`rig fly worst/NAME --requirements redundancy`. Managers have changed since{met}.
 
 {scenarios}
 """
@@ -93,7 +98,12 @@ def picture(rows: Sequence[Row], names: Sequence[str]) -> str:
     size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
     title = "Median robustness of the vote, and flights that violate it, by manager, aircraft, signal and faults"
-    return "\n".join([head, f"<title>{title}</title>", f"<style>{STYLE}</style>", *parts, "</svg>\n"])
+    about = (
+        "A row a manager and aircraft, a column a signal and number of faults. A cell shows the median robustness, and"
+    )
+    about += " how many of its flights violate the requirement; yellow, hatched cells have both kinds of flights."
+    text = [f"<title>{title}</title>", f"<desc>{about}</desc>", f"<style>{STYLE}</style>", HATCH]
+    return "\n".join([head, *text, *parts, "</svg>\n"])
 
 
 def _cell(row: Row, x: float, y: float, names: Sequence[str]) -> str:
@@ -105,11 +115,17 @@ def _cell(row: Row, x: float, y: float, names: Sequence[str]) -> str:
     count = f'<text x="{middle}" y="{y + 29}" class="small" {ink}>{row["flown_violated"]} of {row["seeds"]}</text>'
     where = f"{row['manager']}, {row['aircraft']}, {row['signal']}, {row['faults']}"
     title = escape(f"{where}: {row['scenario']}: {row['why']}")
-    return f"<g><title>{title}</title>{box}{text}{count}</g>"
+    return f"<g><title>{title}</title>{box}{hatch(fill, x + 1, y + 1, WIDTH - 2, HEIGHT - 2)}{text}{count}</g>"
+
+
+def hatch(fill: str, x: float, y: float, width: float, height: float) -> str:
+    """Return the hatch over a mixed cell, "" for another."""
+    place = f'x="{x}" y="{y}" width="{width}" height="{height}"'
+    return f'<rect {place} rx="3" fill="url(#some)"/>' if fill == MIXED[0] else ""
 
 
 def look(row: Row) -> tuple[str, str]:
-    """Return the colour of a cell and of its text: blue where no flight violates, red where all do, else yellow."""
+    """Return the colours of a cell and its text: blue if no flight violates, red if all do, otherwise yellow."""
     if 0 < row["flown_violated"] < row["seeds"]:
         return MIXED
     scale = VIOLATED if row["flown_violated"] else MET
@@ -117,12 +133,13 @@ def look(row: Row) -> tuple[str, str]:
 
 
 def _legend(top: float) -> list[str]:
-    """Return what the colours mean, three to a line."""
+    """Return the legend of the colours, three to a line."""
     parts = []
     for i, (fill, what) in enumerate(LEGEND):
         x, y = LEFT + i % 3 * 260, top + i // 3 * 22
         edge = 'class="edge"' if fill == "none" else 'stroke="none"'
         parts.append(f'<rect x="{x}" y="{y}" width="22" height="14" rx="2" fill="{fill}" {edge}/>')
+        parts += filter(None, [hatch(fill, x, y, 22, 14)])
         parts.append(_text(x + 28, y + 11, what, "label key"))
     return parts
 

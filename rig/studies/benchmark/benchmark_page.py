@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import log10
 from pathlib import Path
 from typing import Any, Final
 
 import plotly.graph_objects as go
 
-from rig.core.palette import series_colour, series_dash
+from rig.core.palette import DASHES, series_colour
 from rig.show.pages.page import lay_out, write_page
 from rig.studies.campaign.statistics import proportion
 
 _HEIGHT: Final = 340
+_APART: Final = 1.015  # factor on the x axis from one manager to the next
+_MARKS: Final = ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross")
 _AT_ONCE: Final = 16  # sentences of the verdict, losses of the built-in manager first; the others fold away
 Row = dict[str, Any]
 
 
 def write(path: Path, result: dict[str, Any]) -> None:
-    """Write the pictures and the verdict of ``result``, as of run_benchmark.py, with the reference as flown."""
-    title = f"{result['budget_per_h']:g} false isolations an hour and signal, calibrated on {result['hours']:.3g} h"
+    """Write the page of ``result``, as of run_benchmark.py: verdict, and pictures with the reference as flown."""
+    title = f"Calibrated to {result['budget_per_h']:g} false isolations an hour and signal on {result['hours']:.3g} h"
     entrants = list(dict.fromkeys(row["entrant"] for row in result["levels"]))
     figures = dict([*_shares(result["by_size"], entrants), *_delays(result["curve"], entrants)])
     about = {"title": title, "verdict": result["verdict"], "most": _AT_ONCE, "pictures": list(figures)}
@@ -27,21 +30,21 @@ def write(path: Path, result: dict[str, Any]) -> None:
 
 
 def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
-    """Yield a picture a signal, kind and number of faults: the share isolated over the size, a line an entrant."""
-    for key in dict.fromkeys((row["signal"], row["kind"], row["faults"]) for row in rows):
+    """Yield a picture a signal, kind and number of faults: the share isolated over the size, a line a manager."""
+    for key in dict.fromkeys(map(_key, rows)):
         figure = go.Figure()
         for name in entrants:
-            mine = [r for r in rows if (r["signal"], r["kind"], r["faults"]) == key and r["entrant"] == name]
-            figure.add_scatter(x=[row["size"] for row in mine], **_isolated(mine), **_line(name, entrants))
+            mine = [row for row in rows if _key(row) == key and row["entrant"] == name]
+            figure.add_scatter(x=_apart(mine, "size", name, entrants), **_isolated(mine), **_line(name, entrants))
         title = f"{key[0]}, {key[1]}, {key[2]} fault{'s' if key[2] > 1 else ''}: share isolated"
         lay_out(figure, title, _HEIGHT)
-        _log_axis(figure, "size, thresholds")
+        _log_axis(figure, "size of the fault, thresholds", [row["size"] for row in rows if _key(row) == key])
         _share_axis(figure)
         yield title, figure
 
 
 def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
-    """Yield two pictures a signal and number of faults: median delay, and share isolated, over the budget."""
+    """Yield two pictures a signal and number of faults: median delay, and share isolated, over the rate."""
     for key in dict.fromkeys((row["signal"], row["faults"]) for row in rows):
         of = f"{key[0]}, {key[1]} fault{'s' if key[1] > 1 else ''}"
         for what in ("median delay, s", "share isolated"):
@@ -51,9 +54,11 @@ def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
                 if len(mine) > 1:
                     share = what.startswith("share")
                     values = _isolated(mine) if share else {"y": [row["delay_median_s"] for row in mine]}
-                    figure.add_scatter(x=[row["budget_per_h"] for row in mine], **values, **_line(name, entrants))
+                    figure.add_scatter(
+                        x=_apart(mine, "budget_per_h", name, entrants), **values, **_line(name, entrants)
+                    )
             lay_out(figure, f"{of}: {what}", _HEIGHT)
-            _log_axis(figure, "budget, false isolations an hour")
+            _log_axis(figure, "false isolations an hour", [row["budget_per_h"] for row in rows])
             if what.startswith("share"):
                 _share_axis(figure)
             else:
@@ -70,20 +75,37 @@ def _isolated(rows: Sequence[Row]) -> dict[str, Any]:
     above, below = ([abs(end - value) for end, value in zip(ends, values, strict=True)] for ends in (high, low))
     bars = {"type": "data", "array": above, "arrayminus": below, "thickness": 1, "width": 3}
     counts = [f"{row['isolated']} of {row['trials']}" for row in rows]
-    return {"y": values, "error_y": bars, "customdata": counts, "hovertemplate": "%{x:g}: %{customdata}"}
+    return {"y": values, "error_y": bars, "customdata": counts, "hovertemplate": "%{customdata}"}
 
 
 def _share_axis(figure: go.Figure) -> None:
     figure.update_yaxes(title="isolated, % (95 % interval)", range=[-2, 102])
 
 
-def _log_axis(figure: go.Figure, title: str) -> None:
-    """Give the x axis a tick at each place that is drawn; its default writes 2 to 9 without their power of ten."""
-    places = sorted({float(x) for trace in figure.to_dict()["data"] for x in trace["x"]})
-    ticks: dict[str, Any] = {"tickvals": places, "ticktext": [f"{x:g}" for x in places], "tickangle": 0}
+def _key(row: Row) -> tuple[Any, ...]:
+    return row["signal"], row["kind"], row["faults"]
+
+
+def _apart(rows: Sequence[Row], axis: str, name: str, entrants: Sequence[str]) -> list[float]:
+    """Return the places on a logarithmic axis, moved a little by manager, so that no interval hides another."""
+    moved = _APART ** (list(entrants).index(name) - (len(entrants) - 1) / 2)
+    return [row[axis] * moved for row in rows]
+
+
+def _log_axis(figure: go.Figure, title: str, drawn: Sequence[float]) -> None:
+    """Give the x axis a tick at each place that is drawn, none closer to another than a tenth of the axis."""
+    places = sorted({float(x) for x in drawn})
+    shown: list[float] = []
+    for place in places:
+        if not shown or log10(place / shown[-1]) > 0.1 * log10(places[-1] / places[0]):
+            shown.append(place)
+    ticks: dict[str, Any] = {"tickvals": shown, "ticktext": [f"{x:.2g}" for x in shown], "tickangle": 0}
     figure.update_xaxes(title=title, type="log", **ticks)
 
 
 def _line(name: str, entrants: Sequence[str]) -> dict[str, Any]:
+    """Return the look of a manager's line: no two have the same colour, dash and mark."""
     place = list(entrants).index(name)
-    return {"name": name, "mode": "lines+markers", "line": {"color": series_colour(place), "dash": series_dash(place)}}
+    marker = {"symbol": _MARKS[place % len(_MARKS)], "size": 7, "color": series_colour(place)}
+    line = {"color": series_colour(place), "dash": DASHES[place % len(DASHES)]}
+    return {"name": name, "mode": "lines+markers", "line": line, "marker": marker}

@@ -75,7 +75,7 @@ LEVELS: Final = (
 
 
 def require_time(budget_per_h: float, hours: float) -> None:
-    """Raise BadInput if the rate lies further beyond the data than ``rig thresholds`` accepts without a mark."""
+    """Raise BadInput if the rate is further beyond the data than ``rig thresholds`` accepts without a mark."""
     if extrapolation(budget_per_h, hours) > MARKED:
         needed = 1.0 / (budget_per_h * MARKED)
         raise BadInput(

@@ -17,8 +17,13 @@ from rig.core.outputs import require_apart
 from rig.core.palette import BLUE, GREEN, INK, TRUTH, VIOLET
 from rig.studies.papers.ding2015 import FAULT_S, Matrix, Study
 
-_TITLES: Final = ("Attitude: pitch angle", "Control: elevator", "Tracking: the output that the loop brings to 1")
-_UNITS: Final = ("of a unit step", "rad, from that of the reference", "of a unit step")
+_TITLES: Final = (
+    "Attitude: pitch angle",
+    "Control: elevator, from that of the reference (linear model without stops)",
+    "Tracking: the output that the loop brings to 1",
+)
+_UNITS: Final = ("share of a unit step", "rad per rad of step", "share of a unit step")
+_HEAD: Final = "Ding, Xiao and Jiang (2015): as printed, and with the dropped term of the fault (F = 0.5 from 5 s)"
 _LEGENDS: Final = ((1.0, 0.87), (1.0, 1.0), (1.0, 0.38))  # upper right corner, share of the panel
 
 
@@ -46,7 +51,7 @@ def _panels(study: Study) -> list[list[_Line]]:
             _Line("the paper's error system", t, paper.pitch, BLUE),
             _Line("complete: true", t, complete.pitch, GREEN),
             _Line("complete: measured", t, complete.followed, VIOLET, dash=True),
-            _Line("complete: true, the law fed with the true state", t, truth.pitch, INK, 1.2),
+            _Line("complete: true, with the true state given to the law", t, truth.pitch, INK, 1.2),
         ],
         [
             *control,
@@ -54,7 +59,7 @@ def _panels(study: Study) -> list[list[_Line]]:
             _Line("complete", t, complete.elevator, GREEN),
         ],
         [
-            _Line("wanted, y_r", t, one, INK, 1.0, dash=True),
+            _Line("command, y_r", t, one, INK, 1.0, dash=True),
             _Line("the paper's error system: estimated", t, paper.followed, BLUE),
             _Line("complete: measured", t, complete.followed, VIOLET),
         ],
@@ -67,7 +72,7 @@ def write(study: Study, folder: Path) -> list[Path]:
     require_apart({page.name: page, picture.name: picture})
     refused = reported(folder, what="the figures cannot be written")
     with replaced(page) as of_page, replaced(picture) as of_picture, refused:
-        _page(study).write_html(of_page, include_plotlyjs=True, div_id="ding2015")
+        _page(study).write_html(of_page, include_plotlyjs=True, div_id="ding2015", config={"displayModeBar": False})
         _picture(study).savefig(of_picture, dpi=110, format="png")
     return [page, picture]
 
@@ -87,7 +92,7 @@ def _page(study: Study) -> go.Figure:
     places: dict[str, Any] = {legend: {"y": 1.0 - 0.355 * row} for row, legend in enumerate(legends)}
     figure.update_layout(
         **places,
-        title="Ding, Xiao and Jiang 2015: as printed, and with the fault's own input (F = 0.5 from 5 s)",
+        title=_HEAD,
         template="plotly_white",
         height=1000,
     )
@@ -107,5 +112,5 @@ def _picture(study: Study) -> Figure:
         axis.grid(alpha=0.25)
         axis.legend(loc="upper right", bbox_to_anchor=corner, fontsize="small")
     axes[-1].set(xlabel="time, s", xlim=(0.0, study.complete.time_s[-1]))
-    figure.suptitle("Ding, Xiao and Jiang 2015: as printed, and with the fault's own input (F = 0.5 from 5 s)")
+    figure.suptitle(_HEAD)
     return figure

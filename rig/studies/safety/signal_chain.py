@@ -1,6 +1,6 @@
 """The model of the fault tree as a chain of constant rates: a check of the tree, a file for `rig reliability chain`.
 
-By symmetry a state is the number of good channels.  Of the fixed pairs, C(g, 2) hit two good channels, g k hit one and
+By symmetry a state is the number of good channels.  C(g, 2) of the fixed pairs hit two good channels, g k hit one and
 act as a single fault, and the others hit none.
 Source: docs/reliability.md, 'The model'.
 """

@@ -44,19 +44,24 @@ def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
         made.add_scatter(x=flights[part], y=shown[part], name=label, customdata=texts, hovertemplate=hover, **marks)
     line: dict[str, Any] = {"mode": "lines", "line": {"color": INK, "width": 2, "shape": "hv"}}
     made.add_scatter(x=flights, y=np.minimum.accumulate(shown), name="least so far", hoverinfo="skip", **line)
-    _level(made, float(shown[: plan.random].min()), "least at random", {"color": ORANGE, "width": 1.5, "dash": "dash"})
+    least = float(shown[: plan.random].min())
+    below = least < 0.0
+    line = {"color": ORANGE, "width": 1.5, "dash": "dash"}
+    _level(made, least, "least of the random flights", line, above=not below)
     difference = plan.asked.against is not None
-    _level(made, 0.0, "no difference" if difference else "violated below 0", {"color": RED, "width": 1})
-    lay_out(made, "Robustness of the flights of the search", 420, margin={"l": 10, "r": 120, "t": 40, "b": 10})
+    zero = "no difference" if difference else "violated below 0"
+    _level(made, 0.0, zero, {"color": RED, "width": 1}, above=below)
+    lay_out(made, "Robustness of the flights of the search", 420)
     made.update_xaxes(title="flight")
     made.update_yaxes(title="difference of robustness" if difference else "robustness")
     return made
 
 
-def _level(figure: go.Figure, robustness: float, text: str, line: dict[str, Any]) -> None:
-    """Draw a level with its text to the right of the picture."""
+def _level(figure: go.Figure, robustness: float, text: str, line: dict[str, Any], above: bool) -> None:
+    """Draw a level with its text above or below its right end."""
     figure.add_hline(y=robustness, line=line)
-    figure.add_annotation(x=1.01, xref="paper", y=robustness, text=text, showarrow=False, xanchor="left")
+    place: dict[str, Any] = {"x": 1.0, "xref": "paper", "xanchor": "right", "yanchor": "bottom" if above else "top"}
+    figure.add_annotation(y=robustness, text=text, showarrow=False, **place)
 
 
 def write(out: Path, plan: SearchPlan, found: Sequence[Measured], figures: dict[str, Any], simplest: Table) -> None:

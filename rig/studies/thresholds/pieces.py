@@ -33,25 +33,25 @@ def outcomes(
     onset: int,
     settings: RecordedSignal,
     rate_hz: float,
-    begun: NDArray[Any] | None = None,
+    first: NDArray[Any] | None = None,
 ) -> NDArray[Any]:
     """Return (R,) signal_kernels.SIGNAL of pieces that all begin healthy.
 
     samples : (R, n, C), NaN if a sample is not comparable; faulty : (R,) the channel that is faulty from ``onset`` on
-    begun : (R,) the first states of the manager; if not given, those of the start of a flight
+    first : (R,) the first states of the manager; if not given, those of the start of a flight
     """
     return outcomes_of(
-        samples, faulty, onset, Manager(MANAGERS[0], parameters(settings, samples.shape[2], rate_hz)), begun
+        samples, faulty, onset, Manager(MANAGERS[0], parameters(settings, samples.shape[2], rate_hz)), first
     )
 
 
 def outcomes_of(
-    samples: Floats, faulty: NDArray[np.int64], onset: int, manager: Manager, begun: NDArray[Any] | None = None
+    samples: Floats, faulty: NDArray[np.int64], onset: int, manager: Manager, first: NDArray[Any] | None = None
 ) -> NDArray[Any]:
     """Return the same from any ``manager`` of one signal."""
     params = manager.params
     signals = np.repeat(blank_records(params["threshold"], params["fitted"], lingers(params)), len(samples))
-    fresh = np.repeat(manager.new_state(), len(samples)) if begun is None else begun
+    fresh = np.repeat(manager.new_state(), len(samples)) if first is None else first
     _run(four(samples), faulty, onset, _blank_row(), manager.data, fresh, signals)
     return signals
 
