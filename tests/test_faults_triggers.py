@@ -167,7 +167,7 @@ BAD = [
     ({"start_s": 1.0, "repeats": 2}, "repeats: goes with repeat_every_s"),
     ({"start_s": 1.0, "repeat_every_s": 2.0}, "needs a duration_s that is shorter"),
     ({"start_s": 1.0, "repeat_every_s": 2.0, "duration_s": 2.0}, "needs a duration_s that is shorter"),
-    ({"rate_per_hour": -1.0}, "must be above 0"),
+    ({"rate_per_hour": -1.0}, "greater than 0"),
     ({"rate_per_hour": 1.0, "repeat_every_s": 2.0, "duration_s": 1.0}, "repeats by itself"),
     ({"on": {"autopilot": "off"}}, "'engaged' or 'disengaged'"),
     ({"on": {}}, "must be"),
