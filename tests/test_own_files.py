@@ -49,7 +49,11 @@ def test_a_file_that_is_flown_by_default_is_named_when_it_is_gone(installed: Pat
     path = installed / name
     shutil.rmtree(path) if path.is_dir() else path.unlink()
     code, _, err = rig_command("scenario", "check")
-    assert code == 1 and err.startswith(f"failed: {path}: a file of the rig") and err.count("\n") == 1
+    assert (
+        code == 1
+        and err.startswith(f"failed: {path}: cannot be read: the installation of the rig is incomplete")
+        and err.count("\n") == 1
+    )
 
 
 def test_who_names_something_that_is_not_there_still_hears_what_there_is(installed: Path):
@@ -77,7 +81,7 @@ def test_a_template_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, te
     if rubbish:
         (tmp_path / template).write_bytes(RUBBISH)
     monkeypatch.setattr(page, "__file__", str(tmp_path / "page.py"))
-    with pytest.raises(RigError, match=rf"{template}: a file of the rig, which is not installed") as failed:
+    with pytest.raises(RigError, match=rf"{template}: cannot be read: the installation of the rig") as failed:
         page.write_page(tmp_path / "out.html", "thresholds.html", {}, {})
     assert not isinstance(failed.value, BadInput) and not (tmp_path / "out.html").exists()
 
@@ -87,7 +91,7 @@ def test_the_vectors_of_the_interface_test_are_named(tmp_path: Path, content: by
     path = tmp_path / "vectors.npz"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(RigError, match=r"vectors.npz: a file of the rig, which is not installed"):
+    with pytest.raises(RigError, match=r"vectors.npz: cannot be read: the installation of the rig"):
         vectors.load(path)
 
 

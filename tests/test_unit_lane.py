@@ -172,5 +172,5 @@ def test_bad_input_is_one_line_and_nothing_is_written(tmp_path: Path, keys: dict
 def test_a_lane_without_a_unit_and_a_class_as_a_lane_are_refused(tmp_path: Path):
     with pytest.raises(BadInput, match="--lane B: needs --unit, the unit under test"):
         fly(tmp_path, None, "B")
-    with pytest.raises(BadInput, match="a class votes in place of our manager"):
+    with pytest.raises(BadInput, match="a Python class replaces the manager"):
         as_lane(Unit(name="mine", transport="python", manager="mine:Mine"), "B")

@@ -169,7 +169,7 @@ SEND = (
 )
 NO_LAYOUT = ready(bytes(48), layout=7)
 COMMANDS: dict[str, tuple[Callable[[Path], list[str]], str]] = {
-    "no program": (lambda f: ["no-such-program"], "no-such-program: no such program, neither beside the unit file"),
+    "no program": (lambda f: ["no-such-program"], "no-such-program: no such program beside the unit file or in PATH"),
     "no file": (lambda f: ["./none"], "./none: no such file"),
     "folder": (lambda f: ["."], "command: . is a folder"),
     "not executable": (lambda f: [script(f, "#!/bin/sh\n", 0o644)], "is not executable (chmod +x)"),
@@ -429,7 +429,7 @@ def test_a_box_that_restarts_is_dead_in_flight_and_greeted_again_between_flights
         frames.append(len(rows))
         os.kill(listening[1], signal.SIGHUP)
 
-    with pytest.raises(RigError, match="has restarted by itself: it says READY in no session"):
+    with pytest.raises(RigError, match="has restarted: it sends READY without a session"):
         rig.fly(overrides=("duration_s=5", "faults=[]"), out=tmp_path, unit=tested, watch=watch)
     assert frames
     assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).survived

@@ -174,7 +174,8 @@ def test_two_outputs_are_two_files(rig_command, here, spelled, there):
     plot = SPELLINGS[spelled]("both.toml")
     before = everything(here)
     code, _, error = rig_command(*THRESHOLDS, "--out", "both.toml", "--plot", plot)
-    assert (code, error) == (2, f"error: --plot {Path(plot)}: is --out too\n") and everything(here) == before
+    said = f"error: --plot {Path(plot)}: is the file of --out too\n"
+    assert (code, error) == (2, said) and everything(here) == before
 
 
 @pytest.mark.parametrize("out", ["references.toml", "./references.toml", "runs/../references.toml"])
@@ -183,7 +184,7 @@ def test_gains_and_references_are_two_files(rig_command, here, monkeypatch, out)
     Path("runs").mkdir()
     before = everything(here)
     code, _, error = rig_command("aircraft", "design", str(here / "f16_own"), "--out", out)
-    assert code == 2 and "references.toml: is --out too" in error and everything(here) == before
+    assert code == 2 and "references.toml: is the file of --out too" in error and everything(here) == before
 
 
 @pytest.mark.parametrize(
@@ -295,7 +296,7 @@ def test_gains_do_not_replace_what_the_aircraft_is_made_from(rig_command, here):
 
 
 def test_a_page_in_python_ends_with_html_too(here):
-    with pytest.raises(BadInput, match=r"out page.txt: is a page for a browser"):
+    with pytest.raises(BadInput, match=r"out page.txt: must end with .html, as a page for a browser"):
         rig.report("q.mcap", "page.txt")
 
 

@@ -40,7 +40,7 @@ class BenchmarkOptions:
     plot: Annotated[Path | None, opt("FILE", "Page with the pictures, .html.")] = None
     recordings: Annotated[
         list[Path] | None,
-        opt("INPUT", "Healthy recordings instead of campaigns: one half calibrates, the other half tests, both ways."),
+        opt("INPUT", "Healthy recordings instead of campaigns; each half calibrates, the other tests. Repeatable."),
     ] = None
     config: Annotated[Path | None, opt("CONFIG", "Settings of the recordings, as for rig vote.")] = None
     align: Annotated[bool, flag("--align", "Remove the constant delays and offsets of the recorded channels.")] = False

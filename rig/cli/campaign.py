@@ -100,7 +100,7 @@ def status(folder: Dir, as_json: Json = False) -> None:
 @app.command()
 def fly(
     folder: Dir,
-    run: Annotated[int, opt("N", "Number of the run in the table, from 0.", min=0)],
+    run: Annotated[int, opt("N", "Number of the run, as in the table.", min=0)],
     out: Logs = Path("logs"),
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -147,7 +147,11 @@ def schema() -> None:
 
 
 @app.command()
-def compare(first: Dir, second: Dir, as_json: Json = False) -> None:
+def compare(
+    first: Annotated[Path, arg("DIR_A", "Output folder of the first campaign.")],
+    second: Annotated[Path, arg("DIR_B", "Output folder of the second campaign.")],
+    as_json: Json = False,
+) -> None:
     """Compare two campaigns of the same seeds run by run, with exact paired tests (McNemar)."""
     from rig.studies.campaign.campaign_summary import compare as pair
     from rig.studies.campaign.folder import open_folder
