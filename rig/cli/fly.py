@@ -25,6 +25,7 @@ from rig.core.units.quantities import moment
 if TYPE_CHECKING:
     from rig.core.event import Event
     from rig.core.interrupt import Stop
+    from rig.flight.conclusion import Conclusion
     from rig.flight.cost import Bench
     from rig.flight.fly import Flight
     from rig.scenario.scenario import Scenario
@@ -94,7 +95,7 @@ def fly(options: FlyOptions) -> None:
             if (takes := long_flight(scenario)) and not quiet:
                 echo(takes, err=True)
 
-    outcome = Told(options.requirements or ())
+    outcome = Told(options.requirements or (), baseline=True)
     quiet = options.as_json or options.watch
     with watching(options.watch, options.realtime_factor) as page, working("starting", not quiet):
         flight = _fly(options, page, outcome)
@@ -103,7 +104,7 @@ def fly(options: FlyOptions) -> None:
 
     def data() -> dict[str, object]:
         requirements = {"requirements": [plain(verdict) for verdict in verdicts]} if outcome.requirements else {}
-        told = {"conclusion": flight.conclusion, **requirements, "next": next_commands(flight)}
+        told = {"conclusion": [*(flight.conclusion or ())], **requirements, "next": next_commands(flight)}
         return {**flight.summary(), **told}
 
     def show() -> None:
@@ -183,29 +184,31 @@ class Watching:
 
 
 def show_flight(flight: Flight, run: str = "", verdicts: Sequence[Verdict] = ()) -> None:
-    """Print the verdict of a flight, the sentences of its conclusion, its requirements, and the next commands.
+    """Print the events and facts of a flight, its conclusion, its requirements, and the next commands.
 
     run : of a campaign, how it compares with the table
     """
     from rig.verdict.conclusion import next_commands
 
     _verdict(flight)
-    conclusion(flight.conclusion)
+    if flight.conclusion is not None:
+        conclusion(flight.conclusion, next_commands(flight)[0])
     show_verdicts(verdicts)
     if run:
         field("run", run)
-    notes = ("against the truth and the fault-free flight", "in Rerun", "run the manager over the log again")
+    notes = ("faults, votes and transients in detail", "the flight in Rerun", "vote again on the recorded sensors")
     for i, (command, note) in enumerate(zip(next_commands(flight), notes, strict=True)):
         field("next" if i == 0 else "", f"{command}   # {note}", fold=False)
 
 
-def conclusion(sentences: Sequence[str]) -> None:
-    """Print the sentences of a conclusion, the first MOST_LINES and the last."""
-    line(("conclusion", "bold"))
-    left = len(sentences) - MOST_LINES
-    shown = sentences if left <= 0 else [*sentences[: MOST_LINES - 1], f"and {left} more, with --json", sentences[-1]]
-    for sentence in shown:
-        line(f"  {sentence}")
+def conclusion(concluded: Conclusion, more: str = "--json has all") -> None:
+    """Print a conclusion in at most MOST lines; more : the command that shows what does not fit."""
+    style = {"SURVIVED": "bold green", "LOST": "bold red"}.get(concluded.outcome, "bold yellow")
+    line((concluded.outcome, style), f"  {concluded.summary}", indent=2)
+    lines = concluded.lines(more=more)
+    width = max((len(label) for label, _ in lines), default=0)
+    for label, text in lines:
+        line(f"  {label:{width}}   {text}", indent=width + 5)
 
 
 def _verdict(flight: Flight) -> None:
@@ -217,12 +220,10 @@ def _verdict(flight: Flight) -> None:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
         line(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style, indent=32)
     rest(len(events), MOST_LINES, "  and {} more events, in the log")
-    verdict = ("survived", "green") if flight.survived else ("lost", "red")
-    field("result", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)")
-    coils = {f"{name} actuator": list(channels) for name, channels in flight.coils_failed.items()}
+    coils = {f"{name} servo": list(channels) for name, channels in flight.coils_failed.items()}
     failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in {**flight.failed, **coils}.items())
-    lanes = (f"lane {name} at {at_s:.2f} s" for name, at_s in flight.lanes_failed.items())
-    field("failed", "; ".join([*lanes, *failed]) or "no channel")
+    lanes = (f"computer {name} at {at_s:.2f} s" for name, at_s in flight.lanes_failed.items())
+    field("isolated", "; ".join([*lanes, *failed]) or "no channel")
     for one in (suspect for suspect in flight.suspects if suspect.slow_faults):
         field("suspect", f"{one.signal} channel {one.channel} {one.text()}", style="yellow")
     if below := scenario.gains.below:
@@ -270,7 +271,8 @@ def _said_of(event: Event) -> tuple[str, str]:
 
 
 def _timing(flight: Flight) -> None:
-    field("run time", f"{flight.us_per_frame:.1f} us per frame, {flight.duration_s / flight.wall_s:.0f} x real time")
+    speed = f"{flight.us_per_frame:.1f} us per frame, {flight.duration_s / flight.wall_s:.0f} x real time"
+    field("run time", f"{flight.frames} frames, {speed}")
     if flight.jitter is not None:
         j = flight.jitter
         field("jitter", f"{_reply(j.median_us, j.p99_us, j.worst_us)}, {j.overruns} overruns")

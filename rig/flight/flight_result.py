@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.core.event import Event, StreamReport
 from rig.core.frame import Block
+from rig.flight.conclusion import Conclusion
 from rig.flight.failures import failed_text
 from rig.flight.pace import Jitter
 from rig.flight.summary import Peaks
@@ -43,7 +44,7 @@ class Flight:
     unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
     printed: str  # by the unit's process, its end
     realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
-    conclusion: tuple[str, ...]  # sentences, of a flight that was assessed
+    conclusion: Conclusion | None  # None: the flight was not assessed
     suspects: tuple[Suspect, ...] = ()  # channels that were ever suspect
     overrides: tuple[str, ...] = ()  # ``key=value``, laid over the scenario's file
     unit_file: str = ""  # of the unit under test

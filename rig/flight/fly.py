@@ -26,6 +26,7 @@ from rig.core.settings import toml_text
 from rig.core.threads import cores
 from rig.core.trust import Trust
 from rig.flight import loop
+from rig.flight.conclusion import Conclusion
 from rig.flight.flight_result import Flight
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import Pace
@@ -83,8 +84,8 @@ class Outcome(Protocol):
     def add(self, table: Table) -> None:
         """Take the next frames, with their clean channels: a flight is assessed block by block while it is flown."""
 
-    def sentences(self, log: Path, frames: int) -> list[str]:
-        """Return the conclusion of the finished flight of so many ``frames``."""
+    def conclusion(self, log: Path, frames: int) -> Conclusion:
+        """Return the conclusion of the finished flight; frames : flown."""
         ...
 
 
@@ -210,8 +211,8 @@ def _fly_and_record(
                 viewer.flown(stream, stop)
         finally:
             report = None if stream is None else stream.close(10.0)
-    conclusion = () if outcome is None else outcome.sentences(path, records.verdict.frames)
-    return _result(records, path, reason, wall_s, report, tuple(conclusion))
+    conclusion = None if outcome is None else outcome.conclusion(path, records.verdict.frames)
+    return _result(records, path, reason, wall_s, report, conclusion)
 
 
 def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> list[Watcher]:
@@ -244,7 +245,7 @@ def _result(
     reason: str,
     wall_s: float,
     report: StreamReport | None,
-    conclusion: tuple[str, ...],
+    conclusion: Conclusion | None,
 ) -> Flight:
     """Return what the records of a finished flight come to."""
     verdict = records.verdict

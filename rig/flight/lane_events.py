@@ -94,6 +94,8 @@ class ComputerFinder:
         self.failures: list[LaneFailure] = []
         self.links: list[LinkFailure] = []
         self.backup: tuple[int, str] | None = None  # frame, and why
+        self.leading: list[tuple[int, int]] = []  # frame, and the lane that leads from it on
+        self.readmitted: list[tuple[int, int]] = []  # frame and lane
         # By receiver and sender: the first frame of each block in which others told another word than came directly.
         self.outvoted: dict[tuple[int, int], list[int]] = {}
 
@@ -143,6 +145,7 @@ class ComputerFinder:
             elif new == Health.RESTARTING:
                 yield Event(frame, "info", RESTARTING, f"{name}: runs again, and is not engaged")
             elif new in ENGAGED and old not in ENGAGED:
+                self.readmitted.append((frame, i))
                 yield Event(frame, "info", READMITTED, f"{name}: by command")
 
     def _failed(self, both: Table, k: int, i: int) -> Event:
@@ -172,6 +175,7 @@ class ComputerFinder:
         for (k,) in _news(leading):
             frame, old, new = int(both["frame"][k + 1]), int(leading[k]), int(leading[k + 1])
             if new >= 0:
+                self.leading.append((frame, new))
                 yield Event(frame, "warning", LEADING, f"{COMPUTERS[new]}: instead of {COMPUTERS[old]}")
                 continue
             self.backup = frame, self._why(both[k + 1 : k + 2])

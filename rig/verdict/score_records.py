@@ -265,6 +265,13 @@ class Coverage:
     level_transitions_possible: int
 
 
+class LaneHistory(NamedTuple):
+    """Lanes that took over the lead, and lanes that were readmitted: frame and name, in order of time."""
+
+    leading: tuple[tuple[int, str], ...] = ()
+    readmitted: tuple[tuple[int, str], ...] = ()
+
+
 class Evidence(NamedTuple):
     """What sentences need of a flight besides its score."""
 
@@ -272,6 +279,8 @@ class Evidence(NamedTuple):
     by_unit: bool  # a unit under test voted it
     silent: frozenset[str]  # signals of whose channels nothing was ever said
     columns: Columns  # of a signal with a fault
+    isolated: tuple[Isolation, ...] = ()  # channels of signals and discretes that were isolated for a fault
+    lanes: LaneHistory = LaneHistory()
 
 
 @dataclass(frozen=True)

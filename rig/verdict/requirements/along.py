@@ -28,9 +28,9 @@ class MeasuredConclusion(FlightConclusion):
     What names the baseline waits for the end of the flight: two flights at once would share the process.
     """
 
-    def __init__(self, names: Sequence[str | Path] = ()) -> None:
-        """Names : of sets and files, before those that the scenario names."""
-        super().__init__()
+    def __init__(self, names: Sequence[str | Path] = (), baseline: bool = False) -> None:
+        """Names : of sets and files, before those that the scenario names; baseline : as of FlightConclusion."""
+        super().__init__(baseline)
         self._names = tuple(names)
         self.requirements: tuple[Requirement, ...] = ()
         self._recorder: RequirementsRecorder | None = None

@@ -23,7 +23,7 @@ class Offset(Ramped):
     """y = x + offset. A shifted zero: a bent vane, a bad calibration, a misrigged control rod."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.ADD, ("offset",), True
-    sentence = "{where} had an offset of {error} from {at} on"
+    sentence = "offset of {error} at {at}"
     example = "f16_pull_up_load_factor_offset"
 
     kind: Literal["offset"]
@@ -37,7 +37,7 @@ class Drift(Corrupted):
     """y = x + rate t, or x + settles_at (1 - exp(-t / time_constant)). A gyro warming up, a leaking pressure line."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.DRIFT, ("rate_per_s", "settles_at"), True
-    sentence = "{where} drifted from {at} on, by up to {error}"
+    sentence = "drift of up to {error} from {at} on"
     example = "b747_static_pressure_drift"
 
     kind: Literal["drift"]
@@ -71,7 +71,7 @@ class Hardover(Ramped):
     """
 
     sites, act, found_at_once = WITH_SURFACE, Act.RANGE_END, True
-    sentence = "{where} ran to {value} at {at}"
+    sentence = "hardover at {at}"
     example = "f16_pitch_rate_hardover"
 
     kind: Literal["hardover"]
@@ -87,7 +87,7 @@ class Scale(Ramped):
     """y = factor x. A wrong excitation, a cracked bellows; on a surface, a part of it lost (loss of effectiveness)."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.SCALE, ("factor",), True
-    sentence = "{where} had a wrong scale from {at} on, an error of up to {error}"
+    sentence = "scale error of up to {error} from {at} on"
     example = "b737_roll_rate_scale"
 
     kind: Literal["scale"]
@@ -103,7 +103,7 @@ class SignReversal(Corrupted):
     """y = -x. Wires or pneumatic lines swapped in maintenance, crossed control cables."""
 
     sites, act = WITH_SURFACE, Effect(Act.SCALE, -1.0)
-    sentence = "{where} had the wrong sign from {at} on, an error of up to {error}"
+    sentence = "wrong sign from {at} on, an error of up to {error}"
     example = "f16_lateral_load_factor_sign_reversal"
 
     kind: Literal["sign_reversal"]
@@ -113,7 +113,7 @@ class Stuck(Ramped):
     """y = the last value before the onset, or a given one. A frozen vane, a hung processor, a jammed actuator."""
 
     sites, act, hidden_at_rest = (*WITH_SURFACE, "discrete"), Act.HOLD, True
-    sentence = "{where} stuck at {value} at {at}"
+    sentence = "stuck at {value} at {at}"
     example = "b747_angle_of_attack_stuck"
 
     kind: Literal["stuck"]
@@ -137,7 +137,7 @@ class Noise(Ramped):
     """y = x + std n, n white and normal, of its own on every channel. A worn bearing, a failing supply."""
 
     act, sizes, trials_draw = Act.NOISE, ("std",), True
-    sentence = "{where} had noise of up to {error} from {at} on"
+    sentence = "noise of up to {error} from {at} on"
     example = "b737_yaw_rate_noise"
 
     kind: Literal["noise"]
@@ -155,7 +155,7 @@ class BiasInstability(Corrupted):
     """
 
     act, sizes, trials_draw = Act.GAUSS_MARKOV, ("std",), True
-    sentence = "{where} had an unstable bias from {at} on, of up to {error}"
+    sentence = "unstable bias of up to {error} from {at} on"
     example = "b747_pitch_angle_bias_instability"
 
     kind: Literal["bias_instability"]
@@ -175,7 +175,7 @@ class Oscillation(Ramped):
     """y = x + A sin(2 pi f t), or the last value instead of x. An unstable servo loop, a loose connection that hums."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.OSCILLATE, ("amplitude",), True
-    sentence = "{where} oscillated from {at} on, by up to {error}"
+    sentence = "oscillation of up to {error} from {at} on"
     example = "f16_normal_load_factor_oscillation"
 
     kind: Literal["oscillation"]
@@ -198,7 +198,7 @@ class Spikes(Corrupted):
     """y = x + amplitude, or a given value, for moments. Corrupted data words, lightning, a wiper off its track."""
 
     act, sizes, trials_draw = Act.ADD, ("amplitude",), True
-    sentence = "{where} had spikes of up to {error} from {at} on"
+    sentence = "spikes of up to {error} from {at} on"
     example = "f16_angle_of_attack_spikes"
 
     kind: Literal["spikes"]
