@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from rig.verdict.requirements.requirement_recorder import Verdict
 
 FEW: Final = 3
-_OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (failed by \w+|readmitted)")
+_OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (isolated by \w+|readmitted)")
 LONG: Final = 30_000  # frames: five minutes at 100 a second
 LOG_BYTES: Final = 1_450  # of a frame in a log; what each lane, and what servos, add
 LANE_BYTES: Final = 60

@@ -10,14 +10,15 @@ MOST: Final = 10  # lines of a conclusion on the terminal
 
 
 class Row(NamedTuple):
-    """What happened at one place: a label, and texts of a line each."""
+    """One place: its label, what happened there, and why; texts of a line each."""
 
     label: str
     texts: tuple[str, ...]
+    why: tuple[str, ...] = ()  # left out first where lines are few
 
     def __str__(self) -> str:
         """Return the row as one sentence."""
-        return f"{self.label}: {'; '.join(self.texts)}"
+        return f"{self.label}: {'; '.join((*self.texts, *self.why))}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +59,13 @@ class Conclusion(Sequence[str]):
 
         more : the command that shows the rows that do not fit
         """
-        shown, closing = [*_lines(self.rows)], [*_lines(self.flight)]
+        closing = [*_lines(self.flight)]
         room = most - 1 - len(closing)
-        if len(shown) <= room:
-            return [*shown, *closing]
-        shown, left = [], list(self.rows)
+        for rows in (self.rows, [row._replace(why=()) for row in self.rows]):
+            shown = [*_lines(rows)]
+            if len(shown) <= room:
+                return [*shown, *closing]
+        shown, left = list[tuple[str, str]](), [row._replace(why=()) for row in self.rows]
         while left and len(shown) + len(left[0].texts) < room:
             shown += _lines([left.pop(0)])
         if not shown and left:
@@ -73,5 +76,5 @@ class Conclusion(Sequence[str]):
 
 def _lines(rows: Sequence[Row]) -> Iterator[tuple[str, str]]:
     for row in rows:
-        for i, text in enumerate(row.texts):
+        for i, text in enumerate((*row.texts, *row.why)):
             yield ("" if i else row.label), text

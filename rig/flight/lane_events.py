@@ -1,4 +1,4 @@
-"""What became of several computers: events of lanes and links, who failed which lane, why the back-up flies."""
+"""Events of several computers: lanes and links that failed, by which test, and why the back-up flies."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Order(NamedTuple):
 
 
 class LaneFailure(NamedTuple):
-    """A lane that was failed, by itself or by others."""
+    """A lane that failed a test of its own, or that others voted out."""
 
     frame: int
     lane: int
@@ -56,18 +56,18 @@ class LinkFailure(NamedTuple):
 
 
 def test_name(test: int) -> str:
-    """Return what a lane was failed for, as a reader would say it."""
+    """Return the name of the test that a lane failed."""
     return _NAMES[LaneTest(test)]
 
 
 def lane_names(lanes: Sequence[int]) -> str:
-    """Return lanes as a reader would list them: ``lanes A, C and D``."""
+    """Return lanes as people list them: ``lanes A, C and D``."""
     *most, last = (COMPUTERS[lane] for lane in lanes)
     return f"lanes {', '.join(most)} and {last}" if most else f"lane {last}"
 
 
 def failed_by(failure: LaneFailure) -> str:
-    """Return who failed a lane, and for what: ``by its own watchdog``, ``by lanes A, C and D for its clock``."""
+    """Return what failed a lane: ``by its own watchdog``, ``by lanes A, C and D for its clock``."""
     what = test_name(failure.test)
     if not failure.accusers:
         return f"by its own {what} test" if failure.test != LaneTest.WATCHDOG else f"by its own {what}"
@@ -118,7 +118,7 @@ class ComputerFinder:
         return self._last is not None
 
     def failed_at(self) -> dict[str, float]:
-        """Return the lanes that were failed, and when first, s."""
+        """Return the lanes that failed, and when first, s."""
         first: dict[str, float] = {}
         for failure in self.failures:
             first.setdefault(COMPUTERS[failure.lane], failure.frame / self._rate_hz)
@@ -143,7 +143,7 @@ class ComputerFinder:
             elif new == Health.OFF:
                 yield Event(frame, "warning", DISENGAGED, f"{name}: by command")
             elif new == Health.RESTARTING:
-                yield Event(frame, "info", RESTARTING, f"{name}: runs again, and is not engaged")
+                yield Event(frame, "info", RESTARTING, f"{name}: running again, not engaged")
             elif new in ENGAGED and old not in ENGAGED:
                 self.readmitted.append((frame, i))
                 yield Event(frame, "info", READMITTED, f"{name}: by command")
@@ -166,7 +166,7 @@ class ComputerFinder:
             if lane is None or do != "readmit" or not 0 <= k < len(both) - 1:
                 continue
             if not engaged[k : k + 2, lane].any():
-                text = f"{COMPUTERS[lane]}: has not agreed with the leading lane for long enough"
+                text = f"{COMPUTERS[lane]}: it has not agreed with the leading lane for long enough"
                 yield Event(frame, "warning", REFUSED, text)
 
     def _leads(self, both: Table) -> Iterator[Event]:
@@ -176,7 +176,7 @@ class ComputerFinder:
             frame, old, new = int(both["frame"][k + 1]), int(leading[k]), int(leading[k + 1])
             if new >= 0:
                 self.leading.append((frame, new))
-                yield Event(frame, "warning", LEADING, f"{COMPUTERS[new]}: instead of {COMPUTERS[old]}")
+                yield Event(frame, "warning", LEADING, f"{COMPUTERS[new]}: leads instead of {COMPUTERS[old]}")
                 continue
             self.backup = frame, self._why(both[k + 1 : k + 2])
             yield Event(frame, "error", BACKUP, self.backup[1])

@@ -44,8 +44,8 @@ class Suspect(NamedTuple):
         return {**self._asdict(), "share": self.share}
 
     def text(self, rows: str = "frames") -> str:
-        """Return how often, as people read it: ``in 1750 of 2000 frames (87.5 %), never failed``."""
-        never = "" if self.failed else ", never failed"
+        """Return how often, as people read it: ``in 1750 of 2000 frames (87.5 %), never isolated``."""
+        never = "" if self.failed else ", never isolated"
         return f"{share_text(self.rows, self.of, rows)}{never}"
 
 

@@ -19,11 +19,12 @@ from rig.verdict.counting import another
 from rig.verdict.fault_rows import fault_rows
 from rig.verdict.flight_rows import aircraft_row, voted_rows
 from rig.verdict.isolation_rows import by_design, lost_with_lane, wrong_isolations
-from rig.verdict.lane_words import lane_rows, unit_rows
+from rig.verdict.lane_words import backup_rows, lane_rows, unit_rows
 from rig.verdict.law_tally import false_findings
 from rig.verdict.score_records import Score
 from rig.verdict.servo_words import bypass_rows
 from rig.verdict.split_rows import splits
+from rig.verdict.words import BY_DESIGN
 from rig.world.faults.places import site
 
 if TYPE_CHECKING:
@@ -40,12 +41,13 @@ def conclusion(scenario: Scenario, score: Score) -> Conclusion:
         *wrong_isolations(context),
         *false_findings(context),
         *unit_rows(context),
+        *backup_rows(context),
+        *bypass_rows(context),
         *fault_rows(context, of_faults),
-        *alone,
         *lost_with_lane(context),
         *lane_rows(context),
-        *bypass_rows(context),
         *by_design(context),
+        *alone,
         *_suspects(context),
     ]
     outcome = "SURVIVED" if score.flight.survived else "LOST"
@@ -104,7 +106,8 @@ def _detected(context: Context) -> str:
     if not possible:
         text = "no detectable fault" if outcomes["undetectable"] else "no fault acted"
     skipped = f", {outcomes['not executed']} not executed" if outcomes["not executed"] and possible else ""
-    return f"{text}{skipped}"
+    others = f", {beside} more on channels isolated for another fault" if beside else ""
+    return f"{text}{others}{skipped}"
 
 
 def _isolated(context: Context) -> str:
@@ -116,7 +119,9 @@ def _isolated(context: Context) -> str:
         for count, name in ((len(wrong) - computers, "channel"), (computers, "computer"))
         if count
     ]
-    return ", ".join(parts) or "no healthy channel isolated"
+    text = ", ".join(parts) or "no healthy channel isolated"
+    by_rule = sum(kind in BY_DESIGN for kind, _ in context.score.isolations)
+    return f"{text} by mistake, {by_rule} by design" if by_rule else text
 
 
 def _suspects(context: Context) -> Iterator[Row]:

@@ -17,7 +17,7 @@ from rig.computer.redundancy.managers import manager_kind
 from rig.core.blocks import cuts
 from rig.core.frame import DISCRETES, INDEX, SIGNALS, SURFACES, Pattern, State
 from rig.core.units.angles import differences
-from rig.core.units.quantities import unit_of_name
+from rig.core.units.quantities import duration, unit_of_name
 from rig.scenario.scenario import Scenario
 from rig.verdict.score_records import FaultScore, Score
 from rig.world.faults.places import number, site
@@ -114,13 +114,18 @@ def place_label(name: str, numbers_from_1: Sequence[int | None]) -> str:
 
 def signals_label(names: Sequence[str], numbers_from_1: Sequence[int]) -> str:
     """Return several signals with the channels: ``all 19 signals, channel 2``, ``heading and 3 more, channel 2``."""
-    if len(names) == len(SIGNALS) + len(DISCRETES):
+    if len(names) in (len(SIGNALS), len(SIGNALS) + len(DISCRETES)):
         label = f"all {len(names)} signals"
     elif len(names) > _FEW:
         label = f"{named(names[0])} and {len(names) - 1} more signals"
     else:
         label = listed([place(name) for name in names])
     return f"{label}, {channels([*numbers_from_1])}" if numbers_from_1 else label
+
+
+def after(frames: int | None, rate_hz: float) -> str:
+    """Return a delay: ``after 70 ms``; ``at once`` of none."""
+    return f"after {duration(frames, rate_hz)}" if frames else "at once"
 
 
 def listed(names: Sequence[str]) -> str:

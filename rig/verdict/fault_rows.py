@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
@@ -21,9 +22,13 @@ from rig.world.faults.fault_settings import Triggered, in_thresholds
 
 _OTHER: Final = Triggered.sentence  # of a kind without a sentence of its own
 _NO_ERROR: Final = "{kind} from {at} on"
+_PLACES: Final = re.compile(r"\{\w+\}")
 _MOST: Final = 3  # signals of one fault that have a row each
 _WIDE: Final = 90  # characters of a line; a longer one is cut between the fault and what became of it
 _RANK: Final = ("missed", "detected", "undetectable", "not executed")  # the most important first
+
+
+Ranked = tuple[int, int, Row]  # rank, onset frame
 
 
 class _Group(NamedTuple):
@@ -49,21 +54,31 @@ def fault_rows(context: Context, of_splits: OfFaults) -> list[Row]:
     of_splits : texts about splits that a fault began
     """
     groups = list(_groups(context))
-    ranked: list[tuple[int, Row]] = []
     signals = Counter(group.first.index for group in groups)
-    shown: set[tuple[int, str]] = set()
+    few = [group for group in groups if signals[group.first.index] <= _MOST]
+    ranked = [*_each(few, of_splits)]
+    for index in (index for index, count in signals.items() if count > _MOST):
+        ranked += _many([group for group in groups if group.first.index == index], context)
+    return [row for *_, row in sorted(ranked, key=lambda each: each[:2])]
+
+
+def _each(groups: Sequence[_Group], of_splits: OfFaults) -> Iterator[Ranked]:
+    """Yield a row for each group; signals on which the same happened to the same channels share one."""
+    alike: dict[object, list[_Group]] = {}
+    left = dict(of_splits)
     for group in groups:
         first = group.first
-        if signals[first.index] > _MOST:
-            continue
-        key = first.index, first.signal
-        split = of_splits.get(key, []) if key not in shown else []
-        shown.add(key)
-        ranked.append((_RANK.index(first.outcome), _row(group, split)))
-    for index in (index for index, count in signals.items() if count > _MOST):
-        several = [group for group in groups if group.first.index == index]
-        ranked += [(rank, row) for rank, row in _many(several, context)]
-    return [row for _, row in sorted(ranked, key=lambda each: each[0])]
+        split = left.pop((first.index, first.signal), ())
+        key = tuple(group.numbers), group.did, group.result, group.reasons
+        if split or not group.numbers:
+            yield *_rank(first), _row(group, split, place_label(first.signal, group.numbers))
+        else:
+            alike.setdefault(key, []).append(group)
+    for several in alike.values():
+        first = several[0]
+        names = list(dict.fromkeys(group.first.signal for group in several))
+        label = signals_label(names, first.numbers) if len(names) > 1 else place_label(names[0], first.numbers)
+        yield *_rank(first.first), _row(first, (), label)
 
 
 def _groups(context: Context) -> Iterator[_Group]:
@@ -76,33 +91,38 @@ def _groups(context: Context) -> Iterator[_Group]:
         yield _Group(faults, _did(faults, context), result, why)
 
 
-def _row(group: _Group, split: Sequence[str]) -> Row:
+def _rank(fault: FaultScore) -> tuple[int, int]:
+    """Return the place of a fault among the rows: missed ones first, then by time."""
+    return _RANK.index(fault.outcome), fault.onset_frame or 0
+
+
+def _row(group: _Group, split: Sequence[str], label: str) -> Row:
     """Return the row of one group; with a split, its line stands between the fault and the isolation."""
-    label, first = place_label(group.first.signal, group.numbers), group.first
+    first = group.first
     if first.outcome == "not executed":
         return Row(label, (f"{first.kind.replace('_', ' ')} not executed: {group.result}",))
-    result = group.result.replace("isolated after", "both isolated after", 1) if _pair(group) else group.result
     if split:
-        return Row(label, (group.did, *split, result, *group.reasons))
-    told = f"{group.did}, {result}"
-    return Row(label, (*([told] if len(told) <= _WIDE else [group.did, result]), *group.reasons))
+        pair = len(group.faults) == 2 and group.result.startswith("isolated after")
+        result = f"both {group.result}" if pair else group.result
+        return Row(label, (group.did, *split, result), group.reasons)
+    told = f"{group.did}, {group.result}"
+    return Row(label, (told,) if len(told) <= _WIDE else (group.did, group.result), group.reasons)
 
 
-def _pair(group: _Group) -> bool:
-    return len(group.faults) == 2 and group.result.startswith("isolated after")
-
-
-def _many(groups: Sequence[_Group], context: Context) -> Iterator[tuple[int, Row]]:
+def _many(groups: Sequence[_Group], context: Context) -> Iterator[Ranked]:
     """Yield one row for each outcome of a fault on many signals."""
-    kind, onset = groups[0].first.kind.replace("_", " "), min(g.first.onset_frame or 0 for g in groups)
-    for rank, outcome in enumerate(_RANK):
+    onset = seconds(min(group.first.onset_frame or 0 for group in groups), context.rate_hz)
+    sentence = KINDS[groups[0].first.kind].sentence
+    did = (_NO_ERROR if {"{value}", "{error}"} & {*_PLACES.findall(sentence)} else sentence).format(
+        kind=groups[0].first.kind.replace("_", " "), at=onset
+    )
+    for outcome in _RANK:
         some = [group for group in groups if group.first.outcome == outcome]
         if not some:
             continue
         names = list(dict.fromkeys(group.first.signal for group in some))
         numbers = sorted({number for group in some for number in group.numbers})
-        text = f"{kind} at {seconds(onset, context.rate_hz)}, {_fared(some, context)}"
-        yield rank, Row(signals_label(names, numbers), (text,))
+        yield *_rank(some[0].first), Row(signals_label(names, numbers), (f"{did}, {_fared(some, context)}",))
 
 
 def _fared(groups: Sequence[_Group], context: Context) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rig.core.frame import DISCRETE_INDEX, INDEX
 from rig.core.units.quantities import duration, quantity, seconds
-from rig.verdict.context import Agreement, Context, agreement_of, longest_run
+from rig.verdict.context import Agreement, Context, after, agreement_of, longest_run
 from rig.verdict.counting import COMPARISON, Climb, another, climb
 from rig.verdict.lane_tally import on_lanes
 from rig.verdict.lane_words import lane_result
@@ -42,6 +42,13 @@ def fault_result(fault: FaultScore, context: Context) -> str:
     return {"detected": _detected, "missed": _missed, "undetectable": _undetectable}[fault.outcome](fault, context)
 
 
+def by_rule(decided_by: str | None, given: str = "") -> str:
+    """Return what isolated a channel: ``by comparison``, ``by the reference``; or what is ``given``."""
+    if decided_by == COMPARISON:
+        return given or "by comparison"
+    return given or _RULES.get(decided_by or "", f"by the {decided_by}")
+
+
 def reasons(fault: FaultScore, context: Context) -> tuple[str, ...]:
     """Return why a channel was isolated late or never, and what the fault-tolerant law did; a text of a line each."""
     reasons = []
@@ -59,20 +66,20 @@ def reasons(fault: FaultScore, context: Context) -> tuple[str, ...]:
 
 
 def _detected(fault: FaultScore, context: Context) -> str:
-    after = duration(fault.delay_from_onset_frames, context.rate_hz)
+    when = after(fault.delay_from_onset_frames, context.rate_hz)
     if fault.failed_frame is None:
-        return f"detected after {after} by the fault-tolerant law"
+        return f"detected {when} by the fault-tolerant law"
     if fault.channel is None:
-        return f"detected after {after}: the manager declared the reference unusable"
+        return f"detected {when}: the manager declared the reference unusable"
     if (cause := another(fault, context)) is not None:
         failed, began = (seconds(frame or 0, context.rate_hz) for frame in (fault.failed_frame, cause.onset_frame))
         kind = cause.kind.replace("_", " ")
         return f"not isolated for it: the channel was isolated at {failed} for its {kind} that began at {began}"
-    by = _RULES.get(fault.decided_by or "", f"by the {fault.decided_by}")
+    by = ""
     if fault.decided_by == COMPARISON:
         by = "by comparison" if fault.signal in DISCRETE_INDEX or context.compares(fault) else f"by {context.decider}"
         by = f"by {context.decider}" if context.score.evidence.by_unit else by
-    return f"isolated after {after} {by}"
+    return f"isolated {when} {by_rule(fault.decided_by, by)}"
 
 
 def _miscompared(found: Climb) -> str:

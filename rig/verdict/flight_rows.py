@@ -11,6 +11,7 @@ from rig.flight.conclusion import Row
 from rig.verdict.context import Context, named
 
 _SMALL, _LARGE = 1e-4, 10.0  # between them a value is shown with two digits
+_LEAST: Final = 0.001  # g; a smaller difference is shown as this
 _MOST: Final = 3  # signals that have a row of their own; of more the rest share one
 
 
@@ -22,6 +23,8 @@ def voted_rows(context: Context) -> Iterator[Row]:
     lost = [name for name, signal in score.signals.items() if signal.lost_s > 0]
     asked = [name for name in dict.fromkeys((*faulty, *beyond, *lost)) if not context.silent(name)]
     shown = sorted(asked, key=lambda name: (name not in lost, -_excess(name, context)))
+    if len(shown) > _MOST and not {*beyond, *lost} & {*shown}:
+        shown = []
     for name in shown[: _MOST if len(shown) <= _MOST else _MOST - 1]:
         yield Row(f"voted {named(name)}", (_voted(name, context),))
     if len(shown) > _MOST:
@@ -72,7 +75,8 @@ def _rest(names: list[str], context: Context) -> str:
 
 def _discretes(context: Context) -> Iterator[Row]:
     """Yield a row for each discrete with a fault, or whose voted value was wrong."""
-    faulty = {fault.signal for fault in context.score.faults if fault.signal in DISCRETE_INDEX}
+    places = {fault.signal for fault in context.score.faults}
+    faulty = {name for name in places if name in DISCRETE_INDEX} if len(places) <= _MOST else ()
     for name, wrong_s in context.score.wrong_votes_s.items():
         if wrong_s > 0 or name in faulty:
             yield Row(f"voted {named(name)}", (f"wrong for {wrong_s:g} s" if wrong_s else "correct at all times",))
@@ -85,11 +89,14 @@ def aircraft_row(context: Context) -> Row:
     if flight.transients is None:
         text = f"load factor {flight.load_factor_min:.2f} to {flight.load_factor_max:.2f} g"
         return Row("aircraft", (f"{text}, not compared with a fault-free flight" if acted else text,))
-    off = _load_factor(flight.transients.overall.load_factor)
+    off = flight.transients.overall.load_factor
     fault = "faults" if acted > 1 else "fault"
-    text = f"load factor {off} the flight without the {fault}"
-    beyond_s = flight.transients.out_of_limits_s
-    return Row("aircraft", (f"{text}, beyond the transient limits for {beyond_s:g} s" if beyond_s else text,))
+    without, beyond_s = f"the flight without the {fault}", flight.transients.out_of_limits_s
+    if beyond_s:
+        text = f"load factor up to {off:.2f} g from {without}, beyond the transient limits for {beyond_s:g} s"
+    else:
+        text = f"load factor within {max(off, _LEAST):.3f} g of {without}"
+    return Row("aircraft", (text,))
 
 
 def _short(value: float, unit: str) -> str:
@@ -98,8 +105,3 @@ def _short(value: float, unit: str) -> str:
     if not _SMALL <= shown < _LARGE:
         return quantity(value, unit)
     return f"{shown:.2g} {unit_shown(unit)}".rstrip()
-
-
-def _load_factor(off: float) -> str:
-    """Return how close to another a load factor was: ``within 0.006 g of``."""
-    return f"within {off:.3f} g of" if off >= 0.0005 else "within 0.001 g of"

@@ -8,8 +8,10 @@ from typing import Final
 from rig.core.frame import COMPUTERS
 from rig.core.units.quantities import duration, seconds
 from rig.flight.conclusion import Row
-from rig.verdict.context import Context, channels, listed, place_label, signals_label
+from rig.verdict.context import Context, after, channels, listed, place_label, signals_label
+from rig.verdict.fault_words import by_rule
 from rig.verdict.lane_tally import columns_of
+from rig.verdict.lane_words import test_words
 from rig.verdict.score_records import FaultScore, Isolation
 from rig.world.faults.places import site
 
@@ -32,10 +34,10 @@ def wrong_isolations(context: Context) -> Iterator[Row]:
 def _mistake(isolation: Isolation, context: Context) -> str:
     at, faulty = seconds(isolation.frame, context.rate_hz), isolation.faulty
     if site(isolation.signal) == "computer":
-        lanes = listed([f"computer {COMPUTERS[number - 1]}" for number in faulty])
-        return f"healthy, isolated by mistake at {at} by its {isolation.decided_by} (faulty: {lanes or 'no computer'})"
+        lanes = listed([f"computer {COMPUTERS[number - 1]}" for number in faulty]) or "no computer"
+        return f"healthy, isolated by mistake at {at} by {test_words(isolation.decided_by)} (faulty: {lanes})"
     which = ", ".join(map(str, faulty)) or "no channel"
-    return f"healthy, isolated by mistake at {at} by {isolation.decided_by} (faulty: {which})"
+    return f"healthy, isolated by mistake at {at} {by_rule(isolation.decided_by)} (faulty: {which})"
 
 
 def by_design(context: Context) -> Iterator[Row]:
@@ -69,7 +71,7 @@ def _spread(several: Sequence[Isolation], onset: int, context: Context) -> str:
     """Return after how long channels were isolated: ``after 80 ms``, ``after 80 to 120 ms``."""
     delays = sorted({each.frame - onset for each in several})
     first, last = (duration(delay, context.rate_hz) for delay in (delays[0], delays[-1]))
-    return f"after {first}" if first == last else f"after {first} to {last}"
+    return after(delays[0], context.rate_hz) if first == last else f"after {first} to {last}"
 
 
 def _cause(isolation: Isolation, context: Context) -> FaultScore | None:

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import Final
 
 from rig.core.frame import ActuatorMonitor
-from rig.core.units.quantities import duration, seconds
+from rig.core.units.quantities import seconds
 from rig.flight.conclusion import Row
 from rig.flight.servo_events import monitor_name
-from rig.verdict.context import Context, channels, listed
+from rig.verdict.context import Context, after, channels, listed
 from rig.verdict.lane_tally import LINK, RELAYS, UNIT
 from rig.verdict.score_records import FaultScore
 from rig.verdict.servo_words import monitor_words
@@ -32,19 +32,30 @@ def lane_result(fault: FaultScore, context: Context) -> str:
     """Return what became of a fault on lanes: ``detected after 10 ms by its own watchdog``."""
     if fault.outcome != "detected":
         return f"not detected: {KINDS[fault.kind].unseen or 'no threshold was exceeded for long enough'}"
-    after = duration(fault.delay_from_onset_frames, context.rate_hz)
-    return f"detected after {after} by {_BY.get(fault.decided_by or '', f'its own {fault.decided_by} test')}"
+    return f"detected {after(fault.delay_from_onset_frames, context.rate_hz)} by {test_words(fault.decided_by or '')}"
+
+
+def test_words(test: str) -> str:
+    """Return the test that a lane or a link failed: ``its own watchdog``, ``the vote of commands``."""
+    return _BY.get(test, f"its own {test} test")
 
 
 def lane_rows(context: Context) -> Iterator[Row]:
-    """Yield rows for leading lanes that changed, lanes that were readmitted, and the back-up."""
-    history, rate_hz, score = context.score.evidence.lanes, context.rate_hz, context.score.computers
-    for frame, name in history.leading:
-        yield Row("leading lane", (f"computer {name} from {seconds(frame, rate_hz)} on",))
+    """Yield rows for lanes that were readmitted, and for leading lanes."""
+    history, rate_hz = context.score.evidence.lanes, context.rate_hz
     for frame, name in history.readmitted:
         yield Row(f"computer {name}", (f"readmitted at {seconds(frame, rate_hz)}",))
+    if history.leading:
+        leads = (f"computer {name} from {seconds(frame, rate_hz)} on" for frame, name in history.leading)
+        yield Row("leading lane", (", ".join(leads),))
+
+
+def backup_rows(context: Context) -> Iterator[Row]:
+    """Yield a row if the back-up took over."""
+    score = context.score.computers
     if score is not None and score.backup_frame is not None:
-        yield Row("back-up", (f"flies from {seconds(score.backup_frame, rate_hz)} on: {score.backup_reason}",))
+        text = f"flies from {seconds(score.backup_frame, context.rate_hz)} on: {score.backup_reason}"
+        yield Row("back-up", (text,))
 
 
 def unit_rows(context: Context) -> Iterator[Row]:

@@ -7,7 +7,7 @@ from typing import Final
 
 from rig.core.units.quantities import duration, seconds
 from rig.flight.conclusion import Row
-from rig.verdict.context import Context, channels, listed
+from rig.verdict.context import Context, after, channels, listed
 from rig.verdict.score_records import ActuatorScore, FaultScore
 from rig.world.faults import KINDS
 from rig.world.faults.places import OF_SERVOS, site
@@ -41,13 +41,11 @@ def servo_result(fault: FaultScore, context: Context) -> str:
     if fault.bypassed_frame is None:
         return told
     frames = fault.bypassed_frame - (fault.onset_frame or 0)
-    when = f"after {duration(frames, context.rate_hz)}" if frames else "at once"
-    return f"{told}, {listed(fault.bypassed)} bypassed {when}"
+    return f"{told}, {listed(fault.bypassed)} bypassed {after(frames, context.rate_hz)}"
 
 
 def _found(fault: FaultScore, context: Context) -> str:
-    after = duration(fault.delay_from_onset_frames, context.rate_hz)
-    by = f"after {after} by the {monitor_words(fault.decided_by or '')}"
+    by = f"{after(fault.delay_from_onset_frames, context.rate_hz)} by the {monitor_words(fault.decided_by or '')}"
     if fault.decided_by == "valve":
         return f"detected {by}"  # which isolates no channel
     on = "" if fault.channel is not None else f"{_failed_for(fault, context)} "

@@ -33,7 +33,7 @@ _MOST: Final = 2  # texts of a fault about splits
 def splits(context: Context) -> tuple[OfFaults, list[Row]]:
     """Return the texts about splits that a fault began, by the fault; and rows about others."""
     of_faults: OfFaults = {}
-    alone: dict[str, list[str]] = {}
+    alone: dict[tuple[str, str], list[list[Episode]]] = {}
     for group in _groups(context.score.episodes, context.rate_hz):
         signal, first = group[0].signal, group[0].first_frame
         begun = [
@@ -43,11 +43,28 @@ def splits(context: Context) -> tuple[OfFaults, list[Row]]:
         ]
         fault = max(begun, key=lambda each: each.onset_frame or 0, default=None)
         if fault is None:
-            alone.setdefault(signal, []).append(f"at {seconds(first, context.rate_hz)}: {_told(group, context)}")
+            alone.setdefault((signal, group[0].pattern), []).append(group)
         else:
             of_faults.setdefault((fault.index, signal), []).append(_told(group, context))
-    rows = [Row(named(signal), (*_few(texts),)) for signal, texts in alone.items()]
+    rows = [Row(named(signal), (*_alone(groups, context),)) for (signal, _), groups in alone.items()]
     return {key: _few(texts) for key, texts in of_faults.items()}, rows
+
+
+def _alone(groups: Sequence[list[Episode]], context: Context) -> list[str]:
+    """Return the texts about splits of one pattern that no fault began: each decision, all others together."""
+    at = [f"at {seconds(group[0].first_frame, context.rate_hz)}" for group in groups]
+    decided = [f"{when}: {_told(group, context)}" for when, group in zip(at, groups, strict=True) if _failed(group)]
+    without = [when for when, group in zip(at, groups, strict=True) if not _failed(group)]
+    if not without:
+        return _few(decided)
+    longest = max(episode.frames for group in groups for episode in group)
+    when = without[0] if len(without) == 1 else f"{len(without)} times, first {without[0]}"
+    text = f"no majority ({groups[0][0].pattern}) {when}, for at most {duration(longest, context.rate_hz)}"
+    return _few([*decided, f"{text}; no channel was isolated"])
+
+
+def _failed(group: Sequence[Episode]) -> bool:
+    return any(episode.failed for episode in group)
 
 
 def _few(texts: list[str]) -> list[str]:
@@ -89,7 +106,7 @@ def _settled(episode: Episode, context: Context) -> str:
     answer = _answer(episode, context)
     if not episode.failed:
         return f"{answer}; it ended before a channel was isolated"
-    return f"wrongly settled: {answer}" if episode.verdict == "wrong" else answer
+    return f"settled wrongly: {answer}" if episode.verdict == "wrong" else answer
 
 
 def _why_not(episode: Episode, context: Context) -> str:
@@ -142,9 +159,9 @@ def _trend(row: Any, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
 def _by_trend(row: Any, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
     high, low, frames = int(row["trend_high"]), int(row["trend_low"]), int(p["trend_frames"])
     if high == low == 0:
-        return f"the trend decided for the lower side: neither side rose for {frames} frames"
+        return f"the trend decided for the lower side, as neither side rose for {frames} frames"
     if high == low == (1 << frames) - 1:
-        return f"the trend decided for the upper side: both sides rose for {frames} frames"
+        return f"the trend decided for the upper side, as both sides rose for {frames} frames"
     return "settled by the trend"
 
 

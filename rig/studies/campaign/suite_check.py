@@ -182,7 +182,7 @@ def _decided_in(number: int, rows: dict[str, list[dict[str, Any]]]) -> list[str]
     """Return the decisions of a run: faulty channels that were failed, and healthy ones."""
     failed = [(each["failed_s"], each) for each in rows["faults"] if each["failed_s"] is not None]
     failed += [(each["time_s"], each) for each in rows["alarms"]]
-    named = [(at_s, f"{each['signal']}.{each['channel']} failed by {each['decided_by']}") for at_s, each in failed]
+    named = [(at_s, f"{each['signal']}.{each['channel']} isolated by {each['decided_by']}") for at_s, each in failed]
     return [f"run {number}: {at_s:.3f} s {text}" for at_s, text in sorted(named)]
 
 
