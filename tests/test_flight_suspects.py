@@ -141,7 +141,7 @@ def test_fly_campaign_and_report_tell_it(rig_command, tmp_path: Path):
     sets = ["duration_s=3", fault]
     told = rig_command("fly", "--set", sets[0], "--set", sets[1], "--out", str(tmp_path))[1]
     assert "suspect  roll_rate channel 1 in 175 of 300 frames (58.3 %), never isolated" in told
-    assert "roll rate, channel 1: suspect in 175 of 300 frames (58.3 %), never isolated" in told
+    assert "  roll rate, channel 1   suspect in 175 of 300 frames (58.3 %), never isolated" in told
     log = next(tmp_path.glob("*.mcap"))
     found = json.loads(rig_command("report", str(log), "--json")[1])
     page = log.with_suffix(".html").read_text()

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from rig.cli.main import app
 from rig.core.frame import MOVED, ActuatorMonitor, Table
-from rig.flight.conclusion import Conclusion
+from rig.flight.conclusion_rows import Conclusion
 from rig.flight.fly import fly
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario

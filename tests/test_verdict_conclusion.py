@@ -12,7 +12,7 @@ import pytest
 from test_verdict_parts import Q, flight, offset
 
 from rig.core.frame import INDEX, Ilm, State, Table, UnitStatus
-from rig.flight.conclusion import Conclusion, Row
+from rig.flight.conclusion_rows import Conclusion, Row
 from rig.flight.flight_result import Flight
 from rig.flight.fly import fly
 from rig.verdict.conclusion import conclusion, next_commands

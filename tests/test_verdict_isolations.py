@@ -6,7 +6,7 @@ import pytest
 from test_verdict_parts import Q, flight, offset
 
 from rig.core.frame import INDEX, Block, DecidedBy, State, Table
-from rig.flight.conclusion import Conclusion
+from rig.flight.conclusion_rows import Conclusion
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.tables import RUNS
 from rig.studies.campaign.tables import rows as campaign_rows

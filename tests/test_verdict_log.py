@@ -88,7 +88,7 @@ def test_for_people_it_says_the_outcome_and_where(flight: Flight):
     assert out.exit_code == 0
     for said in (
         *("hardover pitch_rate.3", "detected", "3.07 s (frame 307)", "70 ms", "survived"),
-        "against the fault-free run",
+        "compared with the fault-free baseline",
     ):
         assert said in out.stdout
 

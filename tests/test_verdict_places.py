@@ -26,13 +26,13 @@ SHOWN = {
 }
 # Each kind with its sentence; {} is the largest error, as three digits of it are shown.
 KINDS = {
-    "offset": ({"offset": 0.1}, "had an offset of {} from"),
-    "drift": ({"rate_per_s": 0.05}, "drifted from 1.00 s on, by up to {};"),
-    "settling drift": ({"kind": "drift", "settles_at": 0.2, "time_constant_s": 0.5}, "by up to {};"),
-    "scale": ({"factor": 0.5}, "had a wrong scale from 1.00 s on, an error of up to {};"),
-    "sign_reversal": ({}, "had the wrong sign from 1.00 s on, an error of up to {};"),
-    "noise": ({"std": 0.1}, "had noise of up to {} from"),
-    "bias_instability": ({"std": 0.1, "time_constant_s": 1.0}, "had an unstable bias from 1.00 s on, of up to {};"),
+    "offset": ({"offset": 0.1}, "offset of {} at"),
+    "drift": ({"rate_per_s": 0.05}, "drift of up to {} from 1.00 s on"),
+    "settling drift": ({"kind": "drift", "settles_at": 0.2, "time_constant_s": 0.5}, "drift of up to {} from"),
+    "scale": ({"factor": 0.5}, "scale error of up to {} from 1.00 s on"),
+    "sign_reversal": ({}, "wrong sign from 1.00 s on, an error of up to {}"),
+    "noise": ({"std": 0.1}, "noise of up to {} from"),
+    "bias_instability": ({"std": 0.1, "time_constant_s": 1.0}, "unstable bias of up to {} from 1.00 s on"),
     "oscillation": ({"amplitude": 0.1, "frequency_hz": 2.0}, "oscillation of up to {} from 1.00 s on"),
     "spikes": ({"amplitude": 0.3, "times_s": [0.1]}, "spikes of up to {} from"),
     "quantisation": ({"step": 0.1}, "quantisation from 1.00 s on, an error of up to {}"),

@@ -25,7 +25,7 @@ from rig.core.units.quantities import moment
 if TYPE_CHECKING:
     from rig.core.event import Event
     from rig.core.interrupt import Stop
-    from rig.flight.conclusion import Conclusion
+    from rig.flight.conclusion_rows import Conclusion
     from rig.flight.cost import Bench
     from rig.flight.fly import Flight
     from rig.scenario.scenario import Scenario

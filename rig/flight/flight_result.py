@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.core.event import Event, StreamReport
 from rig.core.frame import Block
-from rig.flight.conclusion import Conclusion
+from rig.flight.conclusion_rows import Conclusion
 from rig.flight.failures import failed_text
 from rig.flight.pace import Jitter
 from rig.flight.summary import Peaks

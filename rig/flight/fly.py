@@ -26,7 +26,7 @@ from rig.core.settings import toml_text
 from rig.core.threads import cores
 from rig.core.trust import Trust
 from rig.flight import loop
-from rig.flight.conclusion import Conclusion
+from rig.flight.conclusion_rows import Conclusion
 from rig.flight.flight_result import Flight
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import Pace

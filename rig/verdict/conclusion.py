@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from rig.core.frame import End
 from rig.core.units.quantities import seconds
-from rig.flight.conclusion import Conclusion, Row
+from rig.flight.conclusion_rows import Conclusion, Row
 from rig.scenario.scenario import Scenario
 from rig.verdict.context import Context, place_label
 from rig.verdict.counting import another

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rig.core.units.quantities import duration, quantity, seconds
-from rig.flight.conclusion import Row
+from rig.flight.conclusion_rows import Row
 from rig.verdict.context import Context, place_label, signals_label
 from rig.verdict.fault_words import fault_result, reasons
 from rig.verdict.lane_tally import on_lanes

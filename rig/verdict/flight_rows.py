@@ -7,7 +7,7 @@ from typing import Final
 
 from rig.core.frame import DISCRETE_INDEX, INDEX, SIGNALS
 from rig.core.units.quantities import quantity, scale_shown, unit_shown
-from rig.flight.conclusion import Row
+from rig.flight.conclusion_rows import Row
 from rig.verdict.context import Context, named
 
 _SMALL, _LARGE = 1e-4, 10.0  # between them a value is shown with two digits

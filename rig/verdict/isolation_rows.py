@@ -7,13 +7,14 @@ from typing import Final
 
 from rig.core.frame import COMPUTERS
 from rig.core.units.quantities import duration, seconds
-from rig.flight.conclusion import Row
+from rig.flight.conclusion_rows import Row
 from rig.verdict.context import Context, after, channels, listed, place_label, signals_label
 from rig.verdict.fault_words import by_rule
 from rig.verdict.lane_tally import columns_of
 from rig.verdict.lane_words import test_words
 from rig.verdict.score_records import FaultScore, Isolation
-from rig.world.faults.places import site
+from rig.verdict.servo_words import monitor_words
+from rig.world.faults.places import OF_SERVOS, site
 
 _BY_DESIGN: Final = {
     "failed with its box": "with its LRU, which was faulty on other signals",
@@ -37,7 +38,9 @@ def _mistake(isolation: Isolation, context: Context) -> str:
         lanes = listed([f"computer {COMPUTERS[number - 1]}" for number in faulty]) or "no computer"
         return f"healthy, isolated by mistake at {at} by {test_words(isolation.decided_by)} (faulty: {lanes})"
     which = ", ".join(map(str, faulty)) or "no channel"
-    return f"healthy, isolated by mistake at {at} {by_rule(isolation.decided_by)} (faulty: {which})"
+    on_servo = site(isolation.signal) in OF_SERVOS
+    by = f"by the {monitor_words(isolation.decided_by)}" if on_servo else by_rule(isolation.decided_by)
+    return f"healthy, isolated by mistake at {at} {by} (faulty: {which})"
 
 
 def by_design(context: Context) -> Iterator[Row]:

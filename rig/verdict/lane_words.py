@@ -7,7 +7,7 @@ from typing import Final
 
 from rig.core.frame import ActuatorMonitor
 from rig.core.units.quantities import seconds
-from rig.flight.conclusion import Row
+from rig.flight.conclusion_rows import Row
 from rig.flight.servo_events import monitor_name
 from rig.verdict.context import Context, after, channels, listed
 from rig.verdict.lane_tally import LINK, RELAYS, UNIT

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rig.core.frame import INDEX, SIGNALS, SensorFault, Table, Trust
 from rig.core.units.angles import differences
 from rig.core.units.quantities import seconds
-from rig.flight.conclusion import Row
+from rig.flight.conclusion_rows import Row
 from rig.verdict.context import Context
 from rig.verdict.score_records import FaultScore, LawFinding
 from rig.verdict.words import fault_word

@@ -17,7 +17,7 @@ from rig.core.frame import Block, Table, UnitStatus
 from rig.core.progress import tell
 from rig.core.runs import runs_where
 from rig.core.trust import Trust
-from rig.flight.conclusion import Conclusion
+from rig.flight.conclusion_rows import Conclusion
 from rig.flight.time_histogram import Times
 from rig.log import Log, LogFile, scenario_of, unit_of
 from rig.scenario.pressed_keys import pressed

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from rig.core.units.quantities import duration, seconds
-from rig.flight.conclusion import Row
+from rig.flight.conclusion_rows import Row
 from rig.verdict.context import Context, after, channels, listed
 from rig.verdict.score_records import ActuatorScore, FaultScore
 from rig.world.faults import KINDS

@@ -12,7 +12,7 @@ from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.core.frame import CHANNELS, INDEX, SIGNALS, Ilm, Pattern
 from rig.core.units.angles import differences
 from rig.core.units.quantities import duration, quantity, seconds
-from rig.flight.conclusion import Row
+from rig.flight.conclusion_rows import Row
 from rig.verdict.context import Context, channels, comparable, named
 from rig.verdict.score_records import Episode
 
