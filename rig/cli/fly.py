@@ -88,7 +88,7 @@ def fly(options: FlyOptions) -> None:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
 
     class Told(MeasuredConclusion):
-        """The same, which says before a long flight what it takes."""
+        """The same, with a line about disk and time before a long flight."""
 
         def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
             super().begin(scenario, unit_lane)

@@ -127,10 +127,8 @@ def _show(scored: Scored) -> None:
     for name, seconds in score.wrong_votes_s.items():
         if seconds > 0:
             field("voted", f"{name}: wrong for {seconds:g} s", width=WIDTH)
-    quiet = len(score.vote_error) - len(votes.rows)
-    line(
-        f"Voted values within their error limits and unaffected by the faults: {quiet} of {len(score.vote_error)} signals"
-    )
+    quiet, of = len(score.vote_error) - len(votes.rows), len(score.vote_error)
+    line(f"Voted values within their error limits, unaffected by faults: {quiet} of {of} signals")
     _flight(score.flight, scenario.rate_hz)
     _coverage(score)
     _times(scored)

@@ -1,4 +1,4 @@
-"""What a frame costs, as a ratio to bare JSBSim in the same process, and where the time goes.
+"""The cost of a frame as a ratio to bare JSBSim in the same process, and its stages.
 
 Absolute times depend on the machine; the ratio is what a change must not make worse.
 """

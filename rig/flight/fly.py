@@ -44,7 +44,7 @@ Watch = Callable[..., None]  # a block, its rate in Hz, its events; of a flight 
 
 
 class Stream(Protocol):
-    """A live stream, which never waits for whoever watches it (show/viewer/stream.py)."""
+    """A live stream, which never waits for a viewer (show/viewer/stream.py)."""
 
     def put(self, table: Table, events: Sequence[Event]) -> None:
         """Take the next frames."""
@@ -55,7 +55,7 @@ class Stream(Protocol):
 
 
 class Streams(Protocol):
-    """The streams that a flight may open, handed in by whoever shows them."""
+    """The streams that a flight may open, handed in by the caller."""
 
     def check(self, where: str) -> None:
         """Raise BadInput unless there is a stream of that name; before anything is written."""
@@ -114,14 +114,14 @@ def fly(
     overrides, seed : laid over it, as ``--set`` and ``--seed``: texts ``key=value``, or a table of dotted keys
     out             : folder of the log; rerun : see show.viewer.stream.open_stream; streams : who opens it
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
-    watch : given every block while it is recorded, on a thread of its own where a second core is free; it must be
+    watch : given every block while it is recorded, on a separate thread if a second core is free; it must be
             quick, and copy the rows that it keeps
     allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
     realtime : ask the system for frames on time (flight/pace.py); at the pace of the clock when no factor is given
     live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs
     outcome : given every block with the clean channels, by which the flight is assessed
-    unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
-    lane : of several computers, the one that the unit is, A to D; the others are the rig's own
+    unit : flight software under test, or its unit file (docs/unit.md), which replaces the built-in manager
+    lane : of several computers, the one that the unit is, A to D; the others are the built-in ones
     Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
     raises: the log is then finished.
     """

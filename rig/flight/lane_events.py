@@ -39,7 +39,7 @@ class Order(NamedTuple):
 
 
 class LaneFailure(NamedTuple):
-    """A lane that failed a test of its own, or that others voted out."""
+    """A lane that failed its own test, or that others voted out."""
 
     frame: int
     lane: int
@@ -48,7 +48,7 @@ class LaneFailure(NamedTuple):
 
 
 class LinkFailure(NamedTuple):
-    """A way from one lane to another on which nothing good has come for too long."""
+    """A link from one lane to another on which no valid message has arrived for too long."""
 
     frame: int
     sender: int

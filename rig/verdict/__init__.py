@@ -7,8 +7,8 @@ flight_tally.py    adds blocks of a flight, while it is flown or afterwards; its
 words.py           the vocabulary, and the public names of each word
 scoring.py         the score (score_records.py): tables over the records; patterns.py; transients.py (baseline)
 of_log.py          the score of a log, and the conclusion of a flight while it is flown
-conclusion.py      the conclusion: its rows from fault_rows.py, split_rows.py, isolation_rows.py, flight_rows.py; words of
-                   faults: fault_words.py, servo_words.py, lane_words.py, law_tally.py
+conclusion.py      the conclusion: rows from fault_rows.py, split_rows.py, isolation_rows.py, flight_rows.py;
+                   fault_words.py, servo_words.py, lane_words.py, law_tally.py: words of a fault
 
 docs/score.md defines every number.
 """

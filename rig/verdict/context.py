@@ -1,6 +1,6 @@
-"""What the sentences about a flight are made from: its scenario and score, and how near its channels were.
+"""The flight that a conclusion is about: its scenario, its score, and how near its channels were to each other.
 
-``agreement`` says which frames a channel miscompared in, and which other channel it was near to: why a monitor failed
+``agreement`` finds the frames in which a channel miscompared, and the channel nearest to it: why a monitor isolated
 it or did not.  It is computed from the samples with the thresholds of the flight, as the cross-channel comparison sees
 them when no low-pass is set before it.
 """
@@ -45,7 +45,7 @@ class Context(NamedTuple):
 
     @property
     def decider(self) -> str:
-        """Name who failed channels, or did not."""
+        """Name the voter that isolates channels."""
         if self.score.evidence.by_unit:
             return "the unit under test"
         return f"the manager {self.scenario.redundancy.manager}"
@@ -56,7 +56,7 @@ class Context(NamedTuple):
         return fault.signal in INDEX and own and manager_kind(self.scenario.redundancy.manager).compares
 
     def silent(self, signal: str) -> bool:
-        """Return True if no channel of a signal ever had a state, as from a unit that answers surfaces alone."""
+        """Return True if no channel of a signal ever had a state, as from a unit that returns surfaces alone."""
         return signal in self.score.evidence.silent
 
     def unit(self, fault: FaultScore) -> str:
@@ -147,7 +147,7 @@ class Agreement(NamedTuple):
     """One channel over m frames: ``alone``: near no other channel in use; the ``nearest`` one, its ``distance``.
 
     nearest : (m,) channel from 0, -1 where none can be compared; distance : (m,) unit of the signal, infinite there
-    usable : (m,) it can be compared; out : (m,) it was failed before; many : (m,) channels that can be; pattern : (m,)
+    usable : (m,) it can be compared; out : (m,) it is isolated; many : (m,) channels that can be compared; pattern : (m,)
     """
 
     alone: Bools
@@ -212,7 +212,7 @@ def in_split(pattern: NDArray[np.uint8]) -> Bools:
 
 
 def allowed(compared: NDArray[np.intp], p: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return (m,) thresholds while so many samples are ``compared``, unit of the signal; p : its config.PARAMS."""
+    """Return (m,) thresholds by the number of ``compared`` samples, unit of the signal; p : its config.PARAMS."""
     by_number = np.array([p["threshold_duplex"]] * 3 + [p["threshold_triplex"], p["threshold"]])
     return by_number[compared]
 

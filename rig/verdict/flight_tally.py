@@ -29,7 +29,7 @@ NO_REFERENCES: Final = np.full((1, len(SIGNALS)), np.nan)  # no fault sits on on
 
 
 class Outcome:
-    """What became of faults: records of tally_records.py, in bounded memory.
+    """Outcomes of faults: records of tally_records.py, in bounded memory.
 
     window : frames after an onset, for which the load factor is looked at
     """
@@ -99,7 +99,7 @@ class Outcome:
         return listed[np.lexsort((listed["signal"], listed["first"]))]
 
     def wrong_isolations(self, fault: Any) -> NDArray[Any]:
-        """Return the (n,) FAILURE of healthy channels that were failed for a fault: up to the next onset on its signal.
+        """Return the (n,) FAILURE of healthy channels that a fault isolated: up to the next onset on its signal.
 
         fault : a FAULT record; of one that never began, or of a discrete, to the end
         """
@@ -127,7 +127,7 @@ class Outcome:
 
 
 class FlightOutcome(Outcome):
-    """What became of the faults of a scenario.
+    """Outcomes of the faults of a scenario.
 
     window_s : after an onset, for which the load factor is looked at
     unit_lane : of several computers, the one whose software is a unit under test, A to D

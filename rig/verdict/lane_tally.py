@@ -1,4 +1,4 @@
-"""The outcome of a flight's computers: who found each fault of a lane, link or bus, and lanes failed without one."""
+"""The outcome of a flight's computers: tests that detected faults of lanes, links and buses; healthy lanes lost."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def columns_of(fault: Fault) -> int:
 
 
 class LaneOutcome:
-    """What became of the faults of computers, links and buses, by the events of their rows: ``finder``.
+    """Outcomes of the faults of computers, links and buses, by the events of their rows: ``finder``.
 
-    unit_lane : the lane whose software is a unit under test, A to D: it is not healthy when it is failed
+    unit_lane : the lane whose software is a unit under test, A to D: it does not count as healthy when it is voted out
     """
 
     def __init__(self, scenario: Scenario, unit_lane: str | None = None) -> None:
@@ -100,7 +100,7 @@ class LaneOutcome:
         )
 
     def _found(self, place: str, onset: int) -> Iterator[tuple[int, str]]:
-        """Yield (frame, by whom) of all that speaks against a place from ``onset`` on."""
+        """Yield (frame, by whom) of all tests that detected a fault of a place from ``onset`` on."""
         suspects = senders(place)
         receivers = lanes_of(place)[1:] or [*range(len(COMPUTERS))]
         for failure in self.finder.failures:
@@ -116,7 +116,7 @@ class LaneOutcome:
                 yield from ((frame, RELAYS) for frame in frames if frame >= onset)
 
     def isolations(self, kind: IsolationKind, faults: list[FaultScore]) -> list[Isolation]:
-        """Return the lanes that were failed without a fault on them, of one kind; each owns its channel.
+        """Return the lanes that were voted out without a fault on them, of one kind; each owns its channel.
 
         faults : of the score, whose onsets are known
         """

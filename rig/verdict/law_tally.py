@@ -1,4 +1,4 @@
-"""What the fault-tolerant law found: when it began to correct the pitch angle or called a rate biased, and for what."""
+"""Findings of the fault-tolerant law: when it corrected the pitch angle or declared a rate biased, and why."""
 
 from __future__ import annotations
 

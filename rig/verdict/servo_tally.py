@@ -28,7 +28,7 @@ _FRAMES: Final = ("failed_at", "differs_at", "bypassed_at")
 
 
 class ActuatorOutcome:
-    """What became of the faults of servos and of their channels: records of servo_kernels.py, in bounded memory.
+    """Outcomes of the faults of servos and of their channels: records of servo_kernels.py, in bounded memory.
 
     faults : (F,) outcome_records.FAULT of the flight, in which what was found of those on servos is noted too
     unit_lane : of several computers, the one whose software is a unit under test, A to D
@@ -81,7 +81,7 @@ class ActuatorOutcome:
         return {name: _score(servo, self._of_unit) for name, servo in servos if servo["frames"]}
 
     def isolations(self, kind: IsolationKind) -> list[Isolation]:
-        """Return the healthy channels that were failed, of one kind."""
+        """Return the healthy channels that were isolated, of one kind."""
         return [
             Isolation(f"actuator.{name}", failure.channel, failure.frame, failure.monitor, failure.faulty)
             for name, score in self.scores().items()

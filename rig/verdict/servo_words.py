@@ -79,7 +79,7 @@ def _silent(fault: FaultScore, context: Context) -> str:
 
 
 def bypass_rows(context: Context) -> Iterator[Row]:
-    """Yield a row for each surface that was bypassed, where no fault of its own tells that."""
+    """Yield a row for each surface that was bypassed, if the row of its fault does not tell it."""
     frames, rate_hz = context.score.flight.frames, context.rate_hz
     told = {name for fault in context.score.faults for name in fault.bypassed}
     for name, score in context.score.actuators.items():

@@ -25,7 +25,7 @@ VIOLATED: Final = "requirement violated"  # name of an event
 class MeasuredConclusion(FlightConclusion):
     """The conclusion of a flight, and its requirements beside it: an outcome of ``rig.flight.fly.fly``.
 
-    What names the baseline waits for the end of the flight: two flights at once would share the process.
+    A requirement that names the baseline is measured after the flight: two flights at once would share the process.
     """
 
     def __init__(self, names: Sequence[str | Path] = (), baseline: bool = False) -> None:
