@@ -147,7 +147,7 @@ class Agreement(NamedTuple):
     """One channel over m frames: ``alone``: near no other channel in use; the ``nearest`` one, its ``distance``.
 
     nearest : (m,) channel from 0, -1 where none can be compared; distance : (m,) unit of the signal, infinite there
-    usable : (m,) it can be compared; out : (m,) it is isolated; many : (m,) channels that can be compared; pattern : (m,)
+    usable : (m,) it can be compared; out : (m,) it is isolated; many : (m,) usable channels; pattern : (m,)
     """
 
     alone: Bools

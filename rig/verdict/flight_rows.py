@@ -86,7 +86,7 @@ def aircraft_row(context: Context) -> Row:
     """Return the row of the aircraft: its load factor against the fault-free baseline, or its range alone."""
     flight = context.score.flight
     acted = sum(fault.onset_frame is not None and fault.outcome != "not executed" for fault in context.score.faults)
-    if flight.transients is None:
+    if flight.transients is None or not acted:
         text = f"load factor {flight.load_factor_min:.2f} to {flight.load_factor_max:.2f} g"
         return Row("aircraft", (f"{text}, not compared with a fault-free flight" if acted else text,))
     off = flight.transients.overall.load_factor

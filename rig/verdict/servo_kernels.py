@@ -97,7 +97,7 @@ def mark_acting(acting, frame, out):
 
 @kernel
 def see(row, frame, i, out):
-    """Add the monitors that exceeded thresholds of channels of surface ``i``, the isolations, their causes, and bypasses."""
+    """Add the thresholds exceeded on channels of surface ``i``, isolations with causes, and bypasses."""
     servo, watch, positions = out.servos[i], out.monitors.watch[i], out.monitors.state[i]
     servo["beyond"] = servo["differs"] = 0
     for c in range(CHANNELS):
@@ -157,7 +157,7 @@ def follow(placed, frame, out):
 
 @kernel
 def sits(placed, servo, c, frame, linger):
-    """Return whether a result about channel ``c`` is about this fault; a channel's own fault hides those of all channels."""
+    """Return whether a result about channel ``c`` is about this fault; a channel's own fault hides shared ones."""
     if placed["channel"] >= 0:
         return placed["channel"] == c
     return frame - servo["acted_at"][c] > linger

@@ -72,7 +72,7 @@ def trial_words(
 
     failed_at : (T, 4) first frame in which each channel was isolated, or NEVER; onsets : (T,)
     tested, healthy : (4,) or (T, 4) channels of the tested fault, and those without any
-    One of words.INJECTED, or PRIOR: one of these channels was isolated before the onset.  Frames are NaN where the fault
+    One of words.INJECTED, or PRIOR: one of these channels was isolated before the onset.  Frames are NaN if the fault
     is not isolated.
     """
     failed, last = failed_at != NEVER, np.where(tested, failed_at, NEVER).max(axis=1)

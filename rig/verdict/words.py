@@ -65,7 +65,7 @@ class Cause(IntEnum):
 
     @property
     def kind(self) -> IsolationKind | None:
-        """Return the words for a healthy channel that was isolated; None for one that was isolated for its own fault."""
+        """Return the words for a healthy channel that was isolated; None for one isolated for its own fault."""
         return _KINDS.get(self)
 
     @property
