@@ -207,7 +207,7 @@ PARAM_FIELDS: Final = (
         "low", "f8", "unit of the signal: least sample of the sensor; of an angle that wraps where its circle begins"
     ),
     Param("high", "f8", "unit of the signal: largest sample of the sensor"),
-    Param("persistence", "i8", "frames in a row of miscompare until a channel is failed"),
+    Param("persistence", "i8", "miscomparing frames in a row until a channel is isolated"),
     Param("split_persistence", "i8", "frames until a split is settled"),
     Param("trend_frames", "i8", "bits of a trend byte, 1 to 8"),
     Param("readmit_frames", "i8", "frames in a row of agreement before a reset readmits a failed channel"),
@@ -228,7 +228,7 @@ PARAM_FIELDS: Final = (
     Param(
         "unresolved_frames",
         "i8",
-        "frames in a row that no rule answers until all channels are failed; 0: never",
+        "frames in a row without a tie-break until all channels are isolated; 0: never",
         "rules",
     ),
     Param(
@@ -240,7 +240,7 @@ PARAM_FIELDS: Final = (
     Param(
         "trend_tumbles",
         "u1",
-        "1: trend bytes begin again every trend_frames frames, and what whole ones say stands",
+        "1: trend bytes begin again every trend_frames frames, and the result of whole ones stands",
         "rules",
     ),
     Param("trend_beside_reference", "u1", "1: the trend is asked of a signal with a reference, too", "rules"),
