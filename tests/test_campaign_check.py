@@ -125,7 +125,7 @@ def test_logs_and_campaigns_are_cases_too(rig_command, tmp_path):
             '[[cases]]\nscenario = "f16_stuck_together"\nset = { "canard" = 1 }\n',
             "suite.toml: f16_stuck_together: .*canard",
         ),
-        ('[[cases]]\nscenario = "f16_stuck_together"\nrequirements = ["x"]\n', "x: no such file of requirements"),
+        ('[[cases]]\nscenario = "f16_stuck_together"\nrequirements = ["x"]\n', "x: no such requirements file"),
     ],
 )
 def test_a_bad_suite_is_one_line(rig_command, tmp_path, suite, says):

@@ -137,7 +137,7 @@ def test_a_scenario_names_its_requirements_beside_its_file(rig_command, tight, t
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["fly", "--requirements", "no_such"], "no_such: no such file of requirements; bundled: handling, redundancy"),
+        (["fly", "--requirements", "no_such"], "no_such: no such requirements file; bundled: handling, redundancy"),
         (["fly", "--requirements", "bad.toml"], "bad.toml: one: formula: column 5: 'error.canard': the flight has no"),
         (
             ["score", "x.mcap", "--requirements", "bad2.toml"],

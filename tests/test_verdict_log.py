@@ -142,7 +142,7 @@ def test_what_is_no_log_is_one_line_and_exit_code_2(rig_command: Any, tmp_path: 
 
 
 def test_rows_of_another_seed_are_refused(flight: Flight):
-    with pytest.raises(BadInput, match="do not give the recorded channels again"):
+    with pytest.raises(BadInput, match="do not reproduce the recorded channels"):
         score(flight.scenario.model_copy(update={"seed": 77}), Table(flight.rows))
 
 

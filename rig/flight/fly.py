@@ -180,7 +180,7 @@ def _fly_and_record(
     if to.streams is not None:
         to.streams.check(to.rerun)
     elif to.rerun != "off":
-        raise BadInput(f"--rerun {to.rerun}: a flight without a viewer has no stream; rig.fly has one")
+        raise BadInput(f"--rerun {to.rerun}: this function has no stream for a viewer; use rig.fly")
     kept = (
         0
         if to.outcome is None

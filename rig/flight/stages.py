@@ -56,10 +56,10 @@ def computers(
     own: OwnManager | str | None,
     lane: str | None = None,
 ) -> Lanes | None:
-    """Return the lanes of several computers, None for one.  BadInput: another computer or manager than the rig's own.
+    """Return the lanes of several computers, None for one.  BadInput: a computer or manager that is not built in.
 
-    alone : what one computer has at its first frame;  own : a manager of the user's, or who computes in its place, of
-    all lanes or of one ``lane``
+    alone : what one computer has at its first frame;  own : a manager of the user, or the unit in its place, of all
+    lanes or of one ``lane``
     """
     count, whose = scenario.computers.count, own
     fitted = COMPUTERS[:count] if count > 1 else ()

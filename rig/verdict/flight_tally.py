@@ -77,7 +77,7 @@ class Outcome:
         if flight["unexplained"] != NEVER:
             s, c = divmod(int(flight["unexplained"]), CHANNELS)
             raise BadInput(
-                "the sensors of this version do not give the recorded channels again: first "
+                "the sensors of this version do not reproduce the recorded channels: first difference at "
                 f"{SIGNALS[s].name} channel {c + 1} in frame {flight['frames']}; the flight cannot be scored"
             )
         if flight["failures"]:

@@ -87,11 +87,11 @@ def score_log(
     log = LogFile.open(path) if log is None else log
     scenario = _scenario(path, log, allow_code)
     if log.result is None:
-        raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
+        raise BadInput(f"{path}: the flight has no result (cut off, recovered or not finished); only a finished flight is scored")
     if baseline:
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
-            raise BadInput(f"{path}: a unit under test flew it: its baseline needs --unit FILE, or --no-baseline")
+            raise BadInput(f"{path}: a unit under test flew it; give --unit FILE to fly the baseline, or --no-baseline")
     unit_facts = unit_of(log.metadata)
     if unit is not None:
         unit.fly_as(unit_facts)
@@ -193,7 +193,7 @@ def conclude(log: Log) -> Conclusion:
 def _scenario(path: Path, log: Log | LogFile, allow_code: bool) -> Scenario:
     resolved = scenario_of(log.metadata, path)
     if not resolved:
-        raise BadInput(f"{path}: holds no scenario, so there is no truth to score against; only logs of rig fly do")
+        raise BadInput(f"{path}: the log has no scenario, so there is no true state to score against; only logs of rig fly have one")
     scenario = from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
     return pressed(scenario, log.result, str(path))
 

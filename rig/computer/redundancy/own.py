@@ -113,7 +113,7 @@ def _of_class(name: str, manager: Any, params: NDArray[np.void]) -> Step:
     if _takes(taken, (*_STEP, _FRAME)):
         return step
     if len(taken) != len(_STEP):
-        raise BadInput(f"redundancy.manager: {name!r} has step({', '.join(taken)}), now it is step(bus, fcc, k)")
+        raise BadInput(f"redundancy.manager: {name!r} has step({', '.join(taken)}), expected step(bus, fcc, k)")
     return lambda bus, fcc, k, _: step(bus, fcc, k)
 
 

@@ -271,7 +271,7 @@ def _bind(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, Bou
             raise BadInput(f"{where}: formula: {error}") from None
         given, count = requirement.scale, made.formula.comparisons
         if isinstance(given, list) and len(given) != count:
-            raise BadInput(f"{where}: scale: {len(given)} for {count} comparisons")
+            raise BadInput(f"{where}: scale: {len(given)} values for {count} comparisons, one each is needed")
         scales = made.scales if given is None else tuple(given) if isinstance(given, list) else (given,) * count
         yield signal, made._replace(scales=scales)
 

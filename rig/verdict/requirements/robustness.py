@@ -86,7 +86,7 @@ def refuse_empty_windows(root: Node, rate_hz: float) -> None:
         first, last = frames_of(node, rate_hz)
         if last < first:
             begin_s, end_s = node.window
-            raise BadInput(f"[{begin_s:g}, {end_s:g}]: no frame is in this window at {rate_hz:g} frames a second")
+            raise BadInput(f"[{begin_s:g}, {end_s:g}]: the window contains no frame at {rate_hz:g} frames a second")
 
 
 def frames_reach(node: Node, rate_hz: float) -> tuple[int, int]:
