@@ -157,9 +157,9 @@ def test_the_key_of_the_unit_file_is_the_option(tmp_path: Path):
     ("keys", "lane", "said"),
     [
         ({}, "E", "--lane E: must be one of A, B, C, D"),
-        ({}, None, "with a unit under test allowed: 1; it may be one of them: --lane"),
-        ({"computers": {"count": 1}}, "B", "lane B is to be a unit under test, and there is one computer"),
-        ({"computers": {"count": 2}, "actuators": {"model": "lag"}}, "C", "lane C is to be .* and there are A, B"),
+        ({}, None, "with a unit under test allowed: 1; --lane replaces one of them"),
+        ({"computers": {"count": 1}}, "B", "lane B cannot be a unit under test: there is one computer"),
+        ({"computers": {"count": 2}, "actuators": {"model": "lag"}}, "C", "lane C cannot be .*: there are A, B"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(tmp_path: Path, keys: dict[str, Any], lane: str, said: str):

@@ -87,7 +87,7 @@ def score_log(
     log = LogFile.open(path) if log is None else log
     scenario = _scenario(path, log, allow_code)
     if log.result is None:
-        raise BadInput(f"{path}: the flight has no result (cut off, recovered or not finished); only a finished flight is scored")
+        raise BadInput(f"{path}: the flight is not finished (cut off, recovered or still flying): not scored")
     if baseline:
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
@@ -193,7 +193,7 @@ def conclude(log: Log) -> Conclusion:
 def _scenario(path: Path, log: Log | LogFile, allow_code: bool) -> Scenario:
     resolved = scenario_of(log.metadata, path)
     if not resolved:
-        raise BadInput(f"{path}: the log has no scenario, so there is no true state to score against; only logs of rig fly have one")
+        raise BadInput(f"{path}: no scenario, so no true state to score against; only logs of rig fly have one")
     scenario = from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
     return pressed(scenario, log.result, str(path))
 

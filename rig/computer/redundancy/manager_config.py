@@ -73,7 +73,9 @@ class SignalConfig(Settings):
         if self.count_down is not None and "persistence" not in self.model_fields_set:
             raise ValueError("count_down: needs persistence, the count in frames that isolates a channel")
         if self.trend_small is not None and self.trend_window == "tumbling":
-            raise ValueError('trend_small: not allowed with trend_window = "tumbling", which decides after whole windows only')
+            raise ValueError(
+                'trend_small: not allowed with trend_window = "tumbling", which decides after whole windows only'
+            )
         if (self.slow_allowance is None) != (self.slow_limit is None):
             raise ValueError("slow_allowance, slow_limit: give both or neither")
         return self

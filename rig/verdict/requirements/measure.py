@@ -103,7 +103,7 @@ def check_log(
     log = LogFile.open(path)
     resolved = scenario_of(log.metadata, path)
     if not resolved:
-        raise BadInput(f"{path}: the log has no scenario, so requirements cannot be measured; only logs of rig fly have one")
+        raise BadInput(f"{path}: no scenario, so no requirement can be measured; only logs of rig fly have one")
     scenario = pressed(
         from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code)), log.result, str(path)
     )
