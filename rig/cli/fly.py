@@ -119,14 +119,14 @@ def fly(options: FlyOptions) -> None:
 
 
 def long_flight(scenario: Scenario) -> str:
-    """Return what a long flight takes on the disk and in time, roughly; "" for a short one."""
+    """Return roughly the disk space and time of a long flight; "" for a short one."""
     frames = scenario.frames
     if frames < LONG:
         return ""
     lanes = scenario.computers.count if scenario.computers.count > 1 else 0
     bytes_a_frame = LOG_BYTES + LANE_BYTES * lanes + SERVO_BYTES * scenario.has_servos
-    takes = f"about {frames * bytes_a_frame / 1e6:.0f} MB of log and {frames * FRAME_S:.0f} s or more"
-    return f"{frames} frames of {scenario.duration_s:g} s of flight: {takes}"
+    takes = f"about {frames * bytes_a_frame / 1e6:.0f} MB of log, at least {frames * FRAME_S:.0f} s to fly"
+    return f"{frames} frames ({scenario.duration_s:g} s of flight): {takes}"
 
 
 def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -> Flight:
@@ -166,7 +166,7 @@ class Watching:
         """Print the address to open, and wait until a viewer is connected; Ctrl-C gives the flight up."""
         if not stream.browser:
             return
-        waiting = "; the flight begins when a viewer is connected (--no-wait: at once)" if self._wait else ""
+        waiting = "; the flight begins when a viewer connects (at once with --no-wait)" if self._wait else ""
         echo(f"watch at {stream.browser}{waiting}", err=True)
         tell("waiting for a viewer")
         while self._wait and not stop.requested and not stream.watched:
@@ -177,7 +177,7 @@ class Watching:
         if not stream.browser or stop.requested:
             return
         stream.drain()
-        echo("flight over, still serving; Ctrl-C ends", err=True)
+        echo("the flight is over; the server runs until Ctrl-C", err=True)
         tell("serving")
         while not stop.requested:
             time.sleep(LOOK_S)
@@ -245,7 +245,7 @@ def _verdict(flight: Flight) -> None:
 
 
 def _events(events: Iterable[Event]) -> Iterator[Event]:
-    """Yield the events; more than FEW of one frame that say the same of several signals as one."""
+    """Yield the events; more than FEW of one frame with the same text for several signals as one."""
     for _, of_frame in groupby(events, lambda event: event.frame):
         alike: dict[object, list[tuple[str, Event]]] = {}
         for i, event in enumerate(of_frame):
@@ -261,7 +261,7 @@ def _events(events: Iterable[Event]) -> Iterator[Event]:
 
 
 def _said_of(event: Event) -> tuple[str, str]:
-    """Return the signal of an event, and what it says of it or of its channel; "" where it says no such thing."""
+    """Return the signal of an event, and its text about the signal or its channel; "" if there is none."""
     from rig.core.frame import DISCRETE_INDEX, INDEX
 
     if channel := _OF_CHANNEL.fullmatch(event.text):
@@ -285,14 +285,14 @@ def _reply(median_us: float, p99_us: float, worst_us: float) -> str:
 
 
 def _unit(flight: Flight) -> None:
-    """Print what became of the exchanges with the unit under test, and what it printed."""
+    """Print the exchanges with the unit under test, and its output."""
     unit = flight.unit or {}
     names = ("missed", "late", "requests_lost", "replies_lost", "discarded", "refused", "not_finite", "restarts")
     wrong = counts(unit, names)
     if unit["dead_frame"] is not None:
         wrong.append(f"dead from {moment(unit['dead_frame'], flight.scenario.rate_hz)} on")
     if unit["status"] != "ready" or unit["fault_word"]:
-        wrong.append(f"last {unit['status']}, fault word {unit['fault_word']:#010x}")
+        wrong.append(f"last status {unit['status']}, fault word {unit['fault_word']:#010x}")
     text = ", ".join([f"{unit['answered']} frames answered", *wrong])
     field("unit", f"{unit['name']}: {text}", style="yellow" if wrong else "")
     reply = unit["reply"]

@@ -34,23 +34,23 @@ class Flight:
     survived: bool
     end_reason: str
     failed: dict[str, list[int]]
-    not_executed: list[str]  # faults that did nothing: never triggered, or their channels were out already
+    not_executed: list[str]  # faults that never acted: not triggered, or on isolated channels
     peaks: Peaks
     events: list[Event]
     wall_s: float
     us_per_frame: float
     jitter: Jitter | None  # paced flights only
     stream: StreamReport | None
-    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
-    printed: str  # by the unit's process, its end
-    realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
+    unit: dict[str, Any] | None  # exchanges with a unit under test: counts and times
+    printed: str  # last output of the unit's process
+    realtime: dict[str, str]  # real-time settings, and whether the system granted them
     conclusion: Conclusion | None  # None: the flight was not assessed
     suspects: tuple[Suspect, ...] = ()  # channels that were ever suspect
     overrides: tuple[str, ...] = ()  # ``key=value``, laid over the scenario's file
     unit_file: str = ""  # of the unit under test
     # Channels of servo actuators: by surface and channel from 1, time [s] and monitor.
     coils_failed: dict[str, dict[int, tuple[float, str]]] = field(default_factory=dict)
-    lanes_failed: dict[str, float] = field(default_factory=dict)  # of several computers: when first, s
+    lanes_failed: dict[str, float] = field(default_factory=dict)  # of several computers: first failure, s
 
     @property
     def duration_s(self) -> float:
@@ -65,7 +65,7 @@ class Flight:
 
     @property
     def notes(self) -> list[str]:
-        """Return what in the scenario is hardly meant: a point that was not designed, a trigger that never holds."""
+        """Return settings that are probably not intended: a point without a design, a trigger that never holds."""
         return notes(self.scenario)
 
     @cached_property
@@ -87,7 +87,7 @@ class Flight:
         return self.recorded.to_polars(*owners)
 
     def __repr__(self) -> str:
-        """One line: what was flown, and how it ended."""
+        """Return one line: scenario, end, isolated channels, log."""
         named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
         verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
         told = f"failed {failed_text(self.failed)}{slow_faults_text(self.suspects)}"

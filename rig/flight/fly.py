@@ -117,7 +117,7 @@ def fly(
     watch : given every block while it is recorded, on a separate thread if a second core is free; it must be
             quick, and copy the rows that it keeps
     allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
-    realtime : ask the system for frames on time (flight/pace.py); at the pace of the clock when no factor is given
+    realtime : ask the system for real-time scheduling (flight/pace.py), paced by the wall clock if no factor is given
     live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs
     outcome : given every block with the clean channels, by which the flight is assessed
     unit : flight software under test, or its unit file (docs/unit.md), which replaces the built-in manager

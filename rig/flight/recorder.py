@@ -106,7 +106,7 @@ class FlightRecords(Findings):
             watcher(table, events)
 
     def unit_result(self) -> dict[str, Any] | None:
-        """Return what became of the exchanges with a unit under test, and how long they took."""
+        """Return the counts and times of the exchanges with a unit under test."""
         if self._unit is None:
             return None
         lane = {} if self._unit.lane is None else {"lane": self._unit.lane}

@@ -36,7 +36,7 @@ _UNANSWERED: Final = (UnitStatus.HELD, UnitStatus.LATE, UnitStatus.DEAD, UnitSta
 
 @dataclass(frozen=True, slots=True)
 class Miss:
-    """Frames in a row, the last included, that were flown on an older answer."""
+    """Consecutive frames, the last included, that were flown on an older reply."""
 
     first_frame: int
     last_frame: int
@@ -50,14 +50,14 @@ class Scored(NamedTuple):
     scenario: Scenario
     digest: str
     score: Score
-    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
+    unit: dict[str, Any] | None  # exchanges with a unit under test: counts and times
     times: dict[str, dict[str, int]]  # histograms of the wall clock
-    misses: list[Miss]  # of a unit whose file calls them faults
+    misses: list[Miss]  # of a unit whose file counts them as faults
     conclusion: Conclusion
     voter: str  # the manager or the unit that voted
 
     def __repr__(self) -> str:
-        """Return the conclusion: a sentence a line."""
+        """Return the conclusion, one sentence a line."""
         return "\n".join(self.conclusion)
 
     def as_dict(self) -> dict[str, Any]:
@@ -115,7 +115,7 @@ def _baseline(log: Log | LogFile, scenario: Scenario, unit: UnitUnderTest | None
 
 
 def _gone_through(log: Log | LogFile, times: Times, answers: list[NDArray[Any]]) -> Iterator[Table]:
-    """Yield the blocks of a log; note on the way its times of the wall clock, and what a unit answered."""
+    """Yield the blocks of a log; note its wall-clock times, and the replies of a unit."""
     done = 0
     for block in log.blocks():
         times.add(block.timing)
@@ -199,7 +199,7 @@ def _scenario(path: Path, log: Log | LogFile, allow_code: bool) -> Scenario:
 
 
 def misses(answers: NDArray[Any]) -> list[Miss]:
-    """Return the frames that a unit did not answer, in the order of time; answers : (n,) frame and unit of rows."""
+    """Return the frames without a reply of the unit, in order of time; answers : (n,) frame and unit of rows."""
     frames, status = answers["frame"], answers["unit"]
     return [
         Miss(int(frames[first]), int(frames[end - 1]), UnitStatus(status[first]).name.lower())
