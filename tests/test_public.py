@@ -27,7 +27,7 @@ def test_the_worked_example_of_the_page_runs_and_prints_what_it_says(tmp_path: P
     blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "api.md").read_text(), re.DOTALL | re.MULTILINE)
     exec("\n".join(blocks), space)
     assert said[0] == "{'pitch_rate': [3]}" and said[2] == "detected 7"
-    assert said[1].startswith("SURVIVED: ") and "pitch rate, channel 3: hardover" in said[1]
+    assert said[1].startswith("SURVIVED: ") and "pitch rate, channel 3: offset of 2.86 deg/s at 2.00 s" in said[1]
     assert said[3:6] == ["0.005 {}", "0.01 {'pitch_rate': [3]}", "0.02 {'pitch_rate': [3]}"]
     assert said[6] == "<Votes 1000 rows of pitch_rate: failed no channel>"
     assert len(space["voted"]) == 600 and space["page"].is_file()

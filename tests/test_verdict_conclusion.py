@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from test_verdict_parts import Q, flight, offset
 
-from rig.core.frame import INDEX, Ilm, State, Table, UnitStatus
+from rig.core.frame import INDEX, End, Ilm, State, Table, UnitStatus
 from rig.flight.conclusion_rows import Conclusion, Row
 from rig.flight.flight_result import Flight
 from rig.flight.fly import fly
@@ -380,3 +380,28 @@ def test_the_baseline_is_flown_after_a_flight_in_which_the_rig_alone_votes(
     assert beside.conclusion == score_log(beside.log, Yardstick()).conclusion != alone.conclusion
     for one in (alone, own):
         assert one.conclusion is not None and one.conclusion[-1].endswith("not compared with a fault-free flight")
+
+
+@pytest.mark.parametrize(
+    ("outcome", "summary", "told"),
+    [
+        ("LOST", "at 9.10 s: roll rate beyond its limit", "LOST at 9.10 s: roll rate beyond its limit"),
+        ("SURVIVED", "9 s flown", "SURVIVED: 9 s flown"),
+    ],
+)
+def test_the_outcome_is_the_first_sentence(outcome: str, summary: str, told: str):
+    assert Conclusion(outcome, summary)[0] == told
+
+
+@pytest.mark.parametrize(
+    ("end", "told"),
+    [
+        (End.DEPARTURE_ANGLE_OF_ATTACK, "angle of attack beyond its limit"),
+        (End.GROUND_CONTACT, "ground contact"),
+        (End.NOT_FINITE, "its state was no longer a finite number"),
+    ],
+)
+def test_a_lost_aircraft_is_told_with_its_reason(end: End, told: str):
+    which, rows = flight([], 100, exact=True)
+    rows["end"][-1] = end
+    assert conclusion(which, score(which, Table(rows)))[0].startswith(f"LOST at 1.00 s: {told}; no fault injected, ")

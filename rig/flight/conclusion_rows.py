@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple, overload
 
 MOST: Final = 10  # lines of a conclusion on the terminal
+SURVIVED, LOST, NOT_SCORED = "SURVIVED", "LOST", "NOT SCORED"  # outcomes
 
 
 class Row(NamedTuple):
@@ -52,7 +53,8 @@ class Conclusion(Sequence[str]):
     @property
     def sentences(self) -> list[str]:
         """Return every row as a sentence, as pages, notebooks and JSON show them."""
-        return [f"{self.outcome}: {self.summary}", *map(str, (*self.rows, *self.flight))]
+        between = " " if self.outcome == LOST else ": "  # LOST at 21.38 s: why
+        return [f"{self.outcome}{between}{self.summary}", *map(str, (*self.rows, *self.flight))]
 
     def lines(self, most: int = MOST, more: str = "") -> list[tuple[str, str]]:
         """Return label and text of each line below the first, ``most`` lines with it; a continued row has no label.

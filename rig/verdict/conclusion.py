@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from rig.core.frame import End
 from rig.core.units.quantities import seconds
-from rig.flight.conclusion_rows import Conclusion, Row
+from rig.flight.conclusion_rows import LOST, NOT_SCORED, SURVIVED, Conclusion, Row
 from rig.scenario.scenario import Scenario
 from rig.verdict.context import Context, place_label
 from rig.verdict.counting import another
@@ -50,13 +50,13 @@ def conclusion(scenario: Scenario, score: Score) -> Conclusion:
         *alone,
         *_suspects(context),
     ]
-    outcome = "SURVIVED" if score.flight.survived else "LOST"
+    outcome = SURVIVED if score.flight.survived else LOST
     return Conclusion(outcome, _summary(context), tuple(rows), (*voted_rows(context), aircraft_row(context)))
 
 
 def not_scored(why: str) -> Conclusion:
     """Return the conclusion of a flight that cannot be scored."""
-    return Conclusion("NOT SCORED", why)
+    return Conclusion(NOT_SCORED, why)
 
 
 def next_commands(flight: Flight) -> list[str]:
