@@ -114,7 +114,7 @@ def test_a_log_without_a_verdict_is_refused(flight: Flight, tmp_path: Path):
     path = tmp_path / "open.mcap"
     with LogWriter(path, 100.0, metadata(flight.scenario), []) as writer:
         writer.write(Table(flight.rows[:100], timing=np.zeros(100, [("frame_us", "f8"), ("late_us", "f8")])), [])
-    assert "no verdict" in line(path)
+    assert "the flight is not finished" in line(path)
 
 
 def test_a_recovered_log_is_refused(flight: Flight, tmp_path: Path):
@@ -123,7 +123,7 @@ def test_a_recovered_log_is_refused(flight: Flight, tmp_path: Path):
     with pytest.raises(BadLog, match="truncated"):
         score_log(cut, Yardstick(), baseline=False)
     assert not recover(cut, mended).complete
-    assert "no verdict" in line(mended)
+    assert "the flight is not finished" in line(mended)
 
 
 def test_a_log_without_a_scenario_is_refused(flight: Flight, tmp_path: Path):

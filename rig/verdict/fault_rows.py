@@ -24,7 +24,7 @@ _OTHER: Final = Triggered.sentence  # of a kind without a sentence of its own
 _NO_ERROR: Final = "{kind} from {at} on"
 _PLACES: Final = re.compile(r"\{\w+\}")
 _MOST: Final = 3  # signals of one fault that have a row each
-_WIDE: Final = 90  # characters of a line; a longer one is cut between the fault and what became of it
+_WIDE: Final = 90  # characters of a line; a longer one is cut between the fault and its outcome
 _RANK: Final = ("missed", "detected", "undetectable", "not executed")  # the most important first
 
 
@@ -126,7 +126,7 @@ def _many(groups: Sequence[_Group], context: Context) -> Iterator[Ranked]:
 
 
 def _fared(groups: Sequence[_Group], context: Context) -> str:
-    """Return what became of a fault on several signals with one outcome."""
+    """Return the outcome of a fault on several signals with one outcome."""
     results = {group.result for group in groups}
     if len(results) == 1:
         return results.pop()

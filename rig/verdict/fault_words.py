@@ -32,7 +32,7 @@ _RULES: Final = {
 
 
 def fault_result(fault: FaultScore, context: Context) -> str:
-    """Return what became of a fault: ``isolated after 70 ms by comparison``."""
+    """Return the outcome of a fault: ``isolated after 70 ms by comparison``."""
     if fault.outcome == "not executed":
         return "its trigger never fired" if fault.onset_frame is None else "the channel was already isolated"
     if on_servos(fault):

@@ -117,7 +117,7 @@ class Outcome:
         return min((int(other) for other in onsets if other > fault["onset"]), default=self.frames)
 
     def word(self, fault: Any, kept: bool | None = None) -> FaultWord:
-        """Return what became of a fault, a FAULT record.
+        """Return the outcome of a fault, a FAULT record.
 
         kept : the vote up to the next onset, which decides where a manager takes its failures back; None: it does not
         """

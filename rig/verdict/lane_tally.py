@@ -39,7 +39,7 @@ class LaneOutcome:
         self.finder, self._unit_lane, self._of = ComputerFinder(scenario.rate_hz), unit_lane, scenario.faults
 
     def score(self, faults: list[FaultScore]) -> ComputersScore | None:
-        """Return what became of computers and links; None: their rows were not seen.
+        """Return the outcome of computers and links; None: their rows were not seen.
 
         faults : of the score, whose onsets are known
         """
@@ -81,7 +81,7 @@ class LaneOutcome:
         )
 
     def completed(self, fault: FaultScore) -> FaultScore:
-        """Return what became of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
+        """Return the outcome of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
         onset = fault.onset_frame
         if not on_lanes(fault) or onset is None or not self.finder.seen:
             return fault

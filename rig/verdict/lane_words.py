@@ -29,7 +29,7 @@ _BY: Final = {
 
 
 def lane_result(fault: FaultScore, context: Context) -> str:
-    """Return what became of a fault on lanes: ``detected after 10 ms by its own watchdog``."""
+    """Return the outcome of a fault on lanes: ``detected after 10 ms by its own watchdog``."""
     if fault.outcome != "detected":
         return f"not detected: {KINDS[fault.kind].unseen or 'no threshold was exceeded for long enough'}"
     return f"detected {after(fault.delay_from_onset_frames, context.rate_hz)} by {test_words(fault.decided_by or '')}"

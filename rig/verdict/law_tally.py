@@ -80,7 +80,7 @@ def _moved(s: int, row: Any, clean: Any, params: NDArray[np.void]) -> float:
 
 
 def completed(fault: FaultScore, acted_until: int, found: Sequence[LawFinding]) -> FaultScore:
-    """Return what became of a fault on a channel: found, if the law found it; as it is otherwise.
+    """Return the outcome of a fault on a channel: found, if the law found it; as it is otherwise.
 
     acted_until : the last frame in which it can be the cause of a finding
     """

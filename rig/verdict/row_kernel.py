@@ -1,4 +1,4 @@
-"""The one kernel that decides what became of the faults in rows, of a flight or of a recording, in bounded memory.
+"""The one kernel that decides the outcomes of the faults in rows, of a flight or of a recording, in bounded memory.
 
 docs/score.md defines every number.  flight_tally.py, which adds the rows, empties the lists.
 """

@@ -72,7 +72,7 @@ class FaultScore:
     exceeded_run_frames: int  # longest run of frames above the threshold
     tolerated: bool  # missed, and above the threshold for fewer frames in a row than the persistence
     index: int  # of the fault in the scenario
-    word: FaultWord  # its outcome, with what became of healthy channels; not in JSON
+    word: FaultWord  # its outcome, with that of healthy channels; not in JSON
     window: Window | None = None  # None where it never began, or sits on no channel of a signal
     load_factor_change: float | None = None  # largest, of the truth since the frame before the onset; None: no number
     load_factor_change_s: float | None = None  # how long after the onset was looked at; None where it never began

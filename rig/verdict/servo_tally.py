@@ -51,7 +51,7 @@ class ActuatorOutcome:
         add_servos(Table(new_block(0), lane_rows(0)), self.records)  # compiles before the first frame
 
     def completed(self, n: int, fault: FaultScore) -> FaultScore:
-        """Return what became of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""
+        """Return the outcome of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""
         for placed in self.records.placed[self.records.placed["fault"] == n]:
             wrong, surfaces = self._wrongly_failed(fault.onset_frame, int(placed["surfaces"])), int(placed["bypassed"])
             unseen = surfaces != 0 and fault.outcome == "undetectable"  # who loses a surface has something to find
@@ -76,7 +76,7 @@ class ActuatorOutcome:
         )
 
     def scores(self) -> dict[str, ActuatorScore]:
-        """Return what became of every surface that a servo moves; of none, when no rows of servos were added."""
+        """Return the outcome of every surface that a servo moves; of none, when no rows of servos were added."""
         servos = zip(MOVED, self.records.servos, strict=True)
         return {name: _score(servo, self._of_unit) for name, servo in servos if servo["frames"]}
 

@@ -33,7 +33,7 @@ def on_servos(fault: FaultScore) -> bool:
 
 
 def servo_result(fault: FaultScore, context: Context) -> str:
-    """Return what became of a fault on servos: ``isolated after 50 ms by the current monitor``."""
+    """Return the outcome of a fault on servos: ``isolated after 50 ms by the current monitor``."""
     if not context.score.actuators:
         return "not scored: the log has no rows of the servos"
     result = {"detected": _found, "missed": _missed, "undetectable": _silent}[fault.outcome]

@@ -68,7 +68,7 @@ def first_failed(failed: NDArray[np.bool_]) -> NDArray[np.int64]:
 def trial_words(
     failed_at: NDArray[np.int64], onsets: NDArray[np.int64], tested: NDArray[np.bool_], healthy: NDArray[np.bool_]
 ) -> tuple[NDArray[np.str_], NDArray[np.float64]]:
-    """Return (T,) what became of the tested fault of each trial, and the frames from its onset to the last isolation.
+    """Return (T,) the outcome of the tested fault of each trial, and the frames from its onset to the last isolation.
 
     failed_at : (T, 4) first frame in which each channel was isolated, or NEVER; onsets : (T,)
     tested, healthy : (4,) or (T, 4) channels of the tested fault, and those without any

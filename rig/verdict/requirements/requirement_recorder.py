@@ -123,7 +123,7 @@ class Measured:
             self.drawn = end
 
     def verdict(self) -> Verdict:
-        """Return what became of it."""
+        """Return its verdict."""
         if self.instant < 0:
             return not_applicable(self.requirement.id, self.signal)
         robustness, verdict = self.least
