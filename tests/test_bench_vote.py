@@ -135,9 +135,9 @@ def test_a_channel_that_is_off_or_invalid_in_seven_rows_of_eight_is_told_though_
     _, found = run(columns(samples), SETTINGS)
     counts = [(c["suspect_rows"], c["suspect_share"]) for c in found["signals"]["x"]["channels"]]
     assert failed(found) == {} and counts == [(0, 0.0), (70, 0.875), (0, 0.0)]
-    assert found["suspects"] == ["x.2: suspect in 70 of 80 rows (87.5 %), never failed"]
+    assert found["suspects"] == ["x.2: suspect in 70 of 80 rows (87.5 %), never isolated"]
     told = rig("in.csv", "--config", "c.toml", "--out", "o.csv")[1]
-    assert "x.2: suspect in 70 of 80 rows (87.5 %), never failed\n" in told
+    assert "x.2: suspect in 70 of 80 rows (87.5 %), never isolated\n" in told
     rows = [line.split() for line in told.splitlines() if line.strip().startswith("x.")]
     assert [row[:4] for row in rows[:3]] == [
         ["x.1", "ok", "never", "never"],

@@ -63,14 +63,15 @@ def test_a_suite_is_met_and_read_by_junitparser(rig_command, tmp_path):
 def test_update_keeps_the_decisions_and_says_what_moved(rig_command, tmp_path):
     write(tmp_path)
     code, out, _ = rig_command("check", "suite.toml", "--update", "--json")
-    assert code == 0 and json.loads(out)["moved"] == {"short": ["+ 1.07 s pitch_rate.3 failed by comparison"]}
-    assert read_suite("suite.toml").decisions() == {"short": ["1.07 s pitch_rate.3 failed by comparison"]}
+    assert code == 0 and json.loads(out)["moved"] == {"short": ["+ 1.07 s pitch_rate.3 isolated by comparison"]}
+    assert read_suite("suite.toml").decisions() == {"short": ["1.07 s pitch_rate.3 isolated by comparison"]}
     assert rig_command("check", "suite.toml")[0] == 0
     write(tmp_path, ', "redundancy.signals.pitch_rate.persistence" = 20')
     code, out, _ = rig_command("check", "suite.toml", "--json")
     decided = next(one for one in json.loads(out)["tests"] if one["id"] == DECISIONS)
     assert code == 1 and decided["result"] == "differs"
-    assert decided["text"] == "- 1.07 s pitch_rate.3 failed by comparison; + 1.19 s pitch_rate.3 failed by comparison"
+    by = "pitch_rate.3 isolated by comparison"
+    assert decided["text"] == f"- 1.07 s {by}; + 1.19 s {by}"
     code, out, _ = rig_command("check", "suite.toml", "--update", "--json")
     assert code == 0 and len(json.loads(out)["moved"]["short"]) == 2
     assert rig_command("check", "suite.toml")[0] == 0
@@ -102,8 +103,8 @@ def test_logs_and_campaigns_are_cases_too(rig_command, tmp_path):
     code, out, err = rig_command("check", "both.toml", "--update", "--json")
     assert code == 0, err
     assert read_suite("both.toml").decisions() == {
-        log.stem: ["1.07 s pitch_rate.3 failed by comparison"],
-        "c": [f"run {n}: {at} s pitch_rate.3 failed by comparison" for n, at in ((0, "1.070"), (1, "2.070"))],
+        log.stem: ["1.07 s pitch_rate.3 isolated by comparison"],
+        "c": [f"run {n}: {at} s pitch_rate.3 isolated by comparison" for n, at in ((0, "1.070"), (1, "2.070"))],
     }
     tests = [SimpleNamespace(**one) for one in json.loads(out)["tests"]]
     assert [(one.case, one.id) for one in tests if one.case == "c"] == [("c", "vote"), ("c", "found"), ("c", DECISIONS)]
@@ -124,7 +125,7 @@ def test_logs_and_campaigns_are_cases_too(rig_command, tmp_path):
             '[[cases]]\nscenario = "f16_stuck_together"\nset = { "canard" = 1 }\n',
             "suite.toml: f16_stuck_together: .*canard",
         ),
-        ('[[cases]]\nscenario = "f16_stuck_together"\nrequirements = ["x"]\n', "x: no such file of requirements"),
+        ('[[cases]]\nscenario = "f16_stuck_together"\nrequirements = ["x"]\n', "x: no such requirements file"),
     ],
 )
 def test_a_bad_suite_is_one_line(rig_command, tmp_path, suite, says):

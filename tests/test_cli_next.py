@@ -57,7 +57,7 @@ def test_many_channels_that_fail_alike_are_one_line_and_every_lane_has_its_own(r
     code, out, _ = rig_command("fly", "--out", str(tmp_path), *(each for text in sets for each in ("--set", text)))
     told = [" ".join(line.split()) for line in out.splitlines()]
     alike = [line.split(" channel failed ")[1] for line in told if " channel failed " in line]
-    signals = "failed by comparison: 19 signals, pitch_rate, roll_rate, yaw_rate ..."
+    signals = "isolated by comparison: 19 signals, pitch_rate, roll_rate, yaw_rate ..."
     assert code == 0 and alike == [f"channel 1 {signals}", f"channel 3 {signals}"]
     lanes = [line for line in told if " lane failed " in line]
     assert [line.split(" lane failed ")[1][:1] for line in lanes] == ["A", "C"]

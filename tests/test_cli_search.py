@@ -40,7 +40,7 @@ def space(folder: Path, varied: str = OFFSET) -> str:
         ('[vary]\nturbulence = ["none", "light"]\n', (), "vary: no number varies with none; a search needs a range"),
         (OFFSET, ("--flights", "25"), "--flights: 25 draws are too few for 24 random ones and a population of 6"),
         (OFFSET, ("--requirement", "vot"), "--requirement 'vot': unknown, "),
-        (OFFSET, ("--requirements", "redundanc"), "redundanc: no such file of requirements; bundled: "),
+        (OFFSET, ("--requirements", "redundanc"), "redundanc: no such requirements file; bundled: "),
         (OFFSET, ("--against", "redundancy.managr=median"), "--against redundancy.managr=median: redundancy.managr: "),
         (OFFSET, ("--against", "faults.0.offset=1"), "--against faults.0.offset: varies in the campaign"),
         (OFFSET, ("--against", "median"), "--against median: must be key=value"),

@@ -36,7 +36,7 @@ class Served:
 def test_a_flight_begins_when_a_viewer_is_connected(capsys: pytest.CaptureFixture[str]):
     stream = Served(2)
     Watching().opened(stream, Stop())  # pyright: ignore[reportArgumentType]
-    assert stream.looks == -1 and "begins when a viewer is connected (--no-wait" in capsys.readouterr().err
+    assert stream.looks == -1 and "begins when a viewer connects (at once with --no-wait" in capsys.readouterr().err
 
 
 def test_it_waits_for_nobody_when_told_so_or_when_it_is_given_up(capsys: pytest.CaptureFixture[str]):
@@ -52,7 +52,7 @@ def test_it_is_served_until_ctrl_c(capsys: pytest.CaptureFixture[str]):
     stream, stop = Served(0), Stop()
     threading.Timer(0.3, lambda: setattr(stop, "requested", True)).start()
     Watching().flown(stream, stop)  # pyright: ignore[reportArgumentType]
-    assert stop.requested and stream.drained == 1 and "still serving; Ctrl-C ends" in capsys.readouterr().err
+    assert stop.requested and stream.drained == 1 and "the server runs until Ctrl-C" in capsys.readouterr().err
     Watching().flown(stream, stop)  # pyright: ignore[reportArgumentType]
     assert stream.drained == 1  # Ctrl-C in flight ended the serving too
 

@@ -44,7 +44,7 @@ def test_a_wrong_command_is_told_with_the_lanes_that_found_it_and_after_how_long
 
 def test_a_lane_that_stops_leads_no_more_and_its_links_fail():
     assert events(found('kind="computer_stop", signal="computer.A"')) == [
-        (30, "leading lane", "B: instead of A"),
+        (30, "leading lane", "B: leads instead of A"),
         (31, "lane failed", "A: by its own watchdog, 10 ms after the onset of its fault"),
         (34, "link failed", "A: to all others"),
     ]
@@ -55,8 +55,8 @@ def test_a_lane_that_starts_again_is_readmitted_by_command_when_it_has_agreed_lo
     orders = '{at_s=0.6, do="readmit", lane="B"}, {at_s=1.5, do="readmit", lane="B"}'
     told = events(found(stop, commands=orders, seconds=1.6))
     assert [each for each in told if each[1].startswith("lane") and each[0] > 35] == [
-        (40, "lane restarting", "B: runs again, and is not engaged"),
-        (60, "lane not readmitted", "B: has not agreed with the leading lane for long enough"),
+        (40, "lane restarting", "B: running again, not engaged"),
+        (60, "lane not readmitted", "B: it has not agreed with the leading lane for long enough"),
         (150, "lane readmitted", "B: by command"),
     ]
     assert (40, "link back", "B: to all others") in told
@@ -66,7 +66,7 @@ def test_a_lane_that_the_pilot_switches_off_was_not_failed():
     findings = found(commands='{at_s=0.5, do="disengage", lane="A"}')
     assert events(findings) == [
         (50, "lane disengaged", "A: by command"),
-        (50, "leading lane", "B: instead of A"),
+        (50, "leading lane", "B: leads instead of A"),
     ]
     assert not findings.computers.failures
 

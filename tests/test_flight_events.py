@@ -33,7 +33,7 @@ def test_a_failed_channel_is_told_with_its_level_and_who_decided():
     block["decided_by"][12, Q] = DecidedBy.TREND
     found = EventFinder([]).find(block)
     assert names(found) == [(12, "channel failed"), (12, "level")]
-    assert found[0].text == "pitch_rate.3 failed by trend"
+    assert found[0].text == "pitch_rate.3 isolated by trend"
     assert found[1].text == "pitch_rate: 4 to 3 channels"
 
 
@@ -84,10 +84,10 @@ def test_a_change_of_source_says_what_control_goes_on_with():
         (10, "warning", "source"),
         (20, "info", "source"),
     ]
-    assert [e.text.removeprefix("pitch_rate: control goes on with ") for e in found] == [
-        "its reference",
-        "its degraded mode",
-        "its vote again",
+    assert [e.text.removeprefix("pitch_rate: the control law uses ") for e in found] == [
+        "the reference",
+        "the degraded mode",
+        "the voted value",
     ]
 
 
@@ -118,7 +118,7 @@ def test_what_is_failed_in_the_first_frame_has_its_events_there():
     found = EventFinder([]).find(block)
     assert {event.frame for event in found} == {0}
     assert sorted(event.text for event in found) == [
-        *("gear_down.1 failed by comparison", "gear_down: 4 to 3 channels", "pitch_rate.3 failed by comparison"),
+        *("gear_down.1 isolated by comparison", "gear_down: 4 to 3 channels", "pitch_rate.3 isolated by comparison"),
         *("pitch_rate: 1:1:1", "pitch_rate: 4 to 3 channels"),
     ]
 
@@ -154,8 +154,8 @@ def test_a_refused_readmission_is_told_in_its_frame():
     finder = EventFinder([])
     found = [*finder.find(block[:25]), *finder.find(block[25:])]
     assert [(e.frame, e.text) for e in found if e.name == "readmission refused"] == [
-        (15, "pitch_rate.3: has not agreed with the vote for long enough"),
-        (25, "pitch_rate.3: has not agreed with the vote for long enough"),
+        (15, "pitch_rate.3: it has not agreed with the voted value for long enough"),
+        (25, "pitch_rate.3: it has not agreed with the voted value for long enough"),
     ]
     assert [e.frame for e in found if e.name == "channel readmitted"] == [15]
 
@@ -169,9 +169,9 @@ def test_discretes_have_events_of_channels_levels_and_modes():
     block["discrete_voted"][25:, DISCRETE_INDEX["autopilot_engaged"]] = 1  # the law's own event
     found = EventFinder([]).find(block)
     assert [(e.frame, e.level, e.name, e.text) for e in found] == [
-        (5, "warning", "channel failed", "gear_down.1 failed by comparison"),
+        (5, "warning", "channel failed", "gear_down.1 isolated by comparison"),
         (5, "warning", "level", "gear_down: 2 to 1 channels"),
-        (10, "error", "signal lost", "gear_down: no channel left, 1 is fail-safe"),
+        (10, "error", "signal lost", "gear_down: no channel left, its fail-safe value 1 is used"),
         (10, "info", "mode", "gear_down: gear down mode"),
         (15, "warning", "level", "gear_down: 0 to 1 channels"),
         (15, "info", "mode", "gear_down: gear up mode"),

@@ -89,7 +89,7 @@ def test_many_rows_and_no_failure_deserve_a_sentence(rows: int, of: int, failed:
 
 
 def test_it_is_told_with_count_and_share():
-    assert Suspect("gyro", 2, 1750, 2000, False).text("rows") == "in 1750 of 2000 rows (87.5 %), never failed"
+    assert Suspect("gyro", 2, 1750, 2000, False).text("rows") == "in 1750 of 2000 rows (87.5 %), never isolated"
     assert Suspect("gyro", 2, 7, 2000, True).text() == "in 7 of 2000 frames (0.35 %)"
 
 
@@ -100,8 +100,8 @@ def test_a_fault_shorter_than_the_persistence_for_ever_is_told_in_the_score_and_
     suspect = {(s.signal, s.channel): s.rows for s in found.suspects}
     assert suspect.pop(("pitch_rate", 2)) == off and not any(suspect.values())
     assert found.faults[0].outcome == "missed" and found.faults[0].tolerated
-    assert f"pitch_rate channel 2 was suspect in {off} of 200 frames (83.5 %), never failed" in conclusion(which, found)
-    assert told(found) == ["pitch_rate channel 2", off, "83.5 %", "never"]
+    assert f"pitch rate, channel 2: suspect in {off} of 200 frames (83.5 %), never isolated" in conclusion(which, found)
+    assert told(found) == ["pitch rate, channel 2", off, "83.5 %", "never"]
     plain = next(each for each in found.as_dict()["suspects"] if each["rows"])
     assert plain == {
         **{"signal": "pitch_rate", "channel": 2, "rows": off, "of": 200, "failed": False},
@@ -112,7 +112,7 @@ def test_a_fault_shorter_than_the_persistence_for_ever_is_told_in_the_score_and_
 def test_a_channel_that_is_failed_is_in_the_table_and_in_no_sentence():
     which, rows = flight([offset([2], 0.1, 0.3)], 100, exact=True)
     found = score(which, Table(rows))
-    assert told(found) == ["pitch_rate channel 2", 7, "7 %", "yes"]
+    assert told(found) == ["pitch rate, channel 2", 7, "7 %", "yes"]
     assert not any("suspect" in line for line in conclusion(which, found))
 
 
@@ -127,7 +127,7 @@ def test_samples_that_are_flagged_in_every_second_frame_are_counted_whoever_vote
 def test_an_intermittent_discrete_is_told_too():
     gaps = {"kind": "intermittent", "signal": "gear_down", "channels": [3], "start_s": 0.2, "in_gaps": "invalid"}
     which, rows = flight([{**gaps, "gap_s": 0.01, "contact_s": 0.01}], 200)
-    assert "gear_down channel 3 was suspect in 90 of 200 frames (45 %), never failed" in conclusion(
+    assert "gear down, channel 3: suspect in 90 of 200 frames (45 %), never isolated" in conclusion(
         which, score(which, Table(rows))
     )
 
@@ -140,8 +140,8 @@ def test_fly_campaign_and_report_tell_it(rig_command, tmp_path: Path):
     fault = f'faults=[{{kind="offset", signal="roll_rate", channels=[1], offset=1.0, {often}}}]'
     sets = ["duration_s=3", fault]
     told = rig_command("fly", "--set", sets[0], "--set", sets[1], "--out", str(tmp_path))[1]
-    assert "suspect  roll_rate channel 1 in 175 of 300 frames (58.3 %), never failed" in told
-    assert "roll_rate channel 1 was suspect in 175 of 300 frames (58.3 %), never failed" in told
+    assert "suspect  roll_rate channel 1 in 175 of 300 frames (58.3 %), never isolated" in told
+    assert "  roll rate, channel 1   suspect in 175 of 300 frames (58.3 %), never isolated" in told
     log = next(tmp_path.glob("*.mcap"))
     found = json.loads(rig_command("report", str(log), "--json")[1])
     page = log.with_suffix(".html").read_text()

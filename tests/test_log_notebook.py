@@ -71,7 +71,7 @@ def test_a_representation_is_a_line_and_a_table_without_frames(flight: rig.Fligh
     assert repr(flight) == f"<Flight{repr(log)[4:-1]}, log {flight.log}>"
     for table in (log._repr_html_(), flight._repr_html_()):
         assert flight.digest in table and "pitch_rate 3" in table and "manager cross-channel" in table
-        assert "pitch_rate channel 3 ran to +85.9 deg/s" in table and len(table) < 3000
+        assert "pitch rate, channel 3: hardover at " in table and len(table) < 3000
     assert "duration_s=3" in flight._repr_html_()
 
 

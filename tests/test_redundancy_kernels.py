@@ -416,7 +416,7 @@ def test_a_small_change_is_refused_beside_windows_that_tumble():
         if window == "sliding":
             assert SignalConfig.model_validate(told).trend_small == 0.1
         else:
-            with pytest.raises(ValidationError, match='trend_small: not with trend_window = "tumbling"'):
+            with pytest.raises(ValidationError, match='trend_small: not allowed with trend_window = "tumbling"'):
                 SignalConfig.model_validate(told)
 
 

@@ -178,7 +178,7 @@ def test_a_manager_that_cannot_be_made_is_refused(name: str, tmp_path: Path, mon
 def test_a_class_of_the_former_form_is_told_the_present_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "own_manager.py").write_text(OWN)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(BadInput, match=r"has step\(block, k\), now it is step\(bus, fcc, k\)$"):
+    with pytest.raises(BadInput, match=r"has step\(block, k\), expected step\(bus, fcc, k\)$"):
         load_manager("own_manager:Former", np.zeros(1, PARAMS), ALLOWED)
 
 

@@ -239,7 +239,7 @@ def test_a_split_holds_the_count_and_what_it_would_go_down_by():
 
 
 def test_the_count_in_frames_is_given_with_what_goes_down():
-    with pytest.raises(ValidationError, match="count_down: give persistence"):
+    with pytest.raises(ValidationError, match="count_down: needs persistence"):
         SignalConfig(threshold=1.0, count_down=0.5)
 
 

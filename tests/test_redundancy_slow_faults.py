@@ -133,7 +133,7 @@ def test_what_lasts_less_than_the_persistence_fails_nobody(c: int, frames: int, 
     [
         ({"equalise_bound": 0.3}, "at most the threshold of every level, 0.2, got 0.3"),
         ({"equalise_bound": 0.15, "threshold_duplex": 0.1}, "at most the threshold of every level, 0.1, got 0.15"),
-        ({"slow_limit": 1.0}, "slow_allowance, slow_limit: both or neither"),
+        ({"slow_limit": 1.0}, "slow_allowance, slow_limit: give both or neither"),
         ({"equalise_s": 0.0}, "greater than 0"),
         ({"stale_frames": -1}, "greater than or equal to 0"),
     ],

@@ -110,9 +110,9 @@ def test_a_flight_of_a_scenario_with_requirements_prints_them_and_strict_ends_wi
     arguments = ["fly", "f16_pitch_rate_hardover", *SETS, "--requirements", str(tight)]
     code, out, _ = rig_command(*arguments)
     assert code == 0 and "tight" in out and "violated" in out
-    conclusion = out[out.index("conclusion\n") : out.index("requirements\n")]
+    conclusion = out[out.index("SURVIVED  ") : out.index("requirements\n")]
     code, plain, _ = rig_command("fly", "f16_pitch_rate_hardover", *SETS)
-    assert conclusion == plain[plain.index("conclusion\n") : plain.index("next     rig")]
+    assert conclusion == plain[plain.index("SURVIVED  ") : plain.index("next     rig")]
     code, out, _ = rig_command(*arguments, "--strict", "--json")
     told = json.loads(out)["requirements"]
     assert code == 1 and [one["status"] for one in told] == ["violated", "met"]
@@ -137,7 +137,7 @@ def test_a_scenario_names_its_requirements_beside_its_file(rig_command, tight, t
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["fly", "--requirements", "no_such"], "no_such: no such file of requirements; bundled: handling, redundancy"),
+        (["fly", "--requirements", "no_such"], "no_such: no such requirements file; bundled: handling, redundancy"),
         (["fly", "--requirements", "bad.toml"], "bad.toml: one: formula: column 5: 'error.canard': the flight has no"),
         (
             ["score", "x.mcap", "--requirements", "bad2.toml"],

@@ -154,4 +154,4 @@ def test_a_long_flight_tells_what_it_takes_before_it(tmp_path: Path):
     ]
     megabytes = [int(text.split("about ")[1].split(" MB")[0]) for text in (told, servos)]
     assert megabytes[0] == pytest.approx(100 * size / 1e6, rel=0.2) and megabytes[1] > megabytes[0]
-    assert told.startswith("50000 frames of 500 s of flight") and long_flight(load({"aircraft": "f16"})) == ""
+    assert told.startswith("50000 frames (500 s of flight)") and long_flight(load({"aircraft": "f16"})) == ""

@@ -79,8 +79,8 @@ def test_a_lane_whose_unit_dies_is_failed_by_its_watchdog_and_three_fly_on(tmp_p
     assert lanes["health"][:, [0, 2, 3]].max() < Health.FAILED
     assert not flight.failed  # its lane still passes its samples on
     found = score_log(flight.log, Yardstick(), baseline=False)
-    assert found.score.isolations == [] and flight.conclusion == tuple(found.conclusion)
-    assert "computer B, whose software is the unit under test, was failed at " in flight.conclusion[0]
+    assert found.score.isolations == [] and flight.conclusion == found.conclusion
+    assert flight.conclusion[1].startswith("computer B: the unit under test, isolated at ")
 
 
 def test_a_campaign_counts_no_healthy_channel_of_a_lane_that_is_a_unit(tmp_path: Path):
@@ -105,8 +105,8 @@ def test_a_voter_that_believes_a_faulty_channel_is_outvoted_and_failed_by_the_ot
     computers = found.score.computers
     assert computers is not None and [one.cause for one in computers.failures] == ["unit under test"]
     assert not found.score.isolations
-    assert flight.conclusion == tuple(found.conclusion) and flight.conclusion[-1].endswith("no healthy channel failed")
-    told = "computer B, whose software is the unit under test, was failed at "
+    assert flight.conclusion == found.conclusion and flight.conclusion[0].endswith("no healthy channel isolated")
+    told = "computer B: the unit under test, isolated at "
     assert flight.conclusion[1].startswith(told) and "by computers A, C and D" in flight.conclusion[1]
 
 
@@ -157,9 +157,9 @@ def test_the_key_of_the_unit_file_is_the_option(tmp_path: Path):
     ("keys", "lane", "said"),
     [
         ({}, "E", "--lane E: must be one of A, B, C, D"),
-        ({}, None, "with a unit under test allowed: 1; it may be one of them: --lane"),
-        ({"computers": {"count": 1}}, "B", "lane B is to be a unit under test, and there is one computer"),
-        ({"computers": {"count": 2}, "actuators": {"model": "lag"}}, "C", "lane C is to be .* and there are A, B"),
+        ({}, None, "with a unit under test allowed: 1; --lane replaces one of them"),
+        ({"computers": {"count": 1}}, "B", "lane B cannot be a unit under test: there is one computer"),
+        ({"computers": {"count": 2}, "actuators": {"model": "lag"}}, "C", "lane C cannot be .*: there are A, B"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(tmp_path: Path, keys: dict[str, Any], lane: str, said: str):

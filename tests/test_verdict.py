@@ -209,7 +209,7 @@ def test_the_baseline_of_another_flight_is_refused(baseline_of_hardover):
     which, rows, baseline = baseline_of_hardover
     other = baseline.copy()
     other["truth"][300, 0] += 1e-12  # no fault can have moved the aircraft in the frame of its onset
-    with pytest.raises(BadInput, match="leaves the flight in frame 300"):
+    with pytest.raises(BadInput, match="differs from the flight in frame 300"):
         score(which, Table(rows), other)
 
 

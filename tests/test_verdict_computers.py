@@ -10,7 +10,7 @@ from rig.flight.fly import fly
 from rig.verdict.of_log import Scored, score_log
 from rig.verdict.score_records import ActuatorScore, Yardstick
 from rig.verdict.score_tables import tables
-from rig.verdict.servo_sentence import bypass_text
+from rig.verdict.servo_words import bypass_text
 
 ONE_AFTER_THE_OTHER = (
     'kind="wrong_command", signal="computer.A", surface="elevator", does="hardover", start_s=0.5',
@@ -47,10 +47,11 @@ def test_the_score_has_every_lane_with_test_and_accusers_the_links_and_the_back_
     assert lost.as_dict()["computers"]["failures"][0]["lane"] == "A"
 
 
-def test_the_last_sentence_names_the_lanes_and_the_back_up_and_blames_no_channel(lost: Scored):
-    told = lost.conclusion[-1]
-    assert "computers A, B, C and D failed; the back-up flew from 2.03 s on (no lane is engaged)" in told
-    assert told.endswith("4 of 4 detectable faults detected, no healthy channel failed")
+def test_the_conclusion_names_the_lanes_and_the_back_up_and_no_healthy_channel(lost: Scored):
+    told = lost.conclusion
+    assert told[1] == "back-up: flies from 2.03 s on: no lane is engaged"
+    assert [row.label for row in told.rows[1:5]] == ["computer A", "computer B", "links from C", "computer D"]
+    assert told[0].endswith("4 of 4 faults detected, no healthy channel isolated")
 
 
 def test_a_surface_that_is_moved_again_is_not_told_as_bypassed_to_the_end():
@@ -70,11 +71,11 @@ def test_a_bus_that_fails_takes_two_lanes_and_their_sensors_and_no_healthy_chann
     found = scored(tmp_path, ('kind="power_loss", signal="bus.1", start_s=0.5',))
     score = found.score.computers
     assert score is not None and [(one.lane, one.frame) for one in score.failures] == [("A", 51), ("C", 51)]
-    assert "computers A and C failed; " in found.conclusion[-1]
-    assert found.conclusion[-1].endswith("no healthy channel failed")
+    assert found.conclusion[1].startswith("all 19 signals, channels 1 and 3: power lost at 0.50 s, isolated after ")
+    assert found.conclusion[0].endswith("no healthy channel isolated")
 
 
 def test_one_computer_has_no_such_score(tmp_path: Path):
     found = scored(tmp_path, (), "computers.count=1")
     assert found.score.computers is None and not tables(found.score, 100.0)["computers"].rows
-    assert "computer" not in found.conclusion[-1]
+    assert not any("computer" in sentence for sentence in found.conclusion)

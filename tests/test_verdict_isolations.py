@@ -6,10 +6,12 @@ import pytest
 from test_verdict_parts import Q, flight, offset
 
 from rig.core.frame import INDEX, Block, DecidedBy, State, Table
+from rig.flight.conclusion_rows import Conclusion
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.tables import RUNS
 from rig.studies.campaign.tables import rows as campaign_rows
 from rig.verdict.conclusion import conclusion
+from rig.verdict.context import listed, named
 from rig.verdict.score_records import ISOLATIONS, Score
 from rig.verdict.score_tables import tables
 from rig.verdict.scoring import score
@@ -34,7 +36,7 @@ def lists(found: Score) -> dict[str, int]:
     return {field: len(getattr(found, field)) for field in ISOLATIONS.values()}
 
 
-def told(which: Scenario, rows: Block) -> list[str]:
+def told(which: Scenario, rows: Block) -> Conclusion:
     return conclusion(which, score(which, Table(rows)))
 
 
@@ -60,10 +62,11 @@ def test_healthy_signals_of_a_dead_box_are_failed_with_it_and_are_no_false_alarm
 def test_the_conclusion_tells_the_box_in_one_sentence_and_calls_nothing_wrong():
     sentences = told(*flight(dead_box(), exact=True))
     assert (
-        f"channel 3 was failed with its box, which was faulty on others, at 0.27 s on {', '.join(OTHERS)}" in sentences
-    )
-    assert not any("was healthy" in sentence for sentence in sentences)
-    assert sentences[-1].endswith("no healthy channel failed, 3 failed with its box")
+        f"{listed([named(name) for name in OTHERS])}, channel 3: isolated at 0.27 s with its LRU, which was faulty on "
+        "other signals"
+    ) in sentences
+    assert not any("healthy, isolated" in sentence for sentence in sentences)
+    assert sentences[0].endswith("no healthy channel isolated by mistake, 3 by design")
 
 
 def test_a_campaign_keeps_them_apart_and_no_fault_is_wrongly_isolated_for_them():
@@ -122,10 +125,10 @@ def test_a_healthy_signal_that_is_given_up_is_four_healthy_channels_failed(fault
     assert lists(found) == {**dict.fromkeys(ISOLATIONS.values(), 0), "false_alarms": 4}
     assert found.signals["pitch_rate"].false_isolations == (4, 0, 0, 0)
     said = told(which, rows)
-    assert said[-1].endswith(", 4 healthy channels failed") and "by rule" not in " ".join(said)
-    assert (
-        "pitch_rate channel 1 was healthy and was failed at 0.60 s by common, although no channel of it was faulty"
-        in said
+    assert said[0].endswith(", 4 healthy channels isolated") and "disagreed with them" not in " ".join(said[2:])
+    assert said[1] == (
+        "pitch rate, channels 1, 2, 3 and 4: healthy, isolated by mistake at 0.60 s with all channels: two references "
+        "disagreed with them (faulty: no channel)"
     )
 
 
@@ -137,7 +140,7 @@ def test_a_signal_whose_channels_are_off_alike_is_given_up_rightly(kind: str):
     )
     assert lists(found) == dict.fromkeys(ISOLATIONS.values(), 0)
     assert [(fault.outcome, fault.decided_by) for fault in found.faults] == [("detected", "common")] * 4
-    assert told(which, rows)[-1].endswith("4 of 4 detectable faults detected, no healthy channel failed")
+    assert told(which, rows)[0].endswith("4 of 4 faults detected, no healthy channel isolated")
 
 
 @pytest.mark.parametrize(
@@ -151,12 +154,14 @@ def test_a_signal_whose_channels_are_off_alike_is_given_up_rightly(kind: str):
 def test_a_healthy_channel_goes_by_rule_where_no_majority_of_those_in_use_is_healthy(faulty: list[int], kinds: Any):
     which, rows, found = given_up([offset(faulty, 0.2, 0.03)])
     assert lists(found) == {**dict.fromkeys(ISOLATIONS.values(), 0), **kinds}
-    last = told(which, rows)[-1]
+    first = told(which, rows)[0]
     if "failed_by_rule" in kinds:
-        assert last.endswith(f"no healthy channel failed, {kinds['failed_by_rule']} failed by rule")
-        assert "by rule: common mode, at 0.60 s on pitch_rate" in " ".join(told(which, rows))
+        assert first.endswith(f"no healthy channel isolated by mistake, {kinds['failed_by_rule']} by design")
+        assert ": isolated at 0.60 s with all channels: two references disagreed with them" in " ".join(
+            told(which, rows)
+        )
     else:
-        assert last.endswith("3 healthy channels failed")
+        assert first.endswith("3 healthy channels isolated")
 
 
 def test_of_two_channels_in_use_one_that_is_off_is_no_majority():

@@ -67,7 +67,7 @@ def test_an_output_that_its_lane_does_not_see_is_found_by_the_servo_it_drives(su
     assert not of.false_alarms and not of.wrong_isolations
     assert [(one.channel, one.cause) for one in of.actuators["elevator"].failures] == [(2, "own fault")] * bool(by)
     sentences = conclusion(of_flight(surface), of)
-    assert ("found by the monitor spool of its servo channel after 100 ms" in sentences[0]) == bool(by)
+    assert ("detected after 100 ms by the spool monitor of its servo channel" in sentences[1]) == bool(by)
 
 
 def of_flight(surface: str) -> scenario.Scenario:

@@ -88,7 +88,7 @@ def test_for_people_it_says_the_outcome_and_where(flight: Flight):
     assert out.exit_code == 0
     for said in (
         *("hardover pitch_rate.3", "detected", "3.07 s (frame 307)", "70 ms", "survived"),
-        "against the fault-free run",
+        "compared with the fault-free baseline",
     ):
         assert said in out.stdout
 
@@ -114,7 +114,7 @@ def test_a_log_without_a_verdict_is_refused(flight: Flight, tmp_path: Path):
     path = tmp_path / "open.mcap"
     with LogWriter(path, 100.0, metadata(flight.scenario), []) as writer:
         writer.write(Table(flight.rows[:100], timing=np.zeros(100, [("frame_us", "f8"), ("late_us", "f8")])), [])
-    assert "no verdict" in line(path)
+    assert "the flight is not finished" in line(path)
 
 
 def test_a_recovered_log_is_refused(flight: Flight, tmp_path: Path):
@@ -123,7 +123,7 @@ def test_a_recovered_log_is_refused(flight: Flight, tmp_path: Path):
     with pytest.raises(BadLog, match="truncated"):
         score_log(cut, Yardstick(), baseline=False)
     assert not recover(cut, mended).complete
-    assert "no verdict" in line(mended)
+    assert "the flight is not finished" in line(mended)
 
 
 def test_a_log_without_a_scenario_is_refused(flight: Flight, tmp_path: Path):
@@ -142,7 +142,7 @@ def test_what_is_no_log_is_one_line_and_exit_code_2(rig_command: Any, tmp_path: 
 
 
 def test_rows_of_another_seed_are_refused(flight: Flight):
-    with pytest.raises(BadInput, match="do not give the recorded channels again"):
+    with pytest.raises(BadInput, match="do not reproduce the recorded channels"):
         score(flight.scenario.model_copy(update={"seed": 77}), Table(flight.rows))
 
 

@@ -83,7 +83,7 @@ def test_flight_score_campaign_and_log_say_the_same_of_each_fault(name: str, tmp
     which = scenario.load(name)
     flown = fly(which, out=tmp_path, outcome=FlightConclusion())
     scored = score(which, Table(flown.rows))
-    assert list(flown.conclusion) == conclusion(which, scored)
+    assert flown.conclusion == conclusion(which, scored)
     in_memory = fly_in_memory(which)
     kept = score(which, in_memory.table)
     assert kept.faults == scored.faults and kept.as_dict() == scored.as_dict()

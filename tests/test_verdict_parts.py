@@ -87,7 +87,7 @@ def test_the_clean_channels_are_the_recorded_ones_bit_for_bit_where_no_fault_act
 def test_rows_of_other_sensors_are_refused_with_the_first_difference():
     which, rows = flight([])
     rows["channels"][7, Q, 1] += 1e-9
-    with pytest.raises(BadInput, match="first pitch_rate channel 2 in frame 7"):
+    with pytest.raises(BadInput, match="first difference at pitch_rate channel 2 in frame 7"):
         score(which, Table(rows))
     with pytest.raises(BadInput, match="from its frame 0 on"):
         score(which, Table(rows[1:]))

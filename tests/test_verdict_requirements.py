@@ -201,7 +201,7 @@ def test_the_default_scale_is_the_threshold_of_the_signal_else_one():
     assert robustness("0.5 > mach", rows) == pytest.approx(0.5)
     formula = "truth.pitch_rate < 0.5 and mach < 0.7"
     assert robustness(formula, rows, scale=[0.1, 10.0]) == pytest.approx(0.07)
-    with pytest.raises(BadInput, match="scale: 3 for 2 comparisons"):
+    with pytest.raises(BadInput, match="scale: 3 values for 2 comparisons, one each is needed"):
         robustness(formula, rows, scale=[0.1, 10.0, 1.0])
 
 
@@ -316,7 +316,7 @@ def test_a_file_that_makes_no_sense_is_one_line(tmp_path, keys, says):
         ({"formula": "surface.canard < 1"}, "unknown surface 'canard'"),
         ({"formula": "lost < 1"}, "'lost' is a yes or no, not a number"),
         ({"formula": "baseline.mach < 1"}, "baseline.mach: the flight has no baseline here"),
-        ({"formula": "always[0.001, 0.002] lost"}, "no frame is in this window at 100 frames a second"),
+        ({"formula": "always[0.001, 0.002] lost"}, "the window contains no frame at 100 frames a second"),
         ({"formula": "truth.{signal} < 1", "signals": ["canard"]}, "signals: the flight has no 'canard'"),
     ],
 )
@@ -327,11 +327,11 @@ def test_what_a_flight_does_not_have_is_one_line(keys, says):
 
 
 def test_ids_are_distinct_and_sets_are_found(tmp_path):
-    with pytest.raises(BadInput, match=r"no_such: no such file of requirements; bundled: .*redundancy"):
+    with pytest.raises(BadInput, match=r"no_such: no such requirements file; bundled: .*redundancy"):
         load_requirements(["no_such"])
     other = tmp_path / "other.toml"
     other.write_text(write(tmp_path).read_text())
-    with pytest.raises(BadInput, match="mine: a requirement of this id is in"):
+    with pytest.raises(BadInput, match="mine: the id is already used in"):
         load_requirements([tmp_path / "mine.toml", other])
     assert len(load_requirements([other, other])) == 1
 

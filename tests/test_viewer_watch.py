@@ -274,5 +274,5 @@ def test_a_flight_that_is_watched_is_the_same_flight(tmp_path: Path) -> None:
     alone = rig.fly("f16_split_2_2_level", overrides=["duration_s=11"], out=tmp_path)
     assert watched.digest == alone.digest
     text = screen.export_text()
-    assert "pitch_rate.3 failed by reference" in text
+    assert "pitch_rate.3 isolated by reference" in text
     assert "10.99 s  law autopilot" in text

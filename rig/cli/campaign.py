@@ -116,7 +116,8 @@ def fly(
 
     flight, digest = again(open_folder(folder, allow_code), run, out, unit and read_unit(unit))
     same = None if digest is None else digest == flight.digest
-    data = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": flight.conclusion}
+    told = {"run": run, "table_digest": digest, "same": same, "conclusion": [*(flight.conclusion or ())]}
+    data = {**flight.summary(), **told}
     notes = {None: "not in the table yet", True: "same digest as in the table", False: "digest DIFFERS from the table"}
     emit(as_json, data, lambda: show_flight(flight, f"{run}: {notes[same]}"))
     if same is False:

@@ -25,6 +25,7 @@ from rig.core.units.quantities import moment
 if TYPE_CHECKING:
     from rig.core.event import Event
     from rig.core.interrupt import Stop
+    from rig.flight.conclusion_rows import Conclusion
     from rig.flight.cost import Bench
     from rig.flight.fly import Flight
     from rig.scenario.scenario import Scenario
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from rig.verdict.requirements.requirement_recorder import Verdict
 
 FEW: Final = 3
-_OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (failed by \w+|readmitted)")
+_OF_CHANNEL: Final = re.compile(r"(\w+)\.(\d) (isolated by \w+|readmitted)")
 LONG: Final = 30_000  # frames: five minutes at 100 a second
 LOG_BYTES: Final = 1_450  # of a frame in a log; what each lane, and what servos, add
 LANE_BYTES: Final = 60
@@ -100,7 +101,7 @@ def fly(options: FlyOptions) -> None:
             if (takes := long_flight(scenario)) and not quiet:
                 echo(takes, err=True)
 
-    outcome = Told(options.requirements or ())
+    outcome = Told(options.requirements or (), baseline=True)
     quiet = options.as_json or options.watch
     with watching(options.watch, options.realtime_factor) as page, working("starting", not quiet):
         flight = _fly(options, page, outcome)
@@ -109,7 +110,7 @@ def fly(options: FlyOptions) -> None:
 
     def data() -> dict[str, object]:
         requirements = {"requirements": [plain(verdict) for verdict in verdicts]} if outcome.requirements else {}
-        told = {"conclusion": flight.conclusion, **requirements, "next": next_commands(flight)}
+        told = {"conclusion": [*(flight.conclusion or ())], **requirements, "next": next_commands(flight)}
         return {**flight.summary(), **told}
 
     def show() -> None:
@@ -130,8 +131,8 @@ def long_flight(scenario: Scenario) -> str:
         return ""
     lanes = scenario.computers.count if scenario.computers.count > 1 else 0
     bytes_a_frame = LOG_BYTES + LANE_BYTES * lanes + SERVO_BYTES * scenario.has_servos
-    takes = f"about {frames * bytes_a_frame / 1e6:.0f} MB of log and {frames * FRAME_S:.0f} s or more"
-    return f"{frames} frames of {scenario.duration_s:g} s of flight: {takes}"
+    takes = f"about {frames * bytes_a_frame / 1e6:.0f} MB of log, at least {frames * FRAME_S:.0f} s to fly"
+    return f"{frames} frames ({scenario.duration_s:g} s of flight): {takes}"
 
 
 def _fly(options: FlyOptions, page: Watch | None, outcome: MeasuredConclusion) -> Flight:
@@ -189,29 +190,31 @@ class Watching:
 
 
 def show_flight(flight: Flight, run: str = "", verdicts: Sequence[Verdict] = ()) -> None:
-    """Print the verdict of a flight, the sentences of its conclusion, its requirements, and the next commands.
+    """Print the events and facts of a flight, its conclusion, its requirements, and the next commands.
 
     run : of a campaign, how it compares with the table
     """
     from rig.verdict.conclusion import next_commands
 
     _verdict(flight)
-    conclusion(flight.conclusion)
+    if flight.conclusion is not None:
+        conclusion(flight.conclusion, next_commands(flight)[0])
     show_verdicts(verdicts)
     if run:
         field("run", run)
-    notes = ("against the truth and the fault-free flight", "in Rerun", "run the manager over the log again")
+    notes = ("faults, votes and transients in detail", "the flight in Rerun", "vote again on the recorded sensors")
     for i, (command, note) in enumerate(zip(next_commands(flight), notes, strict=True)):
         field("next" if i == 0 else "", f"{command}   # {note}", fold=False)
 
 
-def conclusion(sentences: Sequence[str]) -> None:
-    """Print the sentences of a conclusion, the first MOST_LINES and the last."""
-    line(("conclusion", "bold"))
-    left = len(sentences) - MOST_LINES
-    shown = sentences if left <= 0 else [*sentences[: MOST_LINES - 1], f"and {left} more, with --json", sentences[-1]]
-    for sentence in shown:
-        line(f"  {sentence}")
+def conclusion(concluded: Conclusion, more: str = "--json has all") -> None:
+    """Print a conclusion in at most MOST lines; more : the command that shows what does not fit."""
+    style = {"SURVIVED": "bold green", "LOST": "bold red"}.get(concluded.outcome, "bold yellow")
+    line((concluded.outcome, style), f"  {concluded.summary}", indent=2)
+    lines = concluded.lines(more=more)
+    width = max((len(label) for label, _ in lines), default=0)
+    for label, text in lines:
+        line(f"  {label:{width}}   {text}", indent=width + 5)
 
 
 def _verdict(flight: Flight) -> None:
@@ -223,12 +226,10 @@ def _verdict(flight: Flight) -> None:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
         line(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style, indent=32)
     rest(len(events), MOST_LINES, "  and {} more events, in the log")
-    verdict = ("survived", "green") if flight.survived else ("lost", "red")
-    field("result", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)")
-    coils = {f"{name} actuator": list(channels) for name, channels in flight.coils_failed.items()}
+    coils = {f"{name} servo": list(channels) for name, channels in flight.coils_failed.items()}
     failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in {**flight.failed, **coils}.items())
-    lanes = (f"lane {name} at {at_s:.2f} s" for name, at_s in flight.lanes_failed.items())
-    field("failed", "; ".join([*lanes, *failed]) or "no channel")
+    lanes = (f"computer {name} at {at_s:.2f} s" for name, at_s in flight.lanes_failed.items())
+    field("isolated", "; ".join([*lanes, *failed]) or "no channel")
     for one in (suspect for suspect in flight.suspects if suspect.slow_faults):
         field("suspect", f"{one.signal} channel {one.channel} {one.text()}", style="yellow")
     if below := scenario.gains.below:
@@ -250,7 +251,7 @@ def _verdict(flight: Flight) -> None:
 
 
 def _events(events: Iterable[Event]) -> Iterator[Event]:
-    """Yield the events; more than FEW of one frame that say the same of several signals as one."""
+    """Yield the events; more than FEW of one frame with the same text for several signals as one."""
     for _, of_frame in groupby(events, lambda event: event.frame):
         alike: dict[object, list[tuple[str, Event]]] = {}
         for i, event in enumerate(of_frame):
@@ -266,7 +267,7 @@ def _events(events: Iterable[Event]) -> Iterator[Event]:
 
 
 def _said_of(event: Event) -> tuple[str, str]:
-    """Return the signal of an event, and what it says of it or of its channel; "" where it says no such thing."""
+    """Return the signal of an event, and its text about the signal or its channel; "" if there is none."""
     from rig.core.frame import DISCRETE_INDEX, INDEX
 
     if channel := _OF_CHANNEL.fullmatch(event.text):
@@ -276,7 +277,8 @@ def _said_of(event: Event) -> tuple[str, str]:
 
 
 def _timing(flight: Flight) -> None:
-    field("run time", f"{flight.us_per_frame:.1f} us per frame, {flight.duration_s / flight.wall_s:.0f} x real time")
+    speed = f"{flight.us_per_frame:.1f} us per frame, {flight.duration_s / flight.wall_s:.0f} x real time"
+    field("run time", f"{flight.frames} frames, {speed}")
     if flight.jitter is not None:
         j = flight.jitter
         field("jitter", f"{_reply(j.median_us, j.p99_us, j.worst_us)}, {j.overruns} overruns")
@@ -289,14 +291,14 @@ def _reply(median_us: float, p99_us: float, worst_us: float) -> str:
 
 
 def _unit(flight: Flight) -> None:
-    """Print what became of the exchanges with the unit under test, and what it printed."""
+    """Print the exchanges with the unit under test, and its output."""
     unit = flight.unit or {}
     names = ("missed", "late", "requests_lost", "replies_lost", "discarded", "refused", "not_finite", "restarts")
     wrong = counts(unit, names)
     if unit["dead_frame"] is not None:
         wrong.append(f"dead from {moment(unit['dead_frame'], flight.scenario.rate_hz)} on")
     if unit["status"] != "ready" or unit["fault_word"]:
-        wrong.append(f"last {unit['status']}, fault word {unit['fault_word']:#010x}")
+        wrong.append(f"last status {unit['status']}, fault word {unit['fault_word']:#010x}")
     text = ", ".join([f"{unit['answered']} frames answered", *wrong])
     field("unit", f"{unit['name']}: {text}", style="yellow" if wrong else "")
     reply = unit["reply"]

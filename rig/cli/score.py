@@ -1,4 +1,4 @@
-"""``rig score`` and ``rig report``: what became of one flight, as tables and as a page."""
+"""``rig score`` and ``rig report``: one flight as tables and as a page."""
 
 from __future__ import annotations
 
@@ -91,7 +91,9 @@ def report(
         facts = write(log, target, requirements or ())
 
     def text() -> None:
-        conclusion(facts["conclusion"])
+        for sentence in facts["conclusion"][:MOST_LINES]:
+            line(sentence)
+        rest(len(facts["conclusion"]), MOST_LINES)
         echo(plain(f"report   {target}"))
 
     emit(as_json, facts, text)
@@ -111,31 +113,31 @@ def _show(scored: Scored) -> None:
     table(faults.rows, faults.columns, MOST_LINES, lambda row: _STYLES[row.of.outcome])
     _isolations("false alarms", score.false_alarms, scenario.rate_hz)
     _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
-    _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
-    _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
+    _isolations("isolated with LRU", score.failed_with_box, scenario.rate_hz, by_design=True)
+    _isolations("isolated by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
     for name in ("suspects", "actuators", "computers", "law", "tie_break"):
         table(parts[name].rows, parts[name].columns, None if name == "tie_break" else MOST_LINES)
         if name == "suspects":
-            line(f"{len(score.suspects) - len(parts[name].rows)} channels suspect in no frame")
+            line(f"{len(score.suspects) - len(parts[name].rows)} channels were never suspect")
     if score.episodes:
         line(
             f"{len(score.episodes)} splits, {score.unresolved} unresolved; "
-            "answered = correct + wrong + open, open: the pattern went by before a channel was failed"
+            "answered = correct + wrong + open; open: the split ended before a channel was isolated"
         )
     votes = parts["votes"]
     table(votes.rows, votes.columns)
     for name, seconds in score.wrong_votes_s.items():
         if seconds > 0:
-            field("vote", f"{name} voted wrong for {seconds:g} s", width=WIDTH)
-    quiet = len(score.vote_error) - len(votes.rows)
-    line(f"{quiet} signals voted as healthy channels would have, within their threshold of the truth")
+            field("voted", f"{name}: wrong for {seconds:g} s", width=WIDTH)
+    quiet, of = len(score.vote_error) - len(votes.rows), len(score.vote_error)
+    line(f"Voted values within their error limits, unaffected by faults: {quiet} of {of} signals")
     _flight(score.flight, scenario.rate_hz)
     _coverage(score)
     _times(scored)
 
 
 def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float, *, by_design: bool = False) -> None:
-    """Print a line for each; that there is none too, but not of those failed ``by_design``, which few flights have."""
+    """Print a line for each isolation, or that there is none; nothing if there is none ``by_design``."""
     if not isolations and not by_design:
         field(title, "none", width=WIDTH)
     for isolation in isolations[:MOST_LINES]:
@@ -160,16 +162,16 @@ def _transients(transients: Transients, rate_hz: float) -> None:
     limits = f"{y['load_factor']:g} g and {degrees(y['pitch_rate_rad_s']):g} deg/s within {y['window_s']:g} s"
     rows: list[tuple[str, Deviation, str | Text]] = []
     for window in transients.windows[:MOST_LINES]:
-        verdict = styled(("within", "green") if window.within_limits else ("beyond", "red"))
+        verdict = styled(("within", "green") if window.within_limits else ("exceeded", "red"))
         rows.append((f"{', '.join(window.faults)} at {moment(window.onset_frame, rate_hz)}", window.peaks, verdict))
-    rows.append(("whole flight", transients.overall, f"{transients.out_of_limits_s:g} s beyond"))
+    rows.append(("whole flight", transients.overall, f"exceeded for {transients.out_of_limits_s:g} s"))
     peaks = (
         Column("load factor", lambda row: f"{row[1].load_factor:.3f} g"),
         Column("pitch rate", lambda row: f"{degrees(row[1].pitch_rate_rad_s):.2f} deg/s"),
         Column("pitch", lambda row: f"{degrees(row[1].pitch_angle_rad):.2f} deg", worth=5),
         Column("roll", lambda row: f"{degrees(row[1].roll_angle_rad):.2f} deg", worth=4),
     )
-    line(f"against the fault-free run; limits: {limits}")
+    line(f"compared with the fault-free baseline; limits: {limits}")
     table(rows, (Column("after", 0), *peaks, Column("limits", 2)))
     rest(len(transients.windows), MOST_LINES)
 
@@ -187,7 +189,7 @@ def _coverage(score: Score) -> None:
 
 
 def _times(scored: Scored) -> None:
-    """Print what became of the exchanges with a unit under test, and the wall clock of a paced flight."""
+    """Print the exchanges with a unit under test, and the wall-clock times of a paced flight."""
     rate_hz = scored.scenario.rate_hz
     if scored.unit is not None:
         field("unit", f"{scored.unit['name']}: {', '.join(counts(scored.unit))}", width=WIDTH)

@@ -1,11 +1,11 @@
-"""The monitors of one surface's four channels; whoever fails a channel opens its shut-off valve, for good.
+"""The monitors of one surface's four channels; a monitor that isolates a channel opens its shut-off valve, for good.
 
     current     asked by the channel's computer and measured; an open coil moves nothing, so it hides from this
     continuity  of the coil's wire; sees an open coil with its coverage
     spool       the valve's model, moved by the channel's own current, and the spool; waits while a current miscompares
     position    the ram's four position sensors with each other, by the redundancy manager of a signal
     ram         the ram's model, moved by the channel's command and the pressures, and its position sensor
-    valve       commanded and sensed; tells, and fails nobody
+    valve       commanded and sensed; reports, and isolates no channel
 
 Both models take in the measured current of channels that are shut off but whose valve has stuck.  Each monitor reads
 the recorded row alone, so a log gives the same decisions again.
@@ -62,7 +62,7 @@ WATCH: Final = np.dtype(
 
 
 class MonitorData(NamedTuple):
-    """What the monitors need besides the row, one record a surface."""
+    """Data of the monitors besides the row, one record a surface."""
 
     limits: NDArray[Any]  # (3,) LIMITS
     watch: NDArray[Any]  # (3,) WATCH, in place
@@ -159,7 +159,7 @@ def watch_models(row, c, spool_too, limits, seen):
 
 @kernel
 def verdict(c, sensor_failed, limits, seen):
-    """Return who fails channel ``c`` in this frame, the first that has reason to; 0: nobody."""
+    """Return the first monitor that isolates channel ``c`` in this frame; 0: none."""
     if seen["current"][c] >= limits["current_frames"]:
         return ActuatorMonitor.CURRENT
     if seen["open_coil"][c] >= limits["continuity_frames"]:

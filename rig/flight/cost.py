@@ -1,4 +1,4 @@
-"""What a frame costs, as a ratio to bare JSBSim in the same process, and where the time goes.
+"""The cost of a frame as a ratio to bare JSBSim in the same process, and its stages.
 
 Absolute times depend on the machine; the ratio is what a change must not make worse.
 """
@@ -123,7 +123,7 @@ def bench(scenario: Scenario, repeats: int = 7) -> Bench:
     BadInput for a linear aircraft: there is no bare JSBSim to measure against.
     """
     if isinstance(scenario.airframe, LinearConfig):
-        raise BadInput(f"aircraft: {scenario.aircraft} is a linear model, it has no bare JSBSim to be measured against")
+        raise BadInput(f"aircraft: {scenario.aircraft} is a linear model; the cost is measured against bare JSBSim")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         fly(scenario, out=out)  # compiles what is not in the cache yet

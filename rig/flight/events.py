@@ -1,4 +1,4 @@
-"""Events: what a reader of a flight wants to know, found by comparing neighbouring rows of a block."""
+"""Events of a flight, found by comparing neighbouring rows of a block."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _refusals(old: Block, new: Block) -> Iterator[Event]:
             commanded = new[field][k, s] >> np.arange(CHANNELS) & 1 == 1
             failed = (old[states][k, s] == State.FAILED) & (new[states][k, s] == State.FAILED)
             for c in np.flatnonzero(commanded & failed):
-                text = f"{named[s].name}.{c + 1}: has not agreed with the vote for long enough"
+                text = f"{named[s].name}.{c + 1}: it has not agreed with the voted value for long enough"
                 yield Event(int(new["frame"][k]), "warning", "readmission refused", text)
 
 
@@ -153,9 +153,9 @@ def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) ->
 
 
 def _channel_state(frame: int, old: int, new: int, channel: str, by: str) -> Event | None:
-    """Return the event of a channel that is failed, ``by`` whom, or readmitted."""
+    """Return the event of a channel that was isolated, ``by`` what, or readmitted."""
     if new == State.FAILED:
-        return Event(frame, "warning", "channel failed", f"{channel} failed by {by}")
+        return Event(frame, "warning", "channel failed", f"{channel} isolated by {by}")
     if old == State.FAILED:
         return Event(frame, "info", "channel readmitted", f"{channel} readmitted")
     return None
@@ -169,7 +169,9 @@ def _discrete_voted(frame: int, old: int, new: int, d: int, row: Any) -> Event |
 
 
 def _discrete_level(frame: int, old: int, new: int, d: int, row: Any) -> Event:
-    return _channels_left(frame, old, new, DISCRETES[d].name, f", {row['discrete_voted'][d]} is fail-safe")
+    return _channels_left(
+        frame, old, new, DISCRETES[d].name, f", its fail-safe value {row['discrete_voted'][d]} is used"
+    )
 
 
 def _level(frame: int, old: int, new: int, s: int, row: Any) -> Event:
@@ -199,15 +201,17 @@ def _common(frame: int, old: int, new: int, s: int, row: Any) -> Event | None:
     if not new and row["level"][s] == 0:
         return None  # it has been failed for it
     if not new:
-        return Event(frame, "info", "common mode", f"{SIGNALS[s].name}: no more")
-    return Event(frame, "error", "common mode", f"{SIGNALS[s].name}: two references agree against all channels")
+        return Event(
+            frame, "info", "common mode", f"{SIGNALS[s].name}: references no longer disagree with all channels"
+        )
+    return Event(frame, "error", "common mode", f"{SIGNALS[s].name}: two references disagree with all channels")
 
 
 def _source(frame: int, old: int, new: int, s: int, row: Any) -> Event:
     """Return the event of a signal that control takes from elsewhere; the switch is faded."""
-    taken = {Source.VOTED: "its vote again", Source.REFERENCE: "its reference", Source.DEGRADED: "its degraded mode"}
+    taken = {Source.VOTED: "the voted value", Source.REFERENCE: "the reference", Source.DEGRADED: "the degraded mode"}
     level: Severity = "info" if new == Source.VOTED else "warning"
-    return Event(frame, level, "source", f"{SIGNALS[s].name}: control goes on with {taken[Source(new)]}")
+    return Event(frame, level, "source", f"{SIGNALS[s].name}: the control law uses {taken[Source(new)]}")
 
 
 def _law(frame: int, old: int, new: int, row: Any) -> Event:
@@ -217,21 +221,21 @@ def _law(frame: int, old: int, new: int, row: Any) -> Event:
 def _trust(frame: int, old: int, new: int, row: Any) -> Event | None:
     """Return the event of another source of the fault-tolerant law's pitch angle."""
     if new == Trust.CORRECTED:
-        return Event(frame, "warning", "sensor corrected", "pitch_angle: control goes on with its estimate")
+        return Event(frame, "warning", "sensor corrected", "pitch_angle: the control law uses its estimate")
     if old == Trust.CORRECTED:
-        why = "the sensor is back" if new == Trust.TRUSTED else "the path speaks for the sensor"
+        why = "the sensor has recovered" if new == Trust.TRUSTED else "the flight path agrees with the sensor"
         return Event(frame, "info", "sensor trusted", f"pitch_angle: {why}")
     return None
 
 
 def _sensor_fault(frame: int, old: int, new: int, row: Any) -> Event | None:
     if new == SensorFault.RATE_BIAS:
-        return Event(frame, "warning", "rate biased", "pitch_angle: the sensor is right, a rate of turn is biased")
+        return Event(frame, "warning", "rate biased", "pitch_angle: the sensor is correct, an angular rate is biased")
     if new in (SensorFault.NONE, SensorFault.UNDETERMINED):
         return None
     what = {
-        SensorFault.EFFECTIVENESS: "its effectiveness",
-        SensorFault.OFFSET: "an offset",
+        SensorFault.EFFECTIVENESS: "effectiveness",
+        SensorFault.OFFSET: "offset",
         SensorFault.BOTH: "effectiveness and offset",
     }
     return Event(frame, "info", "sensor fault", f"pitch_angle: {what[SensorFault(new)]}")
@@ -240,14 +244,14 @@ def _sensor_fault(frame: int, old: int, new: int, row: Any) -> Event | None:
 def _unit(frame: int, old: int, new: int, row: Any) -> Event | None:
     """Return the event of a unit's missing reply; that it missed a frame is kept once a flight."""
     events: dict[int, tuple[Severity, str, str]] = {
-        UnitStatus.HELD: ("warning", MISSED, "no answer by the deadline: the last one is flown"),
+        UnitStatus.HELD: ("warning", MISSED, "no reply by the deadline; the last reply is used"),
         UnitStatus.REFUSED: (
             "warning",
             "unit refused",
-            "its answer is none that a unit may give: the last one is flown",
+            "the reply is not allowed; the last valid reply is used",
         ),
-        UnitStatus.RESTARTED: ("warning", "unit restarted", "it was dead and has begun again, without its latches"),
-        UnitStatus.DEAD: ("error", "unit dead", "no more answers"),
+        UnitStatus.RESTARTED: ("warning", "unit restarted", "the unit started again and has lost its latched states"),
+        UnitStatus.DEAD: ("error", "unit dead", "the unit sends no more replies"),
     }
     return Event(frame, *events[new]) if new in events else None
 

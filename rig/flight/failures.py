@@ -1,4 +1,4 @@
-"""Failures of channels, found in the rows: which channel, in which frame, decided by whom; and the seconds to look at.
+"""Isolations of channels, found in the rows: channel, frame, and the rule that decided; and the seconds to look at.
 
 Events, headline of the viewer, score, report and votes of recordings all read them here.
 """
@@ -18,7 +18,7 @@ BEFORE_S, AFTER_S, WITHOUT_S = 0.5, 1.0, 2.0  # of decisive_s
 
 
 class Failure(NamedTuple):
-    """A channel that became failed."""
+    """A channel that was isolated."""
 
     frame: int
     place: str  # signal or discrete
@@ -29,7 +29,7 @@ class Failure(NamedTuple):
 def became_failed(state: NDArray[np.uint8], before: NDArray[np.uint8] | None = None) -> NDArray[np.intp]:
     """Return (m, 3) row, item and channel of every change to failed in ``state`` (n, items, 4), in order of time.
 
-    before : (items, 4) states in the row before the first; None: no channel was failed then
+    before : (items, 4) states in the row before the first; None: no channel was out then
     """
     rows, items, channels = state.shape
     width = items * channels
@@ -43,9 +43,9 @@ def became_failed(state: NDArray[np.uint8], before: NDArray[np.uint8] | None = N
 
 
 def who_failed(row: Any, s: int, c: int) -> str:
-    """Return who failed channel ``c`` of signal ``s`` in ``row``: the rule, if it decided, else the comparison.
+    """Return what isolated channel ``c`` of signal ``s`` in ``row``: the rule, if it decided, otherwise the comparison.
 
-    A channel that cannot be compared is not failed by a rule, which weighs those that can.
+    No rule isolates a channel that cannot be compared.
     """
     return decider(row["decided_by"][s], bool(row["valid"][s, c] != 0 and np.isfinite(row["channels"][s, c])))
 
@@ -60,7 +60,7 @@ def decider(code: int, comparable: bool) -> str:
 def failures(rows: Block, before: Block | None = None) -> list[Failure]:
     """Return the failures in ``rows`` (n,) of signals and discretes, in order of time; ``before`` (1,) the row before.
 
-    Without a row before, a channel that is failed in the first row became so in it.
+    Without a row before, a channel that is out in the first row was isolated in it.
     """
     frames, last = rows["frame"], None if before is None else before[0]
     signals = became_failed(rows["state"], None if last is None else last["state"])
@@ -71,14 +71,14 @@ def failures(rows: Block, before: Block | None = None) -> list[Failure]:
 
 
 def failed_channels(row: Any) -> dict[str, list[int]]:
-    """Return the channels that are failed in ``row``, numbered from 1, by signal or discrete."""
+    """Return the channels that are out in ``row``, numbered from 1, by signal or discrete."""
     items = [*zip(SIGNALS, row["state"], strict=True), *zip(DISCRETES, row["discrete_state"], strict=True)]
     lists = {item.name: (np.flatnonzero(state == State.FAILED) + 1).tolist() for item, state in items}
     return {name: channels for name, channels in lists.items() if channels}
 
 
 def failed_text(failed: Mapping[str, Sequence[int]]) -> str:
-    """Return failed channels as people read them: ``pitch_rate 3; heading 1, 2``."""
+    """Return isolated channels as people read them: ``pitch_rate 3; heading 1, 2``."""
     texts = (f"{name} {', '.join(map(str, channels))}" for name, channels in failed.items())
     return "; ".join(texts) or "no channel"
 
@@ -86,7 +86,7 @@ def failed_text(failed: Mapping[str, Sequence[int]]) -> str:
 def decisive_s(first_s: float, isolated_s: float | None, end_s: float) -> tuple[float, float]:
     """Return the seconds of a flight that show a decision: from before the fault until after the isolation, in s.
 
-    first_s : when the fault begins or is first seen; isolated_s : None when nothing was; end_s : of the flight
+    first_s : when the fault begins or is first seen; isolated_s : None if no channel was; end_s : of the flight
     """
     last_s = first_s + WITHOUT_S if isolated_s is None else isolated_s + AFTER_S
     return max(first_s - BEFORE_S, 0.0), min(last_s, end_s)

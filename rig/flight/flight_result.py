@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.core.event import Event, StreamReport
 from rig.core.frame import Block
+from rig.flight.conclusion_rows import Conclusion
 from rig.flight.failures import failed_text
 from rig.flight.pace import Jitter
 from rig.flight.summary import Peaks
@@ -43,7 +44,7 @@ class Flight:
     unit: dict[str, Any] | None  # counts of the exchanges with a unit under test; None: without one
     printed: str  # end of the output of the unit's process
     realtime: dict[str, str]  # real-time requests to the system and their results; empty: none
-    conclusion: tuple[str, ...]  # sentences, of a flight that was assessed
+    conclusion: Conclusion | None  # outcome in at most ten lines; None: not assessed
     suspects: tuple[Suspect, ...] = ()  # channels that were suspect in at least one frame
     overrides: tuple[str, ...] = ()  # overrides of the scenario, ``key=value``
     unit_file: str = ""  # unit file of the unit under test
@@ -86,7 +87,7 @@ class Flight:
         return self.recorded.to_polars(*owners)
 
     def __repr__(self) -> str:
-        """One line: what was flown, and how it ended."""
+        """Return one line: scenario, end, isolated channels, log."""
         named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
         verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
         told = f"failed {failed_text(self.failed)}{slow_faults_text(self.suspects)}"

@@ -26,6 +26,7 @@ from rig.core.settings import toml_text
 from rig.core.threads import cores
 from rig.core.trust import Trust
 from rig.flight import loop
+from rig.flight.conclusion_rows import Conclusion
 from rig.flight.flight_result import Flight
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import Pace
@@ -43,7 +44,7 @@ Watch = Callable[..., None]  # a block, its rate in Hz, its events; of a flight 
 
 
 class Stream(Protocol):
-    """A live stream, which never waits for whoever watches it (show/viewer/stream.py)."""
+    """A live stream, which never waits for a viewer (show/viewer/stream.py)."""
 
     def put(self, table: Table, events: Sequence[Event]) -> None:
         """Take the next frames."""
@@ -54,7 +55,7 @@ class Stream(Protocol):
 
 
 class Streams(Protocol):
-    """The streams that a flight may open, handed in by whoever shows them."""
+    """The streams that a flight may open, handed in by the caller."""
 
     def check(self, where: str) -> None:
         """Raise BadInput unless there is a stream of that name; before anything is written."""
@@ -83,8 +84,8 @@ class Outcome(Protocol):
     def add(self, table: Table) -> None:
         """Take the next frames, with their clean channels: a flight is assessed block by block while it is flown."""
 
-    def sentences(self, log: Path, frames: int) -> list[str]:
-        """Return the conclusion of the finished flight of so many ``frames``."""
+    def conclusion(self, log: Path, frames: int) -> Conclusion:
+        """Return the conclusion of the finished flight; frames : flown."""
         ...
 
 
@@ -179,7 +180,7 @@ def _fly_and_record(
     if to.streams is not None:
         to.streams.check(to.rerun)
     elif to.rerun != "off":
-        raise BadInput(f"--rerun {to.rerun}: a flight without a viewer has no stream; rig.fly has one")
+        raise BadInput(f"--rerun {to.rerun}: this function has no stream for a viewer; use rig.fly")
     kept = (
         0
         if to.outcome is None
@@ -210,8 +211,8 @@ def _fly_and_record(
                 viewer.flown(stream, stop)
         finally:
             report = None if stream is None else stream.close(10.0)
-    conclusion = () if outcome is None else outcome.sentences(path, records.verdict.frames)
-    return _result(records, path, reason, wall_s, report, tuple(conclusion))
+    conclusion = None if outcome is None else outcome.conclusion(path, records.verdict.frames)
+    return _result(records, path, reason, wall_s, report, conclusion)
 
 
 def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> list[Watcher]:
@@ -244,7 +245,7 @@ def _result(
     reason: str,
     wall_s: float,
     report: StreamReport | None,
-    conclusion: tuple[str, ...],
+    conclusion: Conclusion | None,
 ) -> Flight:
     """Return what the records of a finished flight come to."""
     verdict = records.verdict

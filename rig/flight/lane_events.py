@@ -1,4 +1,4 @@
-"""What became of several computers: events of lanes and links, who failed which lane, why the back-up flies."""
+"""Events of several computers: lanes and links that failed, by which test, and why the back-up flies."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Order(NamedTuple):
 
 
 class LaneFailure(NamedTuple):
-    """A lane that was failed, by itself or by others."""
+    """A lane that failed its own test, or that others voted out."""
 
     frame: int
     lane: int
@@ -48,7 +48,7 @@ class LaneFailure(NamedTuple):
 
 
 class LinkFailure(NamedTuple):
-    """A way from one lane to another on which nothing good has come for too long."""
+    """A link from one lane to another on which no valid message has arrived for too long."""
 
     frame: int
     sender: int
@@ -56,18 +56,18 @@ class LinkFailure(NamedTuple):
 
 
 def test_name(test: int) -> str:
-    """Return what a lane was failed for, as a reader would say it."""
+    """Return the name of the test that a lane failed."""
     return _NAMES[LaneTest(test)]
 
 
 def lane_names(lanes: Sequence[int]) -> str:
-    """Return lanes as a reader would list them: ``lanes A, C and D``."""
+    """Return lanes as people list them: ``lanes A, C and D``."""
     *most, last = (COMPUTERS[lane] for lane in lanes)
     return f"lanes {', '.join(most)} and {last}" if most else f"lane {last}"
 
 
 def failed_by(failure: LaneFailure) -> str:
-    """Return who failed a lane, and for what: ``by its own watchdog``, ``by lanes A, C and D for its clock``."""
+    """Return what failed a lane: ``by its own watchdog``, ``by lanes A, C and D for its clock``."""
     what = test_name(failure.test)
     if not failure.accusers:
         return f"by its own {what} test" if failure.test != LaneTest.WATCHDOG else f"by its own {what}"
@@ -94,6 +94,8 @@ class ComputerFinder:
         self.failures: list[LaneFailure] = []
         self.links: list[LinkFailure] = []
         self.backup: tuple[int, str] | None = None  # frame, and why
+        self.leading: list[tuple[int, int]] = []  # frame, and the lane that leads from it on
+        self.readmitted: list[tuple[int, int]] = []  # frame and lane
         # By receiver and sender: the first frame of each block in which others told another word than came directly.
         self.outvoted: dict[tuple[int, int], list[int]] = {}
 
@@ -116,7 +118,7 @@ class ComputerFinder:
         return self._last is not None
 
     def failed_at(self) -> dict[str, float]:
-        """Return the lanes that were failed, and when first, s."""
+        """Return the lanes that failed, and when first, s."""
         first: dict[str, float] = {}
         for failure in self.failures:
             first.setdefault(COMPUTERS[failure.lane], failure.frame / self._rate_hz)
@@ -141,8 +143,9 @@ class ComputerFinder:
             elif new == Health.OFF:
                 yield Event(frame, "warning", DISENGAGED, f"{name}: by command")
             elif new == Health.RESTARTING:
-                yield Event(frame, "info", RESTARTING, f"{name}: runs again, and is not engaged")
+                yield Event(frame, "info", RESTARTING, f"{name}: running again, not engaged")
             elif new in ENGAGED and old not in ENGAGED:
+                self.readmitted.append((frame, i))
                 yield Event(frame, "info", READMITTED, f"{name}: by command")
 
     def _failed(self, both: Table, k: int, i: int) -> Event:
@@ -163,7 +166,7 @@ class ComputerFinder:
             if lane is None or do != "readmit" or not 0 <= k < len(both) - 1:
                 continue
             if not engaged[k : k + 2, lane].any():
-                text = f"{COMPUTERS[lane]}: has not agreed with the leading lane for long enough"
+                text = f"{COMPUTERS[lane]}: it has not agreed with the leading lane for long enough"
                 yield Event(frame, "warning", REFUSED, text)
 
     def _leads(self, both: Table) -> Iterator[Event]:
@@ -172,7 +175,8 @@ class ComputerFinder:
         for (k,) in _news(leading):
             frame, old, new = int(both["frame"][k + 1]), int(leading[k]), int(leading[k + 1])
             if new >= 0:
-                yield Event(frame, "warning", LEADING, f"{COMPUTERS[new]}: instead of {COMPUTERS[old]}")
+                self.leading.append((frame, new))
+                yield Event(frame, "warning", LEADING, f"{COMPUTERS[new]}: leads instead of {COMPUTERS[old]}")
                 continue
             self.backup = frame, self._why(both[k + 1 : k + 2])
             yield Event(frame, "error", BACKUP, self.backup[1])

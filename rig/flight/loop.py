@@ -220,7 +220,7 @@ class Pacing(Protocol):
 
 
 class Recorder(Protocol):
-    """Whoever keeps rows: log, stream, summary."""
+    """A receiver of rows: log, stream, summary."""
 
     def record(self, table: Table) -> None:
         """Take the next frames with their timing, which stay as they are until the next call has returned."""
@@ -257,7 +257,7 @@ def frames(
     """Fly; yields rows and their TIMING, a block at a time.  ManagerFailed: after the rows before it.
 
     memory : (n,) of both, to fly into, no more than n frames; without it two blocks take turns, and what is yielded
-    stays as it is until the block after the next is begun.
+    stays as it is until the block after the next starts.
     """
     stop, pace = stop or Stop(), None if pace is None or pace.period_s is None else pace
     for block, timing in blank_blocks(scenario, pace is not None, memory):

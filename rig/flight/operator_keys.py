@@ -62,7 +62,8 @@ class Keys:
         label = self._by_key[key]
         moments = self.pressed.faults.setdefault(label, [])
         if len(moments) == 2 or (moments and moments[0] == frame):
-            self._add_event(frame, key, f"{label} is over" if len(moments) == 2 else f"{label} has just begun")
+            refused = "has already ended" if len(moments) == 2 else "began in this frame"
+            self._add_event(frame, key, f"{label} {refused}")
             return
         moments.append(frame)
         begin_or_end = rig.faults.begin if len(moments) == 1 else rig.faults.end
@@ -77,7 +78,7 @@ class Keys:
             time.sleep(_LOOK_S)
         if PAUSE in self.waiting:
             self.waiting.remove(PAUSE)
-        self._add_event(frame, PAUSE, "goes on")
+        self._add_event(frame, PAUSE, "resumed")
         return time.perf_counter() - began
 
     def _add_event(self, frame: int, key: str, text: str) -> None:

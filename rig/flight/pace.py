@@ -1,7 +1,7 @@
 """Real time: frames on absolute deadlines of the wall clock, as a rig with hardware would fly them.
 
 Without a factor the flight runs as fast as it can; what it computes is the same either way.  Frames on time are asked
-of the operating system, which may refuse: a scheduling class, memory that stays, a core of its own.
+of the operating system, which may refuse: a scheduling class, locked memory, a dedicated core.
 """
 
 from __future__ import annotations

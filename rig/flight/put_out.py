@@ -13,7 +13,7 @@ from rig.world.faults import actuate, break_parts
 def put_out(row, k, still, faults, actuators, orders):
     """Pass the surfaces that the computers of row k command on to the actuators, which move; a fault comes between.
 
-    still : of the control law, the surfaces that nobody moves;  actuators : None where the plant's own lag moves them
+    still : of the control law, the surfaces that no channel moves;  actuators : None if the plant's lag moves them
     orders : of four computers, each of which asks its own channel; None: the row's surfaces are asked of all
     """
     surface, actuator = row["fcc"]["surface"], row["actuation"]["surface_command"]

@@ -106,7 +106,7 @@ class FlightRecords(Findings):
             watcher(table, events)
 
     def unit_result(self) -> dict[str, Any] | None:
-        """Return what became of the exchanges with a unit under test, and how long they took."""
+        """Return the counts and times of the exchanges with a unit under test."""
         if self._unit is None:
             return None
         lane = {} if self._unit.lane is None else {"lane": self._unit.lane}
@@ -132,8 +132,8 @@ class FlightRecords(Findings):
 class RecordingThread:
     """Hands blocks to a recorder on a thread, in order, and at most one is under way; a context.
 
-    Neither the disk nor the compressor holds a frame up, and a flight that is not paced is over sooner.  What the
-    recorder raises is raised by the next ``record`` or at the end.
+    Neither the disk nor the compressor delays a frame, and a flight that is not paced ends sooner.  An error of the
+    recorder is raised by the next ``record`` or at the end.
     """
 
     def __init__(self, recorder: Recorder) -> None:
@@ -185,7 +185,7 @@ def computer_finder(scenario: Scenario) -> ComputerFinder:
 
 
 def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:
-    """Return why the flight ended, as a reader would say it."""
+    """Return why the flight ended, as people read it."""
     if not verdict.survived:
         return verdict.end.label
     return INTERRUPTED if stop.requested and verdict.frames < scenario.frames else "duration flown"

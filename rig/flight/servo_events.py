@@ -1,4 +1,4 @@
-"""What became of the servo actuators of a flight: events of their channels, and who failed which, when."""
+"""Events of the servo actuators of a flight: which monitor isolated which channel, and when."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CoilsFailed = dict[str, dict[int, tuple[int, str]]]  # by surface and channel fr
 
 
 def monitor_name(monitor: int) -> str:
-    """Return who failed a channel, as a reader would say it."""
+    """Return the name of the monitor that isolated a channel."""
     return ActuatorMonitor(monitor).name.lower()
 
 
@@ -34,7 +34,7 @@ class ActuatorFinder:
         return sorted(found, key=lambda event: event.frame)
 
     def failed_at(self, rate_hz: float) -> dict[str, dict[int, tuple[float, str]]]:
-        """Return the channels that were failed, by surface and channel from 1: time [s] and monitor."""
+        """Return the isolated channels, by surface and channel from 1: time [s] and monitor."""
         return {
             surface: {channel: (frame / rate_hz, monitor) for channel, (frame, monitor) in channels.items()}
             for surface, channels in self.failed.items()
@@ -44,13 +44,13 @@ class ActuatorFinder:
         for k, i, c in _news(before, table, "failed_by"):
             frame, monitor = int(table["frame"][k]), monitor_name(table.servo["failed_by"][k, i, c])
             self.failed.setdefault(MOVED[i], {})[c + 1] = frame, monitor
-            yield Event(frame, "error", FAILED, f"{MOVED[i]}.{c + 1}: by {monitor}")
+            yield Event(frame, "error", FAILED, f"{MOVED[i]}.{c + 1} isolated by {monitor}")
 
 
 def _valves(before: Table, table: Table) -> Iterator[Event]:
     for k, i, c in _news(before, table, "valve_differs"):
         if table.servo["valve_differs"][k, i, c]:
-            yield Event(int(table["frame"][k]), "warning", VALVE, f"{MOVED[i]}.{c + 1}: is not as commanded")
+            yield Event(int(table["frame"][k]), "warning", VALVE, f"{MOVED[i]}.{c + 1}: not in the commanded position")
 
 
 def _bypassed(before: Table, table: Table) -> Iterator[Event]:

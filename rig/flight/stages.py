@@ -56,16 +56,16 @@ def computers(
     own: OwnManager | str | None,
     lane: str | None = None,
 ) -> Lanes | None:
-    """Return the lanes of several computers, None for one.  BadInput: another computer or manager than the rig's own.
+    """Return the lanes of several computers, None for one.  BadInput: a computer or manager that is not built in.
 
-    alone : what one computer has at its first frame;  own : a manager of the user's, or who computes in its place, of
-    all lanes or of one ``lane``
+    alone : what one computer has at its first frame;  own : a manager of the user, or the unit in its place, of all
+    lanes or of one ``lane``
     """
     count, whose = scenario.computers.count, own
     fitted = COMPUTERS[:count] if count > 1 else ()
     if lane is not None and lane not in fitted:
         have = f"there are {', '.join(fitted)}" if fitted else "there is one computer; set computers.count"
-        raise BadInput(f"lane {lane} is to be {own}, and {have}")
+        raise BadInput(f"lane {lane} cannot be {own}: {have}")
     if count == 1:
         return None
     if lane is not None:
@@ -73,8 +73,8 @@ def computers(
     if isinstance(own, OwnManager):
         whose = f"the manager {scenario.redundancy.manager!r}"
     if whose is not None:
-        why = f"{count} computers fly by the rig's own managers; with {whose} allowed: 1"
-        raise BadInput(f"computers.count: {why}{'; it may be one of them: --lane' if whose == UNIT else ''}")
+        why = f"{count} computers need a built-in manager; with {whose} allowed: 1"
+        raise BadInput(f"computers.count: {why}{'; --lane replaces one of them' if whose == UNIT else ''}")
     seeds, outside = scenario.streams()["computers"], NOBODY if lane is None else COMPUTERS.index(lane)
     return Lanes(scenario.computers, alone, sensors.params["skew"], scenario.rate_hz, seeds, outside)
 

@@ -1,4 +1,4 @@
-"""Suspect channels, counted: a fault that comes and goes is failed by no persistence, and would be told nowhere.
+"""Count suspect channels: no persistence isolates an intermittent fault, which only these counts show.
 
 A channel is suspect in a row in which its monitor doubts it, or in which it is in use and has no comparable sample.
 """
@@ -44,13 +44,13 @@ class Suspect(NamedTuple):
         return {**self._asdict(), "share": self.share}
 
     def text(self, rows: str = "frames") -> str:
-        """Return how often, as people read it: ``in 1750 of 2000 frames (87.5 %), never failed``."""
-        never = "" if self.failed else ", never failed"
+        """Return how often, as people read it: ``in 1750 of 2000 frames (87.5 %), never isolated``."""
+        never = "" if self.failed else ", never isolated"
         return f"{share_text(self.rows, self.of, rows)}{never}"
 
 
 def is_many(rows: int, of: int) -> bool:
-    """Return whether so many rows ``of`` all are told in a sentence."""
+    """Return whether ``rows`` of ``of`` are enough for a sentence."""
     return rows >= max(LEAST_ROWS, LEAST_SHARE * of)
 
 
@@ -104,7 +104,7 @@ def new_counts() -> NDArray[np.void]:
 
 
 def suspects(counts: NDArray[np.void], frames: int) -> list[Suspect]:
-    """Return every channel that had a state, whether it was ever suspect or not; ``counts`` of so many frames."""
+    """Return every channel that had a state, ever suspect or not; ``counts`` the number of frames."""
     return [
         Suspect(item.name, c + 1, int(counts["rows"][i, c]), frames, bool(counts["failed"][i, c]))
         for i, item in enumerate((*SIGNALS, *DISCRETES))

@@ -16,7 +16,7 @@ BINS: Final = len(EDGES_US) + 1
 
 
 def binned(times_us: NDArray[Any]) -> NDArray[np.int64]:
-    """Return (BINS,) how many times lie below each of EDGES_US and not below the one before; the last: all others."""
+    """Return (BINS,) how many times are below each of EDGES_US and not below the one before; the last: all others."""
     return np.bincount(np.searchsorted(EDGES_US, times_us, side="right"), minlength=BINS)
 
 

@@ -5,7 +5,7 @@ try_exchange     the unit, wherever it is
 after_unit       its answer into the row; what it has not filled is the rig's: discretes, control law
 
 One compiled call has all three; where the answer is not a usual one (unit/compiled_exchange.py) it ends early, and
-Python goes on with ``exchange`` and ``after_unit``.
+Python continues with ``exchange`` and ``after_unit``.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def fly_rows(
     unit: UnitUnderTest | None = None,
     lanes: list[Block] | None = None,
 ) -> Block:
-    """Return all rows of a flight in memory, no more than ``frames_at_most``, of a unit or of our own computer.
+    """Return all rows of a flight in memory, no more than ``frames_at_most``, of a unit or of the built-in computer.
 
     lanes : the rows of its servo actuators are added to it, block by block
     """
@@ -119,7 +119,7 @@ class UnitVoter:
         self._unit, self._rows, self._raw = unit, rows, _bytes(rows)
 
     def step(self, rows: Block, k: int) -> int:
-        """Write the unit's answer to row k of ``rows`` into it; return the groups that it filled, of layout.Said."""
+        """Write the unit's reply to row k of ``rows`` into it; return the groups of the layout that it filled."""
         if rows is not self._rows:
             self._rows, self._raw = rows, _bytes(rows)
         port, frame = self._unit.port, int(rows["frame"][k])

@@ -1,27 +1,30 @@
-"""What the sentences about a flight are made from: its scenario and score, and how near its channels were.
+"""The flight that a conclusion is about: its scenario, its score, and how near its channels were to each other.
 
-``agreement`` says which frames a channel miscompared in, and which other channel it was near to: why a monitor failed
+``agreement`` finds the frames in which a channel miscompared, and the channel nearest to it: why a monitor isolated
 it or did not.  It is computed from the samples with the thresholds of the flight, as the cross-channel comparison sees
 them when no low-pass is set before it.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.blocks import cuts
-from rig.core.frame import INDEX, SIGNALS, SURFACES, Pattern, State
+from rig.core.frame import DISCRETES, INDEX, SIGNALS, SURFACES, Pattern, State
 from rig.core.units.angles import differences
-from rig.core.units.quantities import unit_of_name
+from rig.core.units.quantities import duration, unit_of_name
 from rig.scenario.scenario import Scenario
 from rig.verdict.score_records import FaultScore, Score
 from rig.world.faults.places import number, site
 
 Bools = NDArray[np.bool_]
+_FEW: Final = 3  # signals that are listed by name
+_UNIT_ENDS: Final = {"rad/s": "_rad_s", "rad": "_rad", "m/s2": "_m_s2", "m/s": "_m_s", "m": "_m"}
 
 
 class Context(NamedTuple):
@@ -42,7 +45,7 @@ class Context(NamedTuple):
 
     @property
     def decider(self) -> str:
-        """Name who failed channels, or did not."""
+        """Name the voter that isolates channels."""
         if self.score.evidence.by_unit:
             return "the unit under test"
         return f"the manager {self.scenario.redundancy.manager}"
@@ -53,7 +56,7 @@ class Context(NamedTuple):
         return fault.signal in INDEX and own and manager_kind(self.scenario.redundancy.manager).compares
 
     def silent(self, signal: str) -> bool:
-        """Return True if no channel of a signal ever had a state, as from a unit that answers surfaces alone."""
+        """Return True if no channel of a signal ever had a state, as from a unit that returns surfaces alone."""
         return signal in self.score.evidence.silent
 
     def unit(self, fault: FaultScore) -> str:
@@ -80,31 +83,71 @@ def error_unit(fault: FaultScore) -> str:
     return SIGNALS[number(fault.signal)].unit if where == "reference" else ""
 
 
+def named(name: str) -> str:
+    """Return a signal or a discrete as it is written: ``pitch rate``."""
+    return name.replace("_", " ")
+
+
 def place(name: str) -> str:
-    """Return a place as it is written: of ``actuator.elevator`` elevator, of ``hydraulics.1`` hydraulic system 1."""
-    head, _, rest = name.partition(".")
-    named = {"actuator": rest, "hydraulics": f"hydraulic system {rest}", "bus": f"bus {rest}", "ccdl": f"link {rest}"}
-    return {**named, "computer": "all computers" if rest == "all" else f"computer {rest}"}.get(head, name)
+    """Return a place as it is written: ``actuator.elevator`` is the elevator servo, ``ccdl.A-B`` link A-B."""
+    head, dot, rest = name.partition(".")
+    if not dot:
+        return named(name)
+    quantity = rest.removesuffix(_UNIT_ENDS[unit_of_name(rest)]) if unit_of_name(rest) else rest
+    return {
+        "actuator": f"{named(rest)} servo",
+        "surface": f"{named(rest)} surface",
+        "hydraulics": f"hydraulic system {rest}",
+        "bus": f"electrical bus {rest}",
+        "ccdl": f"link {rest}" if "-" in rest else f"links from {rest}",
+        "computer": "all computers" if rest == "all" else f"computer {rest}",
+        "inertial": f"inertial unit, {named(quantity)}",
+        "reference": f"reference of {named(rest)}",
+    }.get(head, named(name))
 
 
-def channel(name: str, number_from_1: int | None) -> str:
-    """Return a channel as it is written: ``pitch_rate channel 3``."""
-    return place(name) if number_from_1 is None else f"{place(name)} channel {number_from_1}"
+def place_label(name: str, numbers_from_1: Sequence[int | None]) -> str:
+    """Return a place with its channels: ``pitch rate, channels 3 and 4``."""
+    numbers = sorted(number for number in numbers_from_1 if number is not None)
+    return f"{place(name)}, {channels(numbers)}" if numbers else place(name)
 
 
-def channels(numbers_from_1: list[int]) -> str:
+def signals_label(names: Sequence[str], numbers_from_1: Sequence[int]) -> str:
+    """Return several signals with the channels: ``all 19 signals, channel 2``, ``heading and 3 more, channel 2``."""
+    if len(names) in (len(SIGNALS), len(SIGNALS) + len(DISCRETES)):
+        label = f"all {len(names)} signals"
+    elif len(names) > _FEW:
+        label = f"{named(names[0])} and {len(names) - 1} more signals"
+    else:
+        label = listed([place(name) for name in names])
+    return f"{label}, {channels([*numbers_from_1])}" if numbers_from_1 else label
+
+
+def after(frames: int | None, rate_hz: float) -> str:
+    """Return a delay: ``after 70 ms``; ``at once`` of none."""
+    return f"after {duration(frames, rate_hz)}" if frames else "at once"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as people list them: ``elevator, aileron and rudder``; "" of none."""
+    if not names:
+        return ""
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def channels(numbers_from_1: Sequence[int]) -> str:
     """Return several: ``channels 1 and 2``; ``no channel`` of none."""
     if not numbers_from_1:
         return "no channel"
-    *most, last = map(str, numbers_from_1)
-    return f"channels {', '.join(most)} and {last}" if most else f"channel {last}"
+    return f"channel{'s' if len(numbers_from_1) > 1 else ''} {listed([*map(str, numbers_from_1)])}"
 
 
 class Agreement(NamedTuple):
     """One channel over m frames: ``alone``: near no other channel in use; the ``nearest`` one, its ``distance``.
 
     nearest : (m,) channel from 0, -1 where none can be compared; distance : (m,) unit of the signal, infinite there
-    usable : (m,) it can be compared; out : (m,) it was failed before; many : (m,) channels that can be; pattern : (m,)
+    usable : (m,) it can be compared; out : (m,) it is isolated; many : (m,) usable channels; pattern : (m,)
     """
 
     alone: Bools
@@ -169,7 +212,7 @@ def in_split(pattern: NDArray[np.uint8]) -> Bools:
 
 
 def allowed(compared: NDArray[np.intp], p: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return (m,) thresholds while so many samples are ``compared``, unit of the signal; p : its config.PARAMS."""
+    """Return (m,) thresholds by the number of ``compared`` samples, unit of the signal; p : its config.PARAMS."""
     by_number = np.array([p["threshold_duplex"]] * 3 + [p["threshold_triplex"], p["threshold"]])
     return by_number[compared]
 

@@ -1,4 +1,4 @@
-"""Which frames a monitor counted before it failed a channel, and for which of several faults on it that was.
+"""Frames that a monitor counted before it isolated a channel, and the fault that it was isolated for.
 
 The count is that of persistence.py, made again from the samples as the cross-channel comparison sees them when no
 low-pass is set before it.
@@ -39,7 +39,7 @@ def climb(fault: FaultScore, context: Context) -> Climb:
 
 
 def stands_still(near: Agreement, split_persistence: int) -> Bools:
-    """Return (m,) whether counts stood still: without a majority, and for as long after it as persistence.py says."""
+    """Return (m,) whether counts were frozen: without a majority, and after it for the time that persistence.py has."""
     without = in_split(near.pattern)
     still = without.copy()
     edges = np.flatnonzero(np.diff([False, *without, False]))
@@ -50,9 +50,9 @@ def stands_still(near: Agreement, split_persistence: int) -> Bools:
 
 
 def another(fault: FaultScore, context: Context) -> FaultScore | None:
-    """Return the later fault on its channel that ``fault``'s was failed for; None: its own, or nobody can tell.
+    """Return the later fault for which the channel of ``fault`` was isolated; None: ``fault`` itself, or not known.
 
-    What failed the channel began with that fault, and not before.
+    The miscompares that isolated the channel began with that fault, and not before.
     """
     if fault.failed_frame is None or fault.onset_frame is None:
         return None

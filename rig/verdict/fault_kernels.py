@@ -1,4 +1,4 @@
-"""What became of each fault on each of its channels: its onset, its error, and what came after it."""
+"""Measure each fault on each of its channels: its onset, its error, and its effects."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ NO_REFERENCES: Final = np.full((1, len(SIGNALS)), np.nan)  # no fault sits on on
 
 
 class Outcome:
-    """What became of faults: records of tally_records.py, in bounded memory.
+    """Outcomes of faults: records of tally_records.py, in bounded memory.
 
     window : frames after an onset, for which the load factor is looked at
     """
@@ -77,7 +77,7 @@ class Outcome:
         if flight["unexplained"] != NEVER:
             s, c = divmod(int(flight["unexplained"]), CHANNELS)
             raise BadInput(
-                "the sensors of this version do not give the recorded channels again: first "
+                "the sensors of this version do not reproduce the recorded channels: first difference at "
                 f"{SIGNALS[s].name} channel {c + 1} in frame {flight['frames']}; the flight cannot be scored"
             )
         if flight["failures"]:
@@ -99,7 +99,7 @@ class Outcome:
         return listed[np.lexsort((listed["signal"], listed["first"]))]
 
     def wrong_isolations(self, fault: Any) -> NDArray[Any]:
-        """Return the (n,) FAILURE of healthy channels that were failed for a fault: up to the next onset on its signal.
+        """Return the (n,) FAILURE of healthy channels that a fault isolated: up to the next onset on its signal.
 
         fault : a FAULT record; of one that never began, or of a discrete, to the end
         """
@@ -117,7 +117,7 @@ class Outcome:
         return min((int(other) for other in onsets if other > fault["onset"]), default=self.frames)
 
     def word(self, fault: Any, kept: bool | None = None) -> FaultWord:
-        """Return what became of a fault, a FAULT record.
+        """Return the outcome of a fault, a FAULT record.
 
         kept : the vote up to the next onset, which decides where a manager takes its failures back; None: it does not
         """
@@ -127,7 +127,7 @@ class Outcome:
 
 
 class FlightOutcome(Outcome):
-    """What became of the faults of a scenario.
+    """Outcomes of the faults of a scenario.
 
     window_s : after an onset, for which the load factor is looked at
     unit_lane : of several computers, the one whose software is a unit under test, A to D

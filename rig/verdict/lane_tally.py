@@ -1,4 +1,4 @@
-"""The outcome of a flight's computers: who found each fault of a lane, link or bus, and lanes failed without one."""
+"""The outcome of a flight's computers: tests that detected faults of lanes, links and buses; healthy lanes lost."""
 
 from __future__ import annotations
 
@@ -6,31 +6,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from rig.core.frame import COMPUTERS, ActuatorMonitor
-from rig.core.units.quantities import duration, seconds
+from rig.core.frame import COMPUTERS
 from rig.flight.lane_events import ComputerFinder, LaneFailure, test_name
-from rig.flight.servo_events import monitor_name
 from rig.scenario.scenario import Scenario
-from rig.verdict.context import Context
-from rig.verdict.score_records import ComputersScore, FaultScore, Isolation, LaneFailed
-from rig.verdict.servo_sentence import listed
+from rig.verdict.score_records import ComputersScore, FaultScore, Isolation, LaneFailed, LaneHistory
 from rig.verdict.words import IsolationKind, fault_word
-from rig.world.faults import KINDS, Fault
+from rig.world.faults import Fault
 from rig.world.faults.places import OF_LANES, lanes_of, senders, site
 
 LINK: Final = "link"  # the receivers have had no message for long
 UNIT: Final = "unit under test"  # why a lane, or what it drives, was failed: its software is that
 RELAYS: Final = "relays"  # other lanes told another word than came directly
-_BY: Final = {
-    LINK: "the receivers, who had no message for so long",
-    RELAYS: "the relays, which outvoted it",
-    "vote of commands": "the vote of commands",
-    "clock": "the other lanes, for its clock",
-    **{
-        monitor_name(monitor): f"the monitor {monitor_name(monitor)} of its servo channel"
-        for monitor in ActuatorMonitor
-    },
-}
 
 
 def on_lanes(fault: FaultScore) -> bool:
@@ -44,16 +30,16 @@ def columns_of(fault: Fault) -> int:
 
 
 class LaneOutcome:
-    """What became of the faults of computers, links and buses, by the events of their rows: ``finder``.
+    """Outcomes of the faults of computers, links and buses, by the events of their rows: ``finder``.
 
-    unit_lane : the lane whose software is a unit under test, A to D: it is not healthy when it is failed
+    unit_lane : the lane whose software is a unit under test, A to D: it does not count as healthy when it is voted out
     """
 
     def __init__(self, scenario: Scenario, unit_lane: str | None = None) -> None:
         self.finder, self._unit_lane, self._of = ComputerFinder(scenario.rate_hz), unit_lane, scenario.faults
 
     def score(self, faults: list[FaultScore]) -> ComputersScore | None:
-        """Return what became of computers and links; None: their rows were not seen.
+        """Return the outcome of computers and links; None: their rows were not seen.
 
         faults : of the score, whose onsets are known
         """
@@ -64,6 +50,15 @@ class LaneOutcome:
             links.setdefault(f"{COMPUTERS[link.sender]}-{COMPUTERS[link.receiver]}", link.frame)
         failures = [self._failed(failure, faults) for failure in finder.failures]
         return ComputersScore(failures, links, *(finder.backup or (None, "")))
+
+    @property
+    def history(self) -> LaneHistory:
+        """Return the lanes that took over the lead, and those that were readmitted."""
+        leads, back = self.finder.leading, self.finder.readmitted
+        return LaneHistory(
+            tuple((frame, COMPUTERS[lane]) for frame, lane in leads),
+            tuple((frame, COMPUTERS[lane]) for frame, lane in back),
+        )
 
     def _failed(self, failure: LaneFailure, faults: list[FaultScore]) -> LaneFailed:
         """Return a lane that was failed, with the lanes on which a fault had begun by then."""
@@ -86,7 +81,7 @@ class LaneOutcome:
         )
 
     def completed(self, fault: FaultScore) -> FaultScore:
-        """Return what became of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
+        """Return the outcome of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
         onset = fault.onset_frame
         if not on_lanes(fault) or onset is None or not self.finder.seen:
             return fault
@@ -105,7 +100,7 @@ class LaneOutcome:
         )
 
     def _found(self, place: str, onset: int) -> Iterator[tuple[int, str]]:
-        """Yield (frame, by whom) of all that speaks against a place from ``onset`` on."""
+        """Yield (frame, by whom) of all tests that detected a fault of a place from ``onset`` on."""
         suspects = senders(place)
         receivers = lanes_of(place)[1:] or [*range(len(COMPUTERS))]
         for failure in self.finder.failures:
@@ -121,7 +116,7 @@ class LaneOutcome:
                 yield from ((frame, RELAYS) for frame in frames if frame >= onset)
 
     def isolations(self, kind: IsolationKind, faults: list[FaultScore]) -> list[Isolation]:
-        """Return the lanes that were failed without a fault on them, of one kind; each owns its channel.
+        """Return the lanes that were voted out without a fault on them, of one kind; each owns its channel.
 
         faults : of the score, whose onsets are known
         """
@@ -137,40 +132,3 @@ class LaneOutcome:
             for each in (() if scored is None else scored.failures)
             if each.cause == kind
         ]
-
-
-def lane_result(fault: FaultScore, context: Context) -> str:
-    """Return what became of a fault on lanes: ``was found by its watchdog after 10 ms``."""
-    if fault.outcome != "detected":
-        return f"was not found: {KINDS[fault.kind].unseen or 'nothing left its threshold for long enough'}"
-    after = duration(fault.delay_from_onset_frames, context.rate_hz)
-    return f"was found by {_BY.get(fault.decided_by or '', f'its own {fault.decided_by}')} after {after}"
-
-
-def of_unit(context: Context) -> Iterator[str]:
-    """Yield a sentence for what was failed because its software, or its lane's, is the unit under test."""
-    rate_hz = context.rate_hz
-    for each in () if context.score.computers is None else context.score.computers.failures:
-        if each.cause == UNIT:
-            lanes = f"computer{'s' if len(each.accusers) > 1 else ''} {listed(each.accusers)}" if each.accusers else ""
-            by = f"by {lanes} ({each.test})" if lanes else f"by its own {each.test}"
-            at = seconds(each.frame, rate_hz)
-            yield f"computer {each.lane}, whose software is the unit under test, was failed at {at} {by}"
-    for name, score in context.score.actuators.items():
-        for failure in score.failures:
-            if failure.cause == UNIT:
-                at = seconds(failure.frame, rate_hz)
-                of = f"{name} channel {failure.channel}"
-                yield f"{of}, which the unit under test drives, was failed at {at} by {failure.monitor}"
-
-
-def computers_lost(context: Context) -> str:
-    """Return the computers that failed and the back-up: ``computers A and B failed; the back-up flew from ..``."""
-    score = context.score.computers
-    if score is None:
-        return ""
-    names = sorted({failure.lane for failure in score.failures})
-    parts = [f"computer{'s' if len(names) > 1 else ''} {listed(tuple(names))} failed"] if names else []
-    if score.backup_frame is not None:
-        parts.append(f"the back-up flew from {seconds(score.backup_frame, context.rate_hz)} on ({score.backup_reason})")
-    return "; ".join(parts)

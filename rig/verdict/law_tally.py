@@ -1,4 +1,4 @@
-"""What the fault-tolerant law found: when it began to correct the pitch angle or called a rate biased, and for what."""
+"""Findings of the fault-tolerant law: when it corrected the pitch angle or declared a rate biased, and why."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rig.core.frame import INDEX, SIGNALS, SensorFault, Table, Trust
 from rig.core.units.angles import differences
 from rig.core.units.quantities import seconds
+from rig.flight.conclusion_rows import Row
 from rig.verdict.context import Context
 from rig.verdict.score_records import FaultScore, LawFinding
 from rig.verdict.words import fault_word
@@ -79,7 +80,7 @@ def _moved(s: int, row: Any, clean: Any, params: NDArray[np.void]) -> float:
 
 
 def completed(fault: FaultScore, acted_until: int, found: Sequence[LawFinding]) -> FaultScore:
-    """Return what became of a fault on a channel: found, if the law found it; as it is otherwise.
+    """Return the outcome of a fault on a channel: found, if the law found it; as it is otherwise.
 
     acted_until : the last frame in which it can be the cause of a finding
     """
@@ -104,21 +105,23 @@ def completed(fault: FaultScore, acted_until: int, found: Sequence[LawFinding]) 
 
 
 def law_result(fault: FaultScore, context: Context) -> str:
-    """Return what the law did about a fault that it found: ``which flew on its estimate from 30.86 s on``."""
+    """Return what the law did about a fault that it detected: ``it used its estimate from 30.86 s on``."""
     finding = next(each for each in context.score.law if each.frame == fault.law_frame and fault.signal in each.signals)
     at = seconds(finding.frame, context.rate_hz)
     if finding.finding != CORRECTED:
-        return f"which called a rate biased at {at} and flew on the pitch-angle sensor"
+        return f"it declared a rate biased at {at} and used the pitch-angle sensor"
     named = ""
     if finding.named_frame is not None:
-        named = f" and named it a fault of {finding.named} at {seconds(finding.named_frame, context.rate_hz)}"
-    return f"which flew on its estimate of the pitch angle from {at} on{named}"
+        named = f"; at {seconds(finding.named_frame, context.rate_hz)} it identified the fault: {finding.named}"
+    return f"it used its estimate of the pitch angle from {at} on{named}"
 
 
-def false_findings(context: Context) -> Iterator[str]:
-    """Yield a sentence for each finding that no fault was the cause of."""
+def false_findings(context: Context) -> Iterator[Row]:
+    """Yield a row for each finding that no fault caused."""
     for finding in context.score.law:
         if not finding.signals:
-            what = "corrected the pitch angle" if finding.finding == CORRECTED else "called a rate biased"
+            what = "corrected the pitch angle" if finding.finding == CORRECTED else "declared a rate biased"
             at = seconds(finding.frame, context.rate_hz)
-            yield f"the fault-tolerant law {what} at {at}, although no fault had moved what it tests"
+            yield Row(
+                "fault-tolerant law", (f"{what} by mistake at {at}: no fault had moved the signals that it tests",)
+            )

@@ -1,4 +1,4 @@
-"""What is monitored in a flight: the places that faults sit on, and the settings of those who watch them."""
+"""Places of a flight on which faults sit, and the settings of their monitors."""
 
 from __future__ import annotations
 

@@ -12,29 +12,31 @@ import numpy as np
 from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
-from rig.core.errors import BadInput
+from rig.core.errors import BadInput, RigError
 from rig.core.frame import Block, Table, UnitStatus
 from rig.core.progress import tell
 from rig.core.runs import runs_where
 from rig.core.trust import Trust
+from rig.flight.conclusion_rows import Conclusion
 from rig.flight.time_histogram import Times
 from rig.log import Log, LogFile, scenario_of, unit_of
 from rig.scenario.pressed_keys import pressed
 from rig.scenario.scenario import Scenario, from_resolved
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.unit_file import voter
-from rig.verdict.conclusion import conclusion
+from rig.verdict.conclusion import conclusion, not_scored
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.score_records import Score, Yardstick
 from rig.verdict.scoring import score_blocks, score_of
-from rig.verdict.transients import baseline_blocks
+from rig.verdict.transients import Apart, Deviations, apart_from, baseline_blocks
 
+BASELINE_FRAMES: Final = 30_000  # of a flight whose baseline is flown at once
 _UNANSWERED: Final = (UnitStatus.HELD, UnitStatus.LATE, UnitStatus.DEAD, UnitStatus.REFUSED)
 
 
 @dataclass(frozen=True, slots=True)
 class Miss:
-    """Frames in a row, the last included, that were flown on an older answer."""
+    """Consecutive frames, the last included, that were flown on an older reply."""
 
     first_frame: int
     last_frame: int
@@ -51,11 +53,11 @@ class Scored(NamedTuple):
     unit: dict[str, Any] | None  # counts of the exchanges with a unit under test; None: without one
     times: dict[str, dict[str, int]]  # histograms of the wall clock
     misses: list[Miss]  # missed answers of a unit with ``on_miss = "fault"``
-    conclusion: list[str]  # sentences
+    conclusion: Conclusion  # outcome in at most ten lines
     voter: str  # the manager or the unit that voted
 
     def __repr__(self) -> str:
-        """Return the conclusion: a sentence a line."""
+        """Return the conclusion, one sentence a line."""
         return "\n".join(self.conclusion)
 
     def as_dict(self) -> dict[str, Any]:
@@ -63,7 +65,7 @@ class Scored(NamedTuple):
         identity = {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest}
         return {**identity, **self.score.as_dict(), "unit": self.unit, "times": self.times} | {
             "unit_faults": [asdict(miss) for miss in self.misses],
-            "conclusion": self.conclusion,
+            "conclusion": [*self.conclusion],
         }
 
 
@@ -85,11 +87,11 @@ def score_log(
     log = LogFile.open(path) if log is None else log
     scenario = _scenario(path, log, allow_code)
     if log.result is None:
-        raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
+        raise BadInput(f"{path}: the flight is not finished (cut off, recovered or still flying): not scored")
     if baseline:
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
-            raise BadInput(f"{path}: a unit under test flew it: its baseline needs --unit FILE, or --no-baseline")
+            raise BadInput(f"{path}: a unit under test flew it; give --unit FILE to fly the baseline, or --no-baseline")
     unit_facts = unit_of(log.metadata)
     if unit is not None:
         unit.fly_as(unit_facts)
@@ -100,20 +102,20 @@ def score_log(
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
-    sentences = conclusion(scenario, scored)
+    concluded = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
     voted_by = voter(scenario.redundancy.manager, unit_facts.get("name"), unit_facts.get("lane"))
     missed = misses(np.concatenate(answers)) if unit_facts.get("on_miss") == "fault" else []
-    return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), missed, sentences, voted_by)
+    return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), missed, concluded, voted_by)
 
 
 def _baseline(log: Log | LogFile, scenario: Scenario, unit: UnitUnderTest | None) -> Iterator[Block]:
-    tell("flying the fault-free run")
+    tell("flying the fault-free baseline")
     return baseline_blocks(scenario, log.frames, unit)
 
 
 def _gone_through(log: Log | LogFile, times: Times, answers: list[NDArray[Any]]) -> Iterator[Table]:
-    """Yield the blocks of a log; note on the way its times of the wall clock, and what a unit answered."""
+    """Yield the blocks of a log; note its wall-clock times, and the replies of a unit."""
     done = 0
     for block in log.blocks():
         times.add(block.timing)
@@ -126,51 +128,78 @@ def _gone_through(log: Log | LogFile, times: Times, answers: list[NDArray[Any]])
 class FlightConclusion:
     """The conclusion of a flight, gathered while it is flown: ``outcome`` of ``rig.flight.fly.fly``.
 
+    baseline : compare the aircraft with its fault-free baseline, which is flown when the flight is over; not where a
+               unit under test or a manager of the user votes, nor for more than BASELINE_FRAMES frames
     It never raises.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, baseline: bool = False) -> None:
         self._outcome: FlightOutcome | None = None
         self._refused = "a flight is scored from its frame 0 on"
+        self._baseline, self._truth = baseline, list[NDArray[Any]]()
 
     def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
         """Take the scenario as it is flown; unit_lane : of several computers, the one that a unit under test is."""
         self._outcome = FlightOutcome(scenario, Yardstick().window_s, unit_lane)
+        own = unit_lane is not None or ":" in scenario.redundancy.manager
+        self._baseline &= bool(scenario.faults) and not own and scenario.frames <= BASELINE_FRAMES
 
     def add(self, table: Table) -> None:
         """Take the next frames, with their clean channels: block by block, while the flight is flown."""
         if self._outcome is None:
             return
+        if self._baseline:
+            self._truth.append(repack_fields(table.rows[["truth", "end", "unit"]]))
         try:
             self._outcome.add(table)
         except BadInput as error:
             self._outcome, self._refused = None, str(error)
 
-    def sentences(self, log: Path, frames: int) -> list[str]:
-        """Return the sentences; log, frames : of the flight."""
+    def conclusion(self, log: Path, frames: int) -> Conclusion:
+        """Return the conclusion; log, frames : of the flight."""
         if self._outcome is None or not frames:
-            return [f"not scored: {log}: {self._refused}"]
-        return conclusion(self._outcome.scenario, score_of(self._outcome))
+            return not_scored(f"{log}: {self._refused}")
+        scenario = self._outcome.scenario
+        try:
+            return conclusion(scenario, score_of(self._outcome, self._deviations(scenario)))
+        except RigError:  # the baseline cannot be flown, or is that of another flight
+            return conclusion(scenario, score_of(self._outcome))
+
+    def _deviations(self, scenario: Scenario) -> Deviations | None:
+        """Fly the baseline; return how far the flight was from it, None without one."""
+        if not self._baseline:
+            return None
+        flown = np.concatenate(self._truth)
+        if (flown["unit"] != UnitStatus.NONE).any():
+            return None
+        tell("flying the fault-free baseline")
+        apart, done = list[Apart](), 0
+        for block in baseline_blocks(scenario, len(flown)):
+            apart.append(apart_from(flown[done : done + len(block)], block))
+            done += len(block)
+        if done < len(flown):
+            apart.append(apart_from(flown[done:], None))
+        return Deviations.of(apart, Yardstick())
 
 
-def conclude(log: Log) -> list[str]:
-    """Return the conclusion of a log that has been read, without a fault-free run; never raises."""
+def conclude(log: Log) -> Conclusion:
+    """Return the conclusion of a log that has been read, without a fault-free baseline; never raises."""
     try:
         return score_log(Path("log"), Yardstick(), baseline=False, log=log).conclusion
     except BadInput as error:
-        return [f"not scored: {error}"]
+        return not_scored(str(error))
 
 
 def _scenario(path: Path, log: Log | LogFile, allow_code: bool) -> Scenario:
     resolved = scenario_of(log.metadata, path)
     if not resolved:
-        raise BadInput(f"{path}: holds no scenario, so there is no truth to score against; only logs of rig fly do")
+        raise BadInput(f"{path}: no scenario, so no true state to score against; only logs of rig fly have one")
     scenario = from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
     return pressed(scenario, log.result, str(path))
 
 
 def misses(answers: NDArray[Any]) -> list[Miss]:
-    """Return the frames that a unit did not answer, in the order of time; answers : (n,) frame and unit of rows."""
+    """Return the frames without a reply of the unit, in order of time; answers : (n,) frame and unit of rows."""
     frames, status = answers["frame"], answers["unit"]
     return [
         Miss(int(frames[first]), int(frames[end - 1]), UnitStatus(status[first]).name.lower())

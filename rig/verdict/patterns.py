@@ -1,4 +1,4 @@
-"""Patterns of a flight: those without a majority, who was asked and whether rightly; and which were met at all."""
+"""Patterns of a flight: splits, the tie-break rules asked and whether they were correct; coverage of patterns."""
 
 from __future__ import annotations
 

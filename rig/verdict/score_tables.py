@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from rig.core.column import Column
 from rig.core.frame import INDEX, SIGNALS
 from rig.core.units.quantities import duration, moment, number, quantity, unit_shown
-from rig.verdict.context import channel, error_unit
+from rig.verdict.context import error_unit, place_label
 from rig.verdict.requirements.requirement_recorder import Verdict
 from rig.verdict.requirements.robustness import robustness_text
 from rig.verdict.score_records import FlightScore, Score
@@ -21,7 +21,7 @@ _ORDER: Final = ("violated", "met", "not applicable")
 
 
 class Row(NamedTuple):
-    """What a row is made of: a part of a score, what it is of, and the frames a second of the flight."""
+    """A row: a part of a score, its name, and the frames a second of the flight."""
 
     of: Any
     name: str
@@ -52,8 +52,8 @@ def _error_unit(row: Row) -> str:
 FAULTS: Final = (
     Column("fault", "of.id"),
     Column("on", lambda r: r.of.signal if r.of.channel is None else f"{r.of.signal}.{r.of.channel}", worth=2),
-    *(Column("onset", _at("onset_frame"), worth=4), Column("left threshold", _at("exceeded_frame"), worth=1)),
-    Column("found", lambda r: _at("law_frame" if r.of.failed_frame is None else "failed_frame")(r), worth=7),
+    *(Column("onset", _at("onset_frame"), worth=4), Column("threshold exceeded", _at("exceeded_frame"), worth=1)),
+    Column("detected", lambda r: _at("law_frame" if r.of.failed_frame is None else "failed_frame")(r), worth=7),
     Column("delay", lambda r: duration(r.of.delay_from_onset_frames, r.rate_hz)),
     Column("from threshold", lambda r: duration(r.of.delay_from_exceeded_frames, r.rate_hz), worth=3),
     Column("by", "of.decided_by"),
@@ -66,13 +66,13 @@ TIE_BREAKS: Final = (
     *(Column("correct", "right"), Column("wrong"), Column("open", worth=4)),
 )
 ISOLATIONS: Final = (
-    *(Column("what", "name"), Column("channel", lambda r: channel(r.of.signal, r.of.channel))),
+    *(Column("isolation", "name"), Column("channel", lambda r: place_label(r.of.signal, [r.of.channel]))),
     *(Column("at", _at("frame")), Column("by", "of.decided_by")),
 )
 SUSPECTS: Final = (
-    *(Column("suspect", lambda one: channel(one.signal, one.channel)), Column("in frames", "rows")),
+    *(Column("suspect", lambda one: place_label(one.signal, [one.channel])), Column("in frames", "rows")),
     Column("share", lambda one: f"{100 * one.share:.3g} %"),
-    Column("failed", lambda one: "yes" if one.failed else "never"),
+    Column("isolated", lambda one: "yes" if one.failed else "never"),
 )
 ACTUATORS: Final = tuple(map(Column, ("actuator", "channel", "shut off", "by", "for")))
 COMPUTERS: Final = tuple(map(Column, ("computer", "failed", "by", "for", "cause")))
@@ -84,7 +84,7 @@ LAW: Final = (
 
 
 def _vote(figure: str, none: str = "") -> Callable[[Row], str]:
-    """Return a figure of an error of the vote; ``none`` where no vote was a number."""
+    """Return a figure of an error of the voted value; ``none`` if it was never a number."""
     return lambda r: none if r.of.peak_frame is None else number(getattr(r.of, figure), _unit(r))
 
 
@@ -95,7 +95,7 @@ def _unit(row: Row) -> str:
 VOTES: Final = (
     *(Column("vote error", "name"), Column("unit", lambda r: unit_shown(_unit(r)))),
     *(Column("peak", _vote("peak", "no vote")), Column("at", _at("peak_frame"), worth=3)),
-    *(Column("RMS", _vote("rms"), worth=4), Column("above threshold", lambda r: f"{r.of.above_threshold_s:g} s")),
+    *(Column("RMS", _vote("rms"), worth=4), Column("above error limit", lambda r: f"{r.of.above_threshold_s:g} s")),
     Column("after onset", lambda r: f"{r.of.above_threshold_after_onset_s:g} s", worth=2),
     Column("due to faults, peak", _vote("clean_peak"), worth=5),
 )
@@ -133,7 +133,7 @@ def tables(score: Score, rate_hz: float) -> dict[str, ScoreTable]:
         "computers": ScoreTable("Computers and links", COMPUTERS, [*_computers(score, rate_hz)]),
         "law": ScoreTable("The fault-tolerant law", LAW, rows((each.finding, each) for each in score.law)),
         "suspects": ScoreTable("Suspect channels", SUSPECTS, suspects),
-        "isolations": ScoreTable("Healthy channels that were failed", ISOLATIONS, rows(score.isolations)),
+        "isolations": ScoreTable("Isolated healthy channels", ISOLATIONS, rows(score.isolations)),
         "tie_break": ScoreTable("Splits", TIE_BREAKS, _tie_break(score)),
         "votes": ScoreTable("Votes", VOTES, rows(off)),
     }

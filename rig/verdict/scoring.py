@@ -22,6 +22,7 @@ from rig.verdict.score_records import (
     Evidence,
     FaultScore,
     Isolation,
+    LaneHistory,
     Outcome,
     Score,
     SignalScore,
@@ -119,7 +120,14 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
         computers=None if outcome.computers is None else outcome.computers.score(faults),
         law=outcome.law,
         suspects=outcome.suspects,
-        evidence=Evidence(outcome.params, by_unit, frozenset(names), outcome.kept),
+        evidence=Evidence(
+            outcome.params,
+            by_unit,
+            frozenset(names),
+            outcome.kept,
+            tuple(_channel_isolations(outcome, None)),
+            LaneHistory() if outcome.computers is None else outcome.computers.history,
+        ),
     )
 
 
@@ -257,7 +265,11 @@ def _isolations(outcome: FlightOutcome, kind: IsolationKind, faults: list[FaultS
     of_servos = [] if outcome.actuators is None else outcome.actuators.isolations(kind)
     lanes = outcome.computers
     of_lanes = [] if lanes is None else lanes.isolations(kind, faults)
-    failures = sorted(outcome.failures, key=lambda failure: int(failure["discrete"]))
+    return [*_channel_isolations(outcome, kind), *of_servos, *of_lanes]
+
+
+def _channel_isolations(outcome: FlightOutcome, kind: IsolationKind | None) -> list[Isolation]:
+    """Return the channels of signals, then of discretes, that were isolated so; None: for a fault of their own."""
     return [
         Isolation(
             (_DISCRETE_NAMES if each["discrete"] else _SIGNAL_NAMES)[each["signal"]],
@@ -266,9 +278,9 @@ def _isolations(outcome: FlightOutcome, kind: IsolationKind, faults: list[FaultS
             rule_name(each["decided_by"]),
             tuple(c + 1 for c in range(CHANNELS) if int(each["erring"]) >> c & 1),
         )
-        for each in failures
+        for each in sorted(outcome.failures, key=lambda failure: int(failure["discrete"]))
         if Cause(each["cause"]).kind == kind
-    ] + [*of_servos, *of_lanes]
+    ]
 
 
 def _vote_errors(outcome: FlightOutcome) -> dict[str, VoteError]:

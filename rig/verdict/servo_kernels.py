@@ -1,6 +1,6 @@
-"""What became of the faults of servo actuators, and of every channel that was shut off, from the servos' own rows.
+"""Outcomes of the faults of servo actuators, and of every channel that was shut off, from the rows of the servos.
 
-The monitors are run once more over what was recorded: their counts say in which frames they had reason to speak.
+The monitors run once more over the recorded rows: their counts show the frames in which a threshold was exceeded.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def mark_acting(acting, frame, out):
 
 @kernel
 def see(row, frame, i, out):
-    """Take in who speaks against which channel of surface ``i``, who was failed and why, whether it is bypassed."""
+    """Add the thresholds exceeded on channels of surface ``i``, isolations with causes, and bypasses."""
     servo, watch, positions = out.servos[i], out.monitors.watch[i], out.monitors.state[i]
     servo["beyond"] = servo["differs"] = 0
     for c in range(CHANNELS):
@@ -120,7 +120,7 @@ def see(row, frame, i, out):
 
 @kernel
 def cause(servo, c, frame, linger):
-    """Return why channel ``c`` was failed: a Cause."""
+    """Return why channel ``c`` was isolated: a Cause."""
     if frame - servo["acted_at"][c] <= linger or frame - servo["shared_at"] <= linger:
         return Cause.OWN_FAULT.value
     return Cause.WRONG_ISOLATION.value if servo["faulty"][c] != 0 else Cause.FALSE_ALARM.value
@@ -128,7 +128,7 @@ def cause(servo, c, frame, linger):
 
 @kernel
 def faulty(servo, frame, linger):
-    """Return the channels on which a fault of their own has acted within the linger, bits."""
+    """Return the channels on which a fault has acted within the linger, bits."""
     channels = 0
     for c in range(CHANNELS):
         channels |= (frame - servo["acted_at"][c] <= linger) << c
@@ -137,7 +137,7 @@ def faulty(servo, frame, linger):
 
 @kernel
 def follow(placed, frame, out):
-    """Take in what the monitors said of a fault that acts, or did a moment ago, and whether it cost a surface."""
+    """Add the monitors' results for a fault that acts or has just acted, and note a lost surface."""
     if frame - placed["acted_at"] > out.linger[0]:
         return
     fault, beyond = out.faults[placed["fault"]], False
@@ -157,7 +157,7 @@ def follow(placed, frame, out):
 
 @kernel
 def sits(placed, servo, c, frame, linger):
-    """Return whether what is said of channel ``c`` is said of this fault; one with a fault of its own hides others."""
+    """Return whether a result about channel ``c`` is about this fault; a channel's own fault hides shared ones."""
     if placed["channel"] >= 0:
         return placed["channel"] == c
     return frame - servo["acted_at"][c] > linger

@@ -28,7 +28,7 @@ _FRAMES: Final = ("failed_at", "differs_at", "bypassed_at")
 
 
 class ActuatorOutcome:
-    """What became of the faults of servos and of their channels: records of servo_kernels.py, in bounded memory.
+    """Outcomes of the faults of servos and of their channels: records of servo_kernels.py, in bounded memory.
 
     faults : (F,) outcome_records.FAULT of the flight, in which what was found of those on servos is noted too
     unit_lane : of several computers, the one whose software is a unit under test, A to D
@@ -51,7 +51,7 @@ class ActuatorOutcome:
         add_servos(Table(new_block(0), lane_rows(0)), self.records)  # compiles before the first frame
 
     def completed(self, n: int, fault: FaultScore) -> FaultScore:
-        """Return what became of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""
+        """Return the outcome of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""
         for placed in self.records.placed[self.records.placed["fault"] == n]:
             wrong, surfaces = self._wrongly_failed(fault.onset_frame, int(placed["surfaces"])), int(placed["bypassed"])
             unseen = surfaces != 0 and fault.outcome == "undetectable"  # who loses a surface has something to find
@@ -76,12 +76,12 @@ class ActuatorOutcome:
         )
 
     def scores(self) -> dict[str, ActuatorScore]:
-        """Return what became of every surface that a servo moves; of none, when no rows of servos were added."""
+        """Return the outcome of every surface that a servo moves; of none, when no rows of servos were added."""
         servos = zip(MOVED, self.records.servos, strict=True)
         return {name: _score(servo, self._of_unit) for name, servo in servos if servo["frames"]}
 
     def isolations(self, kind: IsolationKind) -> list[Isolation]:
-        """Return the healthy channels that were failed, of one kind."""
+        """Return the healthy channels that were isolated, of one kind."""
         return [
             Isolation(f"actuator.{name}", failure.channel, failure.frame, failure.monitor, failure.faulty)
             for name, score in self.scores().items()

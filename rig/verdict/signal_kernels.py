@@ -1,10 +1,10 @@
-"""What became of each channel and of the vote of one signal: kernels that add up a record, row by row.
+"""Kernels that add up each channel and the voted value of one signal, row by row.
 
 They take one signal's fields (states (4,), voted, truth, level) and nothing of the frame around them, so that flights,
 recordings and trials of one signal share them.  Sets of channels are bits, bit 0 is channel 1.
 
 The order within a row: ``mark_wrong``, then ``mark_failed``, then ``count_healthy``, then ``count_vote``.
-What became of the fault of many trials follows from the frames in which their channels were failed: ``trial_words``.
+Outcomes of many trials follow from the frames in which their channels were isolated: ``trial_words``.
 """
 
 from __future__ import annotations
@@ -68,11 +68,11 @@ def first_failed(failed: NDArray[np.bool_]) -> NDArray[np.int64]:
 def trial_words(
     failed_at: NDArray[np.int64], onsets: NDArray[np.int64], tested: NDArray[np.bool_], healthy: NDArray[np.bool_]
 ) -> tuple[NDArray[np.str_], NDArray[np.float64]]:
-    """Return (T,) what became of the tested fault of each trial, and the frames from its onset to the last isolation.
+    """Return (T,) the outcome of the tested fault of each trial, and the frames from its onset to the last isolation.
 
-    failed_at : (T, 4) first frame in which each channel was failed, or NEVER; onsets : (T,)
+    failed_at : (T, 4) first frame in which each channel was isolated, or NEVER; onsets : (T,)
     tested, healthy : (4,) or (T, 4) channels of the tested fault, and those without any
-    One of words.INJECTED, or PRIOR: one of these channels was failed before the onset.  Frames are NaN where the fault
+    One of words.INJECTED, or PRIOR: one of these channels was isolated before the onset.  Frames are NaN if the fault
     is not isolated.
     """
     failed, last = failed_at != NEVER, np.where(tested, failed_at, NEVER).max(axis=1)
@@ -84,7 +84,7 @@ def trial_words(
 
 @kernel
 def channel_bits(states):
-    """Return the channels of ``states`` (4,) that are failed, as bits."""
+    """Return the channels of ``states`` (4,) that are isolated, as bits."""
     bits = 0
     for c in range(CHANNELS):
         bits |= (states[c] == State.FAILED) << c
@@ -93,7 +93,7 @@ def channel_bits(states):
 
 @kernel
 def known_level(level, states):
-    """Return ``level``; LEVELS where none of ``states`` (4,) is said, as by a unit that answers surfaces alone."""
+    """Return ``level``; LEVELS where none of ``states`` (4,) is known, as of a unit that returns surfaces alone."""
     for c in range(CHANNELS):
         if states[c] != State.ABSENT:
             return np.int64(level)
@@ -135,7 +135,7 @@ def in_use(signal, before, channels):
 def count_healthy(became, before, level, signal, healthy_frames, false_isolations):
     """Count the healthy channels in use, and those of them that became failed, by the ``level`` of the row before.
 
-    became : channels that became failed, but by design; before : channels that were failed in the row before
+    became : channels that were isolated, but by design; before : channels that were out in the row before
     healthy_frames, false_isolations : (5,), in place
     """
     if level < LEVELS:

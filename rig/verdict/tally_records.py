@@ -28,7 +28,7 @@ FAULT: Final = np.dtype(
         ("references", "i8"),  # signals whose reference it can change, from wherever it sits, bits
         ("columns", "i8"),  # channels of all signals that it takes away, bits
         ("threshold", "f8"),  # of its error on a channel
-        # What became of it; frames from 0, or NEVER.
+        # Its outcome; frames from 0, or NEVER.
         ("onset", "i8"),
         ("executed", "u1"),
         ("exceeded_at", "i8"),

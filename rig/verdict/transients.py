@@ -120,8 +120,8 @@ def transients(deviations: Deviations, faults: Sequence[FaultScore], acted_from:
     first, off, yardstick = deviations.first_difference, deviations.off, deviations.yardstick
     if first is not None and (acted_from == NEVER or first <= acted_from):
         raise BadInput(
-            f"the fault-free baseline leaves the flight in frame {first}, before any fault can have moved the "
-            "aircraft: other versions flew it; without the baseline (--no-baseline) it can be scored"
+            f"the fault-free baseline differs from the flight in frame {first}, before a fault can have moved the "
+            "aircraft: another version flew it; score it with --no-baseline"
         )
     limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
     beyond = np.any(~(off[:, :2] <= limits), axis=1)

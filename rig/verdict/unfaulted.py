@@ -39,7 +39,7 @@ class MeasuredAgain:
         self._block, self._kept = new_block(ROWS), np.zeros(ROWS, CLEAN)
 
     def of(self, table: Table) -> Iterator[Table]:
-        """Yield the next frames part by part with their clean channels, sampled when the lanes' clocks say."""
+        """Yield the next frames part by part with their clean channels, sampled at the times of the lanes' clocks."""
         rows, lead = table.rows, np.zeros((len(table), CHANNELS))
         if table.lane is not None:
             lead[:] = table.lane["clock_lead"]
@@ -58,7 +58,7 @@ class MeasuredAgain:
 
 
 def laid_out(rows: Block) -> Block:
-    """Return ``rows`` in memory as FLAT lies."""
+    """Return ``rows`` in memory in the layout of FLAT."""
     if rows.dtype == FLAT and rows.flags.c_contiguous and rows.flags.aligned and rows.flags.writeable:
         return rows
     whole: NDArray[Any] = np.zeros(len(rows), FLAT)

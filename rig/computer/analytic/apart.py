@@ -1,8 +1,8 @@
 """Votes that a reference must not learn: those of channels that move apart.
 
-The references of static pressure and heading remember the votes of their own signals (strapdown.py).  One of two
+The references of static pressure and heading remember the votes of those signals (strapdown.py).  One of two
 channels that drifts, or two of four alike, agree with the others until they are a threshold apart, and would be learned
-up to there.  Ours: docs/references.md, 'Slow faults are not learned'.
+up to there.  Added: docs/references.md, 'Slow faults are not learned'.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ def still_within(thresholds: NDArray[np.float64], noise_std: NDArray[np.float64]
 
 @kernel
 def stand_still(i, s, bus, fcc, p, st):
-    """Let signal s not count as agreed while its channels move apart: a slow fault would be learned (ours).
+    """Let signal s not count as agreed while its channels move apart: a slow fault would be learned (added).
 
     The distance of each channel to the vote, its mean over ``RECENT_S``, is compared with its own mean of up to
-    ``USUAL_S``, which hardly moves on while any is off by more than ``still``.  Of fewer channels in use than before
-    both go on, from the middle of those; with more they begin again.  Of one there is nothing to compare.
+    ``USUAL_S``, which hardly moves on while any is off by more than ``still``.  With fewer channels in use than before
+    both continue from the middle of those; with more they start again.  One channel has none to compare with.
     """
     recent, usual = st["recent"][i], st["usual"][i]
     if fcc["level"][s] < st["told_level"][i]:

@@ -50,7 +50,7 @@ _F: Final = INERTIAL.index("specific_force_forward_m_s2")
 
 @kernel
 def rate(i, unit, lead_frames, u):
-    """Return rate i of INERTIAL [rad/s], led by so many frames to make up for the unit's lag."""
+    """Return rate i of INERTIAL [rad/s], led by ``lead_frames`` to make up for the unit's lag."""
     return unit[i] + lead_frames * (unit[i] - u["last"][i])
 
 

@@ -5,7 +5,7 @@ coefficients of the flight point (``c``, in the order of designed.COLUMNS) and, 
 counts, the PARAM record ``p``.  Angles in rad, rates in rad/s, load factors in g, pressures in Pa.
 
 n_w is the load factor across the flight path.
-Source: Zhang 2023, section 7, for the pitch rate from the angle of attack; the others, ours, as in Etkin, Dynamics of
+Source: Zhang 2023, section 7, for the pitch rate from the angle of attack; the others as in Etkin, Dynamics of
 Atmospheric Flight.
 """
 
@@ -194,7 +194,7 @@ def roll_angle_of_turn(st, speed):
 
     g sin phi cos theta = V (r cos alpha - p sin alpha) - g n_y
 
-    What is left out, V beta_dot, is its error in a slip that begins or ends.
+    The neglected term, V beta_dot, is its error in a slip that begins or ends.
     """
     voted = st["voted"]
     turning = speed * (voted[sig.R] * math.cos(voted[sig.ALPHA]) - voted[sig.P] * math.sin(voted[sig.ALPHA])) / GRAVITY

@@ -190,7 +190,7 @@ def look_back(fcc, st):
     """Keep the votes, and which signals are lost, have no majority, or agree; a vote without majority is not kept.
 
     Nor is that of a last channel which its monitor or its reference disputes: the vote is a substitute then, and two
-    signals that are references of each other would close a loop through their substitutes (ours).
+    signals that are references of each other would close a loop through their substitutes (added).
     """
     voted, level, pattern, decided_by, kept = fcc["voted"], fcc["level"], fcc["pattern"], fcc["decided_by"], st["voted"]
     state = fcc["state"]
@@ -320,7 +320,7 @@ def follow(st, s, share, rate_hz, wraps):
     """Filter the vote of signal s to first order, and find its slope; begin again after a loss.
 
     y += share (x - y);  slope = change of y a second.  Where the vote is of other channels than before, by which it
-    jumps as they differ, y takes the jump and goes on by its slope (ours).
+    jumps as they differ, y takes the jump and continues by its slope (added).
     """
     bit = 1 << s
     x, y = st["voted"][s], st["smooth"][s]

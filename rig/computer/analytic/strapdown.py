@@ -9,7 +9,7 @@ acceleration disturbs it.  The level components of e correct attitude and gyro d
 ``LEVEL_S``.  Around the vertical the heading's agreed votes do it, with ``LONG_S``; while they are not agreed, nothing
 does: what the gyros drift by has been learned to some 1e-5 rad/s within seconds, and the ground track differs from the
 heading by another angle after every turn in wind.  The level never corrects the yaw gyro's drift: in a bank it would
-blame it for errors of the accelerometers.  Roll and pitch angle read no vote of theirs but the first.
+find it faulty for errors of the accelerometers.  Roll and pitch angle read no vote of theirs but the first.
 
 The memory is a straight line through the agreed past, of growing and then of fading memory:
 
@@ -79,7 +79,7 @@ def frames_of(seconds, rate_hz):
 
 @kernel
 def attitude(unit, last, votes, agreed, rate_hz, lead_s, e, out):
-    """Write roll, pitch and heading [rad] of this frame into ``out`` (3,); NaN while the unit says what is no number.
+    """Write roll, pitch and heading [rad] of this frame into ``out`` (3,); NaN while a value of the unit is not finite.
 
     The heading is NaN, too, until its vote has been agreed once since then.
 
@@ -176,7 +176,7 @@ def correct(unit, last, around, rate_hz, e):
 
 @kernel
 def lost_its_way(votes, agreed, rate_hz, e):
-    """Return True if an agreed vote has been far off for so long that the memory must begin again."""
+    """Return True if an agreed vote has been far off for long enough to start the memory again."""
     off = False
     for i in range(3):
         s = _ANGLES[i]

@@ -5,7 +5,7 @@
     n_level = n_z cos phi - n_y sin phi             load factor along the local vertical
 
 The unit's rates are integrated to the bank angle, which converges to the bank of a coordinated turn of its velocity.
-What its biases and those of the accelerometers leave is learned in straight flight, as the difference from the voted
+The error by its biases and those of the accelerometers is learned in straight flight, as the difference from the voted
 bank angle.  An error of the voted one that grows with the bank, or that comes later, is not learned.
 The drift of its yaw rate is its mean difference from the rate of the heading.  It is learned while no fault is
 declared, and slowly, so that a heading fault is found before it has moved the drift.  Source: the velocity matching of

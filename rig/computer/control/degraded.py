@@ -13,7 +13,7 @@
     roll_angle                  integral of the rates, drawn to the bank that the turn asks for
     heading                     what is asked: wings level
 
-What a substitute is wrong by is learned while every signal is known: lift, bank of a turn, climb angle.
+The error of a substitute is learned while every signal is available: lift, bank of a turn, climb angle.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def substitute(fcc, param, state, gain):
 def body_rates(fcc, param, state, gain):
     """Estimate lost body rates from their references, else from the rates of the attitude angles.
 
-    Without a heading the turn counts as coordinated; without an attitude nothing is said of the rates.
+    Without a heading the turn counts as coordinated; without an attitude the rates are unknown.
     """
     source, reference, s = fcc["source"], fcc["reference"], state[0]
     if source[sig.Q] == Source.VOTED and source[sig.P] == Source.VOTED and source[sig.R] == Source.VOTED:
@@ -110,7 +110,7 @@ def estimate(i, other, source, param, state, gain):
         x' = K_i incidence + K_x x + K_s surface + b + 2 w (other - x)      b' = w^2 (other - x)
 
     incidence is the angle of attack or of sideslip, surface the commanded one behind its actuator's lag.  The estimate
-    goes on from the last measurement; without another source the model alone goes on.
+    continues from the last measurement; without another source the model continues alone.
     """
     s, c = state[0], param[0]
     measured, surface, bias, deflection = s["measured"], s["surface"], s["rate_bias"], s["deflection"]

@@ -135,7 +135,7 @@ def integrate(integral, change, proportional, low, high):
 def move(integral, change, proportional, i, limits, surface, fresh):
     """Return the integrator of surface ``i``; set ``surface[i]`` = integral - proportional, within its stops.
 
-    It stands still where nobody moves the surface.  When ``fresh`` the surface stays and the integrator becomes what
+    It holds while no channel moves the surface.  When ``fresh`` the surface stays and the integrator becomes what
     keeps it there.
     """
     if fresh:

@@ -1,6 +1,6 @@
 """The modes of the control law: what each axis follows, one row each, and the outer loops that make rates of them.
 
-To add one: its row, its kernel and a branch in ``command_pitch`` or ``command_bank``.  A setting of its own is a field
+To add one: its row, its kernel and a branch in ``command_pitch`` or ``command_bank``.  A new setting is a field
 of autopilot.Config, which kernels find in ``param``.  Kernels compare a mode by its place in its table.
 """
 

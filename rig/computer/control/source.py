@@ -72,7 +72,7 @@ def put(i, value, source, param, state):
 
 @kernel
 def carry(i, value, source, state):
-    """Make ``value`` signal i's measurement without a fade: it goes on from the last one."""
+    """Make ``value`` signal i's measurement without a fade from the last one."""
     if not math.isfinite(value):
         return
     s = state[0]

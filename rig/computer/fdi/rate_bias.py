@@ -172,7 +172,7 @@ def settle(c, w, rates_voted):
 
 @kernel
 def reject_gyros(w):
-    """Go on with the second mean: the first residual alone shows a fault."""
+    """Continue with the second mean: the first residual alone shows a fault."""
     e, m, first = w["filter"], w["second"], w["innovation"]
     e["theta"], e["path"], e["scale"], e["rate"] = m["theta"], m["path"], m["scale"], m["rate"]
     w["bank_suspected"] = 1 if first * w["second_innovation"] >= _DIFFERS * first * first else 0

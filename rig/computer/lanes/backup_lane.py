@@ -5,7 +5,7 @@ the end of the flight.  It takes over what the lane that led last has.  All sign
 sticks, the median of their channels; the law flies on the inertial unit's references, as after the loss of all signals.
 It drives all coils; only shut-off valves that a monitor of the actuators opened stay open.
 Like a lane that starts again or is readmitted it takes over the state of all stages (``join``).
-Source: Zhang 2023, section 2 (emergency back-up); what it flies on is ours.
+Source: Zhang 2023, section 2 (emergency back-up); its inputs are added.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _STICKS: Final = (sig.D_P, sig.D_R, sig.D_Y)
 def fly_backup(row, fcc, k, ordered, data):
     """Fill the FCC record of the back-up, which has the decisions of the lane that led last.
 
-    row : FRAME record, whose BUS it reads;  ordered : (4,) workspace;  data : ComputerData of its own
+    row : FRAME record, whose BUS it reads;  ordered : (4,) workspace;  data : its ComputerData
     """
     bus = row["bus"]
     give_references(row, bus, fcc, k, data.redundancy.references, data.faults)
@@ -78,7 +78,7 @@ def join(lanes):
 
 @kernel
 def other_engaged(i, lanes):
-    """Return the first engaged lane that runs on, but i; NOBODY if there is none."""
+    """Return the first engaged lane that runs on, but i; ``NOBODY`` if there is none."""
     for j in range(lanes.fitted):
         lane = lanes.health.lane[j]
         if j != i and is_engaged(lane) and responds(lane) and lane["joins"] == 0:

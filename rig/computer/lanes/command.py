@@ -1,7 +1,7 @@
 """The vote of the lanes' commands: every lane tells its own, votes all, and puts out what is voted.
 
 Each surface is voted as a signal is, by the same manager: four commands, a threshold as a share of the stroke, and the
-lanes' own tests as the only rule.  Where no test speaks, a tie goes to the largest group of lanes whose votes of
+lanes' own tests as the only rule.  If no test failed, a tie goes to the largest group of lanes whose votes of
 the signals are the same, if that is one of its sides.  Commands go round once: of three equal good ones the median is
 right whatever a fourth lane tells whom.  Before they think, the lanes bring their integrators together, which has no
 effect while they agree.
@@ -156,7 +156,7 @@ def vote_commands(i, lead, fcc, links, health, data):
 
 @kernel
 def ask_lanes(fcc, health, fitted, data):
-    """Write what the lanes' own tests say of each; if nothing, who votes the signals as most lanes do.
+    """Write the results of the lanes' own tests; if none failed, the lanes that vote the signals as most do.
 
     Most is the one largest group whose votes are the same: more than half of four could settle no 2:2.
     """

@@ -35,7 +35,7 @@ class Checksum(Settings):
 
 
 class Command(Settings):
-    """What the pilot does to the lanes."""
+    """A command of the pilot to the lanes."""
 
     at_s: float = Field(ge=0)
     do: Literal["readmit", "disengage", "backup"]

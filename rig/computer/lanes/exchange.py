@@ -1,12 +1,12 @@
-"""The exchange of samples between lanes, without clocks and wires: who said what, and what each lane holds of it.
+"""The exchange of samples between lanes, without clocks and wires: what each lane sent, and what each holds of it.
 
 Round 1: each lane tells the others its own word.  One that comes late is the word of the frame before; one that is
 damaged or too old is missing.
-Round 2: each lane relays to the others what it holds of round 1, 'missing' too.  Of the direct word and the relayed
-ones a lane holds what the strict majority says, bit for bit.  That a word is missing counts as what is said; a relay
+Round 2: each lane relays to the others what it holds of round 1, 'missing' too.  From the direct word and the relayed
+ones a lane holds that of the strict majority, bit for bit.  'Missing' counts as a word; a relay
 that did not arrive is left out; without a strict majority the word is missing.
 
-With one round a lane believes what arrived, and one lane that tells different words parts the others.
+With one round a lane uses the word that arrived, and a lane that sends different words splits the others.
 Source: Lincoln and Rushby 1993, A formally verified algorithm for interactive consistency under a hybrid fault model.
 With 4 lanes and one relay: right while 4 > 2 a + 2 s + b + 1 (asymmetric, symmetric, benign lanes).
 """
@@ -30,7 +30,7 @@ class Arrival(IntEnum):
 
 
 class Said(IntEnum):
-    """What a lane was told by another."""
+    """State of the word that one lane received from another."""
 
     WORD = 0
     MISSING = 1  # a direct word that is missing, or a relay that says so
@@ -55,8 +55,8 @@ def exchange(sender, words, said, rounds, held):
     """Find whose telling of the word of ``sender`` each lane holds.
 
     words : (lanes, lanes) bits, receiver by teller: direct where the teller is the sender, else relayed
-    said : (lanes, lanes) Said of them;  rounds : 1 or 2
-    Writes held : (lanes,) the teller whose word it is, or NOBODY; the sender holds its own.
+    ``said`` : (lanes, lanes) ``Said`` of them;  rounds : 1 or 2
+    Writes held : (lanes,) the teller whose word it is, or ``NOBODY``; the sender holds its own.
     """
     for i in range(len(held)):
         if i == sender:
@@ -69,9 +69,9 @@ def exchange(sender, words, said, rounds, held):
 
 @kernel
 def strict_majority(receiver, words, said):
-    """Return a teller of what most of all that tell ``receiver`` say, NOBODY where that is 'missing' or nothing.
+    """Return a sender of the majority's word to ``receiver``, ``NOBODY`` if that is 'missing' or there is none.
 
-    words : (lanes,) bits;  said : (lanes,) Said
+    words : (lanes,) bits;  ``said`` : (lanes,) ``Said``
     """
     telling = 0
     for k in range(len(said)):

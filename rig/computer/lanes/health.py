@@ -1,11 +1,11 @@
-"""The health of the lanes: who is engaged, who accuses whom, what each finds of itself, who leads.
+"""The health of the lanes: engaged lanes, votes against lanes, self-tests, the leading lane.
 
-A lane is failed by a strict majority of the other engaged lanes, a frame after they accuse it, for its commands, for a
-link that is lost to them or for its clock; or by a test of its own.  Accusations and the state of each lane are wires
-of their own to all others and to the shut-off valves (ours: the link has no part in them).  A failed lane's
+A strict majority of the other engaged lanes votes a lane out, a frame after their votes, for its commands, for a
+link that is lost to them or for its clock; or its own test fails it.  Votes and the state of each lane are wires
+to all others and to the shut-off valves (added: the link has no part in them).  A failed lane's
 servo channels are shut off; its samples stay in the vote while its link is in order.
 It is readmitted by command alone, when it runs and has agreed with the leading lane for ``rejoin_s``.
-Source: Zhang 2023, sections 0 to 2, which name the tests; thresholds, times and coverage are ours.
+Source: Zhang 2023, sections 0 to 2, which name the tests; thresholds, times and coverage are added.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ LANE: Final = np.dtype(
 )
 SYSTEM: Final = np.dtype(
     [
-        ("leading", "i8"),  # the first lane that is engaged, or NOBODY: the back-up flies
+        ("leading", "i8"),  # the first lane that is engaged, or ``NOBODY``: the back-up flies
         ("led", "i8"),  # the last lane that led
         ("backup", "u1"),
         ("taken_over", "u1"),  # the back-up has begun
@@ -75,7 +75,7 @@ ORDER: Final = np.dtype([("frame", "i8"), ("does", "i8"), ("lane", "i8")], align
 
 
 class HealthData(NamedTuple):
-    """What the lanes know of each other, and of themselves."""
+    """Results of the tests of lanes by each other, and by themselves."""
 
     limits: NDArray[Any]  # (1,) LIMITS
     lane: NDArray[Any]  # (4,) LANE, in place
@@ -166,7 +166,7 @@ def engage(frame, data):
 
 @kernel
 def fail_accused(data):
-    """Fail the lanes that a strict majority of the other engaged ones accused in the last frame."""
+    """Fail the lanes that a strict majority of the other engaged ones voted out in the last frame."""
     fitted, lane = data.limits[0]["fitted"], data.lane
     accused = 0
     for j in range(fitted):
@@ -206,7 +206,7 @@ def start_and_stop(frame, data):
 
 @kernel
 def execute(order, data):
-    """Do what the pilot commands; a readmission waits for no one: a lane that has not agreed so long stays out."""
+    """Do what the pilot commands; a readmission does not wait: a lane that has not agreed for long enough stays out."""
     if order["does"] == _BACK_UP:
         data.system[0]["backup"] = 1
         return
@@ -264,7 +264,7 @@ def test_itself(i, k, frame, off, data):
 
 @kernel
 def is_content(lane):
-    """Return True if no test of the lane's own speaks against it."""
+    """Return True if the lane passes all its own tests."""
     return lane["wrap_frames"] == 0 and lane["voltage_frames"] == 0 and lane["stopped_frames"] == 0
 
 
@@ -287,7 +287,7 @@ def watch_clocks(frame, lead, silent, data):
 
 @kernel
 def accuse(i, commands_differ, link_states, data):
-    """Write whom lane i accuses, and for what.
+    """Write the lanes against which lane i votes, and for which test.
 
     commands_differ : (4,) its vote of the commands has failed those of that lane;  link_states : (4,) LinkState
     """
@@ -306,7 +306,7 @@ def accuse(i, commands_differ, link_states, data):
 
 @kernel
 def suspect(data):
-    """Mark the engaged lanes that somebody accuses, or whose own tests miscompare."""
+    """Mark the engaged lanes with a vote against them, or whose own tests miscompare."""
     fitted = data.limits[0]["fitted"]
     for j in range(fitted):
         if is_engaged(data.lane[j]):

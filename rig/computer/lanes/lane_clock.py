@@ -53,7 +53,7 @@ def clocks(config: Config, rate_hz: float, skew: NDArray[np.float64], seeds: See
 
 @kernel
 def sample_early(sensors, skew, lead):
-    """Let each lane's sensors sample when its clock says.
+    """Let each lane's sensors sample at the times of its clock.
 
     sensors : (S,) PARAMS of theirs;  skew : (S, 4) frames without the clocks;  lead : (4,) frames
     """
@@ -67,7 +67,7 @@ def sample_early(sensors, skew, lead):
 def run_on(clock, silent, counted, drift):
     """Run the clocks on to the next frame; clock : CLOCK, in place.
 
-    silent : (lanes, lanes) frames, receiver by sender, in which no message came: of those nobody is measured
+    silent : (lanes, lanes) frames, receiver by sender, in which no message came: these are not measured
     counted : (lanes,) whose clocks count: those of engaged lanes;  drift : (lanes,) frames a frame, of faults
     """
     lead, after, measured, last = clock["lead"], clock["next"], clock["measured"], np.inf

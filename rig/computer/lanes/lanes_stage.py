@@ -1,15 +1,15 @@
-"""The computers of a flight with several: lanes A to D, each with records and state of its own, at their first frame.
+"""The computers of a flight with several: lanes A to D, each with its own records and state, at their first frame.
 
-A frame of theirs, each part in a file of its own:
+Their frame, each part in one file:
 
     engage    who is engaged, stops, starts again and leads                                 health.py
     share     each samples its own channel and has the others' by the link                  link.py, exchange.py
     think     as one computer does, with the same kernels, on its own BUS and FCC           think.py
     command   each tells its command, votes all, and puts out what is voted                 command.py
-    test      each tests itself and accuses others                                          health.py
+    test      each tests itself and the others                                              health.py
     lead      the first engaged lane's FCC is the row's; where none is, the back-up's       backup_lane.py
 
-Who reads the row sees what the leading lane decided.  Lanes that hold the same samples are equal, bit for bit.
+The row holds the decisions of the leading lane.  Lanes that hold the same samples are equal, bit for bit.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _MOST_NOTED: Final = 127
 
 
 class Orders(NamedTuple):
-    """What the actuators are told by several computers."""
+    """Commands of several computers to the actuators."""
 
     asked: NDArray[np.float64]  # (4, 4) of each servo channel, lane by surface
     given: NDArray[np.float64]  # (4,) where there are no servos: the median of the engaged lanes'
@@ -72,10 +72,10 @@ class Orders(NamedTuple):
 
 
 class LaneData(NamedTuple):
-    """What the lanes have of their own; ``[i]`` of an array is what one computer has, the last the back-up's."""
+    """Data of the lanes; ``[i]`` of an array is that of one computer, the last that of the back-up."""
 
     fitted: int  # lanes that think
-    outside: int  # the lane whose computer is a unit under test, or NOBODY
+    outside: int  # the lane whose computer is a unit under test, or ``NOBODY``
     bus: NDArray[Any]  # (4,) BUS
     fcc: NDArray[Any]  # (5,) FCC
     references: NDArray[Any]  # and so on: states, in place
@@ -182,7 +182,7 @@ def think_before(row, k, data, lanes):
 
 @inlined
 def think_after(row, k, data, lanes):
-    """Let the lanes tell and vote their commands, test and accuse, and fill the row's FCC record by the leading one."""
+    """Exchange and vote the lanes' commands, test the lanes, and fill the row's FCC record by the leading one."""
     command(row, lanes, data.faults)
     watch(row["frame"], k, lanes)
     lead(row, k, data, lanes)
@@ -234,7 +234,7 @@ def command(row, lanes, faults):
 
 @kernel
 def watch(frame, k, lanes):
-    """Let the lanes test what they put out, watch each other, and accuse."""
+    """Let the lanes test their outputs and each other, and vote."""
     data, limits = lanes.health, lanes.health.limits[0]
     for i in range(lanes.fitted):
         off = False
@@ -326,7 +326,7 @@ def note_votes(out, fcc):
 
 @kernel
 def sample(sensors, lanes):
-    """Let the sensors sample when the lanes' clocks say; sensors : (S,) PARAMS, lanes : LaneData or None."""
+    """Let the sensors sample at the times of the lanes' clocks; sensors : (S,) PARAMS, lanes : LaneData or None."""
     if lanes is not None:
         sample_early(sensors, lanes.clocks.skew, lanes.clocks.clock[0]["lead"])
 

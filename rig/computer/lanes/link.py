@@ -1,7 +1,7 @@
 """The data link between the lanes: what each lane's BUS has of the others' channels in a frame.
 
 Each lane samples its own channel and tells it to the others (exchange.py).  A message that comes later than the
-receiver reads is one of the frame before.  What is missing is not valid in the receiver's BUS, and no number; inertial
+receiver reads is one of the frame before.  A missing sample is not valid in the receiver's BUS, and NaN; inertial
 unit and the pilot's commands are common to all lanes.  While nothing is broken and all messages are in time each lane
 has what was sampled, and nothing is exchanged one by one.
 """
@@ -100,7 +100,7 @@ def links(config: Config, rate_hz: float, signals: NDArray[Any]) -> LinkData:
 def share_samples(row, each, lead, running, faults, data):
     """Write the BUS records of all lanes from what was sampled in ``row``, with the faults of links.
 
-    each : (4,) BUS;  lead : (4,) frames by which each samples early;  running : (4,) lanes that say something
+    each : (4,) BUS;  lead : (4,) frames by which each samples early;  running : (4,) lanes that transmit
     data : LinkData
     """
     link, bus = data.link[0], row["bus"]
@@ -267,7 +267,7 @@ def unpack(message, bus, c):
 
 @kernel
 def miss(bus, c):
-    """Mark all samples of channel c missing; what a monitor of theirs says is missing too."""
+    """Mark all samples of channel c missing; results of their in-line monitors are missing too."""
     for s in range(S):
         if bus["ilm"][s, c] != Ilm.ABSENT:
             bus["channels"][s, c], bus["valid"][s, c], bus["ilm"][s, c] = np.nan, 0, Ilm.BAD
@@ -278,7 +278,7 @@ def miss(bus, c):
 
 @kernel
 def put_off(message, thresholds, signals):
-    """Add to every sample of a MESSAGE so many thresholds of its signal's monitor; signals : (S,) PARAMS."""
+    """Add ``thresholds`` of its signal's monitor to every sample of a MESSAGE; signals : (S,) PARAMS."""
     if thresholds == 0.0:
         return
     for s in range(S):
@@ -289,7 +289,7 @@ def put_off(message, thresholds, signals):
 
 @kernel
 def same(one, other):
-    """Return True if two MESSAGEs say the same, bit for bit; no number is no number."""
+    """Return True if two MESSAGEs are equal, bit for bit; NaN equals NaN."""
     for s in range(S):
         x, y = one["sample"][s], other["sample"][s]
         if not (x == y or (x != x and y != y)):

@@ -1,7 +1,7 @@
 """One frame of one computer, from its BUS record to its FCC record: references, votes, control law.
 
-It reads nothing else of the row; faults on references mark there that they act.  Who votes in the place of the manager,
-a class of the user's own or a unit under test, stands between ``give_references`` and ``follow_votes``.
+It reads nothing else of the row; faults on references mark there that they act.  A voter in the place of the manager,
+a class of the user or a unit under test, stands between ``give_references`` and ``follow_votes``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rig.world.faults import FaultData, corrupt_reference
 
 
 class ComputerData(NamedTuple):
-    """What one computer needs besides its records."""
+    """Data of one computer besides its records."""
 
     redundancy: RedundancyData
     control: ControlData

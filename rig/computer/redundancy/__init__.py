@@ -107,7 +107,7 @@ def flight_parameters(
 
 
 def common_fails(config: Config, tested: Collection[str]) -> list[bool]:
-    """Return for each signal whether a common mode fails it (ours); one of ``tested`` only by its own setting."""
+    """Return for each signal whether a common mode fails it (added); one of ``tested`` only by its own setting."""
     general = {signal.name: "report" if signal.name in tested else config.common_mode for signal in SIGNALS}
     return [(getattr(config.signals, name).common_mode or mode) == "fail" for name, mode in general.items()]
 

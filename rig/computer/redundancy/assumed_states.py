@@ -1,6 +1,6 @@
-"""What is assumed of an answer that leaves out its states, its levels or both: all fitted channels are in use.
+"""Assumptions for a reply without states, levels or both: all fitted channels are in use.
 
-A unit under test or a manager of the user's own need say no more than its votes.  What it does say is taken as it is:
+A unit under test or a manager of the user may return its votes alone.  Other values are taken as they are:
 level 0 is a lost signal.
 """
 

@@ -1,6 +1,6 @@
 """Managers to compare with: mean, weighted mean, median, cross-voter monitor, selection of one channel.
 
-Same records, same parameters and state, same interface as manager.manage.  Mean and median fail nobody, and
+Same records, same parameters and state, same interface as manager.manage.  Mean and median isolate no channel, and
 a selection takes back what it distrusted by itself, so resets concern the cross-voter monitor alone.
 Sources: Zhang 2023, section 1 (why mean and cross-voter are not good enough); the selector of the PX4 autopilot for
 several inertial units: deviation from their mean, low-passed a sample at a time by 0.95 and 0.05, its norm over the
@@ -27,7 +27,7 @@ _LARGEST: Final = 1e150  # of a deviation: its square is finite
 
 @kernel
 def average(bus, fcc, data):
-    """Vote the arithmetic mean of all comparable samples of each signal of a row; nobody is ever failed (section 1)."""
+    """Vote the arithmetic mean of all comparable samples of each signal of a row; isolate no channel (section 1)."""
     params, state = data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
@@ -48,7 +48,7 @@ def mean_of(st, n):
 
 @kernel
 def weighted(bus, fcc, data, on):
-    """Vote the weighted average of all comparable samples of each signal of a row; nobody is ever failed.
+    """Vote the weighted average of all comparable samples of each signal of a row; isolate no channel.
 
     A sample that is far from all others has next to no weight: w_c = 1 / (1 + prod over j != c of ((x_c - x_j) / a)^2).
     """
@@ -93,7 +93,7 @@ def weight_of(i, n, p, st):
 
 @kernel
 def plain_median(bus, fcc, data):
-    """Vote the median of all comparable samples of each signal of a row; nobody is ever failed."""
+    """Vote the median of all comparable samples of each signal of a row; isolate no channel."""
     params, state = data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
@@ -176,7 +176,7 @@ def choose(here, p, st):
 
     here : the channels with comparable samples, a bit each
     When none is trusted it stays where it is, or, if its channel has no comparable sample, goes to the one with
-    the least excess that has; when nobody has, the last sample stands.
+    the least excess that has; if none has, the last sample stands.
     """
     best, least, most = -1, -1, -1
     for c in range(CHANNELS - 1, -1, -1):
@@ -219,7 +219,7 @@ def cross_voter(bus, fcc, data):
 
 @kernel
 def ranked(bus, s, p, st):
-    """Rank the samples of signal s into its state; nobody miscompares yet.  Returns their number."""
+    """Rank the samples of signal s into its state; no channel miscompares yet.  Returns their number."""
     samples, valid = bus["channels"][s], bus["valid"][s]
     for c in range(CHANNELS):
         st["miscomparing"][c] = False

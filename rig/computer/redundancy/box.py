@@ -1,10 +1,10 @@
-"""LRU failure: a channel accused on several signals of a box at once is failed on all signals of that box.
+"""LRU failure: a channel faulty on several signals of a box at once is isolated on all signals of that box.
 
 A box is a named set of signals that one unit of each channel measures: air data, inertial, sticks.
 
 One frame's evidence against a channel on one signal: it miscompares, its sample is not comparable, or an in-line
-monitor or the reference blames it for a split.  Trend, extremes and middle are no evidence.
-Ours: docs/redundancy.md, 'LRU failure'; Zhang 2023, sections 2 and 6, name a computer's channel fault logic only.
+monitor or the reference decides against it in a split.  Trend, extremes and middle are no evidence.
+Added: docs/redundancy.md, 'LRU failure'; Zhang 2023, sections 2 and 6, name a computer's channel fault logic only.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def boxes(of_signal: NDArray[np.int64], signals: int | None, persistence: int) -
     """Return the (1,) BOXES record at the first frame.
 
     of_signal : (S,) box of each signal, from 1; 0 for none
-    signals : that must accuse a channel at once, at most all of its box; None: more than half of the box, and two at
-              least, since one signal has its own comparison; 0: no channel is failed as a box
+    signals : with evidence against a channel at once, at most all of its box; None: more than half of the box, and at
+              least two, since one signal has its own comparison; 0: no channel is isolated as a box
     persistence : frames in a row
     """
     record = np.zeros(1, BOXES)
@@ -78,7 +78,7 @@ def boxes(of_signal: NDArray[np.int64], signals: int | None, persistence: int) -
 
 @kernel
 def accused(decided_by, ranked, p, st):
-    """Return the channels against which this frame's evidence of one signal speaks, a bit each.
+    """Return the channels against which one signal has evidence in this frame, a bit each.
 
     ranked : bits of the channels with a comparable sample
     """
@@ -96,7 +96,7 @@ def accused(decided_by, ranked, p, st):
 
 @kernel
 def fail_boxes(fcc, params, state, box):
-    """Fail, box by box, on all its signals the channels accused long enough on enough of them."""
+    """Isolate, box by box, on all signals the channels with evidence against them for long enough."""
     box["counting"] = False
     for b in range(1, MOST_BOXES + 1):
         if box["needed"][b] > 0:
@@ -105,7 +105,7 @@ def fail_boxes(fcc, params, state, box):
 
 @kernel
 def fail_box(b, fcc, params, state, box):
-    """Fail the units of box ``b`` that are accused long enough, unless they are the majority of those there."""
+    """Isolate the units of box ``b`` with evidence against them for long enough, unless they are the majority."""
     condemned, candidates, units = 0, 0, 0
     for c in range(CHANNELS):
         against, in_use = 0, False
@@ -127,7 +127,7 @@ def fail_box(b, fcc, params, state, box):
 
 @kernel
 def begin_counts(box):
-    """Set all counts to zero, in a frame in which too few signals are accused for any box."""
+    """Set all counts to zero, in a frame in which too few signals have evidence for any box."""
     box["counting"] = False
     box["count"][:] = 0
 

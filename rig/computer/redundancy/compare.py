@@ -1,7 +1,7 @@
 """Cross-channel comparison: which samples count, how they are ranked, which pattern they make.
 
 Source: Zhang 2023, section 2 (what a miscompare is) and section 3 with figures 2 and 3 (splits).
-Ours: thresholds by the number of samples, the isolation threshold, what is not comparable.
+Added: thresholds by the number of samples, the isolation threshold, what is not comparable.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def comparable(sample, valid, low, high):
 
 @kernel
 def threshold(n, p):
-    """Return within what two of ``n`` comparable samples agree, unit of the signal (section 2; by level: ours)."""
+    """Return within what two of ``n`` comparable samples agree, unit of the signal (section 2; by level: added)."""
     if n == CHANNELS:
         return p["threshold"]
     return p["threshold_triplex"] if n == 3 else p["threshold_duplex"]
@@ -50,7 +50,7 @@ def threshold(n, p):
 
 @kernel
 def outlier_threshold(n, p):
-    """Return within what ``n`` samples that all agree must be, unit of the signal; 0: nothing more (ours)."""
+    """Return within what ``n`` samples that all agree must be, unit of the signal; 0: nothing more (added)."""
     if n == CHANNELS:
         return p["outlier_threshold"]
     return p["outlier_threshold_triplex"] if n == 3 else 0.0
@@ -94,7 +94,7 @@ def pattern_of(x, order, n, within, limit, miscomparing):
     """Return the pattern of ``n`` ranked samples, outliers included; ``miscomparing`` as of ``classify``.
 
     Where all agree ``within`` they are compared once more by the isolation threshold, which a single channel must keep
-    to while the others show a majority: without one at that scale nobody is blamed (ours: 'Outliers' in docs).
+    to while the others show a majority: without one at that scale no channel is suspect (added: 'Outliers' in docs).
     limit : the isolation threshold, 0 for none
     """
     pattern = classify(x, order, n, within, miscomparing)

@@ -1,7 +1,7 @@
 """Discrete signals: majority, the fail-safe value when there is none, isolation by persistence.
 
 Source: Zhang 2023, section 4, item 1 (majority, the fail-safe value without one, who differs from the vote fails).
-Ours: the persistence before that, what is not comparable.
+Added: the persistence before that, what is not comparable.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def majority(samples, valid, ilm, p, st):
 def isolate(samples, valid, ilm, voted, p, st, states):
     """Count, latch and report the channels of one discrete; returns how many are left.
 
-    A channel that cannot be compared or differs from ``voted`` for ``persistence`` frames in a row is failed.
+    A channel that cannot be compared or differs from ``voted`` for ``persistence`` frames in a row fails.
     """
     level = 0
     for c in range(CHANNELS):

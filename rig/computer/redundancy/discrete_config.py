@@ -11,7 +11,7 @@ from pydantic import Field, create_model, model_validator
 from rig.core.frame import DISCRETES, D
 from rig.core.settings import Settings, fill, in_frames, refuse_both
 
-PERSISTENCE: Final = 8  # frames, of a discrete that has none of its own
+PERSISTENCE: Final = 8  # frames, of a discrete without a setting
 
 
 class DiscreteConfig(Settings):
@@ -48,7 +48,7 @@ def discrete_parameters(
 ) -> NDArray[np.void]:
     """Return the (D,) DISCRETE_PARAMS records of a ``DiscreteConfigs``.
 
-    channels : (D,) of the sensors; persistence : frames, of a discrete that has none of its own
+    channels : (D,) of the sensors; persistence : frames, of a discrete without a setting
     """
     params = np.zeros(D, DISCRETE_PARAMS)
     for row, discrete, fitted in zip(params, DISCRETES, channels, strict=True):

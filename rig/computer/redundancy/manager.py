@@ -2,7 +2,7 @@
 
 One pass per signal and frame: rank the samples, name the pattern, vote, count, latch.  Only the channels
 and the references of the row are read, never the truth.
-Source: Zhang 2023, whose sections are named at each rule; rules beyond it are marked as ours.
+Source: Zhang 2023, whose sections are named at each rule; rules beyond it are marked as added.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ def to_compare(samples, valid, reference, base, n, p, st):
 
 @kernel
 def come_together(order, n, p, st):
-    """Return True if a split that the filter still shows has closed: its samples in the middle agree again (ours).
+    """Return True if a split that the filter still shows has closed: its samples in the middle agree again (added).
 
     order : (4,) of what is compared.  Such a frame settles nothing: it may be the rest of a burst.
     """
@@ -165,7 +165,7 @@ def come_together(order, n, p, st):
 def latch_all(decided_by, slow, m, n, p, st):
     """Latch what has persisted and whom the sums fail, and learn; return the rule.
 
-    slow : channel that the sums of small deviations fail, or NOBODY; m : the middle of the samples
+    slow : channel that the sums of small deviations fail, or ``NOBODY``; m : the middle of the samples
     """
     level = st["level"]
     if slow != slow_faults.NOBODY:
@@ -180,7 +180,7 @@ def latch_all(decided_by, slow, m, n, p, st):
 
 @kernel
 def vote_quiet(reference, second, n, p, st):
-    """Vote a quiet signal, the rest of ``manage_signal`` without what nobody gave a reason for; same bits."""
+    """Vote a quiet signal, the rest of ``manage_signal`` without the parts that no channel needs; same bits."""
     x, order = st["x"], st["order"]
     st["reference_threshold"], st["threshold"] = reference_monitor.reference_threshold(reference, p), threshold(n, p)
     st["pattern_frames"] += 1
@@ -257,7 +257,7 @@ def decide(ilm, reference, compared, n, p, st):
 
 @kernel
 def publish(vote_before_fade, p, st):
-    """Store the vote and its faded output; the fade, ours, starts in the frame after a change of level.
+    """Store the vote and its faded output; the fade, which is added, starts in the frame after a change of level.
 
     Differences of samples near the largest number overflow: then the last vote holds, and nothing is faded.
     """
@@ -278,7 +278,7 @@ def publish(vote_before_fade, p, st):
 
 @kernel
 def report(p, st, states):
-    """Write the (4,) channel states: failed, suspect while it miscompares or is blamed, else ok."""
+    """Write the (4,) channel states: failed, suspect while it miscompares or a rule is against it, otherwise ok."""
     for c in range(CHANNELS):
         if c >= p["fitted"]:
             states[c] = State.ABSENT

@@ -71,11 +71,13 @@ class SignalConfig(Settings):
     def _fit_together(self) -> SignalConfig:
         refuse_both(self, "persistence", "split_persistence")
         if self.count_down is not None and "persistence" not in self.model_fields_set:
-            raise ValueError("count_down: give persistence, the count in frames that fails a channel, beside it")
+            raise ValueError("count_down: needs persistence, the count in frames that isolates a channel")
         if self.trend_small is not None and self.trend_window == "tumbling":
-            raise ValueError('trend_small: not with trend_window = "tumbling", which only answers after whole windows')
+            raise ValueError(
+                'trend_small: not allowed with trend_window = "tumbling", which decides after whole windows only'
+            )
         if (self.slow_allowance is None) != (self.slow_limit is None):
-            raise ValueError("slow_allowance, slow_limit: both or neither")
+            raise ValueError("slow_allowance, slow_limit: give both or neither")
         return self
 
     @model_validator(mode="after")

@@ -111,9 +111,9 @@ class Manager:
     """A manager of the house; ``state`` is plain data and can be copied.
 
     name : of KINDS; params : (S,) config.PARAMS, those of a baseline manager by ``with_settings``, or defaults
-    box_signals, box_persistence : as in config.Config, of the boxes in ``params``; 0: no channel is failed as a box
+    box_signals, box_persistence : as in config.Config, of the boxes in ``params``; 0: no channel is isolated as a box
     as_unit : the signals are the axes of one unit, of which "selection" selects one channel
-    watches : a baseline manager computes its statistics, and fails nobody by them
+    watches : a baseline manager computes its statistics, and isolates no channel by them
     """
 
     def __init__(

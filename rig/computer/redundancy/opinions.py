@@ -1,10 +1,10 @@
 """Answers of single tie-break rules when no majority exists: in-line monitor, trend, reference.
 
-Of two halves an answer is a set of sides to be failed, as bits: HIGH_SIDE the larger half of the samples,
-LOW_SIDE the smaller.  Where nobody agrees with anybody it is the one channel to be kept.  NO_ANSWER when a
+For two halves an answer is the set of faulty sides, as bits: HIGH_SIDE the larger half of the samples,
+LOW_SIDE the smaller.  Where no two channels agree it is the one channel to keep.  NO_ANSWER when a
 rule cannot tell.
 Source: Zhang 2023, section 2 (ILM), section 6 with figure 7 and Table 1 (trend), section 7 with figure 8 (reference).
-Ours: ILM and reference where nobody agrees with anybody; a side that does not move has no trend.
+Added: ILM and reference where no two channels agree; a side that does not move has no trend.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SMALLER_TRUE, LARGER_TRUE, BOTH_FALSE = 0, 1, 2  # what trend bytes say
 
 @kernel
 def by_ilm(ilm, order, n):
-    """Return what the channels' own monitors blame, if they follow the pairing; else NO_ANSWER (section 2).
+    """Return the side that the in-line monitors find faulty, if they follow the pairing, or NO_ANSWER (section 2).
 
     ilm : (4,) flags by channel; order : (4,) channels by ascending value; n : 4 or 2
     """
@@ -45,9 +45,9 @@ def by_ilm(ilm, order, n):
 
 @kernel
 def by_lanes(lanes, order, n):
-    """Return the half whose computers are failed, if the other half's are all in order; else NO_ANSWER (section 6).
+    """Return the half whose computers failed, if those of the other half are healthy, or NO_ANSWER (section 6).
 
-    lanes : a bit for each channel whose computer is failed
+    lanes : a bit for each channel whose computer failed
     """
     low, high = False, False
     for i in range(n // 2):
@@ -60,9 +60,9 @@ def by_lanes(lanes, order, n):
 
 @kernel
 def by_trend(track, p):
-    """Return what the trend bytes of the two voting ranks blame (section 6, figure 7).
+    """Return the side that is faulty by the trend bytes of the two voting ranks (section 6, figure 7).
 
-    Both halves are blamed only of the pair that extremes have left, by changes against each other (section 8).
+    Both halves are faulty only for the pair that extremes have left, by changes against each other (section 8).
     """
     says = track["trend_says"]
     if p["trend_tumbles"] == 0:  # over ``trend_frames`` or, of changes of at most ``trend_small``, over one
@@ -102,7 +102,7 @@ def middle(high, low, reference):
 
 @kernel
 def only_good(ilm, order, n):
-    """Return the one channel whose own monitor says good while all others say bad; else NO_ANSWER (ours)."""
+    """Return the one channel whose in-line monitor is good while all others are bad, or NO_ANSWER (added)."""
     good, bad, kept = 0, 0, NO_ANSWER
     for i in range(n):
         c = order[i]
@@ -114,7 +114,7 @@ def only_good(ilm, order, n):
 
 @kernel
 def only_near(x, order, n, reference, threshold, wraps):
-    """Return the one channel within the threshold of the reference; NO_ANSWER for none or several (ours)."""
+    """Return the one channel within the threshold of the reference; NO_ANSWER for none or several (added)."""
     near, kept = 0, NO_ANSWER
     for i in range(n):
         c = order[i]
@@ -128,8 +128,8 @@ def update_trend(track, high, low, n, p):
     """Shift this frame's two bits into the trend bytes (section 6); start again with another number of samples.
 
     A variation data byte (VDB) shifts left each frame; D0 is 1 when this frame's value of the rank is larger than the
-    last frame's.  Only this frame's and the last frame's values are stored.  Of windows that tumble the bytes begin
-    again every ``trend_frames`` changes, and what a whole one says stands until the next is.
+    last frame's.  Only this frame's and the last frame's values are stored.  With tumbling windows the bytes begin
+    again every ``trend_frames`` changes, and the result of a whole one stands until the next.
 
     track : one manager.STATE record; high, low : values of the two voting ranks; n : number of valid samples
     Writes rise_high, rise_low, trend_high, trend_low, trend_seen, still_high, still_low, last_high, last_low, last_n.
@@ -164,7 +164,7 @@ def trend_verdict(track, frames):
 
     LARGER_TRUE: both ranks rose throughout.  SMALLER_TRUE: neither rose once.  BOTH_FALSE: the larger never rose, and
     the smaller did throughout: each changes against itself.  NO_ANSWER: anything else, fewer changes seen, or one
-    rank frozen while the other moves: a frozen one does not fall (ours).
+    rank frozen while the other moves: a frozen one does not fall (added).
     """
     rising = (1 << frames) - 1
     high, low = track["trend_high"] & rising, track["trend_low"] & rising

@@ -9,7 +9,7 @@ channels that they fail, in every frame (docs/redundancy.md has one of each); as
 state : (S,) records of the module's dtype ``STATE``, or of one number; zeros at first, kept from frame to frame
 frame : number of the frame in the flight, from 0, where ``k`` is but a row of the block
 
-Whatever they raise becomes one line, and so does a first frame without a vote.
+Any error that they raise becomes one line, and so does a first frame without a vote.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def _of_class(name: str, manager: Any, params: NDArray[np.void]) -> Step:
     if _takes(taken, (*_STEP, _FRAME)):
         return step
     if len(taken) != len(_STEP):
-        raise BadInput(f"redundancy.manager: {name!r} has step({', '.join(taken)}), now it is step(bus, fcc, k)")
+        raise BadInput(f"redundancy.manager: {name!r} has step({', '.join(taken)}), expected step(bus, fcc, k)")
     return lambda bus, fcc, k, _: step(bus, fcc, k)
 
 

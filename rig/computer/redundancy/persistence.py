@@ -1,7 +1,7 @@
 """Persistence: miscompare counters, answers that last, latched failures, readmission by command.
 
 Source: Zhang 2023, section 2 (a failure is a miscompare that outlasts the time threshold).
-Ours: how long counts stand still for splits and how long an answer to one must stand, the
+Added: how long counts stand still for splits and how long an answer to one must stand, the
 up-and-down counter, what becomes of a split that nothing answers, readmission.
 """
 
@@ -21,9 +21,9 @@ def count_miscompares(n, ranked, vote, p, st):
     """Count the frames in a row that each channel disagreed with all others (section 2).
 
     A sample that is not comparable counts always; during a split and for a while after it the counts
-    of the others stand still, so that the ordinary rule does not fail everybody first.  An agreeing frame sets the
-    count to zero, or with ``count_down`` takes that off it.  Behind a filter a miscompare counts while the sample
-    itself is off the vote, and else takes one off: what the filter still shows of a burst fails nobody.
+    of the others stand still, so that the ordinary rule does not isolate all channels first.  An agreeing frame sets
+    the count to zero, or with ``count_down`` takes that off it.  Behind a filter a miscompare counts while the sample
+    itself is off the vote, otherwise one is taken off: the filter's tail of a burst isolates no channel.
     ranked : bits of the channels with a comparable sample
     """
     frozen = counts_stand_still(n, p, st)
@@ -52,10 +52,10 @@ def is_off(c, n, vote, p, st):
 
 @kernel
 def counts_stand_still(n, p, st):
-    """Return True if persistence counters hold in this frame (ours).
+    """Return True if persistence counters hold in this frame (added).
 
     They do during a run of splits and, after it, for as long as it was, ``split_persistence`` at most: noise that
-    splits the good pair of a 2:2 must not let the comparison fail it.  What disputes a last channel needs no majority.
+    splits the good pair of a 2:2 must not let the comparison fail it.  For a last channel no majority is needed.
     """
     if is_split(st["pattern"]):
         st["split_run"] += 1
@@ -71,11 +71,11 @@ def counts_stand_still(n, p, st):
 
 @kernel
 def has_stood(decided_by, p, st):
-    """Return True if the answer to a split may be acted on (ours).
+    """Return True if the answer to a split may be acted on (added).
 
-    The pattern has lasted for ``split_persistence`` frames, and the same rule has blamed the same channels in at
+    The pattern has lasted for ``split_persistence`` frames, and the same rule was against the same channels in at
     least as many frames in a row as half of that: one row without a reference decides nothing.  The byte of a trend
-    speaks for all frames that it covers and in which no other rule answered.
+    counts for all frames that it covers and in which no other rule answered.
     Writes answer, answer_blames and answer_frames, and counts the frames without an answer, which one that does not
     stand, or a frame without all samples, leaves as they are.
     """
@@ -109,9 +109,9 @@ def has_stood(decided_by, p, st):
 
 @kernel
 def settle(decided_by, p, st):
-    """Latch what has persisted, and what an answer that has stood blames; return the rule.
+    """Latch persistent miscompares and the channels of a tie-break that has stood; return the rule.
 
-    A split that no rule has answered for ``unresolved_s`` is given up (ours): all channels of the signal are failed, so
+    A split that no rule has answered for ``unresolved_s`` is given up (added): all its channels are isolated, so
     that its reference flies, or its degraded mode.  Where extremes have settled 1:1:1:1 the two that are left stay
     under suspicion (section 8, item 1).
     """
@@ -128,7 +128,7 @@ def settle(decided_by, p, st):
 
 @kernel
 def latch(settled, p, st):
-    """Latch failures that persisted: miscompares (section 2), and channels blamed in a pattern that is ``settled``."""
+    """Latch failures that persisted: miscompares (section 2), and channels that lost a ``settled`` split."""
     level = 0
     for c in range(p["fitted"]):
         if st["count"][c] >= p["persistence"] or (settled and st["blamed"][c]):
@@ -141,7 +141,7 @@ def latch(settled, p, st):
 
 @kernel
 def watch_failed(values, samples, valid, vote, p, st):
-    """Count how long each failed channel has agreed with the vote again, for a readmission by command (ours).
+    """Count how long each failed channel has agreed with the vote again, for a readmission by command (added).
 
     values : (4,) what is compared with the vote, of these samples
     """
@@ -155,7 +155,7 @@ def watch_failed(values, samples, valid, vote, p, st):
 
 @kernel
 def readmit(commanded, p, st):
-    """Clear failures of ``commanded`` channels, bits, that agreed with the vote for ``readmit_frames`` (ours)."""
+    """Clear failures of ``commanded`` channels, bits, that agreed with the vote for ``readmit_frames`` (added)."""
     if commanded == 0:
         return
     for c in range(p["fitted"]):

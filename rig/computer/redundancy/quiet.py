@@ -1,6 +1,6 @@
 """The short way through a frame, of a signal all of whose channels agree: the same bits as the long one, sooner.
 
-In such a frame nobody is suspected, counted, blamed or faded, and all fitted channels are ranked.
+In such a frame no channel is suspect, counted or faded, and all fitted channels are ranked.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rig.core.kernels import kernel
 def is_quiet(n, p, st):
     """Return True if all channels of the signal agree, and nothing of earlier frames is pending.
 
-    Then nobody is suspected, counted, blamed or faded, which is nearly every frame of a flight.  Where channels are
+    Then no channel is suspect, counted or faded, which is nearly every frame of a flight.  Where channels are
     compared without biases all must be near each other; a chain that is longer takes the long way.
     """
     if n < 2 or n != p["fitted"] or n != st["level"] or st["pattern"] != Pattern.NORMAL or not st["started"]:
@@ -67,7 +67,7 @@ def at_rest(m, n, p, st):
 def last_quiet(m, n, p, st):
     """Sum and learn of a quiet signal, all of whose ``n`` channels are ranked and none suspected; same bits.
 
-    Returns whom the sums fail, or NOBODY; it has learned then.
+    Returns whom the sums fail, or ``NOBODY``; it has learned then.
     """
     limit = p["slow_limit"]
     if limit > 0.0 and n >= 3 and not at_rest(m, n, p, st):

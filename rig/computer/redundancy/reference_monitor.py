@@ -1,7 +1,7 @@
 """References: their threshold, their own monitor, the last channel, two of them against all channels.
 
 Source: Zhang 2023, section 7 (a reference is no channel, and is compared to know whether it is usable).
-Ours: the threshold by airspeed, 'The last channel' and 'Two references against all channels' of docs/redundancy.md.
+Added: the threshold by airspeed, 'The last channel' and 'Two references against all channels' of docs/redundancy.md.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ REFERENCE_MARGIN: Final = 1.5
 
 @kernel
 def reference_threshold(reference, p):
-    """Return how far a sample may be from its reference [unit of the signal] (ours); p : a PARAMS record.
+    """Return how far a sample may be from its reference [unit of the signal] (added); p : a PARAMS record.
 
     A constant for each signal.  A reference of the dynamic pressure that knows the speed over ground only has a second
     bound, and the less of the two counts: wind is its error, and the same wind is more pascals the faster the aircraft
@@ -82,9 +82,9 @@ def cut_pair(decided_by, n, reference, p, st):
 
 @kernel
 def check_last(ilm, reference, p, st):
-    """Check the last channel by its own monitor and its reference, as nobody is left to compare it with (ours).
+    """Check the last channel by its own monitor and its reference, as no other channel is left to compare with (added).
 
-    While either speaks against it the reference votes if it is usable, else the last vote holds.  Returns rule and
+    While either is against it the reference votes if it is usable, otherwise the last vote holds.  Returns rule and
     vote.
     """
     c = st["order"][0]
@@ -100,9 +100,9 @@ def check_last(ilm, reference, p, st):
 
 @kernel
 def contradicted(n, vote, reference, second, p, st):
-    """Return True if both references speak against a vote on which all channels in use agree (ours).
+    """Return True if both references disagree with a vote on which all channels in use agree (added).
 
-    Two references count as two while what they read is in order: none begins to speak where a signal that both may
+    Two references count as two while what they read is in order: neither starts to disagree if a signal that both may
     know from one source, a rate or a load factor and the inertial unit's of the same, was disputed before.
     n : comparable samples; vote : before the fade; reference, second : NaN where there is none
     """
@@ -122,9 +122,9 @@ def contradicted(n, vote, reference, second, p, st):
 
 @kernel
 def watch_common(decided_by, n, vote, reference, second, p, st):
-    """Count the frames of a contradiction and, at ``common_persistence``, report it; return the rule (ours).
+    """Count the frames of a contradiction and, at ``common_persistence``, report it; return the rule (added).
 
-    By choice every channel in use is failed then: the signal is lost, and its reference, which its own monitor may
+    By choice every channel in use is isolated then: the signal is lost, and its reference, which its own monitor may
     have set aside because the channels outvoted it, is usable.
     """
     watch_second(n, vote, second, p, st)
@@ -151,7 +151,7 @@ def watch_second(n, vote, second, p, st):
 
 @kernel
 def disputed(params, state):
-    """Return a bit for each signal that others are told by, and that one of its own references disputes."""
+    """Return a bit for each signal that others are told by, and that one of its references disputes."""
     bits = 0
     for s in range(len(params)):
         p, st = params[s], state[s]

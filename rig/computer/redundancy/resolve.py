@@ -1,11 +1,11 @@
 """Splits: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the tie-break rules of its signal.
 
 In-line monitors, lanes, reference and trend are asked in the configured order; the rules of likelihood, extremes and
-middle, only when none of them answers.  When nobody answers the vote goes on with the channels that it was of.
-Who stands on which side is told by what is compared, behind the filter if there is one; the vote is made of the samples
+middle, only when none of them answers.  Without an answer the vote continues with the same channels.
+The sides are those of the compared values, behind the filter if there is one; the vote is made of the samples
 themselves.
 Source: Zhang 2023, section 2 (ILM), 4 (weights), 6 (trend, lanes), 7 (reference), 8 (extremes, middle).
-Ours: their order, what holds while nobody answers; docs/redundancy.md, 'Splits'.
+Added: their order, what holds without an answer; docs/redundancy.md, 'Splits'.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def resolve_two_camps(ilm, reference, compared, n, p, st):
         if name == DecidedBy.ILM:
             sides = opinions.by_ilm(ilm, order, n)
         elif name == DecidedBy.TREND:
-            if p["referred"] == 0 or p["trend_beside_reference"] != 0:  # a trend is less than a reference (ours)
+            if p["referred"] == 0 or p["trend_beside_reference"] != 0:  # a trend is less than a reference (added)
                 sides = opinions.by_trend(st, p)
         elif name == DecidedBy.LANE:
             sides = opinions.by_lanes(st["lanes"], order, n)
@@ -69,9 +69,9 @@ def resolve_two_camps(ilm, reference, compared, n, p, st):
 
 @kernel
 def vote_of_sides(name, sides, order, n, p, st):
-    """Return the vote when ``sides`` are blamed: the good pair's mean, by its changes where weighted (section 4).
+    """Return the vote when ``sides`` are faulty: the good pair's mean, by its changes where weighted (section 4).
 
-    Of two samples of which the trend tells the good one, the weighted vote is near that whose change fits.
+    With two samples of which the trend finds the good one, the weighted vote is near that whose change fits.
     """
     x, half = st["x"], n // 2
     if name == DecidedBy.TREND and sides == opinions.LOW_SIDE | opinions.HIGH_SIDE:
@@ -90,7 +90,7 @@ def vote_of_sides(name, sides, order, n, p, st):
 
 @kernel
 def resolve_all_apart(ilm, compared, n, p, st):
-    """Resolve 1:1:1:1 and 1:1:1: at most one channel is right (section 8; monitors and reference before it: ours)."""
+    """Resolve 1:1:1:1 and 1:1:1: at most one channel is right (section 8; monitors and reference before it: added)."""
     tie_break = p["tie_break"]
     y, order, near = compared.with_bias, compared.order, compared.reference
     for place in range(len(tie_break)):
@@ -124,11 +124,11 @@ def resolve_by_rank(order, n, p, st):
 
 @kernel
 def hold(n, p, st):
-    """Return the vote that nobody decides: a fixed mean of the two samples between which the last vote was (ours).
+    """Return the vote without a decision: a fixed mean of the two samples between which the last vote was (added).
 
-    A channel that jumps away has no share in it, wherever it goes on to; two that drift apart have half each.  So its
+    A channel that jumps away has no share in it, wherever it moves; two that drift apart have half each.  So its
     error is at most that of the plain mean of those in use, while the last vote of all was right.  The shares are those
-    of the first frame that nobody decides.  They go on through gaps and answers that did not last, and begin again with
+    of the first frame without a decision.  They go on through gaps and answers that did not last, and begin again with
     other channels and where one of the two jumps.  Where the last vote was of one side, half each of the two ranks.
     """
     x, order = st["x"], st["order"]
@@ -149,7 +149,7 @@ def hold(n, p, st):
 
 @kernel
 def keep_basis(decided_by, st):
-    """Note whether the next frame that nobody decides may begin with this frame's vote; forget shares that have ended.
+    """Note whether the next frame without a decision may begin with this frame's vote; forget shares that have ended.
 
     It may if the vote is of all channels in use, among which is a majority, or was held itself.
     """
@@ -161,7 +161,7 @@ def keep_basis(decided_by, st):
 
 @kernel
 def share_out(last, n, st):
-    """Find the neighbours in rank between which the ``last`` vote lies, and the upper one's share in it."""
+    """Find the neighbours in rank between which the ``last`` vote is, and the upper one's share in it."""
     x, order = st["x"], st["order"]
     place = 0
     while place < n - 2 and x[order[place + 1]] < last:

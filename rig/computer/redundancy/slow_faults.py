@@ -1,8 +1,8 @@
 """Slow faults: a bias that is learned, small deviations summed over seconds, samples that repeat.
 
-All three are ours (docs/redundancy.md, 'Slow faults') and off by default.  The residual of a channel is its sample less
+All three are added (docs/redundancy.md, 'Slow faults'), off by default.  The residual of a channel is its sample less
 the middle of those in use: their median, or of an even number the usable reference between the two in the middle,
-else the mean of those.  Nothing here moves a vote: it changes who is compared with whom, and who is failed.
+else the mean of those.  Nothing here moves a vote: it changes what is compared, and which channels are isolated.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def take_bias_off(values, order, n, st):
 
 @kernel
 def learn_bias(m, n, p, st):
-    """Move the biases of the ``n`` ranked channels towards their residuals; nobody's who is suspected.
+    """Move the biases of the ``n`` ranked channels towards their residuals, except suspect channels.
 
     m : the middle of the samples
     """
@@ -96,10 +96,10 @@ def outlier_limit(n, p, st):
 
 @kernel
 def watch_sums(m, n, p, st):
-    """Sum what each residual exceeds the allowance by, upwards and downwards; return whom that fails, or NOBODY.
+    """Sum what each residual exceeds the allowance by, upwards and downwards; return whom that fails, or ``NOBODY``.
 
-    Page 1954, with a step of at most limit / (persistence - 1/2): what is shorter than the persistence fails nobody,
-    however large.  At most one channel a frame, and none without a strict majority that is calm.
+    Page 1954, with a step of at most limit / (persistence - 1/2): an error shorter than the persistence isolates no
+    channel, however large.  At most one channel a frame, and none without a strict majority that is calm.
     m : the middle of the ``n`` ranked samples
     """
     limit = p["slow_limit"]
@@ -129,7 +129,7 @@ def _sum(last, excess, most):
 
 @kernel
 def largest_sum(n, limit, st):
-    """Return the channel with the largest sum beyond the limit, or NOBODY; of equals that of the least sample."""
+    """Return the channel with the largest sum beyond the limit, or ``NOBODY``; of equals that of the least sample."""
     worst = NOBODY
     for i in range(n):
         c = st["order"][i]

@@ -1,4 +1,4 @@
-"""What the redundancy manager keeps of each signal from frame to frame, and all its data besides the row."""
+"""State of the redundancy manager for each signal from frame to frame, and all its data besides the row."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ STATE: Final = np.dtype(
 
 
 class ManagerData(NamedTuple):
-    """Data of a manager besides the row: one record a signal unless said otherwise."""
+    """Data of a manager besides the row: one record a signal unless stated otherwise."""
 
     choice: int  # place in managers.KINDS
     params: NDArray[Any]  # (S,) config.PARAMS

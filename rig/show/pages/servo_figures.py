@@ -22,7 +22,7 @@ from rig.show.viewer.servo_series import of_surface
 from rig.show.viewer.state_strips import acting
 from rig.verdict.of_log import Scored
 from rig.verdict.score_records import ActuatorScore
-from rig.verdict.servo_sentence import bypass_text
+from rig.verdict.servo_words import bypass_text
 from rig.world.faults.places import number, site
 
 _HEIGHT: Final = 640

@@ -83,7 +83,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
     ),
     "requirements": (
         *(Column("requirement", type=str, hint="text"), Column("met", format=SHARE, page="runs that meet it")),
-        *(Column("least robustness", format=".3g"), Column("in run", "least_run")),
+        *(Column("least robustness", "robustness", format=".3g"), Column("in run", "least_run")),
         *(Column("on", "signal", worth=5, type=str), Column("at s", "instant_s", INSTANT, worth=4, page="at, s")),
     ),
     "servos": (

@@ -1,6 +1,6 @@
 """Requirements: formulas over a flight with windows in time, each with a verdict and a robustness.
 
-requirement.py  what a file says of one; bundled sets: faults/requirements/
+requirement.py  one requirement of a file; bundled sets: faults/requirements/
 formula.py      its tree, within bounds, by the grammar of triggers (rig/world/faults/grammar.py)
 subject.py      what there is to measure: signals, thresholds, faults, limits; quantity_columns.py: taken out of rows
 robustness.py      verdict and robustness of a tree over frames, by sliding minima; as they are shown

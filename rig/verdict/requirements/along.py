@@ -25,12 +25,12 @@ VIOLATED: Final = "requirement violated"  # name of an event
 class MeasuredConclusion(FlightConclusion):
     """The conclusion of a flight, and its requirements beside it: an outcome of ``rig.flight.fly.fly``.
 
-    What names the baseline waits for the end of the flight: two flights at once would share the process.
+    A requirement that names the baseline is measured after the flight: two flights at once would share the process.
     """
 
-    def __init__(self, names: Sequence[str | Path] = ()) -> None:
-        """Names : of sets and files, before those that the scenario names."""
-        super().__init__()
+    def __init__(self, names: Sequence[str | Path] = (), baseline: bool = False) -> None:
+        """Names : of sets and files, before those that the scenario names; baseline : as of FlightConclusion."""
+        super().__init__(baseline)
         self._names = tuple(names)
         self.requirements: tuple[Requirement, ...] = ()
         self._recorder: RequirementsRecorder | None = None

@@ -61,9 +61,9 @@ Known = Callable[[str], bool]
 
 
 def read_formula(text: str, number: Known, condition: Known, unknown: Callable[[str], str]) -> Formula:
-    """Return the tree of ``text``; Refused, one line with its column, says what in it is not allowed.
+    """Return the tree of ``text``; Refused, one line with its column, states what is not allowed.
 
-    number, condition : whether a name is a quantity, or a yes or no; unknown : what to say of one that is neither
+    number, condition : whether a name is a quantity, or a yes or no; unknown : the error text for any other name
     """
     names: list[str] = []
 
@@ -124,7 +124,7 @@ def reach(node: Node) -> tuple[float, float]:
 
 
 def body(node: Node) -> Node:
-    """Return what a formula says of each frame: without the windows around it."""
+    """Return the robustness of each frame by a formula without the windows around it."""
     while node.op in (Op.ALWAYS, Op.EVENTUALLY):
         node = node.parts[0]
     return node
@@ -174,7 +174,7 @@ def _is_signal(name: Name) -> bool:
 
 
 def unknown_family(name: str) -> str:
-    """Return what to say of a name that is no quantity whatever the signals are."""
+    """Return the error text for a name that is no quantity of any signal."""
     if (new := formula_now(name)) != name:
         return now_called(name, new)
     forms = [*(f"{family}.<signal>" for family in OF_SIGNALS), *(f"{family}.<signal>.<N>" for family in OF_CHANNELS)]

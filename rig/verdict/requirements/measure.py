@@ -103,14 +103,14 @@ def check_log(
     log = LogFile.open(path)
     resolved = scenario_of(log.metadata, path)
     if not resolved:
-        raise BadInput(f"{path}: holds no scenario, so there is nothing to measure requirements on")
+        raise BadInput(f"{path}: no scenario, so no requirement can be measured; only logs of rig fly have one")
     scenario = pressed(
         from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code)), log.result, str(path)
     )
     if baseline and names_baseline(requirements):
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
-            raise BadInput(f"{path}: a unit under test flew it: its baseline needs --unit FILE")
+            raise BadInput(f"{path}: a unit under test flew it; give --unit FILE to fly the baseline")
     if unit is not None:
         unit.fly_as(unit_of(log.metadata))
     try:

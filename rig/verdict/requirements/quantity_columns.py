@@ -113,7 +113,7 @@ class _Count:
 def counts(state, persistence, before, out):
     """Fill ``out`` (n,) from the states of a channel; return the frames in a row up to its end, as ``before`` is.
 
-    Below 1 until the channel is failed: a count may stand still while a split lasts.
+    Below 1 until the channel is isolated: a count may be frozen during a split.
     """
     for k in range(len(state)):
         before = before + 1 if state[k] == State.SUSPECT else 0

@@ -70,7 +70,7 @@ def find_requirements(name: str | Path) -> Path:
     for candidate in (wanted, home / f"{wanted.name}.toml", home / wanted.name):
         if is_file(candidate):
             return candidate
-    raise BadInput(f"{wanted}: no such file of requirements; bundled: {', '.join(names())}")
+    raise BadInput(f"{wanted}: no such requirements file; bundled: {', '.join(names())}")
 
 
 def load_requirements(names: Sequence[str | Path]) -> tuple[Requirement, ...]:
@@ -79,7 +79,7 @@ def load_requirements(names: Sequence[str | Path]) -> tuple[Requirement, ...]:
     for path in dict.fromkeys(map(find_requirements, names)):
         for made in build(_File, read_toml(path), str(path)).requirements:
             if made.id in loaded:
-                raise BadInput(f"{path}: {made.id}: a requirement of this id is in {loaded[made.id]._file} already")
+                raise BadInput(f"{path}: {made.id}: the id is already used in {loaded[made.id]._file}")
             made._file = str(path)
             loaded[made.id] = made
     return tuple(loaded.values())

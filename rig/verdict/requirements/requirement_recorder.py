@@ -26,7 +26,7 @@ _EACH: Final = "9"  # for {channel} in a formula: no channel that there is
 
 
 class Verdict(NamedTuple):
-    """What became of a requirement on one signal; ``signal`` is empty where the formula is of none."""
+    """Verdict on a requirement for one signal; ``signal`` is empty where the formula is of none."""
 
     requirement: str
     signal: str
@@ -115,7 +115,7 @@ class Measured:
             }
 
     def draw(self, held: Held) -> None:
-        """Add the robustness of the frames that can be told: of what the formula says of each frame."""
+        """Add the robustness of the frames that can be measured."""
         node = body(self.bound.formula.root)
         end = held.end - (frames_reach(node, held.rate_hz)[1] if held.frames is None else 0)
         if end > self.drawn:
@@ -123,7 +123,7 @@ class Measured:
             self.drawn = end
 
     def verdict(self) -> Verdict:
-        """Return what became of it."""
+        """Return its verdict."""
         if self.instant < 0:
             return not_applicable(self.requirement.id, self.signal)
         robustness, verdict = self.least
@@ -246,7 +246,7 @@ class RequirementsRecorder:
     def lines(self) -> dict[tuple[str, str], NDArray[np.float64]]:
         """Return the robustness (n,) of each frame by requirement and signal, once finished; of channels the least.
 
-        They are of what a formula says of each frame, without the windows around it; NaN where nothing was flown.
+        They are of the formula in each frame, without the windows around it; NaN where nothing was flown.
         """
         return {(each.requirement.id, each.signal): np.concatenate([[], *each.line]) for each in self.measured}
 
@@ -271,7 +271,7 @@ def _bind(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, Bou
             raise BadInput(f"{where}: formula: {error}") from None
         given, count = requirement.scale, made.formula.comparisons
         if isinstance(given, list) and len(given) != count:
-            raise BadInput(f"{where}: scale: {len(given)} for {count} comparisons")
+            raise BadInput(f"{where}: scale: {len(given)} values for {count} comparisons, one each is needed")
         scales = made.scales if given is None else tuple(given) if isinstance(given, list) else (given,) * count
         yield signal, made._replace(scales=scales)
 

@@ -4,11 +4,11 @@ Values of a condition are (2, C, n) of C channels at once, (2, 1, n) of what is 
 -1, and its robustness; NaN where nothing was flown to decide on.
 Robustness: (b - a) / scale of ``a < b``, -|a - b| / scale of ``==``; ``not`` negates, ``and`` and ``always`` take the
 least, ``or`` and ``eventually`` the largest; +-1 of a yes or no; +-MOST of a state; within +-MOST.  A number that is
-NaN violates.  What is met has a robustness of 0 or more, what is violated one of -LEAST or less.
+NaN violates.  A met requirement has a robustness of 0 or more, a violated one -LEAST or less.
 
 Sources: Donze and Maler 2010, 'Robust satisfaction of temporal logic over real-valued signals'; ``until`` by
 Donze, Ferrere and Maler 2013, 'Efficient robust monitoring for STL': p until[a, b] q is the least of eventually[a, b] q
-and of the unbounded until from a on.  The rule for a lost aircraft is ours.
+and of the unbounded until from a on.  The rule for a lost aircraft is this project's.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Held(NamedTuple):
     """Columns (Q, n) of the frames from ``first`` on, the rows of a formula's names in them, and the flight's end.
 
     rows : of each name its row, or one for each channel
-    frames : flown, None while it goes on; lost : the aircraft was
+    frames : flown, None during the flight; lost : the aircraft was
     """
 
     columns: Floats
@@ -86,7 +86,7 @@ def refuse_empty_windows(root: Node, rate_hz: float) -> None:
         first, last = frames_of(node, rate_hz)
         if last < first:
             begin_s, end_s = node.window
-            raise BadInput(f"[{begin_s:g}, {end_s:g}]: no frame is in this window at {rate_hz:g} frames a second")
+            raise BadInput(f"[{begin_s:g}, {end_s:g}]: the window contains no frame at {rate_hz:g} frames a second")
 
 
 def frames_reach(node: Node, rate_hz: float) -> tuple[int, int]:

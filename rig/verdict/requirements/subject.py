@@ -1,4 +1,4 @@
-"""What requirements are measured on: a flight or a recording, with its signals, thresholds, faults and limits."""
+"""The subject of requirements: a flight or a recording, with its signals, thresholds, faults and limits."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def holds(name: str, subject: Subject) -> bool:
 
 
 def unknown_of(name: str, subject: Subject) -> str:
-    """Return what to say of a name that the subject does not have."""
+    """Return the error text for a name that the subject does not have."""
     parts = split(name)
     if parts is None:
         return unknown_family(name)

@@ -51,7 +51,7 @@ class ComputerStop(_OnComputer):
     """
 
     act, takes_channels = _STOPPED, True
-    sentence = "{where} stopped at {at}"
+    sentence = "stopped at {at}"
     example = "f16_computer_stop"
 
     kind: Literal["computer_stop"]
@@ -61,8 +61,8 @@ class ClockDrift(_OnComputer):
     """A lane's clock runs at a wrong rate. Cause: a cracked or overheated crystal."""
 
     sizes = ("drift_ppm",)
-    sentence = "{where} had a wrong clock from {at} on"
-    unseen = "its clock was kept within the window, or the clocks run free"
+    sentence = "clock wrong from {at} on"
+    unseen = "its clock stayed within the window, or the clocks run free"
     example = "f16_clock_drift"
 
     kind: Literal["clock_drift"]
@@ -126,7 +126,7 @@ class WrongCommand(_OfOneSurface):
     Its self-tests do not detect it. The vote of the lanes' commands does.
     """
 
-    sentence = "{where} computed a wrong command from {at} on"
+    sentence = "wrong command computed from {at} on"
     example = "f16_wrong_command"
 
     kind: Literal["wrong_command"]
@@ -139,8 +139,8 @@ class Software(_OfOneSurface):
     """
 
     of_all = True
-    sentence = "{where} computed a wrong command from {at} on"
-    unseen = "all lanes computed the same command, and their comparison shows no difference"
+    sentence = "wrong command computed from {at} on"
+    unseen = "all lanes computed the same wrong command, which no comparison detects"
     example = "f16_software"
 
     kind: Literal["software"]
@@ -153,7 +153,7 @@ class Dac(_OfOneSurface):
     """
 
     part = ComputerPart.OUTPUT
-    sentence = "{where} put out a wrong command from {at} on"
+    sentence = "wrong command at its output from {at} on"
     unseen = _BY_ITS_TEST
     example = "f16_dac"
 
@@ -172,7 +172,7 @@ class Checksum(_OnComputer):
     """
 
     sizes = ("factor",)
-    sentence = "{where} had a damaged program from {at} on"
+    sentence = "program damaged at {at}"
     unseen = _BY_ITS_TEST
     example = "f16_checksum"
 
@@ -218,7 +218,7 @@ class Adc(_OfItsChannels):
     """
 
     sizes = ("factor", "offset")
-    sentence = "{where} sampled wrong values from {at} on"
+    sentence = "input samples wrong from {at} on"
     example = "f16_adc"
 
     kind: Literal["adc"]
@@ -271,7 +271,7 @@ class PowerLoss(_OfItsChannels):
 
     sites: ClassVar[tuple[Site, ...]] = ("bus",)
     act = Effect(Act.NO_NUMBER, invalid=True)
-    sentence = "{where} lost power at {at}"
+    sentence = "power lost at {at}"
     example = "f16_power_loss"
 
     kind: Literal["power_loss"]

@@ -54,7 +54,7 @@ class Dropout(Corrupted):
     """
 
     sites, act, found_at_once = ("channel", "inertial", "reference", "discrete"), Act.VALID_ONLY, True
-    sentence = "{where} gave no valid sample from {at} on"
+    sentence = "no valid sample from {at} on"
     example = "f16_lost_sticks"
 
     kind: Literal["dropout"]

@@ -70,8 +70,8 @@ class Triggered(Settings):
     found_at_once: ClassVar[bool] = False  # whether its error is beyond any threshold from the onset on
     hidden_at_rest: ClassVar[bool] = False  # whether there is no error until the value moves
     # {where}, {at}; {value}: the sample in the frame of the decision; {error}: the largest injected error
-    sentence: ClassVar[str] = "{where} had a fault ({kind}) from {at} on, an error of up to {error}"
-    unseen: ClassVar[str] = ""  # why a fault of this kind was not detected, if not for an error within the threshold
+    sentence: ClassVar[str] = "{kind} from {at} on, an error of up to {error}"
+    unseen: ClassVar[str] = ""  # why it was not detected, if not because no threshold was exceeded
     changes_samples: ClassVar[bool] = True  # else there is nothing to fail a channel for
     takes_channels: ClassVar[bool] = False  # whether the other computers get no samples through the one it sits on
     example: ClassVar[str]

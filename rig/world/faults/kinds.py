@@ -23,7 +23,7 @@ class Offset(Ramped):
     """y = x + offset. Causes: a bent vane, a bad calibration, a misrigged control rod."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.ADD, ("offset",), True
-    sentence = "{where} had an offset of {error} from {at} on"
+    sentence = "offset of {error} at {at}"
     example = "f16_pull_up_load_factor_offset"
 
     kind: Literal["offset"]
@@ -37,7 +37,7 @@ class Drift(Corrupted):
     """y = x + rate t, or x + settles_at (1 - exp(-t / time_constant)). Causes: a gyro warming up, a pressure leak."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.DRIFT, ("rate_per_s", "settles_at"), True
-    sentence = "{where} drifted from {at} on, by up to {error}"
+    sentence = "drift of up to {error} from {at} on"
     example = "b747_static_pressure_drift"
 
     kind: Literal["drift"]
@@ -74,7 +74,7 @@ class Hardover(Ramped):
     """
 
     sites, act, found_at_once = WITH_SURFACE, Act.RANGE_END, True
-    sentence = "{where} ran to {value} at {at}"
+    sentence = "hardover at {at}"
     example = "f16_pitch_rate_hardover"
 
     kind: Literal["hardover"]
@@ -92,7 +92,7 @@ class Scale(Ramped):
     """y = factor x. Causes: a wrong excitation, a cracked bellows; on a surface: loss of effectiveness."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.SCALE, ("factor",), True
-    sentence = "{where} had a wrong scale from {at} on, an error of up to {error}"
+    sentence = "scale error of up to {error} from {at} on"
     example = "b737_roll_rate_scale"
 
     kind: Literal["scale"]
@@ -108,7 +108,7 @@ class SignReversal(Corrupted):
     """y = -x. Causes: wires or pneumatic lines swapped in maintenance, crossed control cables."""
 
     sites, act = WITH_SURFACE, Effect(Act.SCALE, -1.0)
-    sentence = "{where} had the wrong sign from {at} on, an error of up to {error}"
+    sentence = "wrong sign from {at} on, an error of up to {error}"
     example = "f16_lateral_load_factor_sign_reversal"
 
     kind: Literal["sign_reversal"]
@@ -118,7 +118,7 @@ class Stuck(Ramped):
     """y = the last value before the onset, or a given one. Causes: a frozen vane, a jammed actuator."""
 
     sites, act, hidden_at_rest = (*WITH_SURFACE, "discrete"), Act.HOLD, True
-    sentence = "{where} stuck at {value} at {at}"
+    sentence = "stuck at {value} at {at}"
     example = "b747_angle_of_attack_stuck"
 
     kind: Literal["stuck"]
@@ -142,7 +142,7 @@ class Noise(Ramped):
     """y = x + std n, n white, normal, independent by channel. Causes: a worn bearing, a failing supply."""
 
     act, sizes, trials_draw = Act.NOISE, ("std",), True
-    sentence = "{where} had noise of up to {error} from {at} on"
+    sentence = "noise of up to {error} from {at} on"
     example = "b737_yaw_rate_noise"
 
     kind: Literal["noise"]
@@ -160,7 +160,7 @@ class BiasInstability(Corrupted):
     """
 
     act, sizes, trials_draw = Act.GAUSS_MARKOV, ("std",), True
-    sentence = "{where} had an unstable bias from {at} on, of up to {error}"
+    sentence = "unstable bias of up to {error} from {at} on"
     example = "b747_pitch_angle_bias_instability"
 
     kind: Literal["bias_instability"]
@@ -180,7 +180,7 @@ class Oscillation(Ramped):
     """y = x + A sin(2 pi f t), or with the last value instead of x. Causes: an unstable servo loop, a loose contact."""
 
     sites, act, sizes, trials_draw = WITH_SURFACE, Act.OSCILLATE, ("amplitude",), True
-    sentence = "{where} oscillated from {at} on, by up to {error}"
+    sentence = "oscillation of up to {error} from {at} on"
     example = "f16_normal_load_factor_oscillation"
 
     kind: Literal["oscillation"]
@@ -201,7 +201,7 @@ class Spikes(Corrupted):
     """y = x + amplitude, or a given value, in short pulses. Causes: corrupted data words, lightning, a worn wiper."""
 
     act, sizes, trials_draw = Act.ADD, ("amplitude",), True
-    sentence = "{where} had spikes of up to {error} from {at} on"
+    sentence = "spikes of up to {error} from {at} on"
     example = "f16_angle_of_attack_spikes"
 
     kind: Literal["spikes"]

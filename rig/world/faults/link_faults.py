@@ -33,7 +33,7 @@ class LinkLoss(_OnLink):
     """
 
     act = Effect(Act.SET, 1.0, part=LinkPart.SILENT)
-    sentence = "{where} was silent from {at} on"
+    sentence = "silent from {at} on"
     example = "f16_link_loss"
 
     kind: Literal["link_loss"]
@@ -46,7 +46,7 @@ class LinkFrozen(_OnLink):
     """
 
     act = Effect(Act.SET, 1.0, part=LinkPart.FROZEN)
-    sentence = "{where} repeated its last message from {at} on"
+    sentence = "last message repeated from {at} on"
     example = "f16_link_frozen"
 
     kind: Literal["link_frozen"]
@@ -59,7 +59,7 @@ class LinkCorrupt(_OnLink):
     """
 
     act = Effect(Act.SET, 1.0, part=LinkPart.DAMAGED)
-    sentence = "{where} was damaged from {at} on"
+    sentence = "messages damaged from {at} on"
     example = "f16_link_corrupt"
 
     kind: Literal["link_corrupt"]
@@ -73,7 +73,7 @@ class LinkByzantine(_OnLink):
 
     act = Act.SET
     sizes = ("offset",)
-    sentence = "{where} told wrong samples from {at} on"
+    sentence = "wrong samples transmitted from {at} on"
     example = "f16_link_byzantine"
 
     kind: Literal["link_byzantine"]

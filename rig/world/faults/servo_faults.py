@@ -37,7 +37,7 @@ class CoilOpen(_OfChannels):
     """
 
     act = Effect(Act.SET, 0.0, part=Part.ADDED, uncommanded=True, seen_by_wire=True)
-    sentence = "{where} had an open coil from {at} on"
+    sentence = "coil open at {at}"
     example = "f16_elevator_coil_open"
 
     kind: Literal["coil_open"]
@@ -46,7 +46,7 @@ class CoilOpen(_OfChannels):
 class CoilHardover(_OfChannels):
     """A channel's coil has the full current at any command. Cause: a shorted amplifier."""
 
-    sentence = "{where} had the full current from {at} on"
+    sentence = "full coil current at {at}"
     example = "f16_elevator_coil_hardover"
 
     kind: Literal["coil_hardover"]
@@ -62,7 +62,7 @@ class Lvdt(_OfChannels):
     """A channel's position sensor has an offset or a scale error, or is stuck. Causes: a loose core, a bad supply."""
 
     sizes = ("offset", "factor")
-    sentence = "{where} had a wrong position sensor from {at} on"
+    sentence = "position sensor wrong from {at} on"
     example = "b737_aileron_lvdt"
 
     kind: Literal["lvdt"]
@@ -98,8 +98,8 @@ class SovStuck(_OfChannels):
     """A channel's shut-off valve is stuck: an isolated channel still drives the spool. Cause: a stuck solenoid."""
 
     act = Effect(Act.SET, 1.0, part=Part.VALVE_STUCK)
-    sentence = "{where} had a stuck shut-off valve from {at} on"
-    unseen = "no monitor shut the channel off"
+    sentence = "shut-off valve stuck at {at}"
+    unseen = "the channel was not shut off"
     example = "b747_rudder_sov_stuck"
 
     kind: Literal["sov_stuck"]
@@ -112,7 +112,7 @@ class OscillatoryFailure(_OfChannels):
     """
 
     sizes = ("amplitude",)
-    sentence = "{where} had an oscillating current from {at} on"
+    sentence = "coil current oscillating from {at} on"
     example = "b747_elevator_oscillatory_failure"
 
     kind: Literal["oscillatory_failure"]
@@ -131,7 +131,7 @@ class SpoolJam(_OfAll):
     """The spool is stuck, and the ram moves at the rate of its opening. Causes: a metal chip, ice."""
 
     act = Effect(Act.SET, 1.0, part=Part.JAMMED)
-    sentence = "{where} had a jammed spool from {at} on"
+    sentence = "spool jammed at {at}"
     example = "f16_elevator_spool_jam"
 
     kind: Literal["spool_jam"]
@@ -141,7 +141,7 @@ class Leak(_OfAll):
     """A fraction of the flow does not reach the ram. Cause: a worn seal."""
 
     sizes = ("share",)
-    sentence = "{where} leaked from {at} on"
+    sentence = "leak from {at} on"
     example = "b737_rudder_leak"
 
     kind: Literal["leak"]
@@ -159,7 +159,7 @@ class HydraulicLoss(_OfAll):
 
     sites: ClassVar[tuple[Site, ...]] = ("hydraulics",)
     sizes = ("share",)
-    sentence = "{where} lost pressure from {at} on"
+    sentence = "pressure lost at {at}"
     example = "f16_hydraulic_loss"
 
     kind: Literal["hydraulic_loss"]

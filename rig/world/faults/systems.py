@@ -52,7 +52,7 @@ class IlmFault(Placed):
     """
 
     sites, act, changes_samples = ("channel", "discrete"), Act.VALID_ONLY, False
-    sentence = "{where} had a wrong in-line monitor from {at} on"
+    sentence = "in-line monitor wrong from {at} on"
     example = "f16_split_2_2_wrong_ilm"
 
     kind: Literal["ilm"]
@@ -127,7 +127,7 @@ class VaneIcing(_Weather):
     """Vanes freeze at their position at the onset. Two that freeze alike can outvote a third. Cause: ice."""
 
     act = Act.HOLD
-    sentence = "{where} froze at {value} at {at}"
+    sentence = "frozen at {value} at {at}"
     example = "b747_vane_icing"
 
     kind: Literal["vane_icing"]

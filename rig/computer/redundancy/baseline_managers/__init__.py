@@ -1,4 +1,4 @@
-"""Baselines: monitors of the literature other than a comparison, as managers that can be flown beside ours.
+"""Baselines: monitors of the literature other than a comparison, as managers that can be flown for comparison.
 
 baseline_settings.py  what each is told: pydantic models, and what kernels read of them
 step.py      what all share in a frame: ranks, middle, one failure, latches

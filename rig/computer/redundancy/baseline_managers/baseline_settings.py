@@ -24,7 +24,7 @@ SETS: Final = 1 << MEMBERS
 
 
 class Baseline(Settings):
-    """What each baseline manager has."""
+    """Settings of each baseline manager."""
 
     levels: ClassVar[tuple[str, ...]] = ()  # the settings to calibrate: one, or of 4, 3, 2 channels
 
@@ -157,7 +157,7 @@ BASELINE_PARAMS: Final = (
 def extended(records: NDArray[np.void], more: Sequence[tuple[Any, ...]]) -> NDArray[np.void]:
     """Return ``records`` with the fields ``more``, which are zero; the same records where they have them.
 
-    These stand first: numba takes records that only end with more for a subtype of the others, and says so.
+    These stand first: numba takes longer records for a subtype of the others, and warns.
     """
     names = records.dtype.names or ()
     if all(field[0] in names for field in more):

@@ -11,7 +11,7 @@ from the quantity, with its variance.  In a frame
 Member i reads x_i = quantity + b_i + noise. Healthy: b_i is a constant, N(0, bias); that of the reference varies
 (Gauss and Markov, first order) with a third of its threshold, which is its noise too. Faulty: b_i jumps at the onset
 and walks, and the noise is that of a fault. The correlation that the common quantity makes between the estimates is
-left out. Bounded (ours): the likelihood of a set is at least so much of the best that the persistence brings a fault
+left out. Bounded (added): the likelihood of a set is at least so much of the best that the persistence brings a fault
 from its onset to the limit, in a set that is held by that the healthy learn nothing, and the limit must be exceeded
 for the persistence.
 
@@ -179,7 +179,7 @@ def weigh(bank, p, st):
 
 @kernel
 def largest_step(p):
-    """Return by how much a frame may speak against a set: in a persistence from the onset to the limit."""
+    """Return the largest evidence of one frame against a set: in a persistence from the onset to the limit."""
     if not p["bounded"]:
         return math.inf
     return (p["limit"][0] - math.log(p["onset_per_frame"])) / p["persistence"]

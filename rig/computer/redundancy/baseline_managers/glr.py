@@ -5,7 +5,7 @@ u = r / rms, of the last frames; with n of them since the onset, each amplitude 
     step  (sum u)^2 / (2 n)                 ramp  (sum i u_i)^2 / (2 sum i^2), i = 1 ... n
 
 are the log likelihood ratios against white residuals of variance 1.  The largest above the limit h fails a channel.
-|u| is limited to sqrt(2 h / persistence), ours: so many frames alone come to h, whatever their size.
+|u| is limited to sqrt(2 h / persistence), added: ``persistence`` frames alone come to h, whatever their size.
 
 Sources: Willsky and Jones 1976, A generalized likelihood ratio approach to the detection and estimation of jumps in
 linear systems; Gustafsson 2000, Adaptive Filtering and Change Detection, chapter 3 (no Kalman filter: white residuals).

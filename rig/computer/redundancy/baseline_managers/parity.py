@@ -1,9 +1,9 @@
-"""Parity space: what the samples say without the quantity that they measure.
+"""Parity space: differences of the samples without the quantity that they measure.
 
 p = V x with V V' = I and V H = 0, H ones: then p'p is the sum of squares about the mean, and for the column v_c of V
 (v_c'p)^2 / v_c'v_c is (x_c - mean)^2 / (1 - 1/n).  p'p above the limit of n samples, in ``persistence`` frames in a row
-that blame the same channel, fails the one along which p lies most; published at once, without a persistence.  Of two
-camps that are as far off, the one that is further from the usable reference is blamed (ours).
+that point to one channel, fails that along which p is largest; published at once, without a persistence.  For two
+camps that are as far off, the one that is further from the usable reference fails (added).
 
 Sources: Potter and Suman 1977, Thresholdless redundancy management with arrays of skewed instruments; Daly, Gai and
 Harrison 1979, Generalized likelihood test for FDI in redundant sensor configurations.
@@ -48,7 +48,7 @@ def project(at, p, st):
 
 @kernel
 def blamed(at, st):
-    """Return the channel along which p lies most; of an even split one of the half that is far from the reference."""
+    """Return the channel along which p is largest; for an even split one of the half far from the reference."""
     order, statistic, worst = st["order"], st["statistic"], st["order"][0]
     for i in range(at.n):
         if statistic[order[i]] > statistic[worst]:

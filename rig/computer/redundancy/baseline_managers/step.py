@@ -1,5 +1,5 @@
-"""What all baseline managers share in a frame: ranks and middle, one failure a signal, latches, the last channel, the
-records.
+"""The part of a frame that all baseline managers share: ranks and middle, one failure a signal, latches, the last
+channel, the records.
 
 The middle is the median of those in use; of an even number the usable reference, held between the two in the middle,
 else their mean (slow_faults.middle).  A sample that cannot be compared, or is stale, counts as with our manager; so do
@@ -43,7 +43,7 @@ class At(NamedTuple):
 
 @kernel
 def begin(bus, fcc, s, p, st):
-    """Rank the samples of signal s of a row, and find their middle; nobody is suspected yet.
+    """Rank the samples of signal s of a row, and find their middle; no channel is suspect yet.
 
     There is no reference in the first frame: that in a log's first row is made from the first votes.
     """
@@ -78,7 +78,7 @@ def limit_of(n, p):
 
 @kernel
 def largest_above(n, limit, st):
-    """Return the channel with the largest statistic above ``limit``, or NOBODY."""
+    """Return the channel with the largest statistic above ``limit``, or ``NOBODY``."""
     worst, largest = NOBODY, limit
     for i in range(n):
         c = st["order"][i]
@@ -89,7 +89,7 @@ def largest_above(n, limit, st):
 
 @kernel
 def slow_faults(worst, p, st):
-    """Return ``worst`` once it has been that for the persistence, or at once where nothing is bounded; else NOBODY."""
+    """Return ``worst`` if it has been that for the persistence, or at once if nothing is bounded, or ``NOBODY``."""
     st["run"] = st["run"] + 1 if worst == st["run_of"] and worst != NOBODY else int(worst != NOBODY)
     st["run_of"] = worst
     if p["bounded"] and st["run"] < p["persistence"]:
@@ -99,7 +99,7 @@ def slow_faults(worst, p, st):
 
 @kernel
 def isolate(at, worst, p, st):
-    """Fail ``worst``, unless it is NOBODY, or one of an even split that nothing settles."""
+    """Fail ``worst``, unless it is ``NOBODY``, or one of an even split that nothing settles."""
     if worst == NOBODY or at.n < 2:
         return
     st["alarm"] = True

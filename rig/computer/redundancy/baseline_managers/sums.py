@@ -1,11 +1,11 @@
 """Cumulative sums: of residuals from the middle ("cusum"), of distances to the reference ("innovation").
 
-S = max(0, S + min(u - k, h / persistence)), and a channel is failed when its S exceeds h.  u is in spreads; the bound
-on a step is ours: without it, one sample that is far enough off fails a channel.
+S = max(0, S + min(u - k, h / persistence)), and a channel fails when its S exceeds h.  u is in spreads; the bound
+on a step is added: without it, one sample that is far enough off fails a channel.
 
 Sources: Page 1954, Continuous inspection schemes; Basseville and Nikiforov 1993, Detection of Abrupt Changes, chapter 2
 ("cusum", two-sided).  The selectors of the autopilots PX4 (EKF2Selector) and ArduPilot (updateCoreRelativeErrors), of
-which "innovation" is a description in our terms: errors relative to the best, integrated.  Theirs fail nobody.
+which "innovation" is this project's description: errors relative to the best, integrated.  They isolate no channel.
 """
 
 from __future__ import annotations
