@@ -184,14 +184,60 @@ def test_a_campaign_read_back_from_plain_data_is_the_same(tmp_path: Path):
     assert back.choices == made.choices and back[7].data == made[7].data
 
 
-def test_the_example_in_the_docs_can_be_flown(tmp_path: Path):
-    page = (Path(__file__).parent.parent / "docs" / "campaign.md").read_text()
-    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    (tmp_path / "campaign.toml").write_text(text)
+GRID = """
+title = "Pitch-rate offset at two flight points"
+base = "f16_pitch_rate_offset_in_manoeuvre"
+sampling = "grid"
+runs = 200
+seed = 1
+requirements = ["redundancy"]
+baseline = false
+
+[set]
+duration_s = 12.0
+
+[vary]
+flight_point = ["20000ft_m06", "10000ft_m08"]
+"faults.0.offset" = { low = 0.02, high = 0.5, log = true, levels = 10 }
+
+[vary."faults.0.start_s"]
+distribution = "norm"
+parameters = { loc = 5.0, scale = 1.0 }
+low = 3.0
+high = 7.0
+levels = 3
+
+[[cases.manoeuvre]]
+name = "level"
+set = { "pilot.manoeuvres" = [] }
+
+[[cases.manoeuvre]]
+name = "3-2-1-1"
+vary = { "pilot.manoeuvres.0.amplitude" = [0.2, 0.4] }
+
+[run]
+workers = 2
+batch = 10
+logs = "failures"
+timeout_s = 300.0
+"""
+
+
+def test_a_grid_of_values_ranges_a_distribution_and_cases_can_be_flown(tmp_path: Path):
+    (tmp_path / "campaign.toml").write_text(GRID)
     made = Plan(read(tmp_path / "campaign.toml"), "campaign.toml")
     made.check()
     assert len(made) == 200 and set(column(made, "manoeuvre")) == {"level", "3-2-1-1"}
     assert len({tuple(map(str, choice.items())) for choice in made.choices}) == 3 * 2 * 10 * 3
+
+
+def test_the_example_in_the_docs_can_be_flown(tmp_path: Path):
+    page = (Path(__file__).parent.parent / "docs" / "how-to" / "campaigns-and-worst-case.md").read_text()
+    (text,) = re.findall(r"```toml title=.*?\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "campaign.toml").write_text(text)
+    made = Plan(read(tmp_path / "campaign.toml"), "campaign.toml")
+    made.check()
+    assert len(made) == 8 and set(column(made, "manoeuvre")) == {"level", "3-2-1-1"}
 
 
 STRATIFIED = """
