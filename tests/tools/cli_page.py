@@ -19,8 +19,8 @@ ROOT: Final = Path(__file__).parents[2]
 PAGE: Final = ROOT / "docs" / "reference" / "cli.md"
 HEAD: Final = """# Commands
 
-All commands of `rig`, with their arguments and options. `rig COMMAND --help` prints the same text. `make reference` writes
-this page from the commands; a test compares the two.
+All commands of `rig`, with their arguments and options. `rig COMMAND --help` prints the same text.
+`make reference` writes this page from the commands; a test compares the two.
 
 """
 CODES: Final = """## Exit codes
