@@ -1,6 +1,8 @@
 """Tables, lines and numbers as every command prints them; lists with commas as every command reads them."""
 
+import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -214,3 +216,10 @@ def test_a_dataclass_of_options_is_filled_from_the_command_line_with_its_groups(
     app.command()(takes_options(command))
     assert CliRunner().invoke(app, words).exit_code == 0
     assert received == [expected]
+
+
+def test_no_command_hides_a_line_break_in_a_line():
+    """A control character of a line is escaped, and would be read as text."""
+    sources = sorted((Path(__file__).parents[1] / "rig" / "cli").glob("*.py"))
+    assert len(sources) > 15
+    assert [path.name for path in sources if re.search(r"\bline\(f?\"[^\"]*\\n", path.read_text())] == []

@@ -133,17 +133,21 @@ def _show(result: dict[str, Any]) -> None:
     table(result["levels"], LEVELS)
     for note in (note for row in result["levels"] for note in row["notes"]):
         line(f"  {note}")
-    line("\nisolations caused by transients; each column: duration in frames x size in thresholds")
+    line()
+    line("isolations caused by transients; each column: duration in frames x size in thresholds")
     _show_transients(result["transients"])
     if result["second"]:
-        line(f"\nsecond campaign, {result['second'][0]['hours']:.3g} h of flight")
+        line()
+        line(f"second campaign, {result['second'][0]['hours']:.3g} h of flight")
         table(result["second"], SECOND)
     for (signal, state), rows in _grouped(result["table"], "signal", "reference"):
         _show_kinds(f"{signal}, reference {state}", rows, OUTCOMES, "" if state == "as flown" else "all")
     for (signal,), rows in _grouped(result["flights"], "signal"):
         _show_kinds(f"{signal}, flown in closed loop", rows, LOSSES, "all")
     costs = ", ".join(f"{name} {microseconds:.2g}" for name, microseconds in result["microseconds"].items())
-    line(f"\nmicroseconds per signal and frame on this machine: {costs}\n")
+    line()
+    line(f"microseconds per signal and frame on this machine: {costs}")
+    line()
     for sentence in result["verdict"]:
         line(sentence)
 
@@ -163,7 +167,8 @@ def _show_kinds(
     """Print one table for each kind, or for the kind ``only``; "all": all kinds together."""
     for (kind,), of_kind in _grouped(rows, "kind"):
         if only in ("", kind):
-            line(f"\n{title}, {'all kinds' if kind == 'all' else kind}{ending}")
+            line()
+            line(f"{title}, {'all kinds' if kind == 'all' else kind}{ending}")
             table(of_kind, columns)
 
 
