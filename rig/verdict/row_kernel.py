@@ -1,7 +1,6 @@
 """The one kernel that decides what became of the faults in rows, of a flight or of a recording, in bounded memory.
 
-docs/reference/scores-and-tables.md defines every number.  Lists are taken out of their arrays by flight_tally.py, which
-adds the rows.
+docs/score.md defines every number.  flight_tally.py, which adds the rows, empties the lists.
 """
 
 from __future__ import annotations
@@ -92,7 +91,7 @@ def add_errors(row, clean, out):
 
 @kernel
 def add_discrete_errors(row, out):
-    """Write the errors of the discretes, 0 or 1; a sample is lost when it is flagged, or its own monitor says bad."""
+    """Write the errors of the discretes, 0 or 1; a sample is lost if it is flagged, or by its in-line monitor."""
     for d in range(len(out.discretes)):
         for c in range(CHANNELS):
             error = 1.0 if row["discrete_channels"][d, c] != row["discrete_truth"][d] else 0.0
@@ -117,7 +116,7 @@ def add_wrong(frame, signal):
 
 @kernel
 def add_signal(row, clean, s, frame, out):
-    """Add one signal: who is failed and for what, healthy channels, its vote, its pattern."""
+    """Add one signal: isolations and their causes, healthy channels, its voted value, its pattern."""
     signal, p = out.signals[s], out.params[s]
     level, before = known_level(row["level"][s], row["state"][s]), np.int64(signal["failed"])
     became = mark_failed(channel_bits(row["state"][s]), frame, signal)
@@ -137,7 +136,7 @@ def add_signal(row, clean, s, frame, out):
 
 @kernel
 def add_discrete(row, d, frame, out):
-    """Add one discrete: who is failed and for what, whether its vote is wrong."""
+    """Add one discrete: isolations and their causes, and errors of its voted value."""
     signal = out.discretes[d]
     before = np.int64(signal["failed"])
     became = mark_failed(channel_bits(row["discrete_state"][d]), frame, signal)
@@ -165,7 +164,7 @@ def add_failures(row, s, became, before, frame, signal, out):
 
 @kernel
 def add_failure(row, s, c, discrete, decided_by, before, frame, out):
-    """List one channel that became failed, and book it on the faults that it was failed for; return its Cause."""
+    """List one channel that was isolated, note it for the faults that caused it, and return its Cause."""
     signal = out.discretes[s] if discrete else out.signals[s]
     cause = cause_of(signal, s, c, decided_by, before, frame, discrete, out)
     flight = out.flight[0]
@@ -188,9 +187,9 @@ def add_failure(row, s, c, discrete, decided_by, before, frame, out):
 
 @kernel
 def cause_of(signal, s, c, decided_by, before, frame, discrete, out):
-    """Return the Cause for which channel c was failed; what happened within the linger can be it.
+    """Return the Cause of the isolation of channel c; a fault within the linger can be it.
 
-    before : channels that were failed in the row before, bits
+    before : channels that were out in the row before, bits
     """
     since = frame - signal["linger"]
     if signal["wrong_at"][c] >= since:

@@ -1,4 +1,4 @@
-"""The score as plain data.  Definitions: docs/reference/scores-and-tables.md; frames count from 0."""
+"""The records of a score, as plain data.  Every definition stands in docs/score.md; frames count from 0."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ISOLATIONS: Final[dict[IsolationKind, str]] = {
 
 
 class Yardstick(Settings):
-    """What a failure transient may be: MIL-F-8785C, as commonly cited."""
+    """Limits of a failure transient: MIL-F-8785C, as commonly cited."""
 
     load_factor: float = Field(default=0.5, gt=0)  # g, to both sides
     pitch_rate_rad_s: float = Field(default=radians(10.0), gt=0)
@@ -41,7 +41,7 @@ class Yardstick(Settings):
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """What followed the onset of a fault on a channel, up to the next onset on the signal."""
+    """Effects of a fault on a channel from its onset up to the next onset on the signal."""
 
     end_frame: int  # the first that is no part of it
     good_before: int  # channels of the signal without a fault, not failed, in the frame before the onset
@@ -85,7 +85,7 @@ class FaultScore:
 
 @dataclass(frozen=True, slots=True)
 class Isolation:
-    """A channel that was failed in a frame, and who did it."""
+    """A channel that was isolated in a frame, and the rule that isolated it."""
 
     signal: str
     channel: int
@@ -111,13 +111,13 @@ class ActuatorScore:
 
     failures: list[ActuatorFailure]  # in order of time
     valves_differ: dict[int, int]  # channel, and the first frame in which its shut-off valve was not as commanded
-    bypassed_frame: int | None  # the first in which nobody moved it,
+    bypassed_frame: int | None  # the first in which no channel moved it,
     bypassed_frames: int  # and how many they were
 
 
 @dataclass(frozen=True, slots=True)
 class LaneFailed:
-    """A computer that was failed."""
+    """A computer that failed a test or was voted out."""
 
     lane: str
     frame: int
@@ -139,7 +139,7 @@ class ComputersScore:
 
 @dataclass(frozen=True, slots=True)
 class LawFinding:
-    """What the fault-tolerant law found by its tests of the pitch angle."""
+    """A finding of the fault-tolerant law by its tests of the pitch angle."""
 
     finding: str  # pitch angle corrected, rate biased
     frame: int  # the first
@@ -157,9 +157,9 @@ class Episode:
     first_frame: int
     frames: int
     asked: tuple[str, ...]  # the tie-break rules that were asked in any of its frames
-    decided_by: str  # whose answer stood in its last frame; unresolved when nobody's
+    decided_by: str  # whose answer stood in its last frame; unresolved if none
     failed: tuple[int, ...]  # channels that the rule failed
-    verdict: Literal["right", "wrong", "open"]  # right: no healthy one was failed wrongly; open: nobody was
+    verdict: Literal["right", "wrong", "open"]  # right: no healthy one was failed wrongly; open: none was
     last: Any = field(default=None, compare=False, repr=False)  # EPISODE, with its last frame; not in JSON
 
 
@@ -171,7 +171,7 @@ class RuleScore:
     answered: int = 0
     right: int = 0
     wrong: int = 0
-    open: int = 0  # answered, and nobody was failed before the pattern went by
+    open: int = 0  # answered, and no channel was isolated before the split ended
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +211,7 @@ class Deviation:
 
 @dataclass(frozen=True, slots=True)
 class Transient:
-    """What followed an onset within the yardstick's window."""
+    """Transient within the yardstick's window after an onset."""
 
     faults: tuple[str, ...]
     onset_frame: int
@@ -265,13 +265,22 @@ class Coverage:
     level_transitions_possible: int
 
 
+class LaneHistory(NamedTuple):
+    """Lanes that took over the lead, and lanes that were readmitted: frame and name, in order of time."""
+
+    leading: tuple[tuple[int, str], ...] = ()
+    readmitted: tuple[tuple[int, str], ...] = ()
+
+
 class Evidence(NamedTuple):
-    """What sentences need of a flight besides its score."""
+    """Data that a conclusion needs besides the score."""
 
     params: NDArray[np.void]  # (S,) config.PARAMS of its manager
     by_unit: bool  # a unit under test voted it
-    silent: frozenset[str]  # signals of whose channels nothing was ever said
+    silent: frozenset[str]  # signals whose channels never had a state
     columns: Columns  # of a signal with a fault
+    isolated: tuple[Isolation, ...] = ()  # channels of signals and discretes that were isolated for a fault
+    lanes: LaneHistory = LaneHistory()
 
 
 @dataclass(frozen=True)
@@ -300,7 +309,7 @@ class Score:
 
     @property
     def isolations(self) -> list[tuple[IsolationKind, Isolation]]:
-        """Return every healthy channel that was failed, with the kind of its failure."""
+        """Return every healthy channel that was isolated, with the kind of its isolation."""
         return [(kind, each) for kind, name in ISOLATIONS.items() for each in getattr(self, name)]
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,12 +1,12 @@
-"""The words for what became of a fault, of a channel that was failed, and of a vote; and the public names they have.
+"""The words for the outcome of a fault, of an isolated channel and of a voted value; and their public names.
 
-    fault     isolated         its channel, or its reference, was failed for it
-              wrong channel    a healthy channel was failed for it
-              missed           its error was above the threshold, and nothing was failed
+    fault     isolated         its channel, or its reference, was isolated for it
+              wrong channel    a healthy channel was isolated for it
+              missed           its error was above the threshold, and no channel was isolated
               no effect        its error was never above the threshold
               not executed     it never acted on a channel in use
-    channel   own fault        failed for a fault of its own
-              false alarm, wrong isolation, failed with its box, failed by rule: see docs/reference/scores-and-tables.md
+    channel   own fault        isolated for its own fault
+              false alarm, wrong isolation, failed with its box, failed by rule: see docs/score.md
     vote      kept             within its threshold at the end, and before but for a monitor's time
               lost and announced   level 0
               bad and silent   neither
@@ -55,7 +55,7 @@ INJECTED: Final[tuple[FaultWord, ...]] = ("isolated", "wrong channel", "missed")
 
 
 class Cause(IntEnum):
-    """Why a channel was failed, as the kernel writes it."""
+    """Cause of the isolation of a channel, as the kernel writes it."""
 
     OWN_FAULT = 0
     FALSE_ALARM = 1
@@ -65,12 +65,12 @@ class Cause(IntEnum):
 
     @property
     def kind(self) -> IsolationKind | None:
-        """Return the words for a healthy channel that was failed; None for one that was failed for its own fault."""
+        """Return the words for a healthy channel that was isolated; None for one isolated for its own fault."""
         return _KINDS.get(self)
 
     @property
     def by_design(self) -> bool:
-        """Return True if a rule failed a healthy channel for a fault elsewhere."""
+        """Return True if a rule isolated a healthy channel for a fault elsewhere."""
         return self in (Cause.WITH_ITS_BOX, Cause.BY_RULE)
 
 
@@ -84,10 +84,10 @@ BY_DESIGN: Final = tuple(kind for cause, kind in _KINDS.items() if cause.by_desi
 
 
 def fault_word(executed: bool, failed: bool, exceeded: bool, healthy_failed: bool = False) -> FaultWord:
-    """Return what became of a fault.
+    """Return the outcome of a fault.
 
-    failed : its channel was failed for it; exceeded : its error was above the threshold
-    healthy_failed : a healthy channel was failed for it
+    failed : its channel was isolated for it; exceeded : its error was above the threshold
+    healthy_failed : a healthy channel was isolated for it
     """
     if healthy_failed:
         return "wrong channel"

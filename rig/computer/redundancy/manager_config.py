@@ -71,11 +71,13 @@ class SignalConfig(Settings):
     def _fit_together(self) -> SignalConfig:
         refuse_both(self, "persistence", "split_persistence")
         if self.count_down is not None and "persistence" not in self.model_fields_set:
-            raise ValueError("count_down: give persistence, the count in frames that fails a channel, beside it")
+            raise ValueError("count_down: needs persistence, the count in frames that isolates a channel")
         if self.trend_small is not None and self.trend_window == "tumbling":
-            raise ValueError('trend_small: not with trend_window = "tumbling", which only answers after whole windows')
+            raise ValueError(
+                'trend_small: not allowed with trend_window = "tumbling", which decides after whole windows only'
+            )
         if (self.slow_allowance is None) != (self.slow_limit is None):
-            raise ValueError("slow_allowance, slow_limit: both or neither")
+            raise ValueError("slow_allowance, slow_limit: give both or neither")
         return self
 
     @model_validator(mode="after")
@@ -161,94 +163,98 @@ class Param(NamedTuple):
 
 
 PARAM_FIELDS: Final = (
-    Param("threshold", "f8", "unit of the signal: two samples of four agree within it"),
-    Param("threshold_triplex", "f8", "unit of the signal: two samples of three"),
-    Param("threshold_duplex", "f8", "unit of the signal: the last two samples"),
-    Param("outlier_threshold", "f8", "unit of the signal: isolation threshold if all of four samples agree; 0: none"),
-    Param("outlier_threshold_triplex", "f8", "unit of the signal: isolation threshold of three samples; 0: none"),
+    Param("threshold", "f8", "unit of the signal: two of four samples agree within it"),
+    Param("threshold_triplex", "f8", "unit of the signal: two of three samples"),
+    Param("threshold_duplex", "f8", "unit of the signal: two samples"),
+    Param("outlier_threshold", "f8", "unit of the signal: the narrower one for four samples that all agree; 0: none"),
+    Param("outlier_threshold_triplex", "f8", "unit of the signal: the same for three; 0: none"),
     Param("filter_gain", "f8", "1: share of a new sample in the low-pass before the comparison; 0: no filter"),
     Param(
         "equalise_bound",
         "f8",
-        "unit of the signal: largest difference that channel equalisation removes; 0: none",
+        "unit of the signal: largest difference that is learned of a channel; 0: none is",
         "slow_faults",
     ),
     Param(
         "equalise_gain",
         "f8",
-        "1: share of a new residual in the channel equalisation, after as many frames as its inverse",
+        "1: share of a new residual in a channel equalisation, once as many frames as its inverse have been seen",
         "slow_faults",
     ),
-    Param("slow_allowance", "f8", "unit of the signal: residual that the CUSUM tolerates for any time", "slow_faults"),
+    Param("slow_allowance", "f8", "unit of the signal: what a residual may be for ever", "slow_faults"),
     Param(
         "slow_limit",
         "f8",
-        "unit of the signal times frames: CUSUM above the allowance that isolates a channel; 0: no CUSUM",
+        "unit of the signal times frames: sum of what exceeds it that fails a channel; 0: no sums",
         "slow_faults",
     ),
     Param(
         "stale_frames",
         "i8",
-        "frames of a repeated sample, while others move, after which it is not compared; 0: no limit",
+        "frames in which a sample repeats while others move until it is not compared; 0: any may",
         "slow_faults",
     ),
     Param("reference_threshold", "f8", "unit of the signal: a sample and the reference agree within it"),
     Param(
         "reference_airspeed_m_s",
         "f8",
-        "m/s: error of a reference of dynamic pressure, as an airspeed; 0: no such reference",
+        "m/s: error of a reference that is a dynamic pressure, as an airspeed; 0: of none",
     ),
-    Param("second_threshold", "f8", "unit of the signal: reference_threshold of the second reference"),
+    Param("second_threshold", "f8", "unit of the signal: as reference_threshold, of the second reference"),
     Param(
-        "common_persistence", "i8", "frames in a row in which two references contradict all channels, for a common mode"
+        "common_persistence", "i8", "frames in a row of two references against all channels until it is a common mode"
     ),
-    Param("common_fails", "u1", "1: a common mode isolates all channels; 0: it is reported"),
-    Param("low", "f8", "unit of the signal: lowest sample of the sensor; start of the circle of an angle that wraps"),
-    Param("high", "f8", "unit of the signal: highest sample of the sensor"),
-    Param("persistence", "i8", "frames in a row of miscompare until a channel is isolated"),
+    Param("common_fails", "u1", "1: a common mode fails all channels; 0: it is reported"),
+    Param(
+        "low", "f8", "unit of the signal: least sample of the sensor; of an angle that wraps where its circle begins"
+    ),
+    Param("high", "f8", "unit of the signal: largest sample of the sensor"),
+    Param("persistence", "i8", "miscomparing frames in a row until a channel is isolated"),
     Param("split_persistence", "i8", "frames until a split is settled"),
     Param("trend_frames", "i8", "bits of a trend byte, 1 to 8"),
-    Param("readmit_frames", "i8", "frames in a row of agreement before a reset readmits an isolated channel"),
-    Param("fade_frames", "i8", "frames of the fade of the voted value after a change of level; 0: none"),
-    Param("deviation", "f8", "unit of the signal: tolerated deviation from the mean; only manager selection"),
+    Param("readmit_frames", "i8", "frames in a row of agreement before a reset readmits a failed channel"),
+    Param("fade_frames", "i8", "frames in which the vote fades after a change of level; 0: none"),
+    Param("deviation", "f8", "unit of the signal: tolerated deviation from the mean; manager selection alone"),
     Param(
         "deviation_frames",
         "f8",
-        "unit of the signal times frames: limit of the integral above `deviation`; only manager selection",
+        "unit of the signal times frames: integral of what exceeds it; manager selection alone",
     ),
-    Param("fitted", "i8", "channels that are fitted, counted from the first"),
-    Param("tie_break", "i8", "tie-break rules in their order, enum `DecidedBy`; 0 after the last", shape=(TIE_BREAKS,)),
-    Param("wraps", "u1", "1: an angle in rad that wraps; differences go the short way"),
+    Param("fitted", "i8", "channels that there are, the first ones"),
+    Param("tie_break", "i8", "in their order, of DecidedBy; 0 behind the last", shape=(TIE_BREAKS,)),
+    Param("wraps", "u1", "1: an angle in rad on the circle, differences go the short way"),
     Param("weighted", "u1", "1: means of the middle samples and of a good pair are weighted by their trend"),
-    Param("count_down", "f8", "miscompares that one agreeing frame removes from the count; 0: all of them", "rules"),
+    Param(
+        "count_down", "f8", "frames that an agreeing one takes off the count of miscompares; 0: all of them", "rules"
+    ),
     Param(
         "unresolved_frames",
         "i8",
-        "frames in a row of an undecided split until all channels are isolated; 0: never",
+        "frames in a row without a tie-break until all channels are isolated; 0: never",
         "rules",
     ),
     Param(
         "trend_small",
         "f8",
-        "unit of the signal: largest change that counts as a trend after one frame; -1: none",
+        "unit of the signal: changes of at most that are a trend after one frame; -1: none are",
         "rules",
     ),
     Param(
         "trend_tumbles",
         "u1",
-        "1: trend bytes restart every trend_frames frames, and complete bytes decide",
+        "1: trend bytes begin again every trend_frames frames, and the result of whole ones stands",
         "rules",
     ),
-    Param("trend_beside_reference", "u1", "1: the trend also decides for a signal with a reference", "rules"),
+    Param("trend_beside_reference", "u1", "1: the trend is asked of a signal with a reference, too", "rules"),
     Param("referred", "u1", "1: a reference is configured", "rules"),
     Param(
         "tells",
         "i8",
-        "bit of the signal, 1 shifted by its index, if references of other signals read it; 0: they do not",
+        "the signal's own bit, 1 shifted by its index, if the references of others read it; 0: they do not",
         "rules",
     ),
-    Param("sources", "i8", "bits of the signals that its references read, for signals with a bit in `tells`", "rules"),
-    Param("box", "i8", "box (LRU) of the signal, 1 to 16; 0: none", "rules"),
+    Param("sources", "i8", "bits of signals that its references read, of those that have their bit in tells", "rules"),
+    Param("box", "i8", "box of the signal, 1 to 16; 0: in none", "rules"),
 )
 PARAMS: Final = np.dtype([(each.name, each.base, each.shape) for each in PARAM_FIELDS], align=True)
 
