@@ -145,9 +145,7 @@ def test_an_unknown_key_says_the_nearest_and_what_is_allowed():
         BadInput, match=r"pilot\.autopilot_engagd: unknown key; nearest: autopilot_engaged; allowed: auto"
     ):
         load(None, ["pilot.autopilot_engagd=false"])
-    with pytest.raises(
-        BadInput, match=r"unknown key; nearest: persistence, \w+, \w+; all keys: docs/reference/scenario.md"
-    ):
+    with pytest.raises(BadInput, match=r"unknown key; nearest: persistence, \w+, \w+; all keys: rig scenario show"):
         load(None, ["redundancy.signals.pitch_rate.persistance=4"])
 
 

@@ -153,7 +153,7 @@ BAD_SETS = [
     ("a\nb=1", "a b: unknown key"),
     (
         "duratoin_s=5",
-        "unknown key; nearest: duration_s, gains, actuators; all keys: docs/reference/scenario.md",
+        "unknown key; nearest: duration_s, gains, actuators; all keys: rig scenario show",
     ),
     ("faults.0.strat_s=5.0", "faults.0.strat_s: unknown key; nearest: start_s"),
     ("sensors.pitch_rate.noise_sdt=5.0", "unknown key; nearest: noise_std"),

@@ -63,7 +63,7 @@ STREAMS: Final = ("plant", "sensors", "faults", "inertial", "actuators", "comput
 class Scenario(Settings):
     """All settings that decide a flight. Made by ``rig.load``."""
 
-    keys_are_in: ClassVar[str] = "docs/reference/scenario.md, rig scenario show"
+    keys_are_in: ClassVar[str] = "rig scenario show"
 
     title: str = ""  # title in lists and reports
     aircraft: str = "f16"  # bundled name, or path of a folder from the present folder or the scenario's

@@ -21,44 +21,44 @@ _TYPES: Final = {  # in C and in Ada
 }
 _COMMENTS: Final = {
     "hello": "HELLO and END",
-    "ready": "READY and REFUSED, with the name of the unit or the reason",
-    "signal_config": "settings of monitoring and voting of one signal; counts in frames",
-    "discrete_config": "settings of a discrete; counts in frames",
-    "slow_faults_config": "settings of the slow-fault rules; each is off at 0",
-    "rules_config": "settings of splits and counts, and relations of a signal to others",
-    "config": "settings of a flight",
-    "config_part": "a part of config, so that a message fits into an Ethernet frame",
+    "ready": "READY and REFUSED, with the name of the unit or the reason of a refusal",
+    "signal_config": "monitoring and voting of one signal; counts in frames",
+    "discrete_config": "monitoring and voting of one discrete; counts in frames",
+    "slow_faults_config": "slow-fault rules of a signal: limits and durations; 0 switches a rule off",
+    "rules_config": "rules of splits and counts, and relations of a signal to others",
+    "config": "configuration of a flight",
+    "config_part": "a part of config, if one message must fit into an Ethernet frame",
     "input": "one frame to the unit: SI units, angles in rad, load factors in g, sticks -1 to 1",
     "output": "one frame from the unit",
 }
 _MEANINGS: Final = {
-    "magic": "`RIGI` in messages to the unit, `RIGO` in messages from it",
-    "version": "version of the records",
-    "kind": "kind of message, enum `Kind`",
-    "layout": "hash of all names, types, offsets and enums",
-    "session": "random number of the flight from the rig; the unit returns it",
-    "frame": "frame number from 0; the unit returns the number that it answers",
-    "time_s": "s: frame / rate, the only clock of the unit",
-    "stepped": "frames that the unit has stepped, to find lost requests; 0: it does not count",
-    "said": "filled groups, bits of enum `Said`",
-    "status": "state of the unit, enum `Status`; in POWER_UP and SELF_TEST nothing of the answer is flown",
-    "fault_word": "meaning defined by the unit; 0: no fault",
-    "output_discretes": "meaning defined by the unit; logged",
+    "magic": "RIGI to the unit, RIGO from the unit",
+    "version": "version of the interface",
+    "kind": "kind of the message, of Kind",
+    "layout": "hash of all names, types, places and enums",
+    "session": "number that the rig draws for each flight; the unit echoes it",
+    "frame": "number of the frame, from 0; the unit echoes it",
+    "time_s": "frame / rate, the only clock of the unit",
+    "stepped": "number of frames that the unit has stepped, to detect lost requests; 0: not counted",
+    "said": "filled groups, as bits",
+    "status": "status of the unit, of Status; the answer is not flown in POWER_UP and SELF_TEST",
+    "fault_word": "defined by the unit; 0: no fault",
+    "output_discretes": "defined by the unit; logged",
     "age_us": "microseconds between the sample and the frame; 0 here",
-    "length": "bytes before this field",
+    "length": "number of bytes before this field",
     "crc": "CRC-32 of these bytes (IEEE 802.3, as in zlib), or 0",
-    "reference": "unit of the signal: computed from the last votes; NaN: there is none",
-    "second_reference": "unit of the signal: computed by other physics; NaN: there is none",
-    "law": "control law of the frame, enum `Law`; EXTERNAL",
+    "reference": "reference of each signal, from the last votes; NaN: none",
+    "second_reference": "second reference, from other physics; NaN: none",
+    "law": "control law of the frame; EXTERNAL",
     "text": "UTF-8, ends with NUL: name of the unit, or the reason",
     # CONFIG
     "rate_hz": "frames per second",
-    "role": "enum `Role`",
-    "box_signals": "signals of a box that miscompare before a channel is isolated on all; -1: more than half; 0: never",
-    "box_persistence": "frames in a row of such a miscompare",
-    "trim_surface": "rad, throttle 0 to 1: position in the first frame; index of a surface",
-    "surface_low": "the same: lowest position",
-    "surface_high": "the same: highest position",
+    "role": "role of the unit, of Role",
+    "box_signals": "signals of a box on which a channel deviates before its isolation on all; -1: over half; 0: never",
+    "box_persistence": "consecutive frames of that",
+    "trim_surface": "rad, throttle 0 to 1: positions in the first frame; index of a surface",
+    "surface_low": "rad, throttle 0 to 1: smallest positions",
+    "surface_high": "rad, throttle 0 to 1: largest positions",
     "signal": "index of a signal",
     "slow_faults": "index of a signal",
     "rules": "index of a signal",
@@ -71,22 +71,22 @@ _MEANINGS: Final = {
     **{each.name: each.meaning for each in PARAM_FIELDS},
     "fail_safe": "0 or 1: voted value without a majority",
     # INPUT
-    "autopilot_command": "SI: autopilot commands of the pilot; index of an autopilot command",
-    "channels": "unit of the signal: samples by signal and channel",
-    "inertial": "of the inertial unit; index of a quantity",
+    "autopilot_command": "the pilot's commands; index of an autopilot command",
+    "channels": "samples by signal and channel, in the unit of the signal",
+    "inertial": "measurements of the inertial unit; index of a quantity",
     "valid": "1: the sensor does not flag the sample",
-    "ilm": "in-line monitor, enum `Ilm`",
+    "ilm": "in-line monitor, of Ilm",
     "discrete_channels": "0 or 1, by discrete and channel; any other number is 1",
-    "discrete_valid": "as valid",
-    "discrete_ilm": "as ilm",
-    "reset": "by signal: channels to be readmitted, bit 0 is channel 1",
-    "discrete_reset": "by discrete: the same",
+    "discrete_valid": "as valid, for discretes",
+    "discrete_ilm": "as ilm, for discretes",
+    "reset": "by signal: channels to readmit, bit 0 is channel 1",
+    "discrete_reset": "by discrete: channels to readmit, bit 0 is channel 1",
 }
 _OPENING: Final = """\
 /* The records between the rig and a unit under test.
  *
- * Written by `rig unit header`: do not edit, write it again when the rig's records change.
- * Little-endian, IEEE 754, naturally aligned.  docs/reference/icd.md explains them.
+ * Written by `rig unit header`: do not edit; write it again when the records change.
+ * Little-endian, IEEE 754, naturally aligned.
  *
  * A library exports three functions; 0 is success:
  *
@@ -94,8 +94,8 @@ _OPENING: Final = """\
  *     int rig_unit_step(const struct rig_input *input, struct rig_output *output);
  *     void rig_unit_close(void);
  *
- * open after close begins as if it were the first.  step is called once a frame with an output that is zero but
- * for its head; it fills groups of fields and names them in output->said.
+ * open after close starts a new session.  The rig calls step once per frame, with an output that is zero except for
+ * its head.  step fills groups of the output, and names them in `output->said`.
  */
 #ifndef RIG_UNIT_H
 #define RIG_UNIT_H
@@ -201,7 +201,7 @@ def ada() -> str:
     enums = [[*(value(_ada_name(_snake(e)), str(m.name).capitalize(), m.value) for m in members(e)), ""] for e in ENUMS]
     lines = [
         "--  The records between the rig and a unit under test, written by 'rig unit header --ada': do not edit.",
-        "--  Little-endian; docs/reference/icd.md explains them.",
+        "--  Little-endian, IEEE 754, naturally aligned.",
         "with Interfaces; use Interfaces;",
         "with System;",
         "",
@@ -257,7 +257,7 @@ def _ada_name(name: str) -> str:
     return "_".join(part.capitalize() for part in name.split("_"))
 
 
-# Tables for docs/reference/icd.md ----------------------------------------------------------------------------
+# Tables of the records -----------------------------------------------------------------------------
 
 
 def markdown() -> str:
@@ -295,5 +295,5 @@ def _meaning(name: str) -> str:
         return _MEANINGS[name]
     field = FIELD.get(name)
     group = f"group {ANSWERS[name].name}" if name in ANSWERS else ""
-    enum = f"enum `{field.enum.__name__}`" if field is not None and field.enum is not None else ""
+    enum = f"of {field.enum.__name__}" if field is not None and field.enum is not None else ""
     return ", ".join(filter(None, (group, enum)))

@@ -1,7 +1,6 @@
 """The one kernel that decides the outcomes of the faults in rows, of a flight or of a recording, in bounded memory.
 
-docs/reference/scores-and-tables.md defines every number.  Lists are taken out of their arrays by flight_tally.py, which
-adds the rows.
+docs/score.md defines every number.  flight_tally.py, which adds the rows, empties the lists.
 """
 
 from __future__ import annotations

@@ -274,7 +274,7 @@ def functions() -> str:
 
 
 def _function(one: Documented) -> str:
-    parts = [f"### {one.name}", _prose(one.first), f"```text\n{_wrapped(one.signature)}\n```"]
+    parts = [f"### {one.name}", _prose(one.first), f"```\n{_wrapped(one.signature)}\n```"]
     head = ("parameter", "type", "default", "meaning")
     parts.append(table(head, [(f"`{r.name}`", _typed(r.type), _typed(r.default), _prose(r.meaning)) for r in one.rows]))
     parts += [_prose(" ".join(one.more))] if one.more else []

@@ -1,7 +1,7 @@
 /* The records between the rig and a unit under test.
  *
- * Written by `rig unit header`: do not edit, write it again when the rig's records change.
- * Little-endian, IEEE 754, naturally aligned.  docs/reference/icd.md explains them.
+ * Written by `rig unit header`: do not edit; write it again when the records change.
+ * Little-endian, IEEE 754, naturally aligned.
  *
  * A library exports three functions; 0 is success:
  *
@@ -9,8 +9,8 @@
  *     int rig_unit_step(const struct rig_input *input, struct rig_output *output);
  *     void rig_unit_close(void);
  *
- * open after close begins as if it were the first.  step is called once a frame with an output that is zero but
- * for its head; it fills groups of fields and names them in output->said.
+ * open after close starts a new session.  The rig calls step once per frame, with an output that is zero except for
+ * its head.  step fills groups of the output, and names them in `output->said`.
  */
 #ifndef RIG_UNIT_H
 #define RIG_UNIT_H
@@ -186,7 +186,7 @@ RIG_ASSERT(offsetof(struct rig_hello, time_s) == 32);
 RIG_ASSERT(offsetof(struct rig_hello, length) == 40);
 RIG_ASSERT(offsetof(struct rig_hello, crc) == 44);
 
-/* READY and REFUSED, with the name of the unit or the reason */
+/* READY and REFUSED, with the name of the unit or the reason of a refusal */
 struct rig_ready {
     uint32_t magic;
     uint16_t version;
@@ -212,7 +212,7 @@ RIG_ASSERT(offsetof(struct rig_ready, text) == 40);
 RIG_ASSERT(offsetof(struct rig_ready, length) == 232);
 RIG_ASSERT(offsetof(struct rig_ready, crc) == 236);
 
-/* settings of monitoring and voting of one signal; counts in frames */
+/* monitoring and voting of one signal; counts in frames */
 struct rig_signal_config {
     double threshold;
     double threshold_triplex;
@@ -268,7 +268,7 @@ RIG_ASSERT(offsetof(struct rig_signal_config, wraps) == 201);
 RIG_ASSERT(offsetof(struct rig_signal_config, weighted) == 202);
 RIG_ASSERT(offsetof(struct rig_signal_config, pad_1) == 203);
 
-/* settings of a discrete; counts in frames */
+/* monitoring and voting of one discrete; counts in frames */
 struct rig_discrete_config {
     int64_t fitted;
     int64_t fail_safe;
@@ -282,7 +282,7 @@ RIG_ASSERT(offsetof(struct rig_discrete_config, fail_safe) == 8);
 RIG_ASSERT(offsetof(struct rig_discrete_config, persistence) == 16);
 RIG_ASSERT(offsetof(struct rig_discrete_config, readmit_frames) == 24);
 
-/* settings of the slow-fault rules; each is off at 0 */
+/* slow-fault rules of a signal: limits and durations; 0 switches a rule off */
 struct rig_slow_faults_config {
     double equalise_bound;
     double equalise_gain;
@@ -298,7 +298,7 @@ RIG_ASSERT(offsetof(struct rig_slow_faults_config, slow_allowance) == 16);
 RIG_ASSERT(offsetof(struct rig_slow_faults_config, slow_limit) == 24);
 RIG_ASSERT(offsetof(struct rig_slow_faults_config, stale_frames) == 32);
 
-/* settings of splits and counts, and relations of a signal to others */
+/* rules of splits and counts, and relations of a signal to others */
 struct rig_rules_config {
     double count_down;
     int64_t unresolved_frames;
@@ -324,7 +324,7 @@ RIG_ASSERT(offsetof(struct rig_rules_config, trend_beside_reference) == 49);
 RIG_ASSERT(offsetof(struct rig_rules_config, referred) == 50);
 RIG_ASSERT(offsetof(struct rig_rules_config, pad_1) == 51);
 
-/* settings of a flight */
+/* configuration of a flight */
 struct rig_config {
     uint32_t magic;
     uint16_t version;
@@ -374,7 +374,7 @@ RIG_ASSERT(offsetof(struct rig_config, rules) == 4360);
 RIG_ASSERT(offsetof(struct rig_config, length) == 5256);
 RIG_ASSERT(offsetof(struct rig_config, crc) == 5260);
 
-/* a part of config, so that a message fits into an Ethernet frame */
+/* a part of config, if one message must fit into an Ethernet frame */
 struct rig_config_part {
     uint32_t magic;
     uint16_t version;
