@@ -99,13 +99,17 @@ def _log_axis(figure: go.Figure, title: str, drawn: Sequence[float]) -> None:
     for place in places:
         if not shown or log10(place / shown[-1]) > 0.1 * log10(places[-1] / places[0]):
             shown.append(place)
-    ticks: dict[str, Any] = {"tickvals": shown, "ticktext": [f"{x:.2g}" for x in shown], "tickangle": 0}
+    ticks: dict[str, Any] = {
+        "tickvals": shown,
+        "ticktext": [f"{x:.2g}" if x < 100.0 else f"{x:.0f}" for x in shown],
+        "tickangle": 0,
+    }
     figure.update_xaxes(title=title, type="log", **ticks)
 
 
 def _line(name: str, entrants: Sequence[str]) -> dict[str, Any]:
     """Return the look of a manager's line: no two have the same colour, dash and mark."""
     place = list(entrants).index(name)
-    marker = {"symbol": _MARKS[place % len(_MARKS)], "size": 7, "color": series_colour(place)}
+    marker = {"symbol": _MARKS[(place + place // len(_MARKS)) % len(_MARKS)], "size": 7, "color": series_colour(place)}
     line = {"color": series_colour(place), "dash": DASHES[place % len(DASHES)]}
     return {"name": name, "mode": "lines+markers", "line": line, "marker": marker}
