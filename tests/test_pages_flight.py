@@ -82,7 +82,7 @@ def test_the_decision_has_the_faulty_channel_the_active_fault_and_the_isolation(
     said = [note["text"].strip() for note in drawn["layout"]["annotations"]]
     assert said == [
         *("peak of channel 3: +137", "± isolation threshold 0.63 deg/s", "limit (persistence): 6"),
-        *("fault active: 3.00 to 4.05 s", "first miscompare 3.00 s", "isolated 3.05 s"),
+        *("fault active: 3.00 to 4.05 s", "first miscompare at 3.00 s", "isolated at 3.05 s"),
     ]
     lines = {trace["name"]: trace for trace in drawn["data"]}
     assert "reference" not in lines  # it decided nothing

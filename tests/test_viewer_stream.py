@@ -248,7 +248,7 @@ def test_servers_that_do_not_come_up_are_refused_and_leave_nothing_open(
 ) -> None:
     before = _listeners()
     monkeypatch.setattr(viewer, "opened", lambda port: False)
-    with pytest.raises(RigError, match="data cannot be served: another process took every port"):
+    with pytest.raises(RigError, match="data cannot be served: another process took every free port"):
         open_stream("serve", "t", 100.0, tmp_path / "log.mcap")
     assert _listeners() == before
 
@@ -301,6 +301,6 @@ def test_a_layout_for_a_tab_that_does_not_exist_is_refused() -> None:
 
 
 def test_a_tab_for_a_unit_is_only_there_when_one_was_flown() -> None:
-    with pytest.raises(BadInput, match="no tab 'unit': no unit under test was flown"):
+    with pytest.raises(BadInput, match="no tab 'unit': no flight had a unit under test"):
         blueprint(Layout(tab="unit"))
     assert blueprint(Layout([Shown(facts=Facts(unit="mine"))], "unit")) is not None

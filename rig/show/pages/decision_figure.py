@@ -180,9 +180,9 @@ def _marks(figure: go.Figure, rows: Block, rate_hz: float, moment: Moment, acts:
         first, last = int(stretches[0, 0]), int(stretches[-1, 1])
         _note(figure, f"fault active: {first / rate_hz:.2f} to {(last - 1) / rate_hz:.2f} s", **end)
     if moment.isolated != moment.first:
-        _mark(figure, moment.first / rate_hz, began(rows, moment), "right")
+        _mark(figure, moment.first / rate_hz, f"{began(rows, moment)} at", "right")
     if moment.isolated is not None:
-        _mark(figure, moment.isolated / rate_hz, "isolated", "left")
+        _mark(figure, moment.isolated / rate_hz, "isolated at", "left")
 
 
 def began(rows: Block, moment: Moment) -> str:

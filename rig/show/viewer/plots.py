@@ -147,7 +147,7 @@ def _drawn(name: str) -> tuple[str, str, str]:
     if name in DEGREE_NAMES:
         return "/control", DEGREES, name
     topic, field = place(name)
-    return topic, f"rig.{topic[1:].title()}", field
+    return topic, f"rig.{topic[1:].title().replace('_', '')}", field
 
 
 def status_lanes(lanes: Sequence[Lane], shown: Sequence[Shown]) -> rrb.StateTimelineView:

@@ -156,7 +156,7 @@ class Story:
         [onset] = onsets if len(onsets) == 1 else [None]
         after = f", {duration(frame - onset, self._rate_hz)} after onset" if onset is not None else ""
         free = ", without a fault on it" if onsets == {None} and self._facts.thresholds else ""
-        return f"{_named(group)} {_verb(group)} at {seconds(frame, self._rate_hz)}{after}, by {by}{free}"
+        return f"{_named(group)} {_verb(group)} {seconds(frame, self._rate_hz)}{after}, by {by}{free}"
 
     @property
     def decisive(self) -> Decisive | None:
@@ -194,8 +194,8 @@ def _verb(group: Sequence[Isolation]) -> str:
     """Return the verb of a group of failures of one place."""
     place = group[0].failure.place
     if place.startswith((COMPUTER, LINK)):
-        return "failed"
-    return "shut off" if place.startswith(ACTUATOR) else "isolated"
+        return "failed at"
+    return "shut off at" if place.startswith(ACTUATOR) else "isolated at"
 
 
 def _text(place: str, channels: Sequence[int]) -> str:
