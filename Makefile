@@ -6,7 +6,7 @@ STAMP := $(VENV)/.stamp
 # Hundreds of processes of the tests would read all sources anew: here Python keeps what it has compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: fly suite test test-all wheel check lint types imports coverage cost measured requirements golden pictures designs replay digests docs setup clean
+.PHONY: fly suite test test-all wheel check lint types imports coverage cost measured requirements golden pages pictures designs replay digests docs setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -51,6 +51,9 @@ measured: setup  ## write docs/measured/: figures of this commit on this machine
 
 requirements: setup  ## write docs/requirements.md from the markers in the tests
 	$(BIN)/python tests/tools/requirements.py
+
+pages: setup  ## run all code of README.md and docs/, and put what it prints and draws into the pages; page="docs/x.md" for some of them
+	$(BIN)/python tests/tools/pages.py $(page)
 
 pictures: setup  ## write docs/pictures/: the loop and a fault, drawn from a flight
 	$(BIN)/python tests/tools/pictures.py

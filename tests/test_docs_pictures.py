@@ -36,7 +36,13 @@ def test_a_pattern_has_a_title_and_names_its_states(path: Path):
 
 def test_the_pictures_are_what_the_tool_writes():
     drawn = pictures.pictures()
-    assert {path.name: path.read_text() for path in (DOCS / "pictures").glob("*.svg")} == drawn
+    assert {name: (DOCS / "pictures" / name).read_text() for name in drawn} == drawn
+
+
+def test_a_page_shows_every_picture():
+    """Pages draw the other ones: tests/test_docs_commands.py."""
+    text = "".join(path.read_text() for path in DOCS.rglob("*.md"))
+    assert [path.name for path in (DOCS / "pictures").glob("*.svg") if f"pictures/{path.name})" not in text] == []
 
 
 @pytest.mark.parametrize("path", sorted(DOCS.glob("pictures/*.svg")), ids=lambda path: path.stem)
