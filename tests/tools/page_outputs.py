@@ -19,9 +19,8 @@ VARIES: Final = (
     (re.compile(rf"\bnow in {_NUMBER} s, {_NUMBER} flights/s"), f"now in {GAP} s, {GAP} flights/s"),
 )
 _STAGES: Final = re.compile(rf"[a-z]+ {_NUMBER} s(?:, [a-z]+ {_NUMBER} s)+")  # read 0.11 s, vote 0.20 s
-DROPPED: Final = re.compile(
-    rf"^compiling|^\d+ of \d+ runs, {_NUMBER} a second$", re.I
-)  # of kernels; progress in a pipe
+# Progress in a pipe, and the compilation of kernels, once on a machine.
+DROPPED: Final = re.compile(rf"^compiling|^\d+ of \d+ runs, {_NUMBER} a second|^[\w ]+ \(\d+ of \d+\)$", re.I)
 
 
 def normal(printed: str, folder: Path) -> list[str]:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -40,7 +41,8 @@ def style(wanted: bool) -> Iterator[None]:
     from cycler import cycler
 
     os.environ["SOURCE_DATE_EPOCH"] = "0"
-    with matplotlib.rc_context({**FIGURE, "axes.prop_cycle": cycler(color=CHANNELS), "backend": "agg"}):
+    settings: Any = {**FIGURE, "axes.prop_cycle": cycler(color=CHANNELS), "backend": "agg"}
+    with matplotlib.rc_context(settings):
         yield
 
 
@@ -63,7 +65,7 @@ def finished(svg: str, name: str, words: str) -> str:
         return svg
     width, height = map(float, re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg).groups())  # type: ignore[union-attr]
     inside = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<defs>") : svg.rindex("</svg>")], flags=re.DOTALL)
-    inside = re.sub(r' d="[^"]*"', lambda path: re.sub(r"-?\d+\.\d+", _short, path[0]), inside)
+    inside = re.sub(r' d="([^"]*)"', lambda path: f' d="{_short(path[1], width)}"', inside)
     inside = re.sub(r"font: ([\d.]+)px 'sans-serif'[^;\"]*", r"font: \1px system-ui, sans-serif", inside)
     inside = re.sub(r"[ \t]+\n", "\n", inside)
     scale = WIDTH / width
@@ -79,8 +81,20 @@ def finished(svg: str, name: str, words: str) -> str:
     )
 
 
-def _short(number: re.Match[str]) -> str:
-    return f"{float(number[0]):.1f}".removesuffix(".0")
+def _short(path: str, width: float) -> str:
+    """Return a path to a tenth, of straight lines without the points that are far left or right of the figure."""
+    path = re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.1f}".removesuffix(".0"), path)
+    points = re.findall(r"([ML]) (\S+) (\S+)", path)
+    if re.search("[CQHVA]", path) or len(points) < 3:
+        return path.strip()
+    sides = [int(float(x) > width + 20) - int(float(x) < -20) for _, x, _ in points]
+    kept = [
+        point
+        for i, point in enumerate(points)
+        if i in {0, len(points) - 1} or point[0] == "M" or sides[i] == 0 or not sides[i - 1] == sides[i] == sides[i + 1]
+    ]
+    lines = [kept[0], *(point for before, point in pairwise(kept) if point[0] == "M" or point[1:] != before[1:])]
+    return " ".join(f"{letter}{x} {y}" for letter, x, y in lines) + ("z" if path.rstrip().endswith("z") else "")
 
 
 def _rules(inside: str) -> str:
