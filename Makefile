@@ -52,6 +52,9 @@ measured: setup  ## write docs/measured/: figures of this commit on this machine
 requirements: setup  ## write docs/requirements.md from the markers in the tests
 	$(BIN)/python tests/tools/requirements.py
 
+pages: setup  ## run all code of README.md and docs/, and put what it prints and draws into the pages; page="docs/x.md" for some of them
+	$(BIN)/python tests/tools/pages.py $(page)
+
 reference: setup  ## write the generated pages of docs/reference/: commands, gallery, faults and signals, ICD, Python API
 	$(BIN)/python tests/tools/reference_pages.py
 	$(BIN)/python tests/tools/cli_page.py

@@ -1,166 +1,189 @@
-"""Every command of README and the tutorials works as written, in order, in a copy of what a clone has.
-
-What a tutorial shows as printed is printed, line by line. Commands that are too long or wait for
-a person are only parsed, with their reason in PARSED.
-"""
+"""The code of every page works as written, and prints and draws what the page shows: tests/tools/pages.py."""
 
 import re
-import shlex
 import shutil
-import subprocess
-import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
+import page_outputs
+import page_pictures
+import pages
 import pytest
 
-from rig.cli import main as cli
+from rig.core.notes import note
 
-ROOT = Path(__file__).parent.parent
-README = ROOT / "README.md"
-TUTORIALS = (
-    "first-flight",
-    "own-scenario",
-    "computers",
-    "own-voter",
-    "own-unit",
-    "own-aircraft",
-    "recorded-data",
-    "campaign",
-    "own-benchmark",
-)
-PAGES = [README, *(ROOT / "docs" / "tutorials" / f"{name}.md" for name in (*TUTORIALS, "reliability", "safety-case"))]
-# How a command begins: why it is only parsed here, by its --help.
-PARSED = {
-    "rig aircraft new": "minutes of design, tests/test_design_own_aircraft.py",
-    "rig aircraft check": "needs what `rig aircraft new` made, or linearises for 20 s; tests/test_design_margins.py",
-    "rig fly my_c172/": "needs what `rig aircraft new` made",
-    "rig campaign run reliability": "6633 flights, tests/test_reliability_run.py",
-    "rig campaign run fmea": "1344 flights, tests/test_safety_fmea.py",
-    "rig reliability cutsets": "6540 flights, tests/test_safety_cutsets.py",
-    "rig reliability confirm": "needs what `cutsets` flew, tests/test_safety_cutsets.py",
-    "rig reliability tree": "needs flown campaigns, tests/test_safety_tree.py",
-    "rig reliability fmea": "needs the campaign `fmea`, tests/test_safety_fmea.py",
-    "rig reliability report": "needs all of these, tests/test_safety_fmea.py",
-    "rig reliability run": "needs the campaign `reliability`, tests/test_reliability_run.py",
-    "rig reliability trials": "needs hours, tests/test_reliability_trials.py",
-    "rig search worst-pitch-rate": "300 flights, tests/test_cli_search.py",
-    "rig view": "a window or a picture, tests/test_view_*.py",
-}
-LONG = {"own-benchmark"}  # a benchmark
-OTHERS = {  # not commands of ours
-    "make fly": "`rig fly`, after setup",
-    "make test": "this",
-    "cp": "copied by the test",
-    "make -C docs/examples/unit": "run by the test",
-}
+ROOT = Path(__file__).parents[1]
+PAGES = [name for name in pages.names() if pages.steps((ROOT / name).read_text()) and name not in pages.NOT_RUN]
+PAGE = """# A page
 
+```console
+$ cat a.txt # a file
+one
+...
+three
+$ ls nothing; echo "exit code $?"
+```
 
-@dataclass(frozen=True)
-class Shown:
-    """A command of a page and the lines that the page shows of its output."""
+```python title="mine.py"
+VALUE = 3
+```
 
-    command: str
-    printed: tuple[str, ...] = ()
+<!-- python
+import mine
+-->
 
+```python
+print(mine.VALUE)
+```
 
-def commands(text: str) -> list[Shown]:
-    """The commands of the blocks ``console`` (after ``$``, with output) and ``sh`` (one a line)."""
-    found: list[Shown] = []
-    for kind, block in re.findall(r"^```(console|sh)\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
-        for line in block.splitlines():
-            if kind == "sh" or line.startswith("$ "):
-                found.append(Shown(re.split(r"(?:^|\s)# ", line.removeprefix("$ "))[0].strip()))
-            else:
-                found[-1] = Shown(found[-1].command, (*found[-1].printed, line))
-    return [one for one in found if one.command]
+```text
+4
+```
 
-
-def begins(command: str, table: dict[str, str] | dict[str, list[str]]) -> str | None:
-    """The entry of ``table`` that ``command`` begins with."""
-    return next((key for key in table if f"{command} ".startswith(key)), None)
-
-
-def tidy(text: str) -> str:
-    return " ".join(text.split())
-
-
-@pytest.fixture
-def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """What the commands of a page find in a clone, and nothing else."""
-    shutil.copytree(ROOT / "docs" / "examples", tmp_path / "docs" / "examples", ignore=shutil.ignore_patterns("build"))
-    shutil.copytree(ROOT / "faults", tmp_path / "faults")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    return tmp_path
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[[str], str]:
-    """run(command) -> all that it prints; its exit code must be 0."""
-
-    def rig(words: list[str]) -> str:
-        monkeypatch.setattr(sys, "argv", ["rig", *words])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        said = capsys.readouterr()
-        assert not end.value.code, f"rig {' '.join(words)}: {said.out}{said.err}"
-        return said.out + said.err
-
-    def any_command(command: str) -> str:
-        words, _, into = command.partition(" > ")
-        first, *rest = shlex.split(words)
-        if first != "rig":
-            assert begins(command, OTHERS), command
-            if first == "cp" or "-C" in rest:
-                subprocess.run([first, *rest], check=True, capture_output=True)
-            return ""
-        if key := begins(command, PARSED):
-            named = [word for word in key.split()[1:] if "/" not in word and not word.startswith("-")]
-            helped = rig([*named[:2], "--help"] if named[0] in GROUPS else [named[0], "--help"])
-            assert all(option in helped for option in re.findall(r"(?<= )--[a-z-]+", command)), command
-            return ""
-        printed = rig(rest)
-        if into:
-            Path(into).write_text(printed)
-        return printed
-
-    return any_command
-
-
-GROUPS = {"aircraft", "campaign", "reliability", "scenario", "unit", "faults"}
+```sh
+# a comment
+cp a.txt \\
+   b.txt
+rig fly --seed 3
+```
+"""
 
 
 @pytest.mark.parametrize(
-    "page",
-    [pytest.param(page, id=page.stem, marks=[pytest.mark.long] if page.stem in LONG else []) for page in PAGES],
+    "name", [pytest.param(name, marks=[pytest.mark.long] if name in pages.LONG else []) for name in PAGES]
 )
-@pytest.mark.usefixtures("clone")
-def test_every_command_works_as_written(page: Path, run: Callable[[str], str]):
-    if "make -C" in page.read_text() and not (shutil.which("make") and shutil.which("cc")):
+def test_the_code_of_a_page_does_what_the_page_shows(name: str):
+    if re.search(r"^(\$ )?(make -C|cc )", (ROOT / name).read_text(), re.MULTILINE) and not shutil.which("cc"):
         pytest.skip("no C compiler")
-    shown = commands(page.read_text())
-    assert len(shown) > 2
-    for one in shown:
-        printed = {tidy(line) for line in run(one.command).splitlines()}
-        if not begins(one.command, PARSED):
-            assert [line for line in one.printed if tidy(line) not in printed] == [], one.command
+    _, _, wrong = pages.run(name)
+    assert not wrong, "\n".join(wrong)
 
 
-def test_all_tutorials_are_among_the_pages():
-    assert {path.name for path in (ROOT / "docs" / "tutorials").glob("*.md")} == {page.name for page in PAGES[1:]}
+def test_every_exception_is_of_something_that_a_page_shows():
+    shown = {(step.code, name) for name in pages.names() for step in pages.steps((ROOT / name).read_text())}
+    assert pages.EXCEPTIONS.keys() == {key for key in (pages.excepted(*one) for one in shown) if key}
+    assert [name for name in (*pages.NOT_RUN, *pages.LONG) if not (ROOT / name).exists()] == []
+    assert all(pages.EXCEPTIONS.values()) and all(pages.NOT_RUN.values()) and all(pages.LONG.values())
 
 
-def test_every_exception_is_of_a_command_that_a_page_shows():
-    shown = [one.command for page in PAGES for one in commands(page.read_text())]
-    for table in (PARSED, OTHERS):
-        assert [key for key in table if not any(begins(command, {key: ""}) for command in shown)] == []
+def test_every_tutorial_runs():
+    tutorials = {name for name in pages.names() if "/tutorials/" in name}
+    assert len(tutorials) >= 5 and tutorials - pages.NOT_RUN.keys() <= set(PAGES)
 
 
-def test_commands_and_their_output_are_read_from_a_page():
-    page = "```console\n$ rig fly # a flight\n  20.00 s\n```\n```toml\n$ no\n```\n```sh\nmake fly\n```\n"
-    assert commands(page) == [Shown("rig fly", ("  20.00 s",)), Shown("make fly")]
+def test_what_a_page_runs_is_read_in_its_order():
+    read = [(step.kind, step.code.strip(), step.line, step.shown) for step in pages.steps(PAGE)]
+    assert read == [
+        ("command", "cat a.txt", 4, ["one", "...", "three"]),
+        ("command", 'ls nothing; echo "exit code $?"', 8, []),
+        ("file mine.py", "VALUE = 3", 12, None),
+        ("python", "import mine", 16, None),
+        ("python", "print(mine.VALUE)", 20, ["4"]),
+        ("command", "cp a.txt b.txt", 29, []),
+        ("command", "rig fly --seed 3", 31, []),
+    ]
+
+
+def test_a_page_that_shows_something_else_is_named_with_its_line_and_rewritten():
+    page = PAGE.replace("cat a.txt", "cat docs/examples/mine.toml").replace(
+        "a.txt", "faults/f16_pitch_rate_hardover.toml"
+    )
+    page = page.replace("rig fly --seed 3", "rig --version").replace(
+        "one\n...\nthree\n", '...\naircraft = "f15"\n...\n'
+    )
+    text, pictures, wrong = pages.run("page.md", text=page)
+    assert pictures == {} and len(wrong) == 2
+    assert wrong[0].startswith("page.md:4: cat docs/examples/mine.toml: prints\n") and '+ aircraft = "f16"' in wrong[0]
+    assert wrong[1].startswith("page.md:20: print(mine.VALUE): prints\n") and "    - 4\n    + 3" in wrong[1]
+    assert text == page.replace("f15", "f16").replace("text\n4\n", "text\n3\n")
+    assert pages.run("page.md", text=text)[2] == []
+
+
+def test_commands_without_output_are_filled_where_that_is_asked():
+    text, _, _ = pages.run("page.md", text="```console\n$ cat faults/suites/none; echo $?\n```\n", fill=True)
+    assert (
+        text
+        == "```console\n$ cat faults/suites/none; echo $?\ncat: faults/suites/none: No such file or directory\n1\n```\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "error"),
+    [
+        ("```sh\nrig fly --sede 3\n```", r"page.md:2: rig fly --sede 3: ValueError: exit code 2: .*--sede"),
+        ("```sh\nfrobnicate\n```", r"page.md:2: frobnicate: ValueError: not run: add 'frobnicate'"),
+        ("```sh\nrig view --screenshoot a.png\n```", r"page.md:2: .*no option --screenshoot"),
+        ("```python\n1 / 0\n```", r"page.md:2: 1 / 0: ZeroDivisionError"),
+        ("```toml\na = \n```", r"page.md:2: a = : TOMLDecodeError"),
+    ],
+)
+def test_code_that_does_not_work_is_named_with_its_page_and_line(code: str, error: str):
+    with pytest.raises(pages.PageError, match=re.compile(error, re.DOTALL)):
+        pages.run("page.md", text=code)
+
+
+def test_a_note_is_printed_by_every_command():
+    note("once")
+    assert note.cache_info().currsize
+    pages.run("page.md", text="```sh\nrig --version\n```")
+    assert not note.cache_info().currsize
+
+
+@pytest.mark.parametrize(
+    ("shown", "matched"),
+    [
+        (["a", "b", "c", "d"], True),
+        (["a", "b", "c"], False),
+        (["a", "...", "d"], True),
+        (["...", "c", "d"], True),
+        (["a", "..."], True),
+        (["...", "c"], False),
+        (["c", "..."], False),
+        (["...", "b", "...", "d"], True),
+        (["...", "b", "d"], False),
+        (["...", "d", "...", "b", "..."], False),
+        (["a", "b", "...", "b", "c", "d"], False),
+        (["..."], True),
+        ([], False),
+    ],
+)
+def test_a_gap_stands_for_any_lines(shown: list[str], matched: bool):
+    assert page_outputs.matches(shown, ["a", "b", "c", "d"]) is matched
+
+
+def test_a_rewrite_keeps_gaps_and_takes_over_new_words():
+    shown = ["20.00 s  channel failed  pitch_rate.3 failed by comparison", "...", "log  logs/a.mcap"]
+    printed = [
+        "a title",
+        "20.01 s  channel isolated  pitch_rate.3 isolated by comparison",
+        "more",
+        "a digest",
+        "log  logs/b.mcap",
+    ]
+    new = page_outputs.rewritten(shown, printed)
+    assert new == ["a title", printed[1], "...", printed[4]] and page_outputs.matches(new, printed)
+    assert page_outputs.rewritten(["...", *shown], printed) == ["...", printed[1], "...", printed[4]]
+    assert page_outputs.rewritten(["of another command"], printed) == printed
+
+
+def test_what_varies_is_not_shown(tmp_path: Path):
+    lines = ["run time 228.8 us per frame, 44 x real time", "compiling kernels", "read 0.1 s, vote 0.25 s"]
+    printed = "\n".join([*lines, f"log {tmp_path}/logs/a.mcap  ", "", ""])
+    assert page_outputs.normal(printed, tmp_path) == [
+        "run time ... us per frame, ... x real time",
+        "read ... s, vote ... s",
+        "log logs/a.mcap",
+    ]
+
+
+def test_a_picture_has_a_title_and_colours_for_a_dark_page(tmp_path: Path):
+    code = "from matplotlib.figure import Figure\nfigure = Figure()\nfigure.subplots().plot([1, 2], [1.0, 2.5])\n"
+    page = f"```python\n{code}figure.savefig('line.svg')\n```\n![A line: it rises](line.svg)\n"
+    (drawn,) = pages.run("docs/page.md", text=page)[1].items()
+    assert drawn[0] == ROOT / "docs" / "line.svg"
+    assert '<title id="line-title">A line</title>' in drawn[1] and ">A line: it rises</desc>" in drawn[1]
+    assert "prefers-color-scheme: dark" in drawn[1] and 'viewBox="0 0 700 280"' in drawn[1]
+    assert "date" not in drawn[1] and drawn[1] == pages.run("docs/page.md", text=page)[1][drawn[0]]
+    assert page_pictures.finished(drawn[1], "line", "other") == drawn[1]
 
 
 def test_the_recording_is_what_its_script_writes():

@@ -30,7 +30,14 @@ def test_the_actuators_have_the_colours_that_the_page_names():
 
 def test_the_drawings_are_what_the_tool_writes():
     drawn = pictures.pictures()
-    assert {path.name: path.read_text() for path in PICTURES.glob("*.svg")} == drawn
+    assert {name: (PICTURES / name).read_text() for name in drawn} == drawn
+
+
+def test_a_page_shows_every_picture():
+    """Pages draw the other ones: tests/test_docs_commands.py."""
+    text = "".join(path.read_text() for path in (*DOCS.rglob("*.md"), DOCS.parent / "mkdocs.yml"))
+    names = [str(path.relative_to(PICTURES)) for path in PICTURES.rglob("*.*")]
+    assert len(names) > 30 and [name for name in names if f"pictures/{name}" not in text] == []
 
 
 def test_a_picture_that_cannot_be_made_is_named_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
