@@ -46,10 +46,10 @@ coverage: setup  ## statements and branches of the monitor, its kernels interpre
 cost: setup  ## what a frame costs, against bare JSBSim in the same process
 	$(BIN)/rig cost
 
-measured: setup  ## write docs/measured/: figures of this commit on this machine; only="cost evidence" for some of them
+measured: setup  ## write docs/results/measured/: figures of this commit on this machine; only="cost evidence" for some of them
 	$(BIN)/python tests/tools/measured.py $(only)
 
-requirements: setup  ## write docs/requirements.md from the markers in the tests
+requirements: setup  ## write docs/project/requirements.md from the markers in the tests
 	$(BIN)/python tests/tools/requirements.py
 
 pages: setup  ## run all code of README.md and docs/, and put what it prints and draws into the pages; page="docs/x.md" for some of them

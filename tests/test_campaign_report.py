@@ -379,6 +379,6 @@ def test_the_page_names_every_column():
 
 
 def test_the_page_names_every_bundled_campaign():
-    page = (Path(__file__).parent.parent / "docs" / "campaign.md").read_text()
+    page = (Path(__file__).parent.parent / "docs" / "how-to" / "campaigns-and-worst-case.md").read_text()
     named = set(re.findall(r"`([\w-]+)`", page))
     assert {path.stem for path in (bundled("faults") / "campaigns").glob("*.toml")} <= named

@@ -394,7 +394,7 @@ def test_c172x_is_made_accepted_and_flown_from_the_users_folder(tmp_path: Path, 
 def test_enter_takes_the_assumed_figures_and_a_rate_is_asked_for_in_degrees(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(aircraft_commands.typer, "prompt", lambda text, default, type=str: default)
     assert aircraft_commands._ask(new_aircraft.Answers(), "light") == new_aircraft.Answers()
-    typed = {"s": 0.05, "deg/s": 90.0, "(docs/sensors.md)": "AHRS MEMS"}
+    typed = {"s": 0.05, "deg/s": 90.0, "(docs/reference/sensors-and-redundancy.md)": "AHRS MEMS"}
     monkeypatch.setattr(aircraft_commands.typer, "prompt", lambda text, **_: typed[text.split()[-1]])
     own = aircraft_commands._ask(new_aircraft.Answers(), "light")
     assert own == new_aircraft.Answers(0.05, np.pi / 2, "AHRS MEMS", 4)

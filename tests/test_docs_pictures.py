@@ -11,7 +11,8 @@ from PIL import Image
 
 from rig.show.viewer.style import CHANNEL_COLORS, FAILED, REFERENCE
 
-PICTURES = Path(__file__).parent.parent / "docs/pictures"
+ROOT = Path(__file__).parent.parent
+PICTURES = ROOT / "docs/pictures"
 DRAWN = (*CHANNEL_COLORS, REFERENCE)
 
 
@@ -35,7 +36,7 @@ def test_the_drawings_are_what_the_tool_writes():
 
 def test_a_page_shows_every_picture():
     """Pages draw the other ones: tests/test_docs_commands.py."""
-    text = "".join(path.read_text() for path in (*DOCS.rglob("*.md"), DOCS.parent / "mkdocs.yml"))
+    text = "".join(path.read_text() for path in (*(ROOT / "docs").rglob("*.md"), ROOT / "mkdocs.yml"))
     names = [str(path.relative_to(PICTURES)) for path in PICTURES.rglob("*.*")]
     assert len(names) > 30 and [name for name in names if f"pictures/{name}" not in text] == []
 

@@ -40,7 +40,7 @@ def test_one_that_is_settled_by_now_is_met():
     vote = [each for each in load_requirements(["redundancy"]) if each.id == "vote"]
     path = ROOT / "faults" / "worst" / f"{MET_NOW[0]}.toml"
     assert [verdict.status for verdict in fly_requirements(load(path), vote)] == ["met"]
-    assert all(f"`{name}`" in (ROOT / "docs" / "worst.md").read_text() for name in MET_NOW)
+    assert all(f"`{name}`" in (ROOT / "docs" / "results" / "measured" / "worst.md").read_text() for name in MET_NOW)
 
 
 def cells_of_the_page() -> list[tuple[str, int, int]]:

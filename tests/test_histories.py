@@ -1,4 +1,4 @@
-"""What happened to aircraft, flown again with every manager: docs/measured/references.md is held to these flights."""
+"""Incident reconstructions with every manager: docs/results/measured/references.md is compared with these flights."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from rig.scenario import scenario
 from rig.verdict.score_records import Score
 from rig.verdict.scoring import score
 
-PAGE = Path(__file__).parent.parent / "docs" / "measured" / "references.md"
+PAGE = Path(__file__).parent.parent / "docs" / "results" / "measured" / "references.md"
 SIGNALS = {
     "history_qf72": "angle_of_attack",
     "history_xl888t": "angle_of_attack",
@@ -38,7 +38,7 @@ def fly(name: str, manager: str, *sets: str) -> Score:
 
 
 def row(name: str, manager: str, found: Score) -> str:
-    """The line of docs/measured/references.md."""
+    """The line of docs/results/measured/references.md."""
     detected = [fault for fault in found.faults if fault.outcome == "detected"]
     delays = ", ".join(str(fault.delay_from_exceeded_frames) for fault in detected)
     wrong = ", ".join(f"{w.channel} at {w.frame / 100:.2f} s" for w in found.wrong_isolations)
@@ -68,4 +68,4 @@ if __name__ == "__main__":
     print("|---|---|---|---|---|---|---|")  # noqa: T201
     for each in SIGNALS:
         for who in (*ORDERS, *MANAGERS):
-            print(row(each, who, fly(each, who)))  # noqa: T201 # the table of docs/measured/references.md
+            print(row(each, who, fly(each, who)))  # noqa: T201 # the table of docs/results/measured/references.md

@@ -100,7 +100,9 @@ def test_the_complete_experiment_is_the_aircraft_the_sensor_and_the_observer():
 
 
 def of_the_page() -> str:
-    return " ".join((Path(__file__).parent.parent / "docs" / "ding2015.md").read_text().split())
+    return " ".join(
+        (Path(__file__).parent.parent / "docs" / "results" / "incidents-and-worst-cases.md").read_text().split()
+    )
 
 
 def moved(gains: tuple[np.ndarray, np.ndarray], known: float, end_s: float) -> np.ndarray:

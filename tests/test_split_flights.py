@@ -11,7 +11,7 @@ from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
 
 ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "measured" / "patterns.md"
+PAGE = ROOT / "docs" / "results" / "measured" / "patterns.md"
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Outcome:
         return "wrong" if set(self.failed) - set(self.faulty) else "open"
 
     def row(self) -> str:
-        """The line of docs/measured/patterns.md."""
+        """The line of docs/results/measured/patterns.md."""
         took = "" if self.frames is None else str(self.frames)
         who = ", ".join(self.tie_break) or "nobody"
         cells = (f"`{self.name}`", ", ".join(self.patterns), who, self.verdict, took, f"{self.vote_error:.3f}")
@@ -86,4 +86,4 @@ if __name__ == "__main__":
     print("| scenario | patterns | decided by | result | frames | vote error | survived |")  # noqa: T201
     print("|---|---|---|---|---|---|---|")  # noqa: T201
     for each in NAMES:
-        print(fly(each).row())  # noqa: T201 # the table of docs/measured/patterns.md
+        print(fly(each).row())  # noqa: T201 # the table of docs/results/measured/patterns.md

@@ -15,7 +15,7 @@ from rig.unit.transport import MOST_BYTES, SocketLink, clock
 from rig.unit.unit_records import HELLO, TO_UNIT, Kind, blank
 from rig.unit.vectors import ask
 
-SILENCE_S: Final = 3.0  # after which a session is over, docs/unit.md
+SILENCE_S: Final = 3.0  # after which a session is over, docs/how-to/fly-your-software.md
 _ANSWER_S: Final = 1.0  # for one HELLO, which is repeated
 _AGAIN_S: Final = 0.2
 _MARGIN_S: Final = 0.5

@@ -99,7 +99,8 @@ def propose(name: str, base_model: str, answers: Answers, points: list[tuple[flo
     """
     chosen, classes = answers.sensor_class, sensor_classes()
     if chosen is not None and chosen not in classes:
-        raise BadInput(f"--sensor-class: unknown class {quoted(chosen)}, {choices(chosen, classes, 'docs/sensors.md')}")
+        known = choices(chosen, classes, "docs/reference/sensors-and-redundancy.md")
+        raise BadInput(f"--sensor-class: unknown class {quoted(chosen)}, {known}")
     base = read(base_model)
     table, kind = airframe_table(base)
     for surface in SURFACES:

@@ -9,8 +9,8 @@
     [fmu.constants]
     gain = 2.5                           # a variable of the FMU, in its unit
 
-An address is field.item.channel, of the tables of docs/unit-records.md, channels from 1.  Units are compared with those
-that the FMU declares, and converted.
+An address is field.item.channel, of the tables of docs/reference/icd.md, channels from 1.  Units are compared with
+those that the FMU declares, and converted.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def _expanded(key: str, variable: str, elements: dict[str, Element], where: str)
     if not fits:
         if (new := of_layout(key)) != key:
             raise BadInput(f"{where}: is now called {new}")
-        raise BadInput(f"{where}: no such element; {choices(key, elements, 'docs/unit-records.md')}")
+        raise BadInput(f"{where}: no such element; {choices(key, elements, 'docs/reference/icd.md')}")
     parts = variable.split("*")
     return [(address, "".join(map("".join, zip(parts, (*match.groups(), ""), strict=True)))) for address, match in fits]
 

@@ -1,6 +1,6 @@
 """The one kernel that decides the outcomes of the faults in rows, of a flight or of a recording, in bounded memory.
 
-docs/score.md defines every number.  flight_tally.py, which adds the rows, empties the lists.
+docs/reference/scores-and-tables.md defines every number.  flight_tally.py, which adds the rows, empties the lists.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The records of a score, as plain data.  Every definition stands in docs/score.md; frames count from 0."""
+"""The records of a score, as plain data.  docs/reference/scores-and-tables.md defines them; frames count from 0."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@
               no effect        its error was never above the threshold
               not executed     it never acted on a channel in use
     channel   own fault        isolated for its own fault
-              false alarm, wrong isolation, failed with its box, failed by rule: see docs/score.md
+              false alarm, wrong isolation, failed with its box, failed by rule: see docs/reference/scores-and-tables.md
     vote      kept             within its threshold at the end, and before but for a monitor's time
               lost and announced   level 0
               bad and silent   neither

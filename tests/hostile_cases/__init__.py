@@ -1,1 +1,1 @@
-"""Hostile input for every command: cases, the process each runs in, and what counts as a failure (docs/hostile.md)."""
+"""Hostile input for every command: cases, the process of each, and its failures (docs/project/fuzzing-and-cost.md)."""

@@ -1,8 +1,8 @@
-"""The atlas of worst cases: docs/worst.md and docs/worst.svg, made again; scenarios of faults/worst/ are listed.
+"""The atlas of worst cases: docs/results/measured/worst.md, docs/pictures/worst.svg, and a list for faults/worst/.
 
     python tests/tools/atlas.py search OUT.json [--flights 96] [--workers 2]     # every cell, resumed where it stopped
     python tests/tools/atlas.py scenarios OUT.json [--workers 2]                 # faults/worst/*.toml, by flights
-    python tests/tools/atlas.py page OUT.json                                    # docs/worst.md, docs/worst.svg
+    python tests/tools/atlas.py page OUT.json                                    # its page and picture
 
 A cell is a manager, an aircraft, a signal and a number of faults (search_here.space). It is searched open loop; the
 candidate of the least robustness is then flown on five new seeds.

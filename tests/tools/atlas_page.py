@@ -1,4 +1,4 @@
-"""Page and picture of the atlas of worst cases: docs/worst.md and docs/worst.svg."""
+"""Page and picture of the atlas of worst cases: docs/results/measured/worst.md and docs/pictures/worst.svg."""
 
 from __future__ import annotations
 
@@ -34,11 +34,12 @@ STYLE: Final = (
 HEAD: Final = """# Worst cases
 
 This page lists the worst effect of 1, 2 and 3 faults of one sign on the vote of one signal, by manager and aircraft.
-A [search](search.md) looks for the flight with the least robustness of the [requirement](requirements-format.md)
-`vote`: the vote stays within the threshold of the truth, or the signal is lost and the loss is announced. The result
-is flown on {seeds} new seeds. A robustness is in thresholds of the signal; below 0 the requirement is violated.
+A [search](../../how-to/campaigns-and-worst-case.md) looks for the flight with the least robustness of the
+[requirement](../../how-to/requirements-and-ci.md) `vote`: the voted value stays within its error limit, or the
+signal is lost and the loss is annunciated. The result is flown on {seeds} new seeds. A robustness is in thresholds of
+the signal; below 0 the requirement is violated.
 
-![Median robustness of the vote and flights that violate it, by manager, aircraft, signal and faults](worst.svg)
+![Median robustness of the voted value, by manager, aircraft, signal and faults](../../pictures/worst.svg)
 
 The upper number of a cell is the median robustness of its {seeds} flights. The lower one counts the flights that
 violate the requirement. Blue: none violates. Yellow and hatched: some violate. Red: all violate. An outlined cell has
@@ -70,8 +71,8 @@ MET_NOW: Final = (  # tests/test_faults_worst.py
 def write(rows: Sequence[Row], root: Path, seeds: int) -> None:
     """Write page and picture."""
     names = sorted(path.stem for path in (root / "faults" / "worst").glob("*.toml"))
-    (root / "docs" / "worst.svg").write_text(picture(rows, names), encoding="utf-8")
-    (root / "docs" / "worst.md").write_text(page(rows, names, root, seeds), encoding="utf-8")
+    (root / "docs" / "pictures" / "worst.svg").write_text(picture(rows, names), encoding="utf-8")
+    (root / "docs" / "results" / "measured" / "worst.md").write_text(page(rows, names, root, seeds), encoding="utf-8")
 
 
 def name_of(row: Row) -> str:

@@ -1,4 +1,4 @@
-"""Thousands of hostile inputs through every command: python tests/tools/hostile.py --cases 4000 (docs/hostile.md).
+"""Thousands of hostile inputs through every command (docs/project/fuzzing-and-cost.md).
 
 Exit code 1 when one of them ends in a traceback, hangs, leaves a file, answers with more than a line, ...
 """

@@ -2,7 +2,7 @@
 
 Patterns of one frame by quadrature over the ordered samples; frames are independent, so counts of miscompares are a
 Markov chain.  A split holds the counts; after it the manager waits as many frames as it has
-lasted, ``split_persistence`` at most, in which they are held too (docs/redundancy.md).
+lasted, ``split_persistence`` at most, in which they are held too (docs/explanation/decisions.md).
 """
 
 from __future__ import annotations

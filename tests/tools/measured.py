@@ -1,6 +1,6 @@
 """Figures of a commit on a machine, measured at a release: what measures them is run, what it prints is kept.
 
-    python tests/tools/measured.py [PAGE ...]     docs/measured/; without names: all pages, three hours on two cores
+    python tests/tools/measured.py [PAGE ...]     docs/results/measured/; without names: all, three hours on two cores
     python tests/tools/measured.py --show FIGURE [ARGUMENT ...]     one figure alone, printed
 
 Each page has commands, commit, machine, seconds and what was printed: who doubts a figure runs it again.
@@ -21,7 +21,7 @@ from time import perf_counter
 from typing import Final, NamedTuple
 
 ROOT: Final = Path(__file__).parents[2]
-FOLDER: Final = ROOT / "docs" / "measured"
+FOLDER: Final = ROOT / "docs" / "results" / "measured"
 SHOW: Final = "python tests/tools/measured.py --show"
 EXAMPLES: Final = "docs/examples"
 FLOWN: Final = "logs/f16_pitch_rate_hardover_seed1.mcap"
@@ -80,7 +80,7 @@ class Section(NamedTuple):
 
 
 class Page(NamedTuple):
-    """A page of docs/measured/."""
+    """A page of docs/results/measured/."""
 
     title: str
     sections: Sequence[Section]
@@ -356,7 +356,7 @@ def main(arguments: Sequence[str]) -> int:
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name in names:
         (FOLDER / f"{name}.md").write_text(page(name), encoding="utf-8")
-        print(f"docs/measured/{name}.md", flush=True)
+        print(f"docs/results/measured/{name}.md", flush=True)
     return 0
 
 

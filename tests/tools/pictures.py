@@ -17,6 +17,7 @@ from typing import Final
 from figures import photographs
 from figures.decision import decision
 from figures.fault import architecture, fault, flown
+from figures.gallery import CASES, gallery
 from figures.patterns import PICTURES, patterns
 from figures.servos_and_lanes import lanes, servo
 
@@ -28,17 +29,25 @@ def pictures() -> dict[str, str]:
     flights = flown()
     drawn = {"architecture": architecture(flights), "fault": fault(flights), "decision": decision()}
     drawn |= {"servo": servo(), "lanes": lanes()}
-    return {f"{name}.svg": written for name, written in drawn.items()} | patterns()
+    return {f"{name}.svg": written for name, written in drawn.items()} | patterns() | gallery()
 
 
 def main(names: Sequence[str]) -> int:
     """Write the pictures ``names``; return 1 if one could not be made."""
-    known = {"architecture", "fault", "decision", "servo", "lanes", *(f"pattern_{name}" for name in PICTURES)}
+    known = {
+        "architecture",
+        "fault",
+        "decision",
+        "servo",
+        "lanes",
+        *(case.name for case in CASES),
+        *(f"pattern_{name}" for name in PICTURES),
+    }
     if unknown := sorted({*names} - known - set(photographs.PICTURES)):
         raise SystemExit(
             f"no picture {', '.join(unknown)}; there are: {', '.join(sorted(known | set(photographs.PICTURES)))}"
         )
-    FOLDER.mkdir(exist_ok=True)
+    (FOLDER / "gallery").mkdir(parents=True, exist_ok=True)
     if not names or known & set(names):
         for name, written in pictures().items():
             if not names or Path(name).stem in names:

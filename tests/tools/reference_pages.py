@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import reference_source as source
+from figures import gallery as twelve
 from reference_source import Documented
 
 from rig.core.fault_names import place
@@ -324,6 +325,7 @@ def _wrapped(signature: str) -> str:
 
 PARTS: Final[dict[str, Callable[[], str]]] = {
     "gallery": gallery,
+    "twelve": twelve.table,
     "signals": signals,
     "kinds": kinds,
     "shared_keys": shared_keys,

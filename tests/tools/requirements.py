@@ -1,4 +1,4 @@
-"""Write docs/requirements.md: each requirement with the tests that hold it, from the markers in the tests.
+"""Write docs/project/requirements.md: each requirement with the tests that hold it, from the markers in the tests.
 
     python tests/tools/requirements.py
 
@@ -15,17 +15,17 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).parents[2]
-PAGE: Final = ROOT / "docs" / "requirements.md"
+PAGE: Final = ROOT / "docs" / "project" / "requirements.md"
 PAGES: Final = {
-    "redundancy": "The redundancy manager",
-    "references": "References",
-    "fault-tolerant": "The fault-tolerant law",
-    "ding2015": "A published fault-tolerant controller",
+    "redundancy": ("How a decision is made", "explanation/decisions.md"),
+    "references": ("References", "explanation/decisions.md"),
+    "fault-tolerant": ("The fault-tolerant pitch law", "explanation/fault-tolerant-law.md"),
+    "ding2015": ("Ding, Xiao and Jiang (2015), reproduced", "results/incidents-and-worst-cases.md"),
 }
 HEAD: Final = """# Requirements and tests
 
-What each page requires, and the tests that hold it. Made by `make requirements` from the markers in the tests; a test
-compares.
+Each requirement of a page and the tests that prove it. `make requirements` writes this page from the markers in the
+tests; a test compares the two.
 """
 Held = dict[str, dict[str, list[str]]]  # page: requirement: tests
 
@@ -57,10 +57,10 @@ def collect(folder: Path) -> Held:
 def written(held: Held) -> str:
     """The page."""
     parts = [HEAD]
-    for page, title in PAGES.items():
+    for page, (title, link) in PAGES.items():
         rows = [f"| {text} | {', '.join(f'`{name}`' for name in names)} |" for text, names in held[page].items()]
         table = "\n".join(["| requirement | test |", "|---|---|", *rows])
-        parts.append(f"## {page}\n\n{title}: [{page}.md]({page}.md).\n\n{table}\n")
+        parts.append(f"## {page}\n\nPage: [{title}](../{link}).\n\n{table}\n")
     return "\n".join(parts)
 
 

@@ -1,4 +1,4 @@
-"""Fault trees beside their chains: `python tests/tools/safety_cases.py` prints the table of docs/safety.md.
+"""Fault trees beside their chains: `python tests/tools/safety_cases.py` prints a table for a release.
 
 Beside ours stand the digits of SCRAM, where it is installed.
 """

@@ -1,6 +1,6 @@
 /* The voter of the discretes: majority, the fail-safe value without one, isolation by persistence.
  *
- * Zhang (2023), section 4, item 1; docs/redundancy.md, 'Discretes', whose numbered rules the comments name.
+ * Zhang (2023), section 4, item 1; docs/explanation/decisions.md, 'Discretes', whose numbered rules the comments name.
  */
 #include <string.h>
 

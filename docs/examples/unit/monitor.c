@@ -93,7 +93,7 @@ static void remember(const struct frame *f, params *p, struct signal *s)
     }
 }
 
-/* Sections 2 to 8, in the order of the table in docs/redundancy.md. */
+/* Sections 2 to 8, in the order of the table in docs/explanation/decisions.md. */
 static void monitor_signal(const struct rig_input *input, int i, struct rig_output *output)
 {
     params *const p = &config.signal[i];

@@ -11,7 +11,7 @@
  * rules.c        what version 3 of the records tells of a signal, and what becomes of a split that nobody answers
  * discretes.c    the voter of the discretes
  *
- * Zhang (2023), whose sections the comments name, and docs/redundancy.md for what the paper leaves open (its headings
+ * Zhang (2023), whose sections the comments name, and docs/explanation/decisions.md for what the paper leaves open (its headings
  * in quotes).  No dynamic memory, no recursion, every loop bounded by a constant or by a number of channels.
  * Build with -ffp-contract=off and without -ffast-math: the order of the operations is part of the result.
  */

@@ -4,7 +4,8 @@ A box is a named set of signals that one unit of each channel measures: air data
 
 One frame's evidence against a channel on one signal: it miscompares, its sample is not comparable, or an in-line
 monitor or the reference decides against it in a split.  Trend, extremes and middle are no evidence.
-Added: docs/redundancy.md, 'LRU failure'; Zhang 2023, sections 2 and 6, name a computer's channel fault logic only.
+Added: docs/explanation/decisions.md, 'LRU failure'; Zhang 2023, sections 2 and 6, name the channel fault logic of a
+computer only.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Vibration that the channels do not share makes samples of one frame differ more 
 y(k) = y(k-1) + gain (x(k) - y(k-1)), a step of at most threshold / (persistence - 1/2).  The limit keeps a burst that
 is shorter than the persistence, however large, from moving the low-pass by a threshold.  So a low-pass that begins, at
 first and after a sample that cannot be compared, begins with no sample, which may be of a burst: where the vote is.
-Added: docs/redundancy.md, 'A filter before the comparison'.
+Added: docs/explanation/decisions.md, 'A filter before the comparison'.
 """
 
 from __future__ import annotations

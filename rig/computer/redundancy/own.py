@@ -5,7 +5,8 @@ compiled, is called as ``vote(bus, fcc, k, params, state)``.  Either may take on
 
 bus, fcc : BUS and FCC records of a block of rows, which is used again and again; of row k both read ``channels``,
 ``valid``, ``ilm``, ``reset`` and ``reference``, and must write ``voted``, and may write ``level`` and ``state`` of
-channels that they fail, in every frame (docs/redundancy.md has one of each); assumed_states.py has what is assumed else
+channels that they isolate, in every frame (docs/reference/sensors-and-redundancy.md has one of each);
+assumed_states.py has what is assumed if they do not
 state : (S,) records of the module's dtype ``STATE``, or of one number; zeros at first, kept from frame to frame
 frame : number of the frame in the flight, from 0, where ``k`` is but a row of the block
 

@@ -5,7 +5,7 @@ middle, only when none of them answers.  Without an answer the vote continues wi
 The sides are those of the compared values, behind the filter if there is one; the vote is made of the samples
 themselves.
 Source: Zhang 2023, section 2 (ILM), 4 (weights), 6 (trend, lanes), 7 (reference), 8 (extremes, middle).
-Added: their order, what holds without an answer; docs/redundancy.md, 'Splits'.
+Added: their order, what holds without an answer; docs/explanation/decisions.md, 'Splits'.
 """
 
 from __future__ import annotations

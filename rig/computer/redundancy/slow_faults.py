@@ -1,7 +1,8 @@
 """Slow faults: a bias that is learned, small deviations summed over seconds, samples that repeat.
 
-All three are added (docs/redundancy.md, 'Slow faults'), off by default.  The residual of a channel is its sample less
-the middle of those in use: their median, or of an even number the usable reference between the two in the middle,
+All three are added (docs/explanation/decisions.md, 'Slow faults'), off by default.  The residual of a channel is its
+sample less the middle of those in use: their median, or of an even number the usable reference between the two middle
+ones,
 else the mean of those.  Nothing here moves a vote: it changes what is compared, and which channels are isolated.
 """
 

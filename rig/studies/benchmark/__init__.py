@@ -8,5 +8,5 @@ outcome_table.py  the table, and paired differences to the built-in manager
 ranking.py      the verdict in sentences
 run_benchmark.py  one benchmark in a folder; an interrupted one resumes there
 
-docs/benchmark.md
+docs/how-to/compare-managers.md
 """

@@ -135,7 +135,7 @@ class How(Settings):
 class Campaign(Settings):
     """A campaign: the flights, and how they are flown. ``base`` is the table of the base scenario."""
 
-    keys_are_in: ClassVar[str] = "docs/campaign.md"
+    keys_are_in: ClassVar[str] = "docs/how-to/campaigns-and-worst-case.md"
 
     title: str = ""
     base: dict[str, Any]

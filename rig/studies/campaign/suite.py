@@ -64,7 +64,7 @@ class Case(Settings):
 
 
 class _File(Settings):
-    keys_are_in: ClassVar[str] = "docs/check.md"
+    keys_are_in: ClassVar[str] = "docs/how-to/requirements-and-ci.md"
 
     title: str = ""
     requirements: list[str] = []

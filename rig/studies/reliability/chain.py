@@ -4,7 +4,7 @@ The method never subtracts numbers of similar size, so the smallest probability 
 rates.  P(h) = exp(Q h), for a step h in which a state is hardly left, is a Taylor series of non-negative terms.  It is
 squared until h is the whole time.  Each row is a distribution and is divided by its sum after each squaring; otherwise
 its rounding error would double each time.
-Source: docs/reliability.md, 'The chain'; scaling and squaring as in Moler and Van Loan (2003), method 3.
+Source: docs/explanation/reliability.md, 'The chain'; scaling and squaring as in Moler and Van Loan (2003), method 3.
 
 A TOML file may give the rates of a chain, for example of a published case:
 

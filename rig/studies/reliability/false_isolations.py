@@ -7,7 +7,7 @@ states in which excursions begin.  From each level it runs the same number of ex
 replacement; each carries the weight of its flight.  Repetitions are independent and give the interval.
 If errors at the ends of their tolerances separate no channels, there is nothing to split.  The rate is then below a
 bound (``bound``): an isolation takes ``persistence`` miscomparing frames in a row, and noise has no memory.
-Source: docs/reliability.md, 'False isolations'; fixed-effort splitting, Garvels and Kroese (1998).
+Source: docs/explanation/reliability.md, 'False isolations'; fixed-effort splitting, Garvels and Kroese (1998).
 """
 
 from __future__ import annotations

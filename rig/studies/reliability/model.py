@@ -10,7 +10,7 @@ beside a flight, the model takes the outcome at once, and includes the chance of
 
 Common mode hits one of the C(n, 2) fixed pairs of channels: pair = beta lambda / C(n, 2).  box is the failure rate of
 the LRU of one channel.  A pair with one good channel left is a single fault.
-Source: docs/reliability.md, 'The model'.
+Source: docs/explanation/reliability.md, 'The model'.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The counts of a kind give a Dirichlet distribution; the shares in the rates file
 Jeffreys': one half for all outcomes that are not correct, spread over all kinds of a cell together, and one half for
 correct.  (One half for each kind would make an empty table worse by the number of kinds.)  Kinds without a share do not
 count.
-Source: docs/reliability.md, 'Intervals'; Jeffreys prior as in Brown, Cai and DasGupta (2001).
+Source: docs/explanation/reliability.md, 'Intervals'; Jeffreys prior as in Brown, Cai and DasGupta (2001).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rig.studies.reliability.tally import LATENT
 
 KEPT, KNOWN, KNOWN_LOST, BAD, BAD_LOST = range(5)  # outcomes; ..._LOST: with the aircraft
 OUTCOMES: Final = 5
-SETTLE_S: Final = 0.1  # where no fault was settled: the mean of hard faults (docs/reliability.md)
+SETTLE_S: Final = 0.1  # where no fault was settled: the mean of hard faults (docs/explanation/reliability.md)
 CellKey = tuple[str, int]  # design, good channels before
 WHERE_FLOWN: Final = "lost_aircraft_annunciated", "lost_aircraft_undetected"
 
@@ -50,7 +50,7 @@ def outcomes(
     draws: int = 1,
     level: float = 1.0,
 ) -> Outcomes:
-    """Draw the outcomes of every cell in ``counts``, a table of cells of one signal (docs/reliability.md).
+    """Draw the outcomes of every cell in ``counts``, a table of cells of one signal (docs/explanation/reliability.md).
 
     kinds : share of each kind of fault; BadInput names a cell of single faults that lacks one
     rng   : None for the mean of every distribution instead of draws

@@ -1,7 +1,7 @@
 """The number of flights or trials that a target needs, and their cost on this computer.
 
 Each number of good channels has half of the target.  No failure in N trials gives a chance below 3 / N with 95 %.
-Source: docs/reliability.md, 'How many'; the rules of thumb of 'The model' for four channels.
+Source: docs/explanation/reliability.md, 'How many'; the rules of thumb of 'The model' for four channels.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A row is one sequence in one condition on one aircraft.  It agrees unless Fisher's exact test of its counts against
 those of the enumeration is below LEVEL divided by the number of rows (Bonferroni).
-Source: docs/safety.md, 'Confirming'; Fisher (1922).
+Source: docs/explanation/reliability.md, 'Confirming'; Fisher (1922).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The first event decides how a flight loses the signal: an undetected error (wrong vote) or an annunciated loss.  A set
 is minimal if the lower end of its interval is above the upper ends of the intervals of all its proper subsets.
-Source: docs/safety.md, 'Cut sets'; Jeffreys' interval as in Brown, Cai and DasGupta (2001).
+Source: docs/explanation/reliability.md, 'Cut sets'; Jeffreys' interval as in Brown, Cai and DasGupta (2001).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The lines come from the single faults of flown campaigns; a mode that no campaign flew is `not flown`, never a number.
 The user gives the causes, and the severity between the measured ends, aircraft lost and within the transient limits.
 The result is CSV for a spreadsheet, or one HTML page.
-Sources: docs/safety.md; IEC 60812:2018, clause 5 and MIL-STD-1629A, task 101, for the columns.
+Sources: docs/explanation/reliability.md; IEC 60812:2018, clause 5 and MIL-STD-1629A, task 101, for the columns.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 By symmetry a state is the number of good channels.  C(g, 2) of the fixed pairs hit two good channels, g k hit one and
 act as a single fault, and the others hit none.
-Source: docs/reliability.md, 'The model'.
+Source: docs/explanation/reliability.md, 'The model'.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Events are the first failure of each channel, of each LRU, and of each fixed pair of channels (common cause); `not
 tolerated with g good channels` is a plain probability.  A tree has no order.  If a single fault and a pair meet, each
 order is therefore an event of probability p x P(order), with P(order) one half: exact to first order of the rates.
-Source: docs/safety.md, 'Fault tree'; coverage as an event, Dugan and Trivedi (1989).
+Source: docs/explanation/reliability.md, 'Fault tree'; coverage as an event, Dugan and Trivedi (1989).
 """
 
 from __future__ import annotations

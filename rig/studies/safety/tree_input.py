@@ -1,6 +1,6 @@
 """The inputs of a fault tree: one manager's counts and one rate, by the posterior means of the cells.
 
-It also lists the assumptions of a safety case beside its flights; docs/safety.md explains them.
+It also lists the assumptions of a safety case beside its flights; docs/explanation/reliability.md explains them.
 """
 
 from __future__ import annotations
@@ -91,5 +91,5 @@ def assumptions(rates: Rates, signal: str, result: TreeResult) -> list[str]:
         f"the static tree is {result.static}: it differs from the chain by at most {100 * most:.2g} %, because "
         "an order of faults is an event of probability p x P(order)",
         "the tree has no false isolations; every flight begins without a fault",
-        "sizes, times and channels of faults are drawn as in docs/safety.md; other distributions give other results",
+        "sizes, times and channels of faults are as in docs/explanation/reliability.md; others change results",
     ]

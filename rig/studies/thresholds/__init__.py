@@ -1,4 +1,4 @@
-"""Design thresholds for a false-isolation rate from healthy flights (docs/thresholds.md).
+"""Design thresholds for a false-isolation rate from healthy flights (docs/explanation/thresholds.md).
 
 design_run.run        recordings to designs: the work of ``rig thresholds``
 distances.exceeded    the series whose exceedances are false isolations

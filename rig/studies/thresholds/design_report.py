@@ -102,7 +102,7 @@ def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
     """Return the head of OUT: how it was made, and for which motion it is valid."""
     lines = [
         f"Thresholds by rig thresholds: {grid.budget_per_h:g} false isolations an hour and signal, "
-        f"from {data.hours:.4g} h in {len(data.names)} recordings (docs/thresholds.md).",
+        f"from {data.hours:.4g} h in {len(data.names)} recordings (docs/explanation/thresholds.md).",
         f"Persistence and filter: {RULE}.",
         f"Valid only for data no more dynamic than the design data ({100 * SHARE:g} % of the rows):",
     ]

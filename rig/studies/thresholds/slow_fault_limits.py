@@ -1,4 +1,4 @@
-"""Design the limits of the slow-fault rules from healthy flights (docs/redundancy.md).
+"""Design the limits of the slow-fault rules from healthy flights (docs/explanation/decisions.md).
 
 bias    ``equalise_bound`` is the largest mean over a flight of a channel's residual, one value a flight.  With ten
         clusters or more it is the tail's upper value for the rate (tail.py); otherwise the largest value measured

@@ -8,5 +8,5 @@ along.py        beside the conclusion of a flight while it is flown; verdicts as
 settled_comparisons.py  comparisons that are decided before the flight
 requirement_recorder.py  blocks of rows in, verdicts out; measure.py: of flights, logs and rows
 
-docs/requirements-format.md defines every quantity.
+docs/how-to/requirements-and-ci.md defines every quantity.
 """

@@ -186,7 +186,7 @@ def unknown_family(name: str) -> str:
         "baseline.<quantity>",
         *(f"truth.{name}" for name in FLIGHT_INDEX),
     ]
-    return f"unknown quantity {quoted(name)}, {choices(name, accepted, 'docs/requirements-format.md')}"
+    return f"unknown quantity {quoted(name)}, {choices(name, accepted, 'docs/how-to/requirements-and-ci.md')}"
 
 
 def check_formula(text: str) -> None:

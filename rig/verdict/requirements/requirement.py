@@ -21,7 +21,7 @@ Scale = Annotated[float, Field(gt=0.0, le=1e12)]
 class Requirement(Settings):
     """A formula that must hold at some instants, of some signals."""
 
-    keys_are_in: ClassVar[str] = "docs/requirements-format.md"
+    keys_are_in: ClassVar[str] = "docs/how-to/requirements-and-ci.md"
 
     id: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,79}$")
     text: str = ""
@@ -53,7 +53,7 @@ class Requirement(Settings):
 
 
 class _File(Settings):
-    keys_are_in: ClassVar[str] = "docs/requirements-format.md"
+    keys_are_in: ClassVar[str] = "docs/how-to/requirements-and-ci.md"
 
     title: str = ""
     requirements: list[Requirement] = Field(min_length=1, max_length=MOST)

@@ -5,5 +5,5 @@
     computer/servo_monitors.py  the monitors that shut a channel off
     servo_stage.py  a flight's servos: drawn parts, state, one frame
 
-Equations, tolerances, thresholds: docs/actuators.md.
+Equations, tolerances, thresholds: docs/reference/computers-and-actuators.md.
 """

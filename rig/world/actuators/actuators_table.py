@@ -3,7 +3,7 @@
 With ``model = "lag"`` JSBSim's lag and rate limit move a surface and nothing in them can fail.  With "servo" four
 coils, one spool, one ram and two hydraulic systems do (servo.py), and computer/servo_monitors.py watches every channel
 of them.
-Tolerances and thresholds: docs/actuators.md.
+Tolerances and thresholds: docs/reference/computers-and-actuators.md.
 """
 
 from __future__ import annotations

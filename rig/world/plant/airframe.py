@@ -104,9 +104,8 @@ class Shared(Settings):
             if name is None or point.name == name:
                 return point
         allowed = choices(str(name), (point.name for point in self.flight_points), "rig aircraft list")
-        raise BadInput(
-            f"flight_point: {self.base_model} has no {quoted(name)}; {allowed}; to add one: docs/aircraft.md"
-        )
+        page = "docs/how-to/add-an-aircraft.md"
+        raise BadInput(f"flight_point: {self.base_model} has no {quoted(name)}; {allowed}; to add one: {page}")
 
     @property
     def surface_limits(self) -> list[tuple[float, float]]:

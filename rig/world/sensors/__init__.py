@@ -8,7 +8,7 @@
     kernel.py     one frame: truth to channels; the stage
     inertial.py   the inertial unit, one box that is no channel of any signal
 
-Equations and order of the effects: docs/sensors.md.
+Equations and order of the effects: docs/reference/sensors-and-redundancy.md.
 """
 
 from rig.world.sensors.data_sheet import Sensor, Suite, channels, discrete_channels, fitted, noise_std, ranges

@@ -89,7 +89,8 @@ def under(below: dict[str, Any], above: dict[str, Any], classes: dict[str, Senso
 
 def _figures(name: str, signal: str, classes: dict[str, SensorClass], where: str) -> dict[str, Any]:
     if name not in classes:
-        raise BadInput(f"{where}: unknown class {quoted(name)}, {choices(name, map(repr, classes), 'docs/sensors.md')}")
+        known = choices(name, map(repr, classes), "docs/reference/sensors-and-redundancy.md")
+        raise BadInput(f"{where}: unknown class {quoted(name)}, {known}")
     figures: Figures | None = getattr(classes[name], kind(signal), None)
     if figures is None:
         raise BadInput(f"{where}: {name!r} has no values for {signal}, only for {', '.join(classes[name].kinds)}")

@@ -1,26 +1,21 @@
-"""Fly twelve scenarios and draw a small picture of each: docs/pictures/gallery/NAME.svg, and the gallery's table.
-
-python tests/tools/gallery.py    # half a minute
-"""
+"""Twelve scenarios to begin with: a small picture of each from its flight, and the table of the gallery page."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Sequence
-from html import escape
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pictures import DARK, LIGHT, _rules, line, text
 
 import rig
+from figures.svg import DASHES, line, svg, text
 from rig.core.frame import INDEX, SIGNALS, Health, State
 from rig.core.units.quantities import scale_shown, unit_shown
 
-FOLDER: Final = Path(__file__).parents[2] / "docs/pictures/gallery"
 WIDTH, HEIGHT = 360, 190
 LEFT, RIGHT, TOP, BOTTOM = 54.0, 348.0, 40.0, 158.0
 Floats = NDArray[np.floating[Any]]
@@ -68,7 +63,7 @@ CASES: Final = (
     Case(
         "b747_static_pressure_drift",
         "A slow drift",
-        "A drift stays below the threshold for seconds before the comparison can see it.",
+        "A drift stays below the threshold for seconds before the comparison detects it.",
         *("static_pressure", 15.0, 90.0),
     ),
     Case(
@@ -140,19 +135,7 @@ class Axes(NamedTuple):
 
 def thumbnail(case: Case, parts: Iterable[str]) -> str:
     """Return the file of a case."""
-    return "\n".join(
-        [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
-            f' role="img" font-family="system-ui, sans-serif" font-size="12" fill="none" stroke-width="1.5">',
-            f"<title>{escape(case.title)}</title>",
-            f"<desc>{escape(case.line)}</desc>",
-            f"<style>{_rules(LIGHT)}@media (prefers-color-scheme: dark){{{_rules(DARK)}}}</style>",
-            f'<rect class="f-ground" width="{WIDTH}" height="{HEIGHT}" rx="6"/>',
-            text(12, 22, case.title, bold=True),
-            *parts,
-            "</svg>\n",
-        ]
-    )
+    return svg(case.name, HEIGHT, case.title, case.line, [text(12, 22, case.title, bold=True), *parts], WIDTH)
 
 
 def _thinned(xs: Floats, ys: Floats) -> list[tuple[float, float]]:
@@ -170,6 +153,10 @@ def _curve(axes: Axes, xs: Floats, ys: Floats, role: str, more: str = "") -> Ite
     for piece in np.split(good, np.flatnonzero(np.diff(good) > 1) + 1):
         if len(piece) > 1:
             yield line([axes.at(*point) for point in _thinned(xs[piece], ys[piece])], role, more)
+
+
+def _dash(channel: int) -> str:
+    return f'stroke-dasharray="{DASHES[channel]}"' if DASHES[channel] else ""
 
 
 def _frame(axes: Axes, ys: Sequence[float], unit: str) -> Iterable[str]:
@@ -196,7 +183,9 @@ def _of_signal(case: Case, log: rig.Log) -> Iterable[str]:
     yield from _frame(axes, labels, f"{case.shows.replace('_', ' ')}, {unit}")
     for c in range(channels.shape[1]):
         if log.rows["state"][0, s, c] != State.ABSENT:
-            yield from _curve(axes, time, np.where(rows["valid"][:, s, c] != 0, channels[:, c], np.nan), f"c{c + 1}")
+            yield from _curve(
+                axes, time, np.where(rows["valid"][:, s, c] != 0, channels[:, c], np.nan), f"c{c + 1}", _dash(c)
+            )
     yield from _curve(axes, time, voted, "vote", 'stroke-width="3"')
     if (np.abs(voted - truth) > 0.2 * room).any():  # elsewhere it would be hidden behind the voted value
         yield from _curve(axes, time, truth, "onset", 'stroke-width="2" stroke-dasharray="2 3"')
@@ -233,7 +222,9 @@ def _of_servo(case: Case, log: rig.Log) -> Iterable[str]:
     axes = Axes((case.start_s, case.stop_s), (-1.1, 1.1))
     yield from _frame(axes, (-1, 0, 1), "current of the elevator's coils")
     for c in range(4):
-        yield from _curve(axes, time, servo["current"][:, 0, c].astype(float), f"c{c + 1}", 'stroke-width="2"')
+        yield from _curve(
+            axes, time, servo["current"][:, 0, c].astype(float), f"c{c + 1}", f'stroke-width="2" {_dash(c)}'
+        )
     for k in np.flatnonzero(np.diff(servo["valve"][:, 0].max(axis=1)) > 0):
         x = axes.at(float(time[k + 1]), 0)[0]
         yield line([(x, TOP - 6), (x, BOTTOM)], "bad", 'stroke-dasharray="5 4"')
@@ -263,14 +254,7 @@ def table() -> str:
     return "\n".join(["| | |", "|---|---|", *rows])
 
 
-def main() -> None:
-    """Write all pictures."""
-    FOLDER.mkdir(parents=True, exist_ok=True)
+def gallery() -> dict[str, str]:
+    """Fly all cases and return the text of each picture by its name below docs/pictures/."""
     with tempfile.TemporaryDirectory() as folder:
-        for case in CASES:
-            (FOLDER / f"{case.name}.svg").write_text(drawn(case, Path(folder)), encoding="utf-8")
-            print(f"gallery/{case.name}.svg", flush=True)
-
-
-if __name__ == "__main__":
-    main()
+        return {f"gallery/{case.name}.svg": drawn(case, Path(folder)) for case in CASES}
