@@ -144,7 +144,7 @@ def gallery() -> str:
     parts = []
     for title, names in GROUPS.items():
         rows = [_scenario(name) for name in names.split()]
-        parts.append(f"## {title}\n\n" + table(("command", "aircraft", "scenario", "faults"), rows))
+        parts.append(f"### {title}\n\n" + table(("command", "aircraft", "scenario", "faults"), rows))
     return "\n\n".join(parts)
 
 
