@@ -182,7 +182,7 @@ def _difference_plot(signal: Signal, shown: Sequence[Shown], span: Span = None) 
     if not any(signal.name in flight.facts.thresholds for flight in shown):
         return _deviation_plot(signal, shown)
     lines = _lines(signal, "apart_", ("fault", "low", "high", "truth", *_CHANNELS))
-    name = f"{plain(signal.name)} minus voted value, in isolation thresholds (clipped at {derived.LIMIT:g})"
+    name = f"{plain(signal.name)} minus voted value, in thresholds (clipped at {derived.LIMIT:g})"
     axes = Axes(span, (-derived.LIMIT - 0.1, derived.LIMIT + 0.1))
     return over_time(_zoomed(name, span), list_series(derived.NAMES, lines, shown), shown, axes)
 

@@ -36,7 +36,7 @@ VIEWER: Final = {
     "viewer_actuators": Viewer("f16_elevator_coil_hardover", tab="actuators"),
     "viewer_computers": Viewer("f16_four_lanes_lost", tab="computers"),
     "viewer_two_flights": Viewer(
-        "f16_pitch_rate_hardover", [["redundancy.manager=cross-channel"], ["redundancy.manager=mean"]]
+        "f16_pitch_rate_hardover", [["redundancy.manager=median"], ["redundancy.manager=mean"]]
     ),
 }
 
