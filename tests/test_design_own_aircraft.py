@@ -214,7 +214,7 @@ def test_when_no_point_serves_each_is_named_with_its_fault(
 
     (tmp_path / "mine").mkdir()
     monkeypatch.setattr(first_design, "design", no_design)
-    with pytest.raises(BadInput, match=r"no flight point serves: lost at 8000ft_m\w+; lost at .*--point"):
+    with pytest.raises(BadInput, match=r"no flight point is suitable: lost at 8000ft_m\w+; lost at .*--point"):
         first_design.designed(proposed, tmp_path / "mine")
 
 
