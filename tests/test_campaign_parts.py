@@ -198,15 +198,13 @@ def test_a_part_copied_under_another_name_is_not_counted_but_named(out: Path):
 def test_parts_that_overlap_and_runs_that_are_none_of_the_campaigns_are_named(out: Path, tmp_path: Path):
     folder = open_folder(out)
     folder.write(rows(range(2, 4)))
-    with pytest.raises(BadInput, match=r"000002-000003.parquet: run 2 is in runs/000000-000002.parquet too"):
+    with pytest.raises(BadInput, match=r"000002-000003.parquet: run 2 is also in runs/000000-000002.parquet"):
         folder.done()
     (out / "runs" / "000002-000003.parquet").unlink()
     for name in ("runs", "faults", "alarms", "episodes", "signals"):
         beyond = Path(shutil.copy(out / name / f"{FIRST}.parquet", out / name / "000006-000008.parquet"))
         rewrite(beyond, lambda frame: frame.with_columns(run=pl.col("run") + 6), f"{name}/{beyond.name}")
-    with pytest.raises(
-        BadInput, match=r"000006-000008.parquet: a run is there twice, or is not one of the campaign's 6"
-    ):
+    with pytest.raises(BadInput, match=r"000006-000008.parquet: a run is twice there, or not one of the campaign's 6"):
         folder.done()
 
 
