@@ -106,7 +106,10 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
         "column 'run' is not",
     ),
     "no rows": (lambda path: rewrite(path, lambda f: f.clear()), "the rows do not match"),
-    "other runs": (lambda path: rewrite(path, lambda f: f.with_columns(run=pl.lit(5, pl.Int64))), "the rows do not match"),
+    "other runs": (
+        lambda path: rewrite(path, lambda f: f.with_columns(run=pl.lit(5, pl.Int64))),
+        "the rows do not match",
+    ),
     "rows twice": (lambda path: rewrite(path, lambda f: pl.concat([f, f])), "the rows do not match"),
 }
 
