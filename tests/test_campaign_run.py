@@ -352,7 +352,7 @@ def test_the_first_runs_alone_are_those_of_the_whole_campaign(whole: Result, tmp
     first = open_folder(out).tables["runs"].drop("wall_s", "replies")
     assert first.equals(open_folder(whole.out).tables["runs"].head(5).drop("wall_s", "replies"))
     for wrong in (0, 49):
-        with pytest.raises(BadInput, match=f"--runs {wrong}: must be from 1 to the campaign's 48"):
+        with pytest.raises(BadInput, match=f"--runs {wrong}: must be from 1 to 48"):
             run(planned(path), out, runs=wrong)
 
 

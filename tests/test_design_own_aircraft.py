@@ -214,7 +214,7 @@ def test_when_no_point_serves_each_is_named_with_its_fault(
 
     (tmp_path / "mine").mkdir()
     monkeypatch.setattr(first_design, "design", no_design)
-    with pytest.raises(BadInput, match=r"no flight point serves: lost at 8000ft_m\w+; lost at .*--point"):
+    with pytest.raises(BadInput, match=r"no flight point is suitable: lost at 8000ft_m\w+; lost at .*--point"):
         first_design.designed(proposed, tmp_path / "mine")
 
 
@@ -351,7 +351,7 @@ def test_a_check_tells_which_point_does_not_trim():
         (("mine", "--base", "Submarine_Scout"), "no elevator"),
         (("there", "--base", "c172x"), "there: exists already"),
         (("f16", "--base", "c172x"), "a bundled aircraft has this name"),
-        (("a/b", "--base", "c172x"), "a name has letters"),
+        (("a/b", "--base", "c172x"), "allowed: letters"),
         (("mine", "--base", "c172x", "--point", "1500"), "must be ALTITUDE_M:MACH"),
         (("mine", "--base", "c172x", "--point", "1500:0.6"), "no level trim"),
         (("mine", "--base", "c172x", "--sensor-class", "x"), "unknown class 'x'"),

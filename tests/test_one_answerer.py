@@ -66,7 +66,6 @@ NAMED = {
     *((f"studies/campaign/campaign_{name}.py", "detected") for name in ("page", "summary")),
     ("cli/score.py", "failed by rule"),
     *(("cli/show_campaign.py", word) for word in ("wrong isolation", "detected")),
-    ("studies/thresholds/thresholds_page.py", "isolated"),  # a heading
     ("world/faults/trigger.py", "isolated"),  # a pattern
     ("world/faults/systems.py", "false alarm"),  # of an in-line monitor
 }

@@ -68,7 +68,7 @@ def test_out_is_a_whole_configuration_and_the_design_is_told(rig_command: Comman
     assert written.signal["gyro"] == signal["chosen"] and written.signal["gyro"]["persistence"] == 4
     assert "20 false isolations an hour" in Path("o.toml").read_text().splitlines()[0]
     page = Path("p.html").read_text()
-    assert page.count("plotly.js v") == 1 and page.count('class="figure"') == 2 and found["rule"] in page
+    assert page.count("plotly.js v") == 1 and page.count('class="figure"') == 3 and found["rule"] in page
     assert not re.findall("<(?:script|link|img)[^>]*https?:", page)
     first = Path("o.toml").read_bytes()
     code, out, _ = rig_command("thresholds", *wanted)

@@ -142,7 +142,7 @@ def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: d
     if not all(len(bins) == BINS and min(bins) >= 0 for bins in map(list, runs["replies"].drop_nulls())):
         raise _again(folder, path, part, "reply times have other bins than this version")
     if len(set(numbers)) < len(numbers) or not 0 <= min(numbers) <= max(numbers) < len(plan):
-        raise _again(folder, path, part, f"a run is there twice, or is not one of the campaign's {len(plan)}")
+        raise _again(folder, path, part, f"a run is twice there, or not one of the campaign's {len(plan)}")
     for number in numbers:
         if number in seen:
             raise _again(folder, path, part, f"run {number} is also in runs/{seen[number]}.parquet")

@@ -26,7 +26,7 @@ TARGETS_EXPLAINED: Final = (
 )
 WHAT: Final = ("undetected_error", "annunciated_loss", "lost_aircraft")
 TITLES: Final = {
-    "undetected_error": "undetected error",
+    "undetected_error": "undetected error of the signal",
     "annunciated_loss": "annunciated loss of the signal",
     "lost_aircraft": "lost aircraft",
 }

@@ -61,7 +61,7 @@ class _Drawing:
         if name in self.tree.gates:
             return _NUMBER.sub("", self.tree.gates[name].label)
         event = self.tree.events[name]
-        return name if event.per_hour is None else (_NUMBER.sub("", event.label), event.per_hour)
+        return name if event.per_hour is None else (re.sub(r" \d+", "", event.label), event.per_hour)
 
     def _lines(self, name: str, again: bool) -> list[str]:
         if name in self.tree.events:
