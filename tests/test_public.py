@@ -52,7 +52,7 @@ def test_overrides_are_a_table_of_dotted_keys_and_reach_a_loaded_scenario_too(tm
     assert (made.duration_s, made.redundancy.manager, made.faults[0].kind) == (2.0, "mean", "offset")
     again = rig.load(made, {"faults.0.offset": np.float64(0.25)}, seed=9)
     assert again.faults[0].model_dump()["offset"] == 0.25 and again.seed == 9 and again.redundancy.manager == "mean"
-    with pytest.raises(BadInput, match="a loaded scenario has one already"):
+    with pytest.raises(BadInput, match="aircraft: cannot be changed in a loaded scenario"):
         rig.load(made, {"aircraft": "b747"})
 
 
@@ -93,7 +93,7 @@ def test_a_wrong_fault_or_limit_is_one_line_with_its_key():
 
 def test_a_scenario_by_itself_and_what_is_none_are_told_the_way(tmp_path: Path):
     keys: dict[str, Any] = {"aircraft": "f16"}
-    with pytest.raises(BadInput, match=r"^a Scenario is made by rig\.load: rig\.load\(\{'aircraft'"):
+    with pytest.raises(BadInput, match=r"^make a Scenario with rig\.load: rig\.load\(\{'aircraft'"):
         rig.Scenario(**keys)
     given: Any = 3
     with pytest.raises(BadInput, match=r"^scenario: must be a file.s path, .* got 3"):
