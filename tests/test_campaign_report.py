@@ -359,9 +359,9 @@ def test_delays_are_paired_and_every_share_of_faults_is_of_the_same(
     assert found["detectable"] == {"first": 10, "second": 9, "both": 9}
     show(found)
     said = capsys.readouterr().out
-    left_out = " ".join(text for text in said.split("\n") if "left out" in text)
+    left_out = " ".join(text for text in said.split("\n") if "hidden columns" in text)
     assert not any(title in left_out for title in ("only first", "only second", "p,", "difference"))
-    assert "the same 10 that acted in both" in said and "-0.030 (-0.030 to -0.030)" in said
+    assert "the 10 that acted in both" in said and "-0.030 (-0.030 to -0.030)" in said
 
 
 def test_campaigns_of_other_seeds_are_not_paired(tmp_path: Path):

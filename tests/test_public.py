@@ -53,7 +53,7 @@ def test_overrides_are_a_table_of_dotted_keys_and_reach_a_loaded_scenario_too(tm
     assert (made.duration_s, made.redundancy.manager, made.faults[0].kind) == (2.0, "mean", "offset")
     again = rig.load(made, {"faults.0.offset": np.float64(0.25)}, seed=9)
     assert again.faults[0].model_dump()["offset"] == 0.25 and again.seed == 9 and again.redundancy.manager == "mean"
-    with pytest.raises(BadInput, match="cannot be changed in a loaded scenario"):
+    with pytest.raises(BadInput, match="aircraft: cannot be changed in a loaded scenario"):
         rig.load(made, {"aircraft": "b747"})
 
 

@@ -135,7 +135,7 @@ def refused(ran: tuple[int, str, str], name: str, says: str) -> None:
         (["none.csv", "--config", "c.toml", "--out", "o.csv"], "none.csv: no such file"),
         (["in.csv", "--config", "none.toml", "--out", "o.csv"], "none.toml: no such file"),
         (["in.txt", "--config", "c.toml", "--out", "o.csv"], "in.txt: unknown ending; allowed: .csv, .parquet, .mcap"),
-        (["in.csv", "--config", "c.toml", "--out", "o.xls"], "o.xls: unknown ending; allowed: .csv, .parquet, .mcap"),
+        (["in.csv", "--config", "c.toml", "--out", "o.xls"], "o.xls: must end in one of .csv, .parquet, .mcap"),
         (["in.csv", "--config", "c.toml", "--out", "none/o.csv"], "no such folder: none"),
         (["in.csv", "--config", "c.toml", "--out", "in.csv"], "in.csv: is the input"),
         (["in.csv", "--config", "c.toml", "--out", "/proc/o.csv"], "/proc/o.csv: cannot be written"),
@@ -345,7 +345,7 @@ def test_an_mcap_has_no_time_before_zero(rig: Any):
 def test_an_mcap_has_no_two_rows_of_one_nanosecond(rig: Any):
     config(**ONE)
     Path("in.csv").write_text(HEAD + "0,1,1,1\n1,1,1,1\n1.0000000001,1,1,1\n2,1,1,1\n")
-    refused(rig("in.csv", "--config", "c.toml", "--out", "o.mcap"), "", "rows 2 and 3: the same nanosecond")
+    refused(rig("in.csv", "--config", "c.toml", "--out", "o.mcap"), "", "rows 2 and 3 have the same nanosecond")
     assert rig("in.csv", "--config", "c.toml", "--out", "o.csv")[0] == 0
 
 

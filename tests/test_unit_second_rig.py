@@ -56,7 +56,7 @@ BOXES = {
     "a box that gives no reason": ((QUICK, SAYS_NO_MORE), {BUSY: "must begin with 'busy with session'"}),
     "a box that keeps its session": (
         (KEEPS, ("begin_session(0);\n    }\n}", "}\n}")),
-        {END: "it says 'busy with session ", SILENCE: "it says 'busy with session "},
+        {END: "it refuses: 'busy with session ", SILENCE: "it refuses: 'busy with session "},
     ),
 }
 
