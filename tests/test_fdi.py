@@ -173,7 +173,7 @@ def test_without_the_unit_gyros_that_lie_alike_are_not_blamed_on_the_sensor_for_
     assert 0 < len(corrected) < 1000 and rows["trust"][-1] != Trust.CORRECTED
 
 
-@pytest.mark.requirement("fault-tolerant", "nobody else's fault trips it")
+@pytest.mark.requirement("fault-tolerant", "a fault of another sensor does not trip it")
 @pytest.mark.parametrize("signal", ["angle_of_attack", "static_pressure", "dynamic_pressure", "normal_load_factor"])
 def test_other_sensors_that_lie_alike_do_not_trip_it(signal: str):
     sizes = {"angle_of_attack": 0.05, "static_pressure": 500.0, "dynamic_pressure": 800.0, "normal_load_factor": 0.2}
@@ -182,7 +182,7 @@ def test_other_sensors_that_lie_alike_do_not_trip_it(signal: str):
     assert rows["end"][-1] == 0 and (rows["trust"] == Trust.TRUSTED).all()
 
 
-@pytest.mark.requirement("fault-tolerant", "nobody else's fault trips it")
+@pytest.mark.requirement("fault-tolerant", "a fault of another sensor does not trip it")
 def test_channels_that_the_voter_fails_do_not_trip_it():
     for signal in ("pitch_angle", "pitch_rate"):
         sensor_fault = HALF.replace("scale", "hardover").replace(", factor = 0.5", "").replace("[1, 2, 3, 4]", "[1]")

@@ -19,9 +19,9 @@ SIGNALS = {
     "history_blocked_pitot": "dynamic_pressure",
 }
 ORDERS = {
-    "ours (ILM, trend, reference)": ["ilm", "trend", "reference"],
-    "ours (reference first)": ["reference", "ilm", "trend"],
-    "ours (trend alone)": ["trend"],
+    "built-in (ILM, trend, reference)": ["ilm", "trend", "reference"],
+    "built-in (reference first)": ["reference", "ilm", "trend"],
+    "built-in (trend alone)": ["trend"],
 }
 MANAGERS = ("mean", "median", "cross-voter", "selection")
 
@@ -58,7 +58,7 @@ def test_a_majority_that_is_wrong_outvotes_the_good_channel():
     know better."""
     repeats = "redundancy.signals.angle_of_attack.stale_frames=0"
     for name, good in (("history_xl888t", 3), ("history_blocked_pitot", 4)):
-        found = fly(name, "ours (reference first)", repeats)
+        found = fly(name, "built-in (reference first)", repeats)
         assert [w.channel for w in found.wrong_isolations] == [good]
         assert {fault.outcome for fault in found.faults} == {"missed"}
 

@@ -48,7 +48,7 @@ def vote(
     return block
 
 
-@pytest.mark.requirement("redundancy", "discrete: majority, a tie or nobody is the fail-safe value")
+@pytest.mark.requirement("redundancy", "discrete: the majority; a tie or no sample gives the fail-safe value")
 @pytest.mark.parametrize(
     ("samples", "voted"),
     [((1, 1, 1, 0), 1), ((0, 0, 0, 1), 0), ((1, 1, 0, 0), 0), ((1, 1, 1, 1), 1), ((0, 0, 0, 0), 0)],
@@ -59,7 +59,7 @@ def test_a_discrete_is_its_majority_and_a_tie_its_fail_safe_value(samples, voted
     assert block["discrete_voted"][0, GEAR] == 1  # fail-safe 1, untouched
 
 
-@pytest.mark.requirement("redundancy", "discrete: majority, a tie or nobody is the fail-safe value")
+@pytest.mark.requirement("redundancy", "discrete: the majority; a tie or no sample gives the fail-safe value")
 @pytest.mark.parametrize(
     ("samples", "voted"),
     [((1, 1, 0, 0), 1), ((0, 0, 0, 1), 0), ((0, 0, 0, 0), 0), ((1, 0, 1, 1), 1), ((1, 1, 1, 1), 1), ((0, 1, 0, 0), 0)],
@@ -102,7 +102,7 @@ def test_the_last_discrete_channel_is_its_own_majority():
 
 
 @pytest.mark.requirement(
-    "redundancy", "discrete: a sample that is flagged, or whose monitor says bad, is not voted and miscompares"
+    "redundancy", "discrete: a sample that is flagged, or whose monitor reports bad, is not voted and miscompares"
 )
 @pytest.mark.parametrize("flag", [{"valid": [1, 0, 0, 1]}, {"ilm": [2, 0, 0, 1]}], ids=["invalid", "its own monitor"])
 def test_a_sample_declared_bad_is_not_voted_and_miscompares(flag):
@@ -114,7 +114,7 @@ def test_a_sample_declared_bad_is_not_voted_and_miscompares(flag):
     assert agreeing["discrete_state"][-1, GEAR].tolist() == [OK, FAILED, FAILED, OK]
 
 
-@pytest.mark.requirement("redundancy", "discrete: majority, a tie or nobody is the fail-safe value")
+@pytest.mark.requirement("redundancy", "discrete: the majority; a tie or no sample gives the fail-safe value")
 def test_without_a_sample_the_vote_is_fail_safe_and_after_the_persistence_nobody_is_left():
     block = vote([(0, 0, 0, 0)] * 3, d=GEAR, valid=0)
     assert block["discrete_voted"][:, GEAR].tolist() == [1, 1, 1]
@@ -123,7 +123,7 @@ def test_without_a_sample_the_vote_is_fail_safe_and_after_the_persistence_nobody
 
 
 @pytest.mark.requirement(
-    "redundancy", "discrete: a sample that is flagged, or whose monitor says bad, is not voted and miscompares"
+    "redundancy", "discrete: a sample that is flagged, or whose monitor reports bad, is not voted and miscompares"
 )
 def test_the_last_channel_whose_monitor_says_bad_gives_the_fail_safe_value():
     ilm = np.full((8, 4), Ilm.GOOD)

@@ -11,7 +11,7 @@ RISING = np.stack([0.1 * K, 0.1 * K + 0.1, 0.1 * K + 5, 0.1 * K + 5.1], axis=1)
 
 
 @pytest.mark.requirement(
-    "redundancy", "a channel that disagrees with all others for `persistence` frames is failed, latched"
+    "redundancy", "a channel that disagrees with all others for `persistence` frames is isolated, latched"
 )
 def test_one_channel_off_is_failed_at_its_eighth_frame():
     out = vote_samples(constant(0, 0.2, -0.1, 5))

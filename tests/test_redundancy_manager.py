@@ -15,7 +15,7 @@ def test_one_agreeing_frame_resets_the_count():
 
 
 @pytest.mark.requirement(
-    "redundancy", "a channel that disagrees with all others for `persistence` frames is failed, latched"
+    "redundancy", "a channel that disagrees with all others for `persistence` frames is isolated, latched"
 )
 def test_a_failed_channel_stays_out_when_it_comes_back():
     samples = constant(0, 0, 0, 5)
@@ -84,14 +84,14 @@ def test_three_good_monitors_that_follow_the_pairing_settle_a_split():
     assert np.allclose(out.voted[:10], 5.05)
 
 
-@pytest.mark.requirement("redundancy", "monitors that contradict the pairing are not believed")
+@pytest.mark.requirement("redundancy", "monitors that contradict the pairing are ignored")
 @pytest.mark.parametrize("flags", [[GOOD, BAD, BAD, GOOD], [GOOD] * 4, [BAD] * 4, [GOOD, GOOD, GOOD, BAD]])
 def test_monitors_that_contradict_the_pairing_are_not_believed(flags):
     out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=np.tile(flags, (30, 1)))
     assert (out.decided_by[8:10] == DecidedBy.TREND).all()
 
 
-@pytest.mark.requirement("redundancy", "unresolved: hold, fail nobody")
+@pytest.mark.requirement("redundancy", "unresolved: hold, isolate no channel")
 def test_a_split_that_nobody_settles_holds_and_fails_nobody():
     samples = constant(0, 0.1, 5, 5.1)
     samples[::2] += 0.01  # neither rising nor still: the trend bytes are mixed

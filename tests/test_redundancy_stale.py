@@ -63,13 +63,13 @@ def test_a_stale_sample_counts_in_a_split_of_the_others():
 # Where nothing moves, repeating tells nothing.
 
 
-@pytest.mark.requirement("redundancy", "where all repeat nobody is stale")
+@pytest.mark.requirement("redundancy", "if all channels repeat, none is stale")
 def test_where_all_repeat_nobody_is_stale():
     out = vote_samples(np.tile(OFFSETS, (30, 1)), **WIDE)
     assert (out.state == State.OK).all()
 
 
-@pytest.mark.requirement("redundancy", "where all repeat nobody is stale")
+@pytest.mark.requirement("redundancy", "if all channels repeat, none is stale")
 def test_repeats_are_counted_in_frames_in_which_most_others_move():
     """The first two move in frames 5, 9 and 13 alone; the others are stale in the third of them and from there on."""
     samples = np.tile(OFFSETS, (30, 1))
@@ -80,7 +80,7 @@ def test_repeats_are_counted_in_frames_in_which_most_others_move():
     assert out.failed_at()[:2] == [None, None]
 
 
-@pytest.mark.requirement("redundancy", "where all repeat nobody is stale")
+@pytest.mark.requirement("redundancy", "if all channels repeat, none is stale")
 def test_a_coarse_sensor_that_flickers_makes_no_other_stale():
     samples = np.zeros((60, 4))
     samples[::2, 0] = 1.0
@@ -88,7 +88,7 @@ def test_a_coarse_sensor_that_flickers_makes_no_other_stale():
     assert out.failed_at() == [None] * 4 and (out.state == State.OK).all()
 
 
-@pytest.mark.requirement("redundancy", "where all repeat nobody is stale")
+@pytest.mark.requirement("redundancy", "if all channels repeat, none is stale")
 @pytest.mark.parametrize("at", [0.0, 100.0])
 def test_all_that_repeat_are_stale_where_a_usable_reference_contradicts_them(at: float):
     """At rest and at the stop: three frames at which it is off by more than 1.5 of its thresholds, then eight more."""
@@ -101,7 +101,7 @@ def test_all_that_repeat_are_stale_where_a_usable_reference_contradicts_them(at:
     assert near.failed_at() == beyond.failed_at() == [None] * 4
 
 
-@pytest.mark.requirement("redundancy", "where all repeat nobody is stale")
+@pytest.mark.requirement("redundancy", "if all channels repeat, none is stale")
 @pytest.mark.parametrize("c", [1, 2, 3, 4])
 def test_one_of_four_that_flickers_at_rest_tells_nothing_of_the_others(c: int):
     samples = np.tile(OFFSETS, (30, 1))

@@ -257,7 +257,7 @@ def _keys(location: tuple[int | str, ...], data: Any, missing: bool) -> list[str
 
 
 def record(dtype: np.dtype[Any], *models: BaseModel, **derived: Any) -> NDArray[Any]:
-    """Return settings as the record of a kernel, (1,): each field from ``derived``, else from a model by its name.
+    """Return settings as the record of a kernel, (1,): each field from ``derived`` or from a model.
 
     TypeError: a field without a value, or a derived value without a field.
     """

@@ -20,7 +20,7 @@ FILE: Final = "scenario.toml"  # the attachment
 
 
 def info(path: Path | str) -> dict[str, Any]:
-    """Return the log at ``path`` as plain data; ``damage`` is one line where it is cut or damaged, else None.
+    """Return the log at ``path`` as plain data; ``damage``: None, or a line on where the file is cut.
 
     BadLog when it is missing, foreign or of another schema version.
     """

@@ -1,6 +1,6 @@
 """The records between the rig and a unit under test; their fields follow from the frame's table.
 
-Little-endian, IEEE 754, naturally aligned, every gap a field of its own (``pad_...``), sizes a multiple of eight bytes.
+Little-endian, IEEE 754, naturally aligned, every gap a separate field (``pad_...``), sizes a multiple of eight bytes.
 All transports move the same bytes; docs/reference/icd.md has the tables.
 
 Each version begins with the fields of the previous one at the same places, so that units built for an older version

@@ -111,7 +111,7 @@ class Outcome:
         return failures[here & within & (failures["cause"] == Cause.WRONG_ISOLATION)]
 
     def next_onset(self, fault: Any) -> int:
-        """Return the frame in which the next fault on the same signal begins; else the number of frames."""
+        """Return the frame in which the next fault on the same signal begins, or the number of frames."""
         faults = self.records.faults
         onsets = faults["onset"][(faults["signal"] == fault["signal"]) & (faults["discrete"] == fault["discrete"])]
         return min((int(other) for other in onsets if other > fault["onset"]), default=self.frames)

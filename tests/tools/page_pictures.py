@@ -99,7 +99,7 @@ def _short(path: str, width: float) -> str:
 
 def _rules(inside: str) -> str:
     """Return the colours of a dark page for those that the figure has."""
-    from pictures import DARK, LIGHT
+    from figures.svg import DARK, LIGHT
 
     pairs = dict(reversed(list(zip(LIGHT[1:], DARK[1:], strict=True))))  # of equal light colours the first
     rules = [

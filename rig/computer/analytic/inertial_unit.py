@@ -107,7 +107,7 @@ def flow_angles(unit, angles, out):
 def static_pressure(unit, votes, agreed, rate_hz, u):
     """Return the static pressure [Pa]: p' = rho g (v_down - drift), from the last agreed vote on.
 
-    While the vote is agreed, value and drift follow it with the memory of strapdown.py; else they run free.
+    While the vote is agreed, value and drift follow it with the memory of strapdown.py; otherwise they run free.
     rho is that of the standard atmosphere at p.  votes : (S,) of the last frame; NaN while nothing is known
     """
     e, down, last, vote = u["pressure"], unit[_DOWN], u["last"][_DOWN], votes[sig.P_S]

@@ -99,7 +99,7 @@ class ReferenceData(NamedTuple):
 class References:
     """The references of one flight.  ``state`` is plain data and can be copied.
 
-    monitored : whether the manager watches references; else none is ever reported usable
+    monitored : True if the manager monitors references; otherwise no reference is reported usable
     still : (S,) as ``still_within`` gives it; channels may move apart as they like when not given
     """
 

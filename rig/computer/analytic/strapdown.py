@@ -105,7 +105,7 @@ def attitude(unit, last, votes, agreed, rate_hz, lead_s, e, out):
 
 @kernel
 def begin(unit, votes, agreed, rate_hz, e):
-    """Align: with the agreed attitude; else level by the accelerometers, the heading unknown."""
+    """Align: with the agreed attitude; without one, level by the accelerometers, the heading unknown."""
     f, phi, theta, psi = unit[_F : _F + 3], votes[sig.PHI], votes[sig.THETA], votes[sig.PSI]
     if (agreed >> sig.PHI) & (agreed >> sig.THETA) & 1 == 0:
         phi, theta = math.atan2(-f[1], -f[2]), math.atan2(f[0], math.sqrt(f[1] * f[1] + f[2] * f[2]))

@@ -74,7 +74,7 @@ def substitute(fcc, param, state, gain):
 
 @kernel
 def body_rates(fcc, param, state, gain):
-    """Estimate lost body rates from their references, else from the rates of the attitude angles.
+    """Estimate lost body rates from their references, or without them from the rates of the attitude angles.
 
     Without a heading the turn counts as coordinated; without an attitude the rates are unknown.
     """

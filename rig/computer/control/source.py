@@ -1,4 +1,4 @@
-"""Source of each signal: its vote, else its reference, else its degraded mode.
+"""Source of each signal: its vote, its reference, or its degraded mode, in this order.
 
 A signal is lost when the redundancy manager has no channel of it left (level 0).  Every change of
 source is faded: the jump between the last value and the new one is taken out over ``fade_frames``.

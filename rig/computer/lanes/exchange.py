@@ -54,7 +54,7 @@ def arrival(ahead, window, intact, silent, most):
 def exchange(sender, words, said, rounds, held):
     """Find whose telling of the word of ``sender`` each lane holds.
 
-    words : (lanes, lanes) bits, receiver by teller: direct where the teller is the sender, else relayed
+    words : (lanes, lanes) bits, receiver by teller: direct where the teller is the sender, relayed otherwise
     ``said`` : (lanes, lanes) ``Said`` of them;  rounds : 1 or 2
     Writes held : (lanes,) the teller whose word it is, or ``NOBODY``; the sender holds its own.
     """

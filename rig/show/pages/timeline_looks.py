@@ -99,7 +99,7 @@ def quiet(label: str) -> bool:
 
 
 def look(variable: str, label: str) -> Look:
-    """Return the look of a state of a variable: quiet grey, red for what failed, else that of LOOKS."""
+    """Return the look of a state of a variable: quiet grey, red for a failure, or that of LOOKS."""
     if quiet(label):
         return Look(QUIET)
     if label.startswith(("failed", "shut off")):

@@ -1,6 +1,6 @@
 """Servo actuators in the viewer: the second row of a frame as lines and as strips of states.
 
-/actuator/elevator ..              rig.Actuator:message as in the log, and the list of NAMES: deg, else shares
+/actuator/elevator ..              rig.Actuator:message as in the log, and the list of NAMES: deg, or shares
 /elevator/channel_1 .. channel_4   engaged; shut off, with the monitor
 /elevator/moved_by                 number of channels that move the surface; bypassed: none, or no pressure
 """

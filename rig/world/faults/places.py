@@ -141,7 +141,7 @@ def needed_lanes(place: str) -> list[int]:
 
 
 def places_of(info: ValidationInfo) -> Places:
-    """Return the places that settings are read for: the context of the validation, else those of a flight."""
+    """Return the places that settings are read for: the context of the validation, or those of a flight."""
     return info.context or FLIGHT
 
 

@@ -28,7 +28,7 @@ _S: Final = len(SURFACES)
 def matrices(airframe: LinearConfig, true: bool = False) -> tuple[Matrix, Matrix, Matrix]:
     """Return A (n, n), B (n, 4) by SURFACES, C (8, n) by OUTPUTS; rows and columns not given are zero.
 
-    true : with ``a_factor`` and ``b_factor``, as the aircraft flies; else as its design knows it
+    true : with ``a_factor`` and ``b_factor``, as the aircraft flies; False: as its design has it
     """
     model = airframe.model
     a, b, c = np.array(model.A), np.zeros((len(model.A), _S)), np.zeros((len(OUTPUTS), len(model.A)))

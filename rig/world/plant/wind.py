@@ -95,7 +95,7 @@ def added(config: Config, time_s: float) -> Velocity:
 
 
 def next_change(config: Config, time_s: float) -> float:
-    """Return the earliest time at which ``added`` may differ from now: now itself within a gust, else inf."""
+    """Return the earliest time at which ``added`` may differ from now: now itself within a gust, inf after the last."""
     later = [inf]
     for gust in config.gusts:
         if gust.start_s <= time_s <= gust.start_s + gust.duration_s:

@@ -195,12 +195,12 @@ def _singles(name: str) -> list[str]:
             sets = f"actuators.continuity.coverage={fault.coverage}", "duration_s=20"
             flight = flown(name, *sets, faults(on(surface, fault.kind, channels="2", more=fault.more)))
             survived.append(flight.verdict.survived)
-            at_s, by = flight.coils_failed.get(surface, {}).get(2, (ONSET_S, "nobody"))
+            at_s, by = flight.coils_failed.get(surface, {}).get(2, (ONSET_S, "no monitor"))
             found.append((by, at_s - ONSET_S))
             moved.append(transient(flight, clean))
         monitors, after_s = ", ".join(sorted({by for by, _ in found})), max(after for _, after in found)
         g, rate = np.max(moved, axis=0)
-        found_by = monitors if monitors == "nobody" else f"{monitors}, {after_s:.2f} s"
+        found_by = monitors if monitors == "no monitor" else f"{monitors}, {after_s:.2f} s"
         cells.append(f"{found_by}: {g:.3f} g, {rate:.2f} deg/s")
     return [name, *cells, f"{sum(survived)} of {len(survived)}"]
 

@@ -134,7 +134,7 @@ def _costs(built: Path, count: int) -> Iterator[list[str]]:
 def unit_cost(built: str, count: str = "175") -> None:
     """Print the loop's frame with each transport, without the log, in pairs of flights against our own manager."""
     table(
-        ("transport", "", "ours, us", "unit, us", "ratio", "quartiles", "all"),
+        ("transport", "", "built-in, us", "unit, us", "ratio", "quartiles", "all"),
         _costs(Path(built).resolve(), int(count)),
     )
 
