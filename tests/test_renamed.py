@@ -66,6 +66,10 @@ def test_an_old_key_of_a_campaign_and_of_a_configuration_is_one_line(rig_command
     (tmp_path / "in.csv").write_text("time_s,x_1,x_2\n0,1,1\n0.1,1,1\n")
     code, _, err = rig_command("vote", "in.csv", "--config", "v.toml", "--out", "o.csv")
     assert (code, err) == (2, "error: v.toml: rivals: is now called baselines\n")
+    for table, key in (("default", "resolvers"), ("signal.x", "singular_persistence"), ("default", "bias_bound")):
+        (tmp_path / "v.toml").write_text(f"[{table}]\n{key} = 1.0\n[signal.y]\nthreshold = 1.0\n")
+        code, _, err = rig_command("vote", "in.csv", "--config", "v.toml", "--out", "o.csv")
+        assert (code, err) == (2, f"error: v.toml: {table}.{key}: is now called {renamed.KEYS[key]}\n")
     assert {*SCENARIO_KEYS, *UNIT_KEYS, "twin"} == set(renamed.KEYS)
 
 

@@ -190,6 +190,13 @@ def _first_line(model: type[Settings], error: ValidationError, data: dict[str, A
     return f"{where}{must_be(detail['msg'])}{shown}"
 
 
+def unknown_key(key: str, model: type[BaseModel], keys_are_in: str) -> str:
+    """Return the end of an error: ``key`` of a table that may have the keys of ``model`` is old, or unknown."""
+    if (new := KEYS.get(key)) in model.model_fields:
+        return f"{shorten(key)}: is now called {new}"
+    return f"{shorten(key)}: unknown key; nearest: {nearest(key, model.model_fields)[0]}; all keys: {keys_are_in}"
+
+
 def _renamed(model: type[Settings], detail: Any) -> str:
     """Return the present name of an old key or value, to follow its place; "" for another error."""
     *above, key = detail["loc"] or [""]

@@ -36,8 +36,8 @@ class LogWriter:
 
     ``metadata`` (resolved scenario, seed, versions) and ``attachments`` (file name, bytes; the scenario
     file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's if not given;
-    with few events never more than CHUNK_BYTES.  ``new``: FileExistsError if there is a file at ``path``; without it the
-    file is replaced.
+    with few events never more than CHUNK_BYTES.  ``new``: FileExistsError if there is a file at ``path``; without it
+    the file is replaced.
     ``lanes``: the parts of the flight's rows of lanes, which are given too.
     ``draft_of``: the file that ``path`` will be renamed to; messages name it.
     BadInput when the file cannot be made, RigError: a full disk.

@@ -16,7 +16,7 @@ _MOST: Final = 3  # signals that have a row of their own; of more the rest share
 
 
 def voted_rows(context: Context) -> Iterator[Row]:
-    """Yield a row for the voted value of each signal with a fault, or beyond its error limit; without any, one for all."""
+    """Yield a row for the voted value of each signal with a fault or beyond its error limit, or one for all."""
     score = context.score
     faulty = list(dict.fromkeys(fault.signal for fault in score.faults if fault.window is not None))
     beyond = [name for name, error in score.vote_error.items() if error.above_threshold_s > 0]

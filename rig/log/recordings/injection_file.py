@@ -15,8 +15,8 @@ from pydantic import Field
 
 from rig.core.errors import BadInput
 from rig.core.frame import MOST_FAULTS
-from rig.core.settings import Settings, build, read_toml
-from rig.core.text import choices, nearest, quoted, shorten
+from rig.core.settings import Settings, build, read_toml, unknown_key
+from rig.core.text import choices, quoted
 from rig.log.recordings.recording import Recording
 from rig.log.recordings.stamps import digits
 from rig.scenario.scenario import Scenario, find
@@ -43,10 +43,7 @@ def read_injection(name: str) -> tuple[InjectionFile, str]:
     data = read_toml(path)
     for key in data:
         if key not in Scenario.model_fields:
-            near = ", ".join(nearest(key, InjectionFile.model_fields)[:1])
-            raise BadInput(
-                f"{path}: {shorten(key)}: unknown key; nearest: {near}; all keys: docs/reference/recordings.md"
-            )
+            raise BadInput(f"{path}: {unknown_key(key, InjectionFile, 'docs/reference/recordings.md')}")
     mine = {key: value for key, value in data.items() if key in InjectionFile.model_fields}
     if not mine.get("faults"):
         raise BadInput(f"{path}: no [[faults]] to inject")

@@ -41,8 +41,8 @@ from rig.computer.redundancy.resets import Reset as FlightReset
 from rig.computer.redundancy.resets import bits
 from rig.core.errors import BadInput
 from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS
-from rig.core.settings import Settings, build, read_toml
-from rig.core.text import choices, nearest, quoted, shorten
+from rig.core.settings import Settings, build, read_toml, unknown_key
+from rig.core.text import choices, quoted, shorten
 from rig.core.units.constants import TWO_PI
 from rig.core.units.conversion import conversion
 from rig.log.recordings.csv_file import TableFormat
@@ -313,10 +313,7 @@ def config_of(data: dict[str, Any], path: Path) -> VoteConfig:
     for table, keys in (("default", config.default or {}), *((f"signal.{n}", t) for n, t in config.signal.items())):
         for key in keys:
             if key not in RecordedSignal.model_fields:
-                near = ", ".join(nearest(key, RecordedSignal.model_fields)[:1])
-                raise BadInput(
-                    f"{path}: {table}.{shorten(key)}: unknown key; nearest: {near}; all keys: {VoteConfig.keys_are_in}"
-                )
+                raise BadInput(f"{path}: {table}.{unknown_key(key, RecordedSignal, VoteConfig.keys_are_in)}")
     return config
 
 
