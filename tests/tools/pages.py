@@ -51,6 +51,7 @@ EXCEPTIONS: Final = {
     "rig aircraft new": "minutes of design, tests/test_design_own_aircraft.py",
     "rig campaign run fmea": "1344 flights, tests/test_safety_fmea.py",
     "rig campaign run reliability": "6633 flights, tests/test_reliability_run.py",
+    "rig fly WORST/": "needs what `rig search` wrote",
     "rig fly my_c172/": "needs what `rig aircraft new` made",
     "rig reliability confirm": "needs what `cutsets` flew, tests/test_safety_cutsets.py",
     "rig reliability fmea": "needs the campaign `fmea`, tests/test_safety_fmea.py",
@@ -58,6 +59,8 @@ EXCEPTIONS: Final = {
     "rig reliability report": "needs hours of flights, tests/test_safety_fmea.py",
     "rig reliability run": "needs the campaign `reliability`, tests/test_reliability_run.py",
     "rig reliability tree R": "needs flown campaigns, tests/test_safety_tree.py",
+    "docs/how-to/probability-per-flight-hour.md: rig reliability cutsets": "6540 flights, tests/test_safety_cutsets.py",
+    "docs/how-to/probability-per-flight-hour.md: rig reliability tree": "needs the cut sets",
     "rig reliability trials": "needs hours, tests/test_reliability_trials.py",
     "rig search worst-pitch-rate": "300 flights, tests/test_cli_search.py",
     "rig view": "a window or a picture, tests/test_view_*.py",
@@ -65,7 +68,14 @@ EXCEPTIONS: Final = {
 # Pages whose code is not run, and why.
 NOT_RUN: Final[dict[str, str]] = {}
 # Pages that take more than 20 s, and why: their tests are marked long.
-LONG: Final = {"docs/tutorials/safety-case.md": "1308 flights"}
+LONG: Final = {
+    "docs/tutorials/safety-case.md": "1308 flights",
+    "docs/how-to/compare-managers.md": "a benchmark, four minutes",
+    "docs/how-to/campaigns-and-worst-case.md": "campaigns",
+    "docs/how-to/computers-and-servos.md": "flights of several computers",
+    "docs/how-to/fly-your-software.md": "compiles units and tests their interfaces",
+    "docs/how-to/probability-per-flight-hour.md": "open-loop trials",
+}
 PROGRAMS: Final = ("cat", "cc", "cp", "grep", "head", "ls", "make", "mkdir", "mv", "python", "sort", "tail")
 _FENCE: Final = re.compile(r"^(?P<indent> *)(?P<ticks>```+)(?P<kind>[\w+-]*)(?P<more>.*)$")
 _HIDDEN: Final = re.compile(r"^<!-- (?P<kind>python|sh)(?P<more>)$")
