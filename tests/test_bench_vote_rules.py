@@ -66,7 +66,7 @@ def test_a_split_that_nobody_answers_is_counted_told_and_given_up_after_its_time
     assert (x["unresolved_rows"], x["unresolved_share"]) == (rows, pytest.approx(rows / 300))
     end = f"given up at {rows / 100:g} s" if rows < 300 else "never given up"
     share = f"{100 * rows / 300:.3g}"
-    assert found["undecided"] == [f"x: no majority, and no rule answered, in {rows} of 300 rows ({share} %), {end}"]
+    assert found["undecided"] == [f"x: split that no rule decided, in {rows} of 300 rows ({share} %), {end}"]
     assert why(found, "x") == [(rows + 1, "given_up") if rows < 300 else None] * 4
 
 
@@ -113,7 +113,7 @@ def test_votes_in_one_line_name_what_nobody_decided(tmp_path: Path):
     pl.DataFrame({"time_s": np.arange(300) / 100, **columns}).write_csv(tmp_path / "in.csv")
     votes = rig.vote(tmp_path / "in.csv", {"default": {"threshold": 1.0}, "unresolved_s": 0.0})
     assert (
-        "failed no channel; x: no majority, and no rule answered, in 300 of 300 rows (100 %), never given up"
+        "isolated no channel; x: split that no rule decided, in 300 of 300 rows (100 %), never given up"
         in repr(votes)
     )
 

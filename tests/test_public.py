@@ -29,7 +29,7 @@ def test_the_worked_example_of_the_page_runs_and_prints_what_it_says(tmp_path: P
     exec("\n".join(blocks), space)
     (printed,) = re.findall(r"^```\n\n```text\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     assert said[:5] == printed.splitlines() and said[1] == "detected 7"
-    assert said[5] == "<Votes 1000 rows of pitch_rate: failed no channel>"
+    assert said[5] == "<Votes 1000 rows of pitch_rate: isolated no channel>"
     assert str(space["scored"]).startswith("SURVIVED") and "pitch rate, channel 3" in str(space["scored"])
     assert len(space["voted"]) == 600 and space["page"].is_file()
     assert "pitch_rate.state.1" in space["table"].columns

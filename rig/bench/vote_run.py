@@ -113,7 +113,7 @@ class Votes(NamedTuple):
             f"{name}.{c['channel']}" for name, g in groups.items() for c in g["channels"] if c["state"] == "failed"
         ]
         told = "; ".join(
-            [f"failed {', '.join(failed) or 'no channel'}", *self.summary["suspects"], *self.summary["undecided"]]
+            [f"isolated {', '.join(failed) or 'no channel'}", *self.summary["suspects"], *self.summary["undecided"]]
         )
         return f"<Votes {self.summary['rows']} rows of {', '.join(groups)}: {told}>"
 

@@ -120,5 +120,5 @@ def _undecided(data: dict[str, Any]) -> list[str]:
         given_up = [failure["time_s"] for failure in failures if failure["why"] == DecidedBy.GIVEN_UP.name.lower()]
         if is_many(rows, data["rows"]):
             end = "".join(f", given up at {of_rows(at_s, data['time_s'][0])}" for at_s in dict.fromkeys(given_up))
-            lines.append(f"{name}: split that no rule resolved, {share_text(rows, data['rows'])}{end or _NEVER}")
+            lines.append(f"{name}: split that no rule decided, {share_text(rows, data['rows'])}{end or _NEVER}")
     return lines

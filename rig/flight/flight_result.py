@@ -90,7 +90,7 @@ class Flight:
         """Return one line: scenario, end, isolated channels, log."""
         named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
         verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
-        told = f"failed {failed_text(self.failed)}{slow_faults_text(self.suspects)}"
+        told = f"isolated {failed_text(self.failed)}{slow_faults_text(self.suspects)}"
         return f"<Flight {named}: {verdict}, {told}, log {self.log}>"
 
     def summary(self) -> dict[str, Any]:

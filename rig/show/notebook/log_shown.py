@@ -30,7 +30,7 @@ def line(log: Log) -> str:
     scenario = _scenario(log)
     title = scenario.get("title") or scenario.get("aircraft") or "recording"
     seed = f" seed {scenario['seed']}" if "seed" in scenario else ""
-    return f"<Log {title}{seed}: {_verdict(log)}, failed {_failed(log)}>"
+    return f"<Log {title}{seed}: {_verdict(log)}, isolated {_failed(log)}>"
 
 
 def table(log: Log, conclusion: Sequence[str], overrides: Sequence[str] = (), path: Path | None = None) -> str:
