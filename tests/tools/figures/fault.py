@@ -63,7 +63,7 @@ def fault(flights: Flown) -> str:
     below = Panel(280, 350, span, (0.0, 8.0))
     stop, delay = channels[-1, FAULTY], (out - onset) * ms
     parts = [
-        text(16, 26, "One of four pitch-rate gyros runs to its stop", bold=True),
+        text(16, 26, "Hardover: one of four pitch-rate gyros runs to the end of its range", bold=True),
         text(16, 46, "Pitch rate of an F-16 in level flight, deg/s", "soft"),
         *_band(above, time, voted, flights.threshold),
         *above.axes([], (-1, 0, 1)),
@@ -71,9 +71,10 @@ def fault(flights: Flown) -> str:
         line(above.steps(time[:5], channels[:5, FAULTY]), "c3", 'stroke-width="2.5"'),
         line([above.at(0, channels[3, FAULTY]), (above.at(0, 0)[0], above.top - 8)], "c3", _ARROW),
         line(above.steps(time, voted), "vote", 'stroke-width="3"'),
-        text(above.at(0, 0)[0] + 10, above.top - 4, f"channel 3: {stop:.1f} deg/s, the end of its range", "c3"),
+        text(above.at(0, 0)[0] + 10, above.top - 4, f"channel 3: {stop:.1f} deg/s", "c3"),
         text(above.right + 14, above.at(0, 0)[1] - 2, "voted value", "vote", bold=True),
-        text(above.right + 14, above.at(0, 0)[1] + 16, "channels 1, 2 and 4", "soft"),
+        text(above.right + 14, above.at(0, 0)[1] + 16, "channels", "soft"),
+        *(text(above.right + 76 + 16 * i, above.at(0, 0)[1] + 16, str(c), f"c{c}") for i, c in enumerate((1, 2, 4))),
         text(above.right + 14, above.at(0, flights.threshold)[1] - 22, "isolation threshold:", "soft"),
         text(above.right + 14, above.at(0, flights.threshold)[1] - 5, f"voted ± {flights.threshold:.2f} deg/s", "soft"),
         line([above.at(0, 0), above.at(0, -2.0)], "onset", _DOTS),
@@ -90,7 +91,9 @@ def fault(flights: Flown) -> str:
     x = above.at(delay, 0)[0]
     parts += [
         line([(x, above.top), (x, below.bottom)], "bad", 'stroke-dasharray="6 4"'),
-        text(x + 8, above.bottom - 8, f"isolated after {delay:.0f} ms", "bad", bold=True),
+        text(
+            x + 8, above.bottom - 8, f"isolated in frame {flights.persistence}, after {delay:.0f} ms", "bad", bold=True
+        ),
         text(below.right + 14, below.top + 5, f"persistence: {flights.persistence} frames", "soft"),
         *_aircraft(flights),
     ]
@@ -109,7 +112,9 @@ def _band(panel: Panel, time: Floats, voted: Floats, threshold: float) -> Iterab
 def _aircraft(flights: Flown) -> Iterable[str]:
     """Yield the plot of the angle of attack, with the built-in manager and with the averaging voter."""
     panel = Panel(420, 524, (-0.2, 1.6), (-26.0, 6.0))
-    yield text(16, 406, "Angle of attack, deg, with the built-in manager and with an averaging voter", "soft")
+    yield text(
+        16, 406, "The aircraft: angle of attack, deg, with the built-in manager and with an averaging voter", "soft"
+    )
     yield from panel.axes((0, 0.4, 0.8, 1.2, 1.6), (-20, -10, 0), "s after onset")
     looks = ("vote", 'stroke-width="3"'), ("bad", 'stroke-dasharray="6 4"')
     for rows, (role, more) in zip((flights.rows, flights.mean), looks, strict=True):
@@ -145,7 +150,7 @@ def architecture(flights: Flown) -> str:
         text(
             16,
             26,
-            f"One frame of {1000.0 / flights.rate_hz:.0f} ms: the pitch rate, deg/s, as channel 3 fails",
+            f"One frame of {1000.0 / flights.rate_hz:.0f} ms: the pitch rate, deg/s, at the onset of a fault",
             bold=True,
         ),
         '<rect class="s-line" x="12" y="44" width="676" height="262" rx="8"/>',
@@ -156,7 +161,7 @@ def architecture(flights: Flown) -> str:
         *box(316, 92, 68, 76, ("faults",)),
         *box(466, 92, 196, 76, ("redundancy manager", "votes, monitors, isolates")),
         *box(466, 226, 196, 56, ("control law", "reads voted values alone")),
-        *box(200, 226, 168, 56, ("servos", "lag, or four channels")),
+        *box(200, 226, 168, 56, ("servos", "lag, or 4 channels")),
         line([(130, 130), (188, 130)], "soft", arrow),
         text(158, 122, "true", "soft", anchor="middle"),
         text(158, 147, f"{truth:.2f}", anchor="middle"),
@@ -168,7 +173,7 @@ def architecture(flights: Flown) -> str:
         text(412, 272, "elevator", "soft", anchor="middle"),
         line([(200, 254), (132, 254)], "soft", arrow),
         text(166, 272, "surfaces", "soft", anchor="middle"),
-        text(362, 328, "every field of every frame", "soft"),
+        text(142, 328, "every field of every frame", "soft"),
     ]
     outputs = (
         ("log (MCAP)", "score, report, replay"),
@@ -185,6 +190,8 @@ def architecture(flights: Flown) -> str:
         parts += [
             f'<rect class="f-ground" x="396" y="{y - 8}" width="46" height="16"/>',
             text(440, y + 4.5, f"{sample:.2f}", role, anchor="end", bold=channel == FAULTY),
+            f'<rect class="f-ground" x="293" y="{y - 8}" width="12" height="16"/>',
+            text(299, y + 4.5, str(channel + 1), f"c{channel + 1}", anchor="middle"),
         ]
     described = (
         "JSBSim computes the true state. Four sensors measure each signal, and faults act on their samples. "
