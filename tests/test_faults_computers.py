@@ -52,6 +52,19 @@ def test_a_lane_is_failed_by_whom_it_should_and_the_others_are_not(fault, lane, 
     assert (flight.rows["acting"][:, 0] == [0] * ONSET + [1] * (len(flight.rows) - ONSET)).all()
 
 
+@pytest.mark.parametrize("fault", ['says="scale", factor={}', 'says="offset", offset={}'])
+@pytest.mark.parametrize(
+    ("error", "tolerance", "detected"), [(0.03, 0.02, True), (0.03, 0.04, False), (0.01, 0.005, True)]
+)
+def test_the_reference_voltage_test_detects_a_converter_that_is_off_by_more_than_its_tolerance(
+    fault, error, tolerance, detected
+):
+    size = 1 - error if "factor" in fault else error
+    sets = (*SURE, f"computers.reference_voltage.tolerance={tolerance}")
+    flight = flown(f'kind="adc", signal="computer.C", {fault.format(size)}', seconds=0.4, sets=sets)
+    assert out_from(flight, "C") == ((ONSET + 2, LaneTest.REFERENCE_VOLTAGE) if detected else None)
+
+
 def test_the_checksum_is_looked_at_when_its_period_ends():
     fault = 'kind="checksum", signal="computer.B", factor=0.98'
     flight = flown(fault, seconds=1.1)

@@ -111,6 +111,7 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
         keep_clean=keep_clean,
         wire_coverage=scenario.actuators.continuity.coverage,
         test_coverage=coverage(scenario.computers),
+        voltage_tolerance=scenario.computers.reference_voltage.tolerance,
     )
 
 

@@ -18,7 +18,6 @@ from rig.world.faults.fault_settings import Placed, Size, quantity
 from rig.world.faults.places import FLIGHT, Places, Point, Site, lanes_of
 from rig.world.faults.servo_parts import ComputerPart
 
-_TOLERANCE_OF_TESTS = 0.02  # of full scale: a converter that is off by less is within its tolerance
 _STOPPED = Effect(Act.SET, 1.0, part=ComputerPart.STOPPED, seen_by_test=LaneTest.WATCHDOG)
 _BY_ITS_TEST = "the lane's self-test did not cover it, or it was within the tolerance"
 SurfaceName = Literal["elevator", "aileron", "rudder", "throttle"]
@@ -149,7 +148,7 @@ class Software(_OfOneSurface):
 class Dac(_OfOneSurface):
     """A lane's output converter gives a wrong value for one surface. Causes: a stuck bit, a drifting reference.
 
-    The wrap-around test reads the output back. It detects an error above 2 % of the stroke, by its coverage.
+    The wrap-around test reads the output back. It detects an error above its tolerance, by its coverage.
     """
 
     part = ComputerPart.OUTPUT
@@ -214,7 +213,8 @@ class _OfItsChannels(_OnComputer):
 class Adc(_OfItsChannels):
     """A lane's input converter gives wrong samples of all signals. Causes: a failed multiplexer, a drifting reference.
 
-    The wrap-around test detects `zero` and `last`. The reference-voltage test detects `scale` and `offset` above 2 %.
+    The wrap-around test detects `zero` and `last`. The reference-voltage test detects `scale` and `offset` above its
+    tolerance.
     """
 
     sizes = ("factor", "offset")
@@ -248,8 +248,8 @@ class Adc(_OfItsChannels):
         if self.says in ("zero", "last"):
             return Effect(Act.SET, 1.0, part=ComputerPart.INPUT, seen_by_test=LaneTest.WRAP_AROUND)
         off = abs((self.factor or 0.0) - 1.0) if self.says == "scale" else abs(self.offset or 0.0)
-        seen = LaneTest.REFERENCE_VOLTAGE if off > _TOLERANCE_OF_TESTS else LaneTest.NONE
-        return Effect(Act.SET, 1.0, part=ComputerPart.SCALE, seen_by_test=seen)
+        test = LaneTest.REFERENCE_VOLTAGE
+        return Effect(Act.SET, 1.0, part=ComputerPart.SCALE, seen_by_test=test, test_error=off)
 
     @property
     def effect(self) -> Effect:

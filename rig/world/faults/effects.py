@@ -79,6 +79,7 @@ class Effect:
     uncommanded: bool = False  # the coil's current is no longer the one asked for
     seen_by_wire: bool = False  # the monitor of the coil's wire may see it, by its coverage
     seen_by_test: int = 0  # LaneTest of a computer's own that may see it, by its coverage
+    test_error: float = math.inf  # share of full scale; the test can detect it only above its tolerance
     of_range: bool = False  # ``value`` is a share of the sensor's range
 
 

@@ -61,6 +61,7 @@ class Faults:
     clean  : (keep_clean,) CLEAN, the sensors' output before any fault in the last ``keep_clean`` frames (``clean_of``)
     wire_coverage : chance that the monitor of a coil's wire sees it open, drawn once a fault
     test_coverage : the same of a computer's own tests
+    voltage_tolerance : error of an input converter, as a share of full scale, up to which its test detects nothing
     places : those of a flight, or of a recording, whose rows have other signals
     All state is plain arrays and can be copied.
     """
@@ -78,16 +79,16 @@ class Faults:
         places: Places = FLIGHT,
         wire_coverage: float = 1.0,
         test_coverage: Mapping[LaneTest, float] | None = None,
+        voltage_tolerance: float = 0.0,
     ) -> None:
         self._faults, self._rate_hz, self._places = faults, rate_hz, places
         discretes, others = len(places.names["discrete"]), sum(len(places.names[s]) for s in (*OF_SERVOS, *OF_LANES))
         self._ranges = np.array([*ranges, *[(0.0, 1.0)] * discretes, *[(-np.inf, np.inf)] * others])
-        self._wire_coverage, self._test_coverage = wire_coverage, test_coverage or {}
+        self._wire_coverage, self._voltage_tolerance = wire_coverage, voltage_tolerance
         self._thresholds = np.full(len(places.wraps), np.nan) if thresholds is None else thresholds
         self._seeds = SeedSequence(0) if seeds is None else seeds
-        self._coils = coils or {}
-        self._uniform_from: list[Generator] = []
-        self._normal_from: list[Generator] = []
+        self._coils, self._test_coverage = coils or {}, test_coverage or {}
+        self._uniform_from, self._normal_from = list[Generator](), list[Generator]()
         self.schedule = np.zeros(len(faults), SCHEDULE)
         self.state = np.zeros(len(faults), STATE)
         self.state["onset"] = FOREVER
@@ -285,7 +286,8 @@ class Faults:
                 row["value"] = -effect.value
         elif where == "computer":
             row["row"], row["column"] = at, (point.channel or 1) - 1
-            test, coverage = effect.seen_by_test, self._test_coverage.get(LaneTest(effect.seen_by_test), 1.0)
+            test = effect.seen_by_test if effect.test_error > self._voltage_tolerance else LaneTest.NONE
+            coverage = self._test_coverage.get(LaneTest(test), 1.0)
             row["seen_by_test"] = test if test and self._generator(i, "test").random() < coverage else 0
 
     def _measure(self, row: Any, i: int, point: Point) -> None:
