@@ -129,7 +129,7 @@ def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):
 
 def test_too_few_or_too_short_recordings_are_one_line(tmp_path: Path):
     write(tmp_path, 1, seconds=2)
-    with pytest.raises(BadInput, match="--recordings: 1 recording: one half calibrates"):
+    with pytest.raises(BadInput, match="--recordings: 1 recording; give 2 or more: one half calibrates"):
         benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
     write(tmp_path, 2, seconds=2)
     with pytest.raises(BadInput, match="--recordings: every recording is shorter than a trial of 18 s"):
