@@ -55,7 +55,6 @@ EXCEPTIONS: Final = {
     "rig fly my_c172/": "needs what `rig aircraft new` made",
     "rig reliability confirm": "needs what `cutsets` flew, tests/test_safety_cutsets.py",
     "rig reliability fmea": "needs the campaign `fmea`, tests/test_safety_fmea.py",
-    "rig reliability plan --target 1e-9": "prints the time that this machine needs",
     "rig reliability report": "needs hours of flights, tests/test_safety_fmea.py",
     "rig reliability run": "needs the campaign `reliability`, tests/test_reliability_run.py",
     "rig reliability tree R": "needs flown campaigns, tests/test_safety_tree.py",
