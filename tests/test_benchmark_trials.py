@@ -64,5 +64,5 @@ def test_a_campaign_without_a_fault_to_detect_is_refused():
     from rig.studies.campaign.plan import Plan
 
     healthy = Plan(read("docs/examples/benchmark_healthy.toml"), "healthy.toml")
-    with pytest.raises(BadInput, match=r"healthy.toml: run \d+: no fault to detect"):
+    with pytest.raises(BadInput, match=r"healthy.toml: run \d+: has no fault to detect"):
         of_signals(healthy)

@@ -118,7 +118,7 @@ def test_logs_and_campaigns_are_cases_too(rig_command, tmp_path):
         ('[[cases]]\nscenario = "no_such"\n', "suite.toml: cases: scenario: no_such: no such file"),
         ('[[cases]]\nlog = "no.mcap"\n', "suite.toml: cases: log: no.mcap: no such log"),
         ('[[cases]]\nlog = "a"\nscenario = "b"\n', "a case needs exactly one of scenario, log, campaign"),
-        ('[[cases]]\nscenario = "f16_stuck_together"\nruns = 2\n', "runs: is for campaign"),
+        ('[[cases]]\nscenario = "f16_stuck_together"\nruns = 2\n', "runs: is allowed only for campaign"),
         ('[[cases]]\nscenario = "f16_stuck_together"\nwithout = ["x"]\n', "without: the case has no requirement 'x'"),
         ('[[cases]]\nscenario = "f16_stuck_together"\n' * 2, "f16_stuck_together: two cases have this name"),
         (

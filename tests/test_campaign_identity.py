@@ -228,7 +228,7 @@ def test_a_worker_that_has_another_source_or_none_refuses(tmp_path: Path, monkey
 
 def test_a_line_tells_in_a_pipe_how_far_a_campaign_is(rig_command: Command):
     _, _, err = rig_command("campaign", "run", campaign(), "--out", "E")
-    assert err.startswith("2 of 4 runs, ") and " a second, about " in err.split("\n")[0]
+    assert err.startswith("2 of 4 runs, ") and " per second, about " in err.split("\n")[0]
     assert rig_command("campaign", "run", campaign(), "--out", "J", "--json")[2] == ""
 
 
@@ -251,6 +251,6 @@ def test_two_managers_in_one_campaign_are_told_apart(rig_command: Command):
     said = rig_command("campaign", "report", "E")[1]
     assert "vary by name" in said and "offset of pitch_rate  cross-voter" in said
     page = Path("E/report.html").read_text()
-    assert "cross-channel, cross-voter" in page and "are of all runs together" in page
+    assert "cross-channel, cross-voter" in page and "These figures pool all runs" in page
     assert found["by"] == "manager cross-channel, cross-voter"
     assert pl.DataFrame(found["by_kind"])["of"].to_list() == ["cross-channel", "cross-voter"]

@@ -105,7 +105,7 @@ def test_a_manager_or_a_unit_of_the_users_own_flies_alone(whose: str, tmp_path: 
     own = ["redundancy.manager=silent_manager:Silent"] if whose == "manager" else []
     given = scenario.load(None, ["computers.count=4", *own])
     told = "the manager 'silent_manager:Silent'" if own else "a unit under test"
-    with pytest.raises(BadInput, match=f"computers.count: 4 computers fly.*with {told} allowed: 1"):
+    with pytest.raises(BadInput, match=f"computers.count: 4 computers need a built-in manager.*with {told} allowed: 1"):
         Rig(given, None if own else lambda rig: lambda rows, k, data: None)
     if own:
         with pytest.raises(BadInput):
