@@ -123,10 +123,10 @@ def _peaks(figure: go.Figure, found: list[Peak]) -> None:
             alike: dict[str, list[int]] = {}
             for one in beyond:
                 alike.setdefault(f"{one.value:+.3g}", []).append(one.channel)
-            named = {
-                value: f"channel{'s' * (len(of) > 1)} {', '.join(map(str, sorted(of)))}" for value, of in alike.items()
-            }
-            text = ("; " if len(named) < 3 else ";<br>").join(f"{of}: {value}" for value, of in named.items())
+            named = [
+                f"channel{'s' * (len(of) > 1)} {', '.join(map(str, sorted(of)))}: {value}" for value, of in alike.items()
+            ]
+            text = ("; " if len(named) < 3 else ";<br>").join(named)
             height = float(squeezed(np.array([beyond[-1].value]))[0])
             place: dict[str, Any] = {"yanchor": "bottom" if sign > 0 else "top", "xanchor": "right"}
             _note(figure, f"peak of {text}", x=1.0, y=height, yref="y", **place)
