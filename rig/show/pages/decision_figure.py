@@ -124,7 +124,8 @@ def _peaks(figure: go.Figure, found: list[Peak]) -> None:
             for one in beyond:
                 alike.setdefault(f"{one.value:+.3g}", []).append(one.channel)
             named = [
-                f"channel{'s' * (len(of) > 1)} {', '.join(map(str, sorted(of)))}: {value}" for value, of in alike.items()
+                f"channel{'s' * (len(of) > 1)} {', '.join(map(str, sorted(of)))}: {value}"
+                for value, of in alike.items()
             ]
             text = ("; " if len(named) < 3 else ";<br>").join(named)
             height = float(squeezed(np.array([beyond[-1].value]))[0])
