@@ -48,8 +48,8 @@ def test_a_figure_is_read_by_its_title_its_axes_and_its_lines(tmp_path: Path):
     assert alternative(json.loads(figure.to_json() or "")) == text
     described = go.Figure(figure).update_layout(meta={"alternative": "The ram moves."})
     page = tmp_path / "page.html"
-    about = {"title": "pictures", "rule": "none", "notes": [], "pictures": ["one", "other"]}
-    write_page(page, "thresholds.html", {"one": figure, "other": described}, {}, **about)
+    about = {"title": "pictures", "pictures": ["one", "other"]}
+    write_page(page, "ding2015.html", {"one": figure, "other": described}, {}, **about)
     found = re.search(r'id="figures">(.*?)</script>', page.read_text(), re.DOTALL)
     assert found is not None
     figures = json.loads(found.group(1))
@@ -76,8 +76,8 @@ def test_figures_and_page_follow_the_setting_of_the_reader(tmp_path: Path, dark:
     for figure in (lines, grid):
         lay_out(figure, "picture", 300)
     page = tmp_path / "page.html"
-    about = {"title": "pictures", "rule": "none", "notes": [], "pictures": ["lines", "map"]}
-    write_page(page, "thresholds.html", {"lines": lines, "map": grid}, {}, **about)
+    about = {"title": "pictures", "pictures": ["lines", "map"]}
+    write_page(page, "ding2015.html", {"lines": lines, "map": grid}, {}, **about)
     page.write_text(page.read_text().replace("</body>\n</html>", f"{SHOWN}</body>\n</html>"))
     flags = ("--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", "--virtual-time-budget=8000")
     setting = (f"--blink-settings=preferredColorScheme={int(not dark)}", f"--user-data-dir={tmp_path / 'profile'}")

@@ -177,7 +177,8 @@ def test_the_command_writes_page_and_picture_and_one_object(tmp_path: Path):
     page, picture = (Path(name) for name in found["figures"])
     assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size > 50_000
     text = page.read_text()
-    assert "Plotly.newPlot" in text and '<script src="http' not in text
+    assert "Plotly.react" in text and '<script src="http' not in text
+    assert "prefers-color-scheme: dark" in text and text.count('class="figure"') == 3
 
 
 def test_the_command_says_what_does_not_reproduce(tmp_path: Path):

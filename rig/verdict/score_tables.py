@@ -62,7 +62,8 @@ FAULTS: Final = (
     Column("outcome", lambda r: f"{r.of.outcome}, shorter than the persistence" if r.of.tolerated else r.of.outcome),
 )
 TIE_BREAKS: Final = (
-    *(Column("pattern"), Column("decided_by"), Column("asked", worth=3), Column("answered", worth=5)),
+    *(Column("pattern"), Column("decided_by", page="decided by"), Column("asked", worth=3)),
+    Column("answered", worth=5, page="decided"),
     *(Column("correct", "right"), Column("wrong"), Column("open", worth=4)),
 )
 ISOLATIONS: Final = (

@@ -16,6 +16,8 @@ from mkdocs.structure.files import File  # pyright: ignore[reportMissingImports]
 
 ROOT: Final = Path(__file__).parents[2]
 PAGES: Final = {"project/contributing.md": "CONTRIBUTING.md", "project/changelog.md": "CHANGELOG.md"}
+FUNCTION: Final = re.compile(r"(?<!<msup>)<mi>(sin|cos|tan|log|ln|exp|min|max)</mi>")
+EQUATION: Final = re.compile(r'<math display="block".*?</math>', re.S)
 LOADED: Final = re.compile(r"<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)=[\"']?(?:https?:)?//[^>]*>", re.I)
 
 
@@ -38,6 +40,12 @@ def on_files(files: Any, config: Any) -> Any:
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Escape dimensions, as ``f8[16][4]``: to Markdown they are links."""
     return re.sub(r"(\w\[\d+\])\[", r"\1\\[", markdown)
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Set thin spaces around the names of functions in equations, and let wide equations scroll in their place."""
+    html = FUNCTION.sub(r'<mrow><mspace width="0.167em"/><mi>\1</mi><mspace width="0.167em"/></mrow>', html)
+    return EQUATION.sub(r'<div class="equation">\g<0></div>', html)
 
 
 def on_post_build(config: Any) -> None:

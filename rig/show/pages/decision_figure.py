@@ -53,7 +53,7 @@ def of_moment(
         _deviation(figure, shown.time_s, values, f"channel {c + 1}", (CHANNELS[c], 1.6, DASHES[c]), _CHANNEL)
     _others(figure, rows, shown, moment.signal, off)
     _peaks(figure, list(peaks(shown, deviations)))
-    _note(figure, f"± {limit.text}", x=0.0, y=1.0, yref="y", xanchor="left", yanchor="bottom")
+    _note(figure, f"± {limit.text}", x=1.0, y=-1.0, yref="y", xanchor="right", yanchor="top")
     reach = float(np.nanmax(np.abs(deviations), initial=1.0, where=np.isfinite(deviations)))
     lay_out(figure, f"{moment.signal}: deviation from the voted value", _HEIGHT)
     figure.update_yaxes(title=f"{limit.name}s", **_axis(reach))
@@ -120,7 +120,14 @@ def _peaks(figure: go.Figure, found: list[Peak]) -> None:
     for sign in (1.0, -1.0):
         beyond = sorted((one for one in found if one.value * sign > 0), key=lambda one: one.value * sign)
         if beyond:
-            text = "; ".join(f"channel {one.channel}: {one.value:+.3g}" for one in beyond)
+            alike: dict[str, list[int]] = {}
+            for one in beyond:
+                alike.setdefault(f"{one.value:+.3g}", []).append(one.channel)
+            named = [
+                f"channel{'s' * (len(of) > 1)} {', '.join(map(str, sorted(of)))}: {value}"
+                for value, of in alike.items()
+            ]
+            text = ("; " if len(named) < 3 else ";<br>").join(named)
             height = float(squeezed(np.array([beyond[-1].value]))[0])
             place: dict[str, Any] = {"yanchor": "bottom" if sign > 0 else "top", "xanchor": "right"}
             _note(figure, f"peak of {text}", x=1.0, y=height, yref="y", **place)

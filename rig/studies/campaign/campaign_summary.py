@@ -67,7 +67,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
     ),
     "false_alarms_by_signal": (Column("what", "kind", type=str), Column("signal", type=str), Column("count")),
     "tie_break": (
-        *(Column("decided_by", type=str), Column("pattern", type=str), Column("asked", worth=4)),
+        *(Column("decided_by", page="decided by", type=str), Column("pattern", type=str), Column("asked", worth=4)),
         *(Column("decided", "answered", worth=6), Column("correct", "right", worth=7), Column("wrong", worth=8)),
         *(Column("open", worth=5), Column("decided of asked", "answered_share", SHARE, worth=0)),
         Column("correct of decided", "right_share", SHARE),

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import plotly.graph_objects as go
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from plotly.subplots import make_subplots
 
 from rig.core.files import replaced, reported
 from rig.core.outputs import require_apart
 from rig.core.palette import BLUE, GREEN, INK, TRUTH, VIOLET
+from rig.show.pages.page import lay_out, write_page
 from rig.studies.papers.ding2015 import FAULT_S, Matrix, Study
 
 _TITLES: Final = (
@@ -71,32 +72,26 @@ def write(study: Study, folder: Path) -> list[Path]:
     page, picture = folder / "ding2015.html", folder / "ding2015.png"
     require_apart({page.name: page, picture.name: picture})
     refused = reported(folder, what="the figures cannot be written")
-    with replaced(page) as of_page, replaced(picture) as of_picture, refused:
-        _page(study).write_html(of_page, include_plotlyjs=True, div_id="ding2015", config={"displayModeBar": False})
+    figures = dict(_figures(study))
+    write_page(page, "ding2015.html", figures, {}, title=_HEAD, pictures=list(figures))
+    with replaced(picture) as of_picture, refused:
         _picture(study).savefig(of_picture, dpi=110, format="png")
     return [page, picture]
 
 
-def _page(study: Study) -> go.Figure:
-    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, subplot_titles=_TITLES, vertical_spacing=0.07)
-    for row, (lines, unit) in enumerate(zip(_panels(study), _UNITS, strict=True), 1):
+def _figures(study: Study) -> Iterator[tuple[str, go.Figure]]:
+    """Yield the three figures of the page by their titles."""
+    for title, lines, unit in zip(_TITLES, _panels(study), _UNITS, strict=True):
+        figure = go.Figure()
         for line in lines:
             style = {"color": line.colour, "width": line.width, "dash": "dash" if line.dash else "solid"}
-            group = f"legend{row}" if row > 1 else "legend"
-            trace = go.Scatter(x=line.x, y=line.y, name=line.name, line=style, showlegend=line.legend, legend=group)
-            figure.add_trace(trace, row=row, col=1)
-        figure.add_vline(x=FAULT_S, line={"color": TRUTH, "dash": "dot"}, row=row, col=1)  # pyright: ignore[reportArgumentType]  # a row number
-        figure.update_yaxes(title_text=unit, row=row, col=1)
-    figure.update_xaxes(title_text="time, s", row=3, col=1)
-    legends = ("legend", "legend2", "legend3")
-    places: dict[str, Any] = {legend: {"y": 1.0 - 0.355 * row} for row, legend in enumerate(legends)}
-    figure.update_layout(
-        **places,
-        title=_HEAD,
-        template="plotly_white",
-        height=1000,
-    )
-    return figure
+            figure.add_scatter(x=line.x, y=line.y, mode="lines", name=line.name, line=style, showlegend=line.legend)
+        figure.add_vline(x=FAULT_S, line={"color": TRUTH, "dash": "dot"})
+        names = ", ".join(dict.fromkeys(line.name for line in lines))
+        lay_out(figure, "", 320, meta={"alternative": f"{title}; {unit} over time, s: {names}"})
+        figure.update_xaxes(title_text="time, s")
+        figure.update_yaxes(title_text=unit)
+        yield title, figure
 
 
 def _picture(study: Study) -> Figure:
