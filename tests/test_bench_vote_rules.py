@@ -112,9 +112,8 @@ def test_votes_in_one_line_name_what_nobody_decided(tmp_path: Path):
     columns = {f"x.{c + 1}": (SPLIT + TURNS)[:, c] for c in range(4)}
     pl.DataFrame({"time_s": np.arange(300) / 100, **columns}).write_csv(tmp_path / "in.csv")
     votes = rig.vote(tmp_path / "in.csv", {"default": {"threshold": 1.0}, "unresolved_s": 0.0})
-    assert (
-        "isolated no channel; x: split that no rule decided, in 300 of 300 rows (100 %), never given up"
-        in repr(votes)
+    assert "isolated no channel; x: split that no rule decided, in 300 of 300 rows (100 %), never given up" in repr(
+        votes
     )
 
 

@@ -64,7 +64,7 @@ PLAIN = {"right", "wrong", "missed", "none", "kept", "correct"}
 NAMED = {
     *(("studies/benchmark/outcome_table.py", word) for word in ("isolated", "wrong channel")),  # headings
     *((f"studies/campaign/campaign_{name}.py", "detected") for name in ("page", "summary")),
-    ("cli/score.py", "failed by rule"),
+    *(("cli/fly.py", "isolated"), ("cli/replay.py", "isolated"), ("cli/studies.py", "detected")),  # labels
     *(("cli/show_campaign.py", word) for word in ("wrong isolation", "detected")),
     ("world/faults/trigger.py", "isolated"),  # a pattern
     ("world/faults/systems.py", "false alarm"),  # of an in-line monitor

@@ -72,6 +72,6 @@ def test_what_the_monitors_compare_jumps_in_the_frame_of_the_onset(flight: Fligh
 
 def test_the_page_says_what_the_bundled_scenario_prints(tmp_path: Path):
     flown = fly("f16_elevator_coil_hardover", overrides=["duration_s=8"], out=tmp_path)
-    page = (Path(__file__).parents[1] / "docs" / "reference" / "computers-and-actuators.md").read_text()
+    page = (Path(__file__).parents[1] / "docs" / "how-to" / "computers-and-servos.md").read_text()
     label, _, told = report(flown.log, tmp_path / "page.html")["conclusion"][1].partition(": ")
     assert f"{label}   {told}" in page and "after 40 ms" in told

@@ -91,7 +91,9 @@ def test_a_manager_of_the_users_own_cannot_think_for_lanes(
     text = "redundancy.manager=silent_of_lanes:Silent"
     out = tmp_path / "out" / "new.mcap"
     out.parent.mkdir()
-    with pytest.raises(BadInput, match=r"computers.count: 4 computers need a built-in manager.*silent_of_lanes:Silent.* allowed: 1"):
+    with pytest.raises(
+        BadInput, match=r"computers.count: 4 computers need a built-in manager.*silent_of_lanes:Silent.* allowed: 1"
+    ):
         what_if(wrong_command, changed(wrong_command, None, [text]), out, [text])
     assert not list(out.parent.iterdir())
 

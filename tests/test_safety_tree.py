@@ -365,10 +365,10 @@ def test_several_managers_are_refused(rig_command, flown):
 def test_hours_are_checked(rig_command, flown):
     for hours in ("0", "nan", "1,x", "1e9"):
         code, _, err = rig_command(*flown, "--hours", hours)
-        assert code == 2 and err.startswith("error: --hours: hours above 0")
+        assert code == 2 and err.startswith("error: --hours: must be hours above 0")
 
 
 def test_the_chain_may_not_be_the_tree(rig_command, flown, tmp_path: Path):
     code, _, err = rig_command(*flown, "--chain", str(tmp_path / "tree.xml"))
-    assert code == 2 and "is --out too" in err
+    assert code == 2 and "is the file of --out too" in err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["rates.toml"]
