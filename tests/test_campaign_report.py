@@ -215,10 +215,10 @@ def test_a_delay_below_zero_and_equal_delays_are_in_the_picture(tmp_path: Path):
     faults = [fault(0, 0.1, "detected", delay_from_exceeded_s=-0.05), fault(1, 0.1, "detected")]
     rows: Rows = {"runs": [flown(0), flown(1)], "faults": faults, "alarms": [], "episodes": []}
     from_threshold, from_onset = delay_curves(acted(made(tmp_path / "c", rows).tables))
-    assert list(from_threshold.layout.xaxis.range) == pytest.approx([-0.055, 0.077])
+    assert list(from_threshold.to_dict()["layout"]["xaxis"]["range"]) == pytest.approx([-0.055, 0.077])
     (line,) = from_threshold.to_dict()["data"]
     assert list(line["x"]) == pytest.approx([-0.055, -0.05, 0.07, 0.077]) and list(line["y"]) == [0.0, 0.5, 1.0, 1.0]
-    assert list(from_onset.layout.xaxis.range) == pytest.approx([0.0, 0.088])  # both 0.08 s
+    assert list(from_onset.to_dict()["layout"]["xaxis"]["range"]) == pytest.approx([0.0, 0.088])  # both 0.08 s
 
 
 def test_a_report_names_the_manager_and_what_was_set_and_varied(tmp_path: Path):

@@ -80,7 +80,7 @@ def test_a_lane_whose_unit_dies_is_failed_by_its_watchdog_and_three_fly_on(tmp_p
     assert not flight.failed  # its lane still passes its samples on
     found = score_log(flight.log, Yardstick(), baseline=False)
     assert found.score.isolations == [] and flight.conclusion == found.conclusion
-    assert flight.conclusion[1].startswith("computer B: the unit under test, isolated at ")
+    assert flight.conclusion and flight.conclusion[1].startswith("computer B: the unit under test, isolated at ")
 
 
 def test_a_campaign_counts_no_healthy_channel_of_a_lane_that_is_a_unit(tmp_path: Path):
@@ -105,7 +105,8 @@ def test_a_voter_that_believes_a_faulty_channel_is_outvoted_and_failed_by_the_ot
     computers = found.score.computers
     assert computers is not None and [one.cause for one in computers.failures] == ["unit under test"]
     assert not found.score.isolations
-    assert flight.conclusion == found.conclusion and flight.conclusion[0].endswith("no healthy channel isolated")
+    assert flight.conclusion and flight.conclusion == found.conclusion
+    assert flight.conclusion[0].endswith("no healthy channel isolated")
     told = "computer B: the unit under test, isolated at "
     assert flight.conclusion[1].startswith(told) and "by computers A, C and D" in flight.conclusion[1]
 

@@ -200,6 +200,7 @@ def test_its_log_is_scored_and_replayed_as_one_of_our_median(tmp_path: Path, of_
     expected = score_log(ours.log, Yardstick()).score
     assert scored.signals == expected.signals and scored.vote_error == expected.vote_error
     assert scored.faults[0].outcome == expected.faults[0].outcome == "missed" and not scored.evidence.silent
+    assert theirs.conclusion
     outcome, fault, voted, _ = theirs.conclusion
     assert "the unit under test did not isolate the channel" in fault and "from the true value" in voted
     assert outcome.startswith("SURVIVED: ") and "no channel left" not in voted
@@ -214,7 +215,7 @@ def test_of_one_that_dies_no_channel_is_told_lost(tmp_path: Path, then: str):
     assert dead == 150 and flight.survived and (flight.rows["level"][:, 1:] == 4).all()
     assert flight.rows["level"][[0, 149, -1], 0].tolist() == [4, 4, 3 if then == "backup" else 4]
     assert not any("lost" in event.name or "no channel left" in event.text for event in flight.events)
-    assert not any("no channel left" in line for line in flight.conclusion)
+    assert flight.conclusion and not any("no channel left" in line for line in flight.conclusion)
 
 
 @needs_a_compiler
@@ -228,7 +229,7 @@ def test_a_flight_computer_without_votes_says_nothing_of_channels_that_a_back_up
     assert not any(event.name == "signal lost" for event in flight.events)
     told = [event.text for event in flight.events if event.name == "level"]
     assert all(text.startswith("pitch_rate: 4 to 3") for text in told)
-    assert not any("no channel left" in line for line in flight.conclusion)
+    assert flight.conclusion and not any("no channel left" in line for line in flight.conclusion)
     score = score_log(flight.log, Yardstick(), baseline=False).score
     assert all(signal.lost_s == 0.0 for signal in score.signals.values())
     assert set(score.coverage["pitch_rate"].levels) == {4, 3} and set(score.coverage["heading"].levels) == {4}

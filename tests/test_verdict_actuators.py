@@ -164,5 +164,6 @@ def test_the_command_lists_the_channels_of_actuators_among_the_failed(tmp_path: 
 def test_a_flight_and_its_log_have_one_conclusion(tmp_path: Path):
     flight = fly(None, overrides=given((HARDOVER,)), out=tmp_path, outcome=FlightConclusion())
     scored = score_log(flight.log, Yardstick(), baseline=False)
-    assert flight.conclusion == scored.conclusion and "after 40 ms by the current monitor" in flight.conclusion[1]
+    assert flight.conclusion == scored.conclusion
+    assert flight.conclusion and "after 40 ms by the current monitor" in flight.conclusion[1]
     assert scored.as_dict()["actuators"]["elevator"]["failures"][0]["monitor"] == "current"
