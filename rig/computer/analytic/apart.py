@@ -2,7 +2,7 @@
 
 The references of static pressure and heading remember the votes of those signals (strapdown.py).  One of two
 channels that drifts, or two of four alike, agree with the others until they are a threshold apart, and would be learned
-up to there.  Added: docs/explanation/decisions.md, 'Slow faults are not learned'.
+up to there.  Added: docs/explanation/decisions.md, 'References'.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ def reference_threshold(reference, p):
     A constant for each signal.  A reference of the dynamic pressure that knows the speed over ground only has a second
     bound, and the less of the two counts: wind is its error, and the same wind is more pascals the faster the aircraft
     flies.  With w the equivalent airspeed of the wind, d(q_bar) = d(rho0 v^2 / 2) = rho0 v w = sqrt(2 rho0 q_bar) w.
-    Source: docs/explanation/decisions.md, 'Measured errors'.  NaN has the constant.
+    Source: docs/explanation/decisions.md, 'References'.  NaN has the constant.
     """
     if p["reference_airspeed_m_s"] > 0.0 and reference > 0.0:
         of_wind = p["reference_airspeed_m_s"] * math.sqrt(2.0 * DENSITY_PRINTED * reference)
