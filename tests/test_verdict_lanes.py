@@ -54,6 +54,20 @@ def test_channels_that_are_failed_with_their_lane_are_no_false_alarms(fault: str
     assert not of.false_alarms and not of.wrong_isolations
 
 
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ('kind="link_byzantine", signal="ccdl.B", offset_thresholds=1.5', ["computer B: voted out at"]),
+        ('kind="power_loss", signal="bus.1"', ["computers A and C: lost at", "detected by their own watchdog"]),
+        (WRONG, []),  # the row of its fault says so
+    ],
+)
+def test_a_lane_that_is_lost_to_a_fault_elsewhere_has_a_row(fault: str, told: list[str]):
+    given = scenario.load(None, ["computers.count=4", "duration_s=2", f"faults=[{{{fault}, start_s=1.0}}]"])
+    rows = [line for line in conclusion(given, scored(fault)) if " voted out at " in line or " lost at " in line]
+    assert len(rows) == bool(told) and all(text in rows[0] for text in told)
+
+
 UNSEEN = ("computers.wrap_around.coverage=0", 'actuators.model="servo"')
 
 

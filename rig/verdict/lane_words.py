@@ -41,13 +41,29 @@ def test_words(test: str) -> str:
 
 
 def lane_rows(context: Context) -> Iterator[Row]:
-    """Yield rows for lanes that were readmitted, and for leading lanes."""
+    """Yield rows for lanes lost to a fault elsewhere, for readmitted lanes, and for leading lanes."""
     history, rate_hz = context.score.evidence.lanes, context.rate_hz
+    yield from _lost_rows(context)
     for frame, name in history.readmitted:
         yield Row(f"computer {name}", (f"readmitted at {seconds(frame, rate_hz)}",))
     if history.leading:
         leads = (f"computer {name} from {seconds(frame, rate_hz)} on" for frame, name in history.leading)
         yield Row("leading lane", (", ".join(leads),))
+
+
+def _lost_rows(context: Context) -> Iterator[Row]:
+    """Yield a row for lanes that were lost together and have no row as a computer with a fault: of a link, of a bus."""
+    told = {fault.signal.removeprefix("computer.") for fault in context.score.faults}
+    together: dict[tuple[int, str, tuple[str, ...]], list[str]] = {}
+    for each in () if context.score.computers is None else context.score.computers.failures:
+        if each.cause == "own fault" and not told & {each.lane, "all"}:
+            together.setdefault((each.frame, each.test, tuple(each.accusers)), []).append(each.lane)
+    for (frame, test, accusers), lanes in together.items():
+        at = seconds(frame, context.rate_hz)
+        others = f"computer{'s' if len(accusers) > 1 else ''} {listed(accusers)}"
+        by = test_words(test).replace("its own", "their own" if len(lanes) > 1 else "its own")
+        how = f"voted out at {at} by {others}" if accusers else f"lost at {at}, detected by {by}"
+        yield Row(f"computer{'s' if len(lanes) > 1 else ''} {listed(lanes)}", (how,))
 
 
 def backup_rows(context: Context) -> Iterator[Row]:
