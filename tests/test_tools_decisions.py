@@ -69,7 +69,7 @@ def test_a_scenario_that_is_gone_is_a_difference(early: Path, tmp_path: Path, ca
 def test_a_field_that_is_gone_is_a_difference(early: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     few = fly(tmp_path / "few", every=False)
     assert decisions.diff(early, few, True) and not decisions.diff(few, early, True)
-    assert "surface, trend_high, trend_low, truth" in capsys.readouterr().out
+    assert "surface_command, trend_high, trend_low, truth" in capsys.readouterr().out
 
 
 def test_without_rows_the_decisions_alone_are_kept(tmp_path: Path):

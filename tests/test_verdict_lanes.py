@@ -64,7 +64,7 @@ def test_channels_that_are_failed_with_their_lane_are_no_false_alarms(fault: str
 )
 def test_a_lane_that_is_lost_to_a_fault_elsewhere_has_a_row(fault: str, told: list[str]):
     given = scenario.load(None, ["computers.count=4", "duration_s=2", f"faults=[{{{fault}, start_s=1.0}}]"])
-    rows = [line for line in conclusion(given, scored(fault)) if " voted out at " in line or " lost at " in line]
+    rows = [line for line in conclusion(given, scored(fault)) if ": voted out at " in line or ": lost at " in line]
     assert len(rows) == bool(told) and all(text in rows[0] for text in told)
 
 
