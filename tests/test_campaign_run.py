@@ -399,7 +399,7 @@ def test_a_scheduler_that_does_not_answer_is_refused_and_nothing_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(pool, "ANSWER_S", 1.0)
-    with pytest.raises(BadInput, match=r"--scheduler tcp://127.0.0.1:9: no answer") as error:
+    with pytest.raises(BadInput, match=r"--scheduler tcp://127.0.0.1:9: no reply") as error:
         run(planned(write(tmp_path)), tmp_path / "out", scheduler="tcp://127.0.0.1:9")
     assert "\n" not in str(error.value) and not (tmp_path / "out").exists()
 

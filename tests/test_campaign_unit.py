@@ -96,6 +96,6 @@ def test_a_campaign_goes_on_only_with_the_build_that_it_was_begun_with(tmp_path:
 
 def test_a_box_is_one_worker(tmp_path: Path):
     box = written(tmp_path, {"name": "box", "transport": "udp", "address": "127.0.0.1:9", "start_s": 0.2})
-    with pytest.raises(BadInput, match=r"--workers 2: the unit at 127\.0\.0\.1:9 is one"):
+    with pytest.raises(BadInput, match=r"--workers 2: must be 1; the unit at 127\.0\.0\.1:9"):
         fly(tmp_path, box, "out", workers=2)
     assert fly(tmp_path, box, "out", runs=1).outcomes == {"unit refused": 1}

@@ -36,13 +36,16 @@ class Served:
 def test_a_flight_begins_when_a_viewer_is_connected(capsys: pytest.CaptureFixture[str]):
     stream = Served(2)
     Watching().opened(stream, Stop())  # pyright: ignore[reportArgumentType]
-    assert stream.looks == -1 and "begins when a viewer connects (at once with --no-wait" in capsys.readouterr().err
+    assert (
+        stream.looks == -1
+        and "the flight starts when a viewer is connected (--no-wait: at once)" in capsys.readouterr().err
+    )
 
 
 def test_it_waits_for_nobody_when_told_so_or_when_it_is_given_up(capsys: pytest.CaptureFixture[str]):
     stream, stop = Served(10**9), Stop()
     Watching(wait=False).opened(stream, stop)  # pyright: ignore[reportArgumentType]
-    assert "begins when" not in capsys.readouterr().err
+    assert "starts when" not in capsys.readouterr().err
     stop.requested = True
     Watching().opened(stream, stop)  # pyright: ignore[reportArgumentType]
     assert stream.looks == 10**9
@@ -52,7 +55,7 @@ def test_it_is_served_until_ctrl_c(capsys: pytest.CaptureFixture[str]):
     stream, stop = Served(0), Stop()
     threading.Timer(0.3, lambda: setattr(stop, "requested", True)).start()
     Watching().flown(stream, stop)  # pyright: ignore[reportArgumentType]
-    assert stop.requested and stream.drained == 1 and "the server runs until Ctrl-C" in capsys.readouterr().err
+    assert stop.requested and stream.drained == 1 and "the server still runs; Ctrl-C ends it" in capsys.readouterr().err
     Watching().flown(stream, stop)  # pyright: ignore[reportArgumentType]
     assert stream.drained == 1  # Ctrl-C in flight ended the serving too
 
@@ -76,11 +79,11 @@ def test_a_served_flight_waits_flies_and_stays_as_a_user_sees_it(tmp_path: Path)
         waiting = log.stat().st_size
         data = urlsplit(parse_qs(urlsplit(address.split()[2].rstrip(";")).query)["url"][0].removeprefix("rerun+"))
         with socket.create_connection((str(data.hostname), data.port or 0)):
-            until(process, "flight over")
+            until(process, "the flight is over")
         assert log.stat().st_size > waiting + 100_000 and process.poll() is None
         process.send_signal(signal.SIGINT)
         said, _ = process.communicate(timeout=60)
-        assert process.returncode == 0 and "survived" in said
+        assert process.returncode == 0 and "SURVIVED" in said
     finally:
         process.kill()
         process.communicate()

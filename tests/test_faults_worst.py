@@ -14,7 +14,7 @@ from rig.verdict.requirements.requirement import load_requirements
 
 ROOT = Path(__file__).parents[1]
 WORST = sorted((ROOT / "faults" / "worst").glob("*.toml"))
-PAGE, DRAWN = ((ROOT / "docs" / name).read_text() for name in ("worst.md", "worst.svg"))
+PAGE, DRAWN = ((ROOT / "docs" / name).read_text() for name in ("results/measured/worst.md", "pictures/worst.svg"))
 HATCH = r'<rect [^>]*fill="url\(#some\)"/>'
 PICTURE = re.sub(HATCH, "", DRAWN)
 OURS = [path for path in WORST if path.stem.endswith("cross_channel")]

@@ -192,7 +192,7 @@ def test_thresholds_say_of_the_same_data_what_the_vote_says(rig_command: Any):
     options = ("--budget", "30", "--persistence", "8", "--filter", "0", "--levels", "4", "--out", "d.toml")
     for signal, says in (
         ({"threshold": 1.7}, "of every channel are out of range [-1.5, 1.5] rad/s: if the file is in deg/s"),
-        ({"range": [-1.5, 1.5]}, "pitch_rate.1: 8 samples or more in a row are not valid, "),
+        ({"range": [-1.5, 1.5]}, "pitch_rate.1: 8 samples or more in a row are not valid ("),
         ({"range": [-1.5, 1.5]}, "correct it (unit or range in CONFIG, or --align) or leave it out"),
     ):
         Path("c.toml").write_text(tomli_w.dumps({"signal": {"pitch_rate": signal}}))

@@ -42,7 +42,7 @@ def test_times_of_a_recording_of_a_calendar_have_all_digits_and_seconds_since_it
 
 def test_times_of_a_recording_that_begins_at_zero_stay_short(vote: Any):
     _, out, _ = vote(0.0)
-    assert "400 rows from 0 to 4.49 s, 100 a second" in out and "1.07 s " in out and "(+" not in out
+    assert "400 rows from 0 to 4.49 s, 100 per second" in out and "1.07 s " in out and "(+" not in out
 
 
 def test_an_aligned_recording_tells_its_stretch_as_well(vote: Any):
@@ -89,9 +89,9 @@ def test_a_stretch_that_has_no_rows_is_refused_with_the_times_that_there_are(vot
 
 def test_how_a_channel_comes_back_is_told(vote: Any):
     _, out, _ = vote(0.0)
-    assert "[[resets]] in CONFIG" in out and "failed by invalid" in out and "persistence" in out
+    assert "[[resets]] in CONFIG" in out and "by invalid: no valid sample for the persistence" in out
     _, mended, _ = vote(0.0, "[[resets]]\nsignal = 'x'\nat_s = 4.0")
-    assert "failed by invalid" not in mended and "[[resets]] in CONFIG" in mended  # channel 3 is out by comparison
+    assert "by invalid:" not in mended and "[[resets]] in CONFIG" in mended  # channel 3 is out by comparison
 
 
 @pytest.mark.parametrize(

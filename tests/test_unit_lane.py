@@ -142,7 +142,7 @@ def test_its_log_is_scored_and_flown_again_as_the_lane_that_it_was(tmp_path: Pat
         scored = score_log(flight.log, Yardstick(), unit=again)
         assert scored.voter.endswith("unit monitor as lane B") and scored.score.faults[0].outcome == "detected"
         assert verify(recorded(flight.log), fly=True, unit=again).comparison.identical
-        with pytest.raises(BadInput, match="one lane of several: fly it again, --fly"):
+        with pytest.raises(BadInput, match="one lane of several; use --fly to fly it again"):
             verify(recorded(flight.log), unit=again)
 
 

@@ -251,8 +251,8 @@ def test_the_check_asks_it_for_no_level_and_takes_all_channels_as_in_use(tmp_pat
     interface = check(tmp_path / "unit.toml", interface_only=True)
     assert interface.passed and interface.grade == "interface"
     wrong = [one.detail for one in check(tmp_path / "unit.toml").requirements if not one.passed]
-    assert not [text for text in wrong if "level" in text and ("not said" in text or "is 0" in text)]
-    assert [text for text in wrong if "pattern" in text and " is not said, must be " in text]
+    assert not [text for text in wrong if "level" in text and ("not filled" in text or "is 0" in text)]
+    assert [text for text in wrong if "pattern" in text and " is not filled, must be " in text]
     assert [text for text in wrong if " is 0, must be " in text and "state" in text]
 
 
@@ -326,5 +326,7 @@ def test_an_fmu_may_map_levels_or_states_alone(tmp_path: Path, field: str):
 @needs_fmpy
 def test_states_in_parts_are_refused_beside_levels(tmp_path: Path):
     outputs = {**by_signal("voted"), **by_signal("level"), "state.pitch_rate.1": "state[1,1]"}
-    with pytest.raises(BadInput, match=r"fmu\.outputs: state\.pitch_rate\.2 and 62 more not mapped: others of its"):
+    with pytest.raises(
+        BadInput, match=r"fmu\.outputs: state\.pitch_rate\.2 and 62 more not mapped: other fields of its"
+    ):
         fly(tmp_path, mapped(tmp_path, outputs))

@@ -264,6 +264,7 @@ def folder() -> Iterator[Path]:
     """Work in a folder with what the commands of a page find in a clone; forget modules that came from there."""
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         place = Path(name).resolve()
+        _forget(ROOT / "docs" / "examples", place.parent)
         for kept in ("docs/examples", "faults"):
             shutil.copytree(ROOT / kept, place / kept, ignore=shutil.ignore_patterns("build", "__pycache__"))
         stack.enter_context(chdir(place))
@@ -271,9 +272,16 @@ def folder() -> Iterator[Path]:
         stack.enter_context(mock.patch.dict(os.environ))
         os.environ.pop("COLUMNS", None)
         yield place
-        for module, loaded in list(sys.modules.items()):
-            if (getattr(loaded, "__file__", None) or "").startswith(f"{place}/"):
-                del sys.modules[module]
+        _forget(place)
+
+
+def _forget(*places: Path) -> None:
+    """Forget modules that came from files below ``places``, but for those of the project and of its environment."""
+    for module, loaded in list(sys.modules.items()):
+        file = Path(getattr(loaded, "__file__", None) or "/")
+        examples = file.is_relative_to(ROOT / "docs")
+        if any(map(file.is_relative_to, places)) and (examples or not file.is_relative_to(ROOT)):
+            del sys.modules[module]
 
 
 def do(step: Step, page: str, space: dict[str, Any]) -> str | None:
