@@ -5,11 +5,13 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import jsbsim
 import pytest
 
 from rig.core.errors import BadInput
 from rig.world.plant import actuated, airframe, base_model, loading
 from rig.world.plant.airframe import Config, FlightPoint
+from rig.world.plant.model_root import model_root
 
 POINT = FlightPoint(name="any", altitude_m=1500.0, mach=0.16)
 
@@ -113,7 +115,7 @@ def test_a_model_that_is_no_xml_is_one_line(tmp_path: Path, monkeypatch: pytest.
     model = tmp_path / "aircraft" / "own" / "own.xml"
     model.parent.mkdir(parents=True)
     model.write_bytes(text)
-    monkeypatch.setattr(base_model, "_root", lambda: tmp_path)
+    monkeypatch.setattr(base_model, "model_root", lambda: tmp_path)
     with pytest.raises(BadInput, match=r"airframe\.base_model: .*own\.xml cannot be read: ") as error:
         base_model.read("own")
     assert "\n" not in str(error.value)
@@ -124,3 +126,15 @@ def test_a_centre_of_gravity_that_is_no_place_is_one_line(unit: str, x: str):
     tree = ET.fromstring(f'<a><mass_balance><location name="CG" unit="{unit}"><x>{x}</x></location></mass_balance></a>')
     with pytest.raises(BadInput, match="the CG location of its mass balance cannot be read: "):
         actuated._shift_cg(tree, 0.0)
+
+
+def test_the_models_are_found_beside_the_package_where_the_environment_hides_them(monkeypatch: pytest.MonkeyPatch):
+    """In a host that starts Python itself JSBSim looks in an environment that is not its own."""
+    found = model_root()
+    assert (found / "aircraft" / "f16" / "f16.xml").is_file()
+
+    def lost() -> str:
+        raise OSError("Can't find the default root directory")
+
+    monkeypatch.setattr(jsbsim, "get_default_root_dir", lost)
+    assert model_root().samefile(found)

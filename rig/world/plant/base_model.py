@@ -8,14 +8,12 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, Literal
-
-import jsbsim
 
 from rig.core.errors import BadInput
 from rig.world.plant import actuated
 from rig.world.plant.imperial import METRES_PER_FOOT
+from rig.world.plant.model_root import model_root
 
 Kind = Literal["light", "fighter", "transport"]
 LIGHTEST_TRANSPORT_KG: Final = 8618.0  # 19 000 lb, 14 CFR 23
@@ -62,12 +60,12 @@ def unit_of(position: str) -> str:
 
 def names() -> list[str]:
     """Return the aircraft of the installed JSBSim."""
-    return actuated.base_models(_root())
+    return actuated.base_models(model_root())
 
 
 def read(name: str) -> BaseModel:
     """Return the model of that name; BadInput: none, without an engine, or a surface is not to be found."""
-    root = _root()
+    root = model_root()
     model = actuated.model_file(name, root)
     tree = actuated.parsed(model)
     control = [child for child in tree if child.tag in ("flight_control", "autopilot", "system")]
@@ -159,7 +157,3 @@ def _number(part: ET.Element, tag: str) -> float | None:
         return float(text)
     except ValueError:
         return None
-
-
-def _root() -> Path:
-    return Path(jsbsim.get_default_root_dir())

@@ -16,6 +16,7 @@ from rig.world.plant import actuated, level, wind
 from rig.world.plant.airframe import Airframe, Config, FlightPoint
 from rig.world.plant.imperial import FEET_PER_METRE, KILOGRAMS_PER_SLUG
 from rig.world.plant.level import turns_propellers
+from rig.world.plant.model_root import model_root
 
 log = logging.getLogger("rig.jsbsim")
 log.addHandler(logging.NullHandler())  # else warnings would go to stderr when nobody listens
@@ -70,7 +71,7 @@ def _executive() -> jsbsim.FGFDMExec:
     # The logger belongs to the thread, so every executive sets it again.
     jsbsim.set_logger(_logger())
     try:
-        fdm = jsbsim.FGFDMExec(None)
+        fdm = jsbsim.FGFDMExec(str(model_root()))
     except OSError as error:
         raise RigError(f"JSBSim: {error}: its package is not installed as a whole") from None
     fdm.set_debug_level(0)
@@ -131,7 +132,7 @@ def _loaded(airframe: Config, dt_s: float, servos: bool = False) -> tuple[jsbsim
     for name in airframe.properties:
         if fdm.get_property_manager().hasNode(name):
             raise BadInput(f"airframe.properties: {name!r} is JSBSim's own and cannot be declared")
-    root = Path(jsbsim.get_default_root_dir())
+    root = model_root()
     folder = actuated.folder(airframe, root, servos)
     # Before loading: filters freeze the step that they are loaded with.
     fdm.set_dt(dt_s)
