@@ -24,6 +24,7 @@ from rig.cli.catalogue import faults_app, scenario_app, signals
 from rig.cli.check import check
 from rig.cli.common import GROUP
 from rig.cli.fly import cost, fly
+from rig.cli.fmu import fmu_app
 from rig.cli.recordings import thresholds, vote
 from rig.cli.replay import diff, export, info, recover, replay
 from rig.cli.safety import reliability_app
@@ -49,6 +50,7 @@ _GROUPS: Final = (
     ("faults", faults_app, REFERENCE),
     ("study", study, MANY),
     ("unit", unit_app, FLY),
+    ("fmu", fmu_app, FLY),
     ("reliability", reliability_app, MANY),
 )
 _COMMANDS: Final = {

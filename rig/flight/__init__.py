@@ -10,4 +10,5 @@ operator_keys.py  faults and resets that an operator asks for while it flies
 pace.py           real time: when the next frame is due, scheduling of the system
 time_histogram.py times of the wall clock, counted
 cost.py           the cost of a frame: ``rig cost``
+aircraft_fmu/     the aircraft without its flight computer, as an FMU: ``rig fmu build``
 """
