@@ -19,7 +19,7 @@ def bursts(name: str, signal: OfSignal, values: dict[str, float]) -> list[dict[s
 
 
 @pytest.mark.parametrize("name", ["cross-channel", "cusum", "glr", "parity", "innovation"])
-def test_bursts_below_the_persistence_fail_nobody(name: str):
+def test_bursts_below_the_persistence_fail_no_channel(name: str):
     found = bursts(name, white_signal(8), {})
     assert all((row["bursts"], row["failed"]) == (10, 0) for row in found)
     sizes = [(1, 10.0), (1, 100.0), (3, 10.0), (3, 100.0), (7, 10.0), (7, 100.0)]

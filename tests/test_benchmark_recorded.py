@@ -63,7 +63,7 @@ def of_three_in_a_row(blocks: Sequence[DataBlock]) -> float:
 
 
 @pytest.mark.long
-def test_a_level_is_the_least_that_fails_nobody_in_its_half_and_a_margin(data: Data, result: dict[str, Any]):
+def test_a_level_is_the_least_that_fails_no_channel_in_its_half_and_a_margin(data: Data, result: dict[str, Any]):
     for row in result["levels"]:
         if row["entrant"] == "cross-voter":
             margin = row["told"]["threshold"] / of_three_in_a_row(data.signals[row["signal"]][row["half"] :: 2])
@@ -96,7 +96,7 @@ def test_every_piece_has_one_outcome_and_differences_pair_them(result: dict[str,
 
 
 @pytest.mark.long
-def test_what_is_large_is_found_and_who_fails_nobody_misses_it(result: dict[str, Any]):
+def test_what_is_large_is_found_and_a_manager_that_fails_no_channel_misses_it(result: dict[str, Any]):
     offsets = {row["entrant"]: row for row in result["table"] if (row["signal"], row["kind"]) == ("x", "offset 2")}
     assert offsets[SHIPPED]["isolated"] == 2 * PIECES
     assert offsets["median"]["missed"] == 2 * PIECES

@@ -30,7 +30,7 @@ def test_what_an_entrant_sees_does_not_depend_on_who_else_takes_part_or_in_which
     assert halves[0].equals(halves[1])
 
 
-def test_who_fails_nobody_misses_everything_and_an_offset_moves_its_median_by_less_than_its_size():
+def test_a_manager_that_fails_no_channel_misses_all_and_an_offset_moves_its_median_by_less_than_its_size():
     found = rows(MEDIAN)
     assert (found["kind"] == "offset").all() and (found["outcome"] == "missed").all()
     assert found["size"].is_between(0.1, 3.0).all() and found["size"].n_unique() == 6

@@ -157,7 +157,7 @@ def _compares(node: ast.AST, names: set[str]) -> bool:
     return len(listed) > 1 and all(isinstance(each, ast.Constant) and each.value in names for each in listed)
 
 
-def test_nobody_else_compares_names_of_managers_or_of_kinds_of_faults():
+def test_no_other_module_compares_names_of_managers_or_of_kinds_of_faults():
     found = {room for room, node in _nodes() if _compares(node, {*KINDS, *MANAGERS})}
     assert {room for room in found if not room.startswith(("world/faults/", "computer/redundancy/"))} == CHOSEN
 

@@ -115,7 +115,7 @@ def test_an_old_quantity_is_one_line():
 
 
 def test_the_table_of_logs_is_that_of_the_messages():
-    named = {field.name for fields in (schema.MESSAGES | schema.LANE_MESSAGES).values() for field in fields}
+    named = {field.name for fields in (schema.MESSAGES | schema.PART_MESSAGES).values() for field in fields}
     for new in renamed.FIELDS.values():
         assert [name for name in named if name == new or name.startswith(f"{new}_")], new
     assert set(renamed.TOPICS.values()) <= {topic.name for topic in schema.ALL_TOPICS}
@@ -128,7 +128,7 @@ def test_a_log_of_before_is_read_with_the_names_of_now(rig_command: Any, tmp_pat
     """flight_schema_6.mcap: four computers and servos, by the last version with the old names."""
     log = read_log(LOG)
     assert log.metadata["schema_version"] == "6" and log.rows["state"].shape[2] == CHANNELS
-    assert log.lanes is not None and {"servo", "computer"} <= set(log.lanes.dtype.names or ())
+    assert log.parts is not None and {"servo", "computer"} <= set(log.parts.dtype.names or ())
     assert np.isfinite(log.rows["surface_command"]).all() and (log.rows["state"] == State.FAILED).any()
     assert info(LOG)["topics"]["/autopilot_command"] == log.frames
     path = tmp_path / "log.mcap"

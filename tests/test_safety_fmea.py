@@ -51,7 +51,7 @@ THRESHOLD = 0.05  # rad/s, of the plan below
 
 
 class Plan:
-    """One run's scenario, whoever asks."""
+    """One run's scenario, for all tests."""
 
     def __init__(self) -> None:
         made = load("f16_pitch_rate_hardover", ["redundancy.signals.pitch_rate.threshold=0.05"])

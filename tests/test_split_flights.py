@@ -37,7 +37,7 @@ class Outcome:
     def row(self) -> str:
         """The line of docs/results/measured/patterns.md."""
         took = "" if self.frames is None else str(self.frames)
-        who = ", ".join(self.tie_break) or "nobody"
+        who = ", ".join(self.tie_break) or "no rule"
         cells = (f"`{self.name}`", ", ".join(self.patterns), who, self.verdict, took, f"{self.vote_error:.3f}")
         return f"| {' | '.join(cells)} | {'yes' if self.survived else 'no'} |"
 

@@ -103,7 +103,7 @@ def with_transients(one: DataBlock, frames: int, size: float) -> np.ndarray:
     return samples
 
 
-def test_a_transient_of_a_frame_less_than_the_persistence_fails_nobody_with_a_noisy_frame_beside_it(
+def test_a_transient_of_a_frame_less_than_the_persistence_fails_no_channel_with_a_noisy_frame_beside_it(
     biased: list[Design],
 ):
     learned = biased[1]

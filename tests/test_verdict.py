@@ -138,7 +138,7 @@ def test_brisk_manoeuvres_without_a_fault_score_clean():
 
 
 @pytest.mark.parametrize("manager", ["mean", "median"])
-def test_a_manager_that_fails_nobody_misses(manager: str):
+def test_a_manager_that_fails_no_channel_misses(manager: str):
     found = scored("f16_pitch_rate_hardover", "duration_s=21", f"redundancy.manager={manager}")
     assert [fault.outcome for fault in found.faults] == ["missed"]
     error = found.vote_error["pitch_rate"]

@@ -232,7 +232,7 @@ def test_a_rule_that_spoke_but_did_not_stand_is_asked_and_has_not_answered():
     assert [fault.failed_frame for fault in found.faults] == [None, 49]
 
 
-def test_a_split_that_nobody_settles_is_unresolved():
+def test_a_split_that_no_rule_settles_is_unresolved():
     found = scored([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.tie_break=[]")
     (episode,) = found.episodes
     assert (episode.asked, episode.decided_by, episode.verdict, episode.frames) == ((), "unresolved", "open", 40)

@@ -62,7 +62,7 @@ def test_a_channel_that_fails_without_a_fault_on_it_is_told_so() -> None:
     assert "after onset" not in told
 
 
-def test_a_fault_that_nobody_isolated_and_a_flight_without_any() -> None:
+def test_a_fault_that_was_not_isolated_and_a_flight_without_any() -> None:
     assert headline(HARDOVER, flown()) == "SURVIVED: no channel isolated; hardover pitch_rate.3 from 20.00 s"
     assert headline(HARDOVER, new_block(100)) == "SURVIVED: no channel isolated"
 

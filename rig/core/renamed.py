@@ -45,6 +45,8 @@ COMMANDS: Final = {
     "rig reliability margin": "rig reliability false-isolations",
 }
 OPTIONS: Final = {"--lasting": "--slow-faults", "--no-twin": "--no-baseline", "--seam": "--interface"}
+# Attributes of ``rig.log.Log``.
+ATTRIBUTES: Final = {"lanes": "parts"}
 # Of a log: its topics, whose names columns begin with, its messages, enums, and what names of fields begin with.
 TOPICS: Final = {"/demand": "/autopilot_command"}
 MESSAGES: Final = {"rig.Demand": "rig.AutopilotCommand"}

@@ -139,7 +139,7 @@ class RecordingThread:
     def __init__(self, recorder: Recorder) -> None:
         self._recorder, self._pool = recorder, ThreadPoolExecutor(1, "recorder", off_the_core)
         self._pending: Future[None] | None = None
-        self._context = copy_context()  # whoever listens to progress does so there too
+        self._context = copy_context()  # listeners to progress are there too
         self._switch_s = sys.getswitchinterval()
 
     def record(self, table: Table) -> None:

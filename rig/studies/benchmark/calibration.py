@@ -28,7 +28,7 @@ from rig.studies.benchmark.entrants import (
     Level,
     OfSignal,
     designed_values,
-    fails_nobody,
+    isolates_no_channel,
     levels,
     with_settings_of,
 )
@@ -95,7 +95,7 @@ def calibrate(
     signal = with_settings_of(signal, entrant, given)
     asked = levels(entrant, signal)
     if not asked and not entrant.designed:
-        seen = None if fails_nobody(entrant, signal) else isolations(entrant, signal, {}, flights)
+        seen = None if isolates_no_channel(entrant, signal) else isolations(entrant, signal, {}, flights)
         return Calibrated(entrant.name, signal.name, given, seen=seen)
     made = _design if entrant.designed else _levels
     found = made(entrant, signal, healthy, (budget_per_h, *others))

@@ -154,7 +154,7 @@ def _least(bounds: Sequence[object]) -> float:
     return max((float(getattr(bound, "ge", 0.0)) for bound in bounds), default=0.0)
 
 
-def fails_nobody(entrant: Entrant, signal: OfSignal) -> bool:
+def isolates_no_channel(entrant: Entrant, signal: OfSignal) -> bool:
     """Return True for a manager without a threshold, which is compared by its vote error alone."""
     return not entrant.is_ours and not levels(entrant, signal)
 

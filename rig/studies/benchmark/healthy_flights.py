@@ -13,7 +13,7 @@ from rig.core.column import Column
 from rig.core.runs import cluster_starts
 from rig.core.threads import heed
 from rig.studies.benchmark.calibration_data import Flight
-from rig.studies.benchmark.entrants import Entrant, OfSignal, Values, fails_nobody, levels, manager
+from rig.studies.benchmark.entrants import Entrant, OfSignal, Values, isolates_no_channel, levels, manager
 from rig.studies.benchmark.own_class import voted
 from rig.studies.campaign.statistics import poisson
 from rig.studies.thresholds.pieces import failures, four
@@ -205,7 +205,7 @@ def second_counts(
     second : its flights and hours, and the number of calibrating flights
     """
     flights, hours, before = second
-    assert not fails_nobody(entrant, signal)
+    assert not isolates_no_channel(entrant, signal)
     return {
         "entrant": entrant.name,
         "signal": signal.name,

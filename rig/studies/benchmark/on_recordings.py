@@ -49,7 +49,7 @@ _STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a th
 _HIGHEST: Final = 64.0
 _OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
 _COMPARED: Final = ("threshold", "threshold_triplex", "threshold_duplex", *_OUTLIERS)
-MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail nobody
+MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail no channel
 Faults = Sequence[tuple[str, Kind, float]]
 
 

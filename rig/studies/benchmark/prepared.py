@@ -17,7 +17,7 @@ from rig.core.units.angles import differences
 from rig.studies.benchmark.benchmark_trials import Told
 from rig.studies.benchmark.calibration import Calibrated, calibrate
 from rig.studies.benchmark.calibration_data import Healthy
-from rig.studies.benchmark.entrants import Entrant, OfSignal, fails_nobody
+from rig.studies.benchmark.entrants import Entrant, OfSignal, isolates_no_channel
 from rig.studies.benchmark.healthy_flights import counted, failing, second_counts, transients
 
 CURVE: Final = (10.0, 100.0)  # other budgets, in budgets, for delay and share over them
@@ -49,7 +49,7 @@ def prepare(
         _each(pairs, lambda pair: calibrate(*pair, healthy, asked.budget_per_h, others), "calibrated", workers)
     )
     made = {(each.entrant, each.signal): each for each in levels}
-    able = [pair for pair in pairs if not fails_nobody(*pair)]
+    able = [pair for pair in pairs if not isolates_no_channel(*pair)]
 
     def hit(pair: Pair) -> list[dict[str, Any]]:
         entrant, signal = pair

@@ -18,7 +18,7 @@ from rig.world.plant.imperial import FEET_PER_METRE, KILOGRAMS_PER_SLUG
 from rig.world.plant.level import turns_propellers
 
 log = logging.getLogger("rig.jsbsim")
-log.addHandler(logging.NullHandler())  # else warnings would go to stderr when nobody listens
+log.addHandler(logging.NullHandler())  # else warnings would go to stderr without a listener
 _LEVELS = {
     jsbsim.LogLevel.WARN: logging.WARNING,
     jsbsim.LogLevel.ERROR: logging.ERROR,

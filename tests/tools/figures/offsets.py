@@ -23,7 +23,7 @@ BELOW: Final = 0.9  # of a threshold
 ONSET_S: Final = 4.0
 LIMIT_G: Final = 0.5
 LIMIT_DEG_S: Final = 10.0
-DESIGNS: Final = {"two alike": 4, "one of two": 2}  # channels that go on when nobody finds the fault
+DESIGNS: Final = {"two alike": 4, "one of two": 2}  # channels that go on when the fault is not found
 CONDITIONS: Final = {
     "level": (),
     "manoeuvre": (

@@ -2,7 +2,7 @@
 is flown.
 
 One fault at a time in one of three channels of each flight and axis, after 20 to 60 % of the flight: right when the
-faulty channel is the first to be failed after that and nobody is failed before.
+faulty channel is the first to be failed after that and none is failed before.
 """
 
 from __future__ import annotations

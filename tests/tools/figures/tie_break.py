@@ -1,6 +1,6 @@
 """How often each criterion was right in the campaign ``tie_break``, with exact intervals of 95 %.
 
-Right: every faulty channel is failed and no healthy one.  Wrong: a healthy channel is failed.  Nobody: neither.
+Right: every faulty channel is failed and no healthy one.  Wrong: a healthy channel is failed.  No rule: neither.
 """
 
 from __future__ import annotations
