@@ -11,7 +11,7 @@ import rig
 from rig.core.errors import BadInput
 from rig.studies.benchmark.calibration import calibrate, require_time
 from rig.studies.benchmark.calibration_data import measured, read
-from rig.studies.benchmark.entrants import BIASED, OURS, SLOW_FAULTS, Entrant, entrants, isolates_no_channel, levels
+from rig.studies.benchmark.entrants import EQUALISED, OURS, SLOW_FAULTS, Entrant, entrants, isolates_no_channel, levels
 from rig.studies.benchmark.healthy_flights import isolations, transients
 
 
@@ -41,12 +41,12 @@ def test_a_learned_bias_lets_ours_see_less_where_channels_differ_by_constants():
     flights = [f._replace(samples=f.samples + b) for f, b in zip(healthy.flights["pitch_rate"], biases, strict=True)]
     healthy = healthy._replace(flights={"pitch_rate": flights})
     signal = white_signal(8)
-    plain, biased = (calibrate(Entrant(name, OURS), signal, healthy, 20.0) for name in (OURS, BIASED))
+    plain, biased = (calibrate(Entrant(name, OURS), signal, healthy, 20.0) for name in (OURS, EQUALISED))
     assert biased.shown["outlier_threshold"] < 0.3 * plain.shown["threshold"]
     assert plain.seen is not None and biased.seen is not None
     assert plain.seen + biased.seen <= 6  # 3.3 each are allowed in ten minutes
     for made in (plain, biased):
-        found = transients(Entrant(made.entrant, OURS), signal, made.values, flights)
+        found = transients(Entrant(made.manager, OURS), signal, made.values, flights)
         assert [(row["failed"], row["bursts"]) for row in found if row["frames"] == 7] == [(0, 110), (0, 110)]
 
 

@@ -22,7 +22,7 @@ def test_a_manager_of_the_rig_decides_the_same_as_a_class_of_the_users(own: str,
     both = [Entrant(f"benchmark_flights:{own}", f"benchmark_flights:{own}"), Entrant(manager, manager)]
     calibrated = {(e.name, "pitch_rate"): Calibrated(e.name, "pitch_rate") for e in both}
     rows = Runner(plan(), Told(both, calibrated, 0.01, {"pitch_rate": 0.05}))(shared_out(plan(), 18, 5)[0])
-    first, second = (rows.filter(pl.col("entrant") == e.name).drop("entrant") for e in both)
+    first, second = (rows.filter(pl.col("manager") == e.name).drop("manager") for e in both)
     assert first.equals(second) and first["outcome"].n_unique() > 1
 
 

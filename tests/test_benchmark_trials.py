@@ -23,10 +23,10 @@ def rows(*entrants: Entrant, unit: int = 0) -> pl.DataFrame:
 def test_what_an_entrant_sees_does_not_depend_on_who_else_takes_part_or_in_which_order():
     alone, first, last = rows(CUSUM), rows(CUSUM, MEDIAN), rows(MEDIAN, CUSUM)
     for others in (first, last):
-        assert others.filter(pl.col("entrant") == "cusum").equals(alone)
-    assert first.filter(pl.col("entrant") == "median").equals(last.filter(pl.col("entrant") == "median"))
+        assert others.filter(pl.col("manager") == "cusum").equals(alone)
+    assert first.filter(pl.col("manager") == "median").equals(last.filter(pl.col("manager") == "median"))
     baseline = rows(MEDIAN, MEDIAN._replace(name="again"))
-    halves = [baseline.filter(pl.col("entrant") == name).drop("entrant") for name in ("median", "again")]
+    halves = [baseline.filter(pl.col("manager") == name).drop("manager") for name in ("median", "again")]
     assert halves[0].equals(halves[1])
 
 

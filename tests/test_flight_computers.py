@@ -75,7 +75,7 @@ def test_a_lane_that_the_pilot_switches_off_was_not_failed():
     ("faults", "commands", "why"),
     [
         ((), '{at_s=0.5, do="backup"}', computers.BY_COMMAND),
-        (tuple(f'kind="computer_stop", signal="computer.{name}"' for name in "ABCD"), "", computers.NO_LANE),
+        (tuple(f'kind="computer_stop", signal="computer.{name}"' for name in "ABCD"), "", computers.NONE_ENGAGED),
     ],
 )
 def test_the_back_up_says_why_it_flies(faults: tuple[str, ...], commands: str, why: str):

@@ -200,4 +200,4 @@ def test_score_campaign_report_injection_and_trial_have_the_same_word_for_a_faul
     assert [trial.trial[(each.channel or 0) - 1] for each in scored.score.faults] == [
         NEVER if f is None else f for f in failed
     ]
-    assert {window.kept and window.lost_s == 0.0 for window in windows} == {trial.trial_kept}
+    assert {window.correct and window.lost_s == 0.0 for window in windows} == {trial.trial_kept}

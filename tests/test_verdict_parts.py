@@ -218,7 +218,7 @@ def test_a_rule_that_spoke_but_did_not_stand_is_asked_and_has_not_answered():
         ("2:2", 30, 5, ("ilm", "trend", "reference"), "unresolved", (), "open"),
         ("1:1:1:1", 40, 10, ("ilm", "reference", "extremes"), "extremes", (1, 4), "wrong"),
     ]
-    counts = {name: (r.asked, r.answered, r.right, r.wrong, r.open) for name, r in found.tie_break.items()}
+    counts = {name: (r.asked, r.answered, r.correct, r.wrong, r.open) for name, r in found.tie_break.items()}
     assert counts == {
         "ilm": (3, 0, 0, 0, 0),
         "lane": (0, 0, 0, 0, 0),

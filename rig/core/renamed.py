@@ -66,7 +66,10 @@ COLUMNS: Final = {
     "bad_vote": "undetected_error",
     "lost_aircraft_known": "lost_aircraft_annunciated",
     "lost_aircraft_bad": "lost_aircraft_undetected",
+    "vote_kept": "vote_correct",
 }
+# Words in such columns.
+CELLS: Final = {"isolation": {"right": "correct"}, "verdict": {"right": "correct"}}
 VERDICT: Final = {'"margin":': '"robustness":'}
 # Of a unit's records, as their layout was hashed: the name now, and the one of then.
 IN_LAYOUT: Final = {

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.column import columns
+from rig.core.ending import ending
 from rig.core.frame import INDEX, SIGNALS, SURFACES
 from rig.core.outputs import require_apart, require_page
 from rig.core.progress import tell
@@ -163,7 +164,7 @@ def _about(
         "point": scenario.airframe.point(scenario.flight_point).name,
         "sets": overrides(text, scenario_of(log.metadata, scored.log)),
         "voter": scored.voter,
-        "ended": seconds(score.flight.frames, rate_hz),
+        "ended": ending(score.flight.survived, score.flight.end_reason, score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _decided(one, _start(course, one), rate_hz)) for one in moments],
         "actuators": actuators.happened(scored) if "servo" in log.parts else [],

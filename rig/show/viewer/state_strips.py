@@ -124,7 +124,7 @@ _BY_FIELD: Final = {
     field: [strip for strip in STRIPS if strip.field == field] for field in {each.field: 0 for each in STRIPS}
 }
 ENDS: Final[Looks] = {
-    **{end.name: (f"lost: {end.label}", ENDED) for end in End if end != End.FLYING},
+    **{end.name: (f"lost: {end.cause}", ENDED) for end in End if end != End.FLYING},
     OVER: ("flight over", ENDED),
 }
 

@@ -135,7 +135,7 @@ def transients(
     for frames in BURSTS:
         for size in SIZES:
             found = _burst(entrant, signal, values, some, without, (frames, size))
-            yield {"signal": signal.name, "entrant": entrant.name, "frames": frames, "thresholds": size, **found}
+            yield {"signal": signal.name, "manager": entrant.name, "frames": frames, "thresholds": size, **found}
 
 
 def _burst(
@@ -163,7 +163,7 @@ def _burst(
 
 
 SECOND: Final = (
-    *(Column("signal"), Column("manager", "entrant"), Column("false isolations", "counted")),
+    *(Column("signal"), Column("manager"), Column("false isolations", "counted")),
     Column("budget", "expected", ".2g"),
     Column("an hour, 95 %", lambda row: f"{row['low_per_h']:.2g} to {row['high_per_h']:.2g}"),
     *(
@@ -179,9 +179,9 @@ SECOND: Final = (
 def counted(rows: Sequence[dict[str, Any]], budget_per_h: float) -> list[dict[str, Any]]:
     """Return the counts in a second campaign, ``counted`` in ``hours`` for each row, also pooled over all signals."""
     found: list[dict[str, Any]] = []
-    for name in dict.fromkeys(row["entrant"] for row in rows):
-        mine = [row for row in rows if row["entrant"] == name]
-        together = {"entrant": name, "signal": POOLED}
+    for name in dict.fromkeys(row["manager"] for row in rows):
+        mine = [row for row in rows if row["manager"] == name]
+        together = {"manager": name, "signal": POOLED}
         for key in ("counted", "hours", "flights", "of", "three", "three_before"):
             known = [row[key] for row in mine if row[key] is not None]
             together[key] = sum(known) if len(known) == len(mine) else None
@@ -207,7 +207,7 @@ def second_counts(
     flights, hours, before = second
     assert not isolates_no_channel(entrant, signal)
     return {
-        "entrant": entrant.name,
+        "manager": entrant.name,
         "signal": signal.name,
         "counted": isolations(entrant, signal, values, flights),
         "hours": hours,

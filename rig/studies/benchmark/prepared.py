@@ -48,7 +48,7 @@ def prepare(
     levels = list(
         _each(pairs, lambda pair: calibrate(*pair, healthy, asked.budget_per_h, others), "calibrated", workers)
     )
-    made = {(each.entrant, each.signal): each for each in levels}
+    made = {(each.manager, each.signal): each for each in levels}
     able = [pair for pair in pairs if not isolates_no_channel(*pair)]
 
     def hit(pair: Pair) -> list[dict[str, Any]]:
@@ -98,7 +98,7 @@ def told(asked: Asked, prepared: dict[str, Any]) -> Told:
     """Return the part of ``levels.json`` that workers need."""
     names = Calibrated.__dataclass_fields__
     made = [Calibrated(**{key: value for key, value in row.items() if key in names}) for row in prepared["levels"]]
-    by_pair = {(each.entrant, each.signal): each for each in made}
+    by_pair = {(each.manager, each.signal): each for each in made}
     return Told(asked.entrants, by_pair, asked.budget_per_h, prepared["worst_reference"])
 
 

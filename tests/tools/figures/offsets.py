@@ -38,7 +38,7 @@ RATES: Final = ("roll_rate", "pitch_rate", "yaw_rate")
 def smallest(faults: pl.DataFrame) -> str:
     """Return the size from which on at least 99 % are isolated rightly; - where too few are."""
     ordered = faults.sort("magnitude")
-    sizes, right = ordered["magnitude"].to_numpy(), (ordered["isolation"] == "right").to_numpy().astype(float)
+    sizes, right = ordered["magnitude"].to_numpy(), (ordered["isolation"] == "correct").to_numpy().astype(float)
     share = np.cumsum(right[::-1])[::-1] / np.arange(len(right), 0, -1)  # of the faults from each on
     good = np.flatnonzero(share[: len(share) - LEAST_FAULTS + 1] >= DETECTED_SHARE)
     return f"{sizes[good[0]]:.3g}" if len(good) else "-"
