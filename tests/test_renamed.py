@@ -122,7 +122,7 @@ def test_an_old_attribute_of_a_log_is_one_line():
         with pytest.raises(AttributeError, match=rf"^Log\.{old} is now called Log\.{new}$"):
             getattr(log, old)
         assert getattr(log, new) is not None
-    with pytest.raises(AttributeError, match="has no attribute 'line'$"):
+    with pytest.raises(AttributeError, match=r"has no attribute 'line'$"):
         _ = log.line  # pyright: ignore[reportAttributeAccessIssue]
 
 
